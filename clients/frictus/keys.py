@@ -1,0 +1,160 @@
+"""The one table of keys: what is said where, in which type and unit, with which service.
+
+Nothing else in the project spells a key. Keys are
+``frictus/@v1/{site}/{rig}/{suffix}``; the verbatim chunks (``@``) keep versions and calls out
+of ``**``.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+from frictus.errors import FrictusError
+
+ROOT: Final = "frictus/@v1"
+
+
+class InvalidNameError(FrictusError, ValueError):
+    """A site, rig or client name that cannot stand in a key."""
+
+
+@dataclass(frozen=True, slots=True)
+class Qos:
+    """Quality of service of one key, with the reason for it."""
+
+    priority: str
+    block: bool
+    express: bool
+    why: str
+
+
+# Reasons are measured; docs/protocol.md gives the figures.
+NEWEST = Qos("INTERACTIVE_HIGH", False, False, "newest wins; a slow viewer must not stall it")
+STREAM = Qos("DATA_HIGH", False, False, "lost blocks show as sequence gaps; never stall")
+LATEST = Qos("DATA", False, False, "few and small; late joiners get the cached last one")
+COMMAND = Qos("REAL_TIME", True, True, "few, urgent, sent by a client that may wait")
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """One key below a rig."""
+
+    suffix: str
+    message: str
+    unit: str
+    qos: Qos
+    latest: bool = False
+    """The last value is cached for late joiners."""
+
+
+class Topics:
+    """Every published key of a rig."""
+
+    FINGER = Topic("state/finger", "FingerState", "mm, mm/s, N", NEWEST)
+    STATUS = Topic("state/status", "RigStatus", "-", LATEST, latest=True)
+    SCENE = Topic("state/scene", "SceneState", "mm, N", LATEST, latest=True)
+    MODEL = Topic("state/model", "ModelState", "-", LATEST, latest=True)
+    TIME = Topic("state/time", "TimeState", "ns", LATEST, latest=True)
+    FORCE = Topic("stream/force", "Block: x, y, z", "N", STREAM)
+    ACCEL = Topic("stream/accel", "Block: x, y, z", "m/s^2", STREAM)
+    VOLTAGE = Topic("stream/voltage", "Block: monitor", "V", STREAM)
+    TRUTH = Topic(
+        "stream/truth",
+        "Block: x mm, y mm, vx mm/s, vy mm/s, friction N",
+        "as named",
+        STREAM,
+    )
+    TEXTURE = Topic("cmd/texture", "StreamFrame", "N", COMMAND)
+    LEASE = Topic("cmd/lease", "LeaseRenewal", "-", COMMAND)
+    POINTER = Topic("cmd/pointer", "PointerState", "mm", COMMAND)
+
+
+TOPICS: Final = tuple(topic for topic in vars(Topics).values() if isinstance(topic, Topic))
+STREAMS: Final = {1: Topics.FORCE, 2: Topics.ACCEL, 3: Topics.VOLTAGE, 4: Topics.TRUTH}
+"""Stream id in a block's header, to its topic."""
+
+CALLS: Final = {
+    "arm": "ArmRequest",
+    "disarm": "Request",
+    "stop": "Request",
+    "reset": "Request",
+    "scene": "SceneRequest",
+    "open_stream": "OpenStreamRequest",
+    "close_stream": "Request",
+    "model": "ModelRequest",
+}
+"""Name of each call below ``@rpc/`` to its request type; every reply is a `Reply`."""
+
+
+def _checked(name: str, what: str) -> str:
+    if not name or len(name) > 64 or not name.isascii():
+        raise InvalidNameError(f"{what} name {name!r}: 1 to 64 ASCII characters are accepted")
+    if not all(letter.isalnum() or letter in "-_." for letter in name):
+        raise InvalidNameError(f"{what} name {name!r}: letters, digits, '-', '_' and '.' only")
+    return name
+
+
+@dataclass(frozen=True, slots=True)
+class RigKeys:
+    """The keys of one rig."""
+
+    site: str
+    rig: str
+
+    def __post_init__(self) -> None:
+        """Refuse names that cannot stand in a key."""
+        _checked(self.site, "site")
+        _checked(self.rig, "rig")
+
+    @property
+    def base(self) -> str:
+        """The rig's own prefix."""
+        return f"{ROOT}/{self.site}/{self.rig}"
+
+    def of(self, topic: Topic) -> str:
+        """Return the key of a topic."""
+        return f"{self.base}/{topic.suffix}"
+
+    def call(self, name: str) -> str:
+        """Return the key of a call.
+
+        Raises
+        ------
+        KeyError
+            If there is no such call in `CALLS`.
+        """
+        if name not in CALLS:
+            raise KeyError(f"no call {name!r}; the calls are {', '.join(CALLS)}")
+        return f"{self.base}/@rpc/{name}"
+
+    @property
+    def alive(self) -> str:
+        """The rig's liveliness token."""
+        return f"{self.base}/@alive/rig"
+
+    def client_alive(self, client: str) -> str:
+        """Return the liveliness token that a client holds while it uses this rig."""
+        return f"{self.base}/@alive/client/{_checked(client, 'client')}"
+
+    @property
+    def any_client_alive(self) -> str:
+        """Key expression of the tokens of all clients of this rig."""
+        return f"{self.base}/@alive/client/*"
+
+
+def any_rig_alive(site: str = "*") -> str:
+    """Return the key expression that finds the rigs of a site, or of all."""
+    return f"{ROOT}/{site if site == '*' else _checked(site, 'site')}/*/@alive/rig"
+
+
+def rig_of(key: str) -> RigKeys:
+    """Return the rig that a key belongs to.
+
+    Raises
+    ------
+    ValueError
+        If the key is not below `ROOT`.
+    """
+    parts = key.split("/")
+    if len(parts) < 5 or "/".join(parts[:2]) != ROOT:
+        raise ValueError(f"{key!r} is not a key of frictus: {ROOT}/site/rig/…")
+    return RigKeys(parts[2], parts[3])

@@ -1,0 +1,247 @@
+"""JSON messages on the wire. Every quantity carries its unit in its name.
+
+Readers are lenient to what newer writers add; NaN and infinities are refused.
+"""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+
+from frictus.model import Model
+from frictus.textures import Scene
+
+RefusalCode = Literal[
+    "bad_request",  # the payload cannot be read; the text says where
+    "too_large",  # larger than the rig reads
+    "stale",  # older than its time to live, or from the future: check the clocks
+    "not_owner",  # another client holds the rig
+    "not_armed",
+    "tripped",  # latched until an operator resets it
+    "conflict",  # what was to be replaced is not what the caller saw
+    "not_feasible",  # cannot be rendered; the text says why
+    "unavailable",  # the rig is not ready
+]
+SafetyState = Literal["disarmed", "armed", "stopping", "tripped"]
+FaultKind = Literal[
+    "config",
+    "transient",
+    "stream_lost",
+    "device_lost",
+    "link_lost",
+    "sensor",
+    "safety",
+    "deadline",
+    "internal",
+]
+
+
+class _Message(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True, ser_json_inf_nan="null")
+
+    def to_json(self) -> bytes:
+        """Return the message as JSON bytes."""
+        return self.model_dump_json(by_alias=True).encode()
+
+
+class FingerState(_Message):
+    """Where the finger is and how it moves, as the sensors say it."""
+
+    sequence: int
+    sample: int
+    """Device sample index this state holds for."""
+    utc_ns: int
+    uncertainty_ns: int
+    x_mm: FiniteFloat
+    y_mm: FiniteFloat
+    vx_mm_s: FiniteFloat
+    vy_mm_s: FiniteFloat
+    normal_force_n: FiniteFloat
+    in_contact: bool
+    source: Literal["touch", "pointer", "simulated"]
+    age_ms: FiniteFloat
+    """Age of the touch report behind this state."""
+    stale: bool
+    extrapolated: bool
+    """Speed outside the model's validity: the compensation used the nearest valid speed."""
+
+
+class Fault(_Message):
+    """A typed fault, as `docs/safety.md` lists them."""
+
+    kind: FaultKind
+    reason: str
+    utc_ns: int
+    action: str
+    """What an operator should do."""
+
+
+class Counters(_Message):
+    """Counts since the rig started; they only grow."""
+
+    blocks: int = 0
+    deadline_misses: int = 0
+    overruns: int = 0
+    underruns: int = 0
+    clipped_samples: int = 0
+    extrapolated_samples: int = 0
+    scaled_scenes: int = 0
+    stale_touches: int = 0
+    refused_commands: int = 0
+    stream_updates: int = 0
+    stream_updates_expired: int = 0
+    blocks_published: int = 0
+    blocks_dropped: int = 0
+    """Blocks that the publisher's bounded queue could not take."""
+    trips: int = 0
+
+
+class LoopTiming(_Message):
+    """How late the loop woke against its absolute deadlines, over the last seconds."""
+
+    lateness_p50_ms: FiniteFloat = 0.0
+    lateness_p99_ms: FiniteFloat = 0.0
+    lateness_max_ms: FiniteFloat = 0.0
+    """Since the rig started."""
+    margin_min_ms: FiniteFloat = 0.0
+    """Least output still queued when a block was handed over, over the last seconds."""
+
+
+class RigStatus(_Message):
+    """What a rig is and how it fares; published at least every second."""
+
+    site: str
+    rig: str
+    version: str
+    run: int
+    utc_ns: int
+    state: SafetyState
+    fault: Fault | None = None
+    owner: str | None = None
+    """The client that holds the lease."""
+    backend: str
+    simulated: bool
+    finger_source: Literal["touch", "pointer", "simulated"]
+    sample_rate_hz: FiniteFloat
+    block_samples: int
+    lead_ms: FiniteFloat
+    screen_mm: tuple[FiniteFloat, FiniteFloat]
+    screen_peak_v: FiniteFloat
+    model_etag: str
+    model_placeholder: bool
+    scene_etag: str
+    stream_open: bool = False
+    stream_stale: bool = False
+    counters: Counters = Counters()
+    timing: LoopTiming = LoopTiming()
+
+
+class Applied(_Message):
+    """What the rig made of a scene; nothing is scaled in silence."""
+
+    gain: FiniteFloat
+    """Rendered friction over requested friction; below 1 the scene was scaled."""
+    feasible_gain: FiniteFloat
+    """Largest gain that fits the drive at all speeds."""
+    bias: FiniteFloat
+    """Drive fraction at zero texture."""
+    bias_n: FiniteFloat
+    """Mean friction that the bias adds, N."""
+    scaled: bool
+    speed_range_mm_s: tuple[FiniteFloat, FiniteFloat]
+    """Speeds for which the gain holds."""
+    notes: list[str] = []
+    """What was rounded, cut or left out."""
+
+
+class SceneState(_Message):
+    """The active scene."""
+
+    etag: str
+    scene: Scene
+    applied: Applied
+    source: Literal["scene", "stream"] = "scene"
+
+
+class ModelState(_Message):
+    """The active friction model."""
+
+    etag: str
+    model: Model
+
+
+class TimeState(_Message):
+    """The fit of the device's sample counter to UTC.
+
+    ``utc_ns(sample) = utc_ns + (sample - this.sample) * ns_per_sample``, off by at most
+    `uncertainty_ns` (95 %).
+    """
+
+    run: int
+    sample: int
+    utc_ns: int
+    ns_per_sample: FiniteFloat
+    uncertainty_ns: int
+    skew_ppm: FiniteFloat
+    """Rate of the device clock against this machine's, parts per million."""
+    utc_steps: int
+    """How often this machine's UTC clock was stepped since the rig started."""
+
+
+class Request(_Message):
+    """What every call carries."""
+
+    client: Annotated[str, Field(min_length=1, max_length=64)]
+    utc_ns: int
+    ttl_ms: Annotated[int, Field(gt=0, le=60_000)] = 1_000
+
+
+class ArmRequest(Request):
+    """Take the rig and let it drive the screen while the lease is renewed."""
+
+    lease_ms: Annotated[int, Field(ge=100, le=10_000)] = 500
+
+
+class SceneRequest(Request):
+    """Replace the scene, with a cross-fade."""
+
+    scene: Scene
+    if_match: str | None = None
+
+
+class OpenStreamRequest(Request):
+    """Announce a streamed texture: its peak friction fixes bias and gain until it ends."""
+
+    peak_n: Annotated[FiniteFloat, Field(gt=0.0, le=10.0)]
+
+
+class ModelRequest(Request):
+    """Replace the active friction model; only while disarmed."""
+
+    model: Model
+    if_match: str | None = None
+
+
+class LeaseRenewal(Request):
+    """Sent by the owner several times per lease; without it the output ramps to zero."""
+
+
+class PointerState(Request):
+    """Drives the virtual finger of a simulated rig whose finger is set to `client`."""
+
+    x_mm: FiniteFloat
+    y_mm: FiniteFloat
+    in_contact: bool
+    normal_force_n: Annotated[FiniteFloat, Field(ge=0.0, le=5.0)] = 0.4
+
+
+class Reply(_Message):
+    """The answer to every call."""
+
+    ok: bool
+    code: RefusalCode | None = None
+    message: str = ""
+    state: SafetyState = "disarmed"
+    etag: str | None = None
+    applied: Applied | None = None
+    ticket: int | None = None
+    """Of an opened stream; goes into every `StreamFrame`."""

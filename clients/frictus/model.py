@@ -1,0 +1,108 @@
+"""`model/1`: how a finger-screen model is stored and carried.
+
+The client validates and carries a model; the equations stand once, in
+`frictus_hardware.physics`.
+"""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
+
+Positive = Annotated[FiniteFloat, Field(gt=0.0)]
+NonNegative = Annotated[FiniteFloat, Field(ge=0.0)]
+Range = tuple[FiniteFloat, FiniteFloat]
+
+
+class _Carried(BaseModel):
+    """Lenient to what newer writers add, and keeps it."""
+
+    model_config = ConfigDict(extra="allow", frozen=True, populate_by_name=True)
+
+
+class FirstOrderSpeedLaw(_Carried):
+    """Friction response ``g w0 / (s + w0)``, ``w0 = 2 pi (cutoff_0 + slope |v|)``."""
+
+    law: Literal["first_order_speed"] = "first_order_speed"
+    gain_n: Annotated[FiniteFloat, Field(gt=0.0, le=50.0)]
+    """Friction per unit of drive fraction, N."""
+    cutoff_0_hz: Annotated[FiniteFloat, Field(gt=0.0, le=20_000.0)]
+    slope_hz_per_mm_s: Annotated[FiniteFloat, Field(ge=-1_000.0, le=1_000.0)]
+
+
+class MassSpringDamper(_Carried):
+    """Finger mobility ``s / (m s^2 + b s + k)``, friction force to skin velocity."""
+
+    law: Literal["mass_spring_damper"] = "mass_spring_damper"
+    mass_kg: Positive
+    damping_n_s_m: NonNegative
+    stiffness_n_m: Positive
+
+
+class Effect(_Carried):
+    """An effect that extends the base law; ids are open strings on the wire."""
+
+    id: Annotated[str, Field(min_length=1, max_length=100)]
+    parameters: dict[str, FiniteFloat] = {}
+
+
+class Validity(_Carried):
+    """Where the model was measured; outside, its use is flagged as extrapolated."""
+
+    speed_mm_s: Range = (20.0, 100.0)
+    normal_force_n: Range = (0.2, 0.6)
+    drive_vpp: Range = (150.0, 150.0)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "Validity":
+        for name in ("speed_mm_s", "normal_force_n", "drive_vpp"):
+            low, high = getattr(self, name)
+            if not 0.0 <= low <= high:
+                raise ValueError(f"{name} must be [low, high] with 0 <= low <= high")
+        return self
+
+
+class Covariance(_Carried):
+    """Covariance of the base parameters, in the order and units of `parameters`."""
+
+    parameters: list[str]
+    matrix: list[list[FiniteFloat]]
+
+
+class Model(_Carried):
+    """A `model/1` document."""
+
+    schema_: Annotated[Literal["model/1"], Field(alias="schema")] = "model/1"
+    response: Literal["friction", "mobility"] = "friction"
+    base: Annotated[FirstOrderSpeedLaw | MassSpringDamper, Field(discriminator="law")]
+    input_definition: Literal["drive_fraction"] = "drive_fraction"
+    """`drive_fraction`: the input is m in [0, 1], screen volts are V_pk sqrt(m) cos."""
+    hold_s: NonNegative = 5e-5
+    """How long one output sample is held; belongs to the base model."""
+    skew_s: FiniteFloat = 0.0
+    validity: Validity = Validity()
+    effects: list[Effect] = []
+    covariance: Covariance | None = None
+    participant: str | None = None
+    """Pseudonym; None for a population model."""
+    placeholder: bool = False
+    """True where nobody measured: every message that uses it says so."""
+    provenance: dict[str, Any] = {}
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "Model":
+        if (self.response == "friction") != isinstance(self.base, FirstOrderSpeedLaw):
+            raise ValueError(
+                f"response {self.response!r} does not go with base law {self.base.law!r}"
+            )
+        if isinstance(self.base, FirstOrderSpeedLaw):
+            for speed in self.validity.speed_mm_s:
+                if self.base.cutoff_0_hz + self.base.slope_hz_per_mm_s * speed <= 0.0:
+                    raise ValueError(
+                        f"the cutoff is not positive at {speed:g} mm/s, "
+                        "inside the declared validity"
+                    )
+        return self
+
+    def to_json(self) -> bytes:
+        """Return the document as JSON bytes."""
+        return self.model_dump_json(by_alias=True).encode()

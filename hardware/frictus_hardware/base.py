@@ -1,0 +1,200 @@
+"""What every rig backend promises. `tests/hardware/test_contract.py` holds each one to it.
+
+One rig: screen volts out; finger force, skin acceleration, monitor volts and touch reports in,
+all on one sample clock. A backend moves blocks and keeps the output within its limit; it knows
+nothing of textures.
+"""
+
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_hardware.errors import UnsafeDriveError
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class RigInfo:
+    """What does not change while a backend is open."""
+
+    backend: str
+    simulated: bool
+    finger_source: str
+    """`touch`, `pointer` (a declared substitute) or `simulated`."""
+    sample_rate_hz: float
+    lead_samples: int
+    """A drive handed over now is played this many samples after the last sensed sample."""
+    screen_peak_v: float
+    """Largest magnitude of screen volts; larger drives are clamped and counted."""
+    screen_mm: tuple[float, float]
+    touch_latency_s: float
+    """Declared age of a touch report when it arrives."""
+
+
+@dataclass(frozen=True, slots=True)
+class TouchReport:
+    """One report of the touch sensor.
+
+    Attributes
+    ----------
+    measured_sample : float
+        Device sample index at which the finger was there: arrival less the declared latency.
+    x_mm, y_mm : float
+        Position on the screen.
+    in_contact : bool
+        Whether the finger touches.
+    """
+
+    measured_sample: float
+    x_mm: float
+    y_mm: float
+    in_contact: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """What only a simulated rig knows; for measuring, never for rendering.
+
+    Arrays have shape (n_samples,) unless said otherwise.
+    """
+
+    position_mm: FloatArray
+    """Shape (n_samples, 2)."""
+    velocity_mm_s: FloatArray
+    """Shape (n_samples, 2)."""
+    friction_n: FloatArray
+    """Electrostatic part of the friction at the screen, N, at n / fs."""
+    normal_force_n: FloatArray
+    in_contact: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Exchange:
+    """What one exchange applied and sensed.
+
+    Attributes
+    ----------
+    first_sample : int
+        Device index of the first sensed sample.
+    force_n : ndarray, shape (n_samples, 3)
+        Force of the finger on the screen in the rig frame, N; x has the sign of the velocity.
+    accel_m_s2 : ndarray, shape (n_samples, 3)
+        Skin acceleration at the nail.
+    voltage_v : ndarray, shape (n_samples,)
+        Monitored screen volts.
+    touches : tuple of TouchReport
+        Reports that arrived during the block, oldest first.
+    applied_v : ndarray, shape (n_samples,)
+        The drive as it was accepted, after clamping, volts at the screen.
+    play_sample : int
+        Device index at which `applied_v` starts to play.
+    clipped_samples : int
+        How many samples of the drive were clamped.
+    margin_samples : int
+        Output still queued when the drive was handed over; the lead less the lateness.
+    underrun_samples : int
+        Samples that the output had nothing to play for; it played zero.
+    overrun_samples : int
+        Sensed samples that were lost before this block.
+    truth : Truth or None
+        On a simulated rig.
+    """
+
+    first_sample: int
+    force_n: FloatArray
+    accel_m_s2: FloatArray
+    voltage_v: FloatArray
+    touches: tuple[TouchReport, ...]
+    applied_v: FloatArray
+    play_sample: int
+    clipped_samples: int
+    margin_samples: int
+    underrun_samples: int = 0
+    overrun_samples: int = 0
+    truth: Truth | None = None
+
+
+class Backend(Protocol):
+    """One rig. Open → (arm → exchange … → stop)* → close; exchange also runs disarmed."""
+
+    @property
+    def info(self) -> RigInfo:
+        """What does not change while the backend is open."""
+        ...
+
+    def open(self) -> None:
+        """Start the sample clock with the lead prefilled with zeros; disarmed.
+
+        Raises
+        ------
+        ConfigError
+            If the configuration does not fit the device.
+        """
+        ...
+
+    @property
+    def next_play_sample(self) -> int:
+        """Device index at which the next drive handed over will start to play."""
+        ...
+
+    def arm(self) -> None:
+        """Allow output other than zero."""
+        ...
+
+    def exchange(self, drive_v: FloatArray) -> Exchange:
+        """Hand over the next block of output; wait for as many sensed samples.
+
+        Parameters
+        ----------
+        drive_v : ndarray, shape (n_samples,)
+            Screen volts. Beyond +/-`screen_peak_v` they are clamped and counted.
+
+        Raises
+        ------
+        UnsafeDriveError
+            If a sample is not finite; nothing of the block is output.
+        NotArmedError
+            If a sample is not zero while disarmed; nothing of the block is output.
+        ClosedError, TransientError, StreamLostError, DeviceLostError, LinkLostError
+            See `frictus_hardware.errors`.
+        """
+        ...
+
+    def stop(self, ramp_s: float) -> None:
+        """Ramp what is queued to zero within `ramp_s`, drop the rest, and disarm.
+
+        The ramp starts at the earliest sample that can still be changed. Safe at any time, and
+        more than once.
+        """
+        ...
+
+    def health(self) -> str | None:
+        """Return what is wrong with the device, or None."""
+        ...
+
+    def close(self) -> None:
+        """Bring the output to zero and release the device. Closing twice is harmless."""
+        ...
+
+    def __enter__(self) -> Self:
+        """Open and return self."""
+        ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close, whatever happened."""
+        ...
+
+
+def require_finite(drive_v: FloatArray) -> None:
+    """Raise `UnsafeDriveError` unless every sample is finite."""
+    if not np.all(np.isfinite(drive_v)):
+        raise UnsafeDriveError("a drive sample is not finite; nothing was output")

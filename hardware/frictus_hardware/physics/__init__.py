@@ -1,0 +1,1 @@
+"""The equations of finger, screen and mount: pure functions and frozen models."""
