@@ -1,1 +1,97 @@
-"""Client."""
+"""Feel textures on a friction-modulated touchscreen, from anywhere on the network.
+
+>>> import frictus
+>>> with frictus.connect("tcp/127.0.0.1:7447") as client:
+...     rig = client.rig("sim")
+...     with rig.arm():
+...         rig.set_scene(frictus.load_texture("linen.wav", speed_mm_s=40.0))
+...         for finger in rig.fingers():
+...             print(finger.x_mm, finger.vx_mm_s)
+"""
+
+from frictus.block import Block, Flag
+from frictus.client import Client, Presence, RigName, connect
+from frictus.errors import (
+    ArgumentError,
+    FrameError,
+    FrictusError,
+    LinkError,
+    NoRigError,
+    RefusedError,
+    SilenceError,
+    TextureError,
+)
+from frictus.gaps import BlockFeed, Gap
+from frictus.keys import InvalidNameError, Topic, Topics
+from frictus.lease import Lease
+from frictus.messages import (
+    Applied,
+    Fault,
+    FingerState,
+    ModelState,
+    RigStatus,
+    SceneState,
+    TimeState,
+)
+from frictus.model import Model
+from frictus.reception import Feed
+from frictus.recordings import load_texture
+from frictus.rig import Rig
+from frictus.session import DEFAULT_ROUTER
+from frictus.streaming import TextureStream
+from frictus.textures import (
+    Beta,
+    Component,
+    Map,
+    Profile,
+    Region,
+    Scene,
+    Slope,
+    Spectrum,
+    Texture,
+)
+
+__all__ = [
+    "DEFAULT_ROUTER",
+    "Applied",
+    "ArgumentError",
+    "Beta",
+    "Block",
+    "BlockFeed",
+    "Client",
+    "Component",
+    "Fault",
+    "Feed",
+    "FingerState",
+    "Flag",
+    "FrameError",
+    "FrictusError",
+    "Gap",
+    "InvalidNameError",
+    "Lease",
+    "LinkError",
+    "Map",
+    "Model",
+    "ModelState",
+    "NoRigError",
+    "Presence",
+    "Profile",
+    "RefusedError",
+    "Region",
+    "Rig",
+    "RigName",
+    "RigStatus",
+    "Scene",
+    "SceneState",
+    "SilenceError",
+    "Slope",
+    "Spectrum",
+    "Texture",
+    "TextureError",
+    "TextureStream",
+    "TimeState",
+    "Topic",
+    "Topics",
+    "connect",
+    "load_texture",
+]

@@ -77,33 +77,44 @@ class Block:
         Raises
         ------
         FrameError
-            If the data are not (1 to 64 channels, 0 to 65535 samples).
+            If the data are not (1 to 64 channels, 0 to 65535 samples), or a field of the
+            header does not fit its place.
         """
         data = np.ascontiguousarray(self.data, dtype="<f4")
         if data.ndim != 2 or not 1 <= data.shape[0] <= MAX_CHANNELS:
             raise FrameError(f"data of shape {data.shape}: 1 to 64 channels by samples")
         if data.shape[1] > MAX_SAMPLES:
             raise FrameError(f"{data.shape[1]} samples: at most {MAX_SAMPLES} fit in a block")
-        header = HEADER.pack(
-            MAGIC,
-            VERSION,
-            self.stream,
-            data.shape[0],
-            data.shape[1],
-            self.run,
-            self.sequence,
-            self.first_sample,
-            self.utc_ns,
-            self.uncertainty_ns,
-            self.sample_rate_hz,
-            int(self.flags),
-            0,
-        )
+        if not 0.0 < self.sample_rate_hz < 1e9:  # refuses NaN too
+            raise FrameError(f"sample rate {self.sample_rate_hz} Hz: positive and finite only")
+        try:
+            header = HEADER.pack(
+                MAGIC,
+                VERSION,
+                self.stream,
+                data.shape[0],
+                data.shape[1],
+                self.run,
+                self.sequence,
+                self.first_sample,
+                self.utc_ns,
+                self.uncertainty_ns,
+                self.sample_rate_hz,
+                int(self.flags),
+                0,
+            )
+        except struct.error as error:
+            raise FrameError(f"a header field does not fit: {error}") from error
         return header + data.tobytes()
 
     @classmethod
     def unpack(cls, frame: bytes) -> "Block":
         """Read a frame.
+
+        Parameters
+        ----------
+        frame : bytes
+            Header and data, nothing more.
 
         Raises
         ------

@@ -1,5 +1,7 @@
 """Every error the client raises on purpose; each is also the natural builtin."""
 
+from pydantic import ValidationError
+
 
 class FrictusError(Exception):
     """Base of every error of this package."""
@@ -16,10 +18,12 @@ class TextureError(FrictusError, ValueError):
 class RefusedError(FrictusError, RuntimeError):
     """The rig refused a command.
 
-    Attributes
+    Parameters
     ----------
     code : str
-        Stable word for programs: one of `frictus.messages.RefusalCode`.
+        Stable word for programs: one of `frictus.messages.RefusalCode`; also an attribute.
+    message : str
+        For people.
     """
 
     def __init__(self, code: str, message: str) -> None:
@@ -33,3 +37,29 @@ class NoRigError(FrictusError, LookupError):
 
 class LinkError(FrictusError, ConnectionError):
     """No router can be reached, or the link to it is gone."""
+
+
+class SilenceError(FrictusError, TimeoutError):
+    """Nothing arrived within the time given."""
+
+
+class ArgumentError(FrictusError, ValueError):
+    """An argument of a call is out of range; the text says which and what is accepted."""
+
+
+def explain(error: ValidationError) -> str:
+    """Say in one line what a message, texture or model got wrong, and where.
+
+    Parameters
+    ----------
+    error : pydantic.ValidationError
+        As pydantic raised it; at most three of its complaints are told.
+    """
+    complaints = []
+    for detail in error.errors(include_url=False)[:3]:
+        where = ".".join(str(part) for part in detail["loc"])
+        given = repr(detail["input"])
+        given = given if len(given) <= 40 else given[:37] + "..."
+        complaints.append(f"{where or 'document'}: {detail['msg']} (got {given})")
+    more = error.error_count() - len(complaints)
+    return "; ".join(complaints) + (f"; and {more} more" if more else "")

@@ -19,7 +19,19 @@ class InvalidNameError(FrictusError, ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Qos:
-    """Quality of service of one key, with the reason for it."""
+    """Quality of service of one key, with the reason for it.
+
+    Attributes
+    ----------
+    priority : str
+        Name of a member of `zenoh.Priority`.
+    block : bool
+        Whether a full queue makes the sender wait (True) or drops the message.
+    express : bool
+        Sent at once, rather than batched with others.
+    why : str
+        The reason.
+    """
 
     priority: str
     block: bool
@@ -36,14 +48,27 @@ COMMAND = Qos("REAL_TIME", True, True, "few, urgent, sent by a client that may w
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """One key below a rig."""
+    """One key below a rig.
+
+    Attributes
+    ----------
+    suffix : str
+        What follows the rig's prefix.
+    message : str
+        Type of the message; for blocks with the names of the channels.
+    unit : str
+        Units of the quantities in it.
+    qos : Qos
+        The service it is sent with.
+    latest : bool
+        Whether the last value is cached for late joiners.
+    """
 
     suffix: str
     message: str
     unit: str
     qos: Qos
     latest: bool = False
-    """The last value is cached for late joiners."""
 
 
 class Topics:
@@ -95,7 +120,18 @@ def _checked(name: str, what: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class RigKeys:
-    """The keys of one rig."""
+    """The keys of one rig.
+
+    Attributes
+    ----------
+    site, rig : str
+        Names of 1 to 64 letters, digits, ``-``, ``_`` and ``.``.
+
+    Raises
+    ------
+    InvalidNameError
+        If a name cannot stand in a key.
+    """
 
     site: str
     rig: str
@@ -111,11 +147,22 @@ class RigKeys:
         return f"{ROOT}/{self.site}/{self.rig}"
 
     def of(self, topic: Topic) -> str:
-        """Return the key of a topic."""
+        """Return the key of a topic.
+
+        Parameters
+        ----------
+        topic : Topic
+            A member of `Topics`.
+        """
         return f"{self.base}/{topic.suffix}"
 
     def call(self, name: str) -> str:
         """Return the key of a call.
+
+        Parameters
+        ----------
+        name : str
+            A key of `CALLS`.
 
         Raises
         ------
@@ -132,7 +179,18 @@ class RigKeys:
         return f"{self.base}/@alive/rig"
 
     def client_alive(self, client: str) -> str:
-        """Return the liveliness token that a client holds while it uses this rig."""
+        """Return the liveliness token that a client holds while it uses this rig.
+
+        Parameters
+        ----------
+        client : str
+            Name of the client.
+
+        Raises
+        ------
+        InvalidNameError
+            If the name cannot stand in a key.
+        """
         return f"{self.base}/@alive/client/{_checked(client, 'client')}"
 
     @property
@@ -142,12 +200,28 @@ class RigKeys:
 
 
 def any_rig_alive(site: str = "*") -> str:
-    """Return the key expression that finds the rigs of a site, or of all."""
+    """Return the key expression that finds the rigs of a site, or of all.
+
+    Parameters
+    ----------
+    site : str
+        One site, or ``*`` for all.
+
+    Raises
+    ------
+    InvalidNameError
+        If the name cannot stand in a key.
+    """
     return f"{ROOT}/{site if site == '*' else _checked(site, 'site')}/*/@alive/rig"
 
 
 def rig_of(key: str) -> RigKeys:
     """Return the rig that a key belongs to.
+
+    Parameters
+    ----------
+    key : str
+        Any key below `ROOT`.
 
     Raises
     ------

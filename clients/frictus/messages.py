@@ -3,10 +3,11 @@
 Readers are lenient to what newer writers add; NaN and infinities are refused.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
+from frictus.errors import FrameError, explain
 from frictus.model import Model
 from frictus.textures import Scene
 
@@ -35,15 +36,36 @@ FaultKind = Literal[
 ]
 
 
-class _Message(BaseModel):
+class Message(BaseModel):
+    """What all messages share."""
+
     model_config = ConfigDict(extra="ignore", frozen=True, ser_json_inf_nan="null")
 
     def to_json(self) -> bytes:
         """Return the message as JSON bytes."""
         return self.model_dump_json(by_alias=True).encode()
 
+    @classmethod
+    def from_json(cls, payload: bytes) -> Self:
+        """Read a message.
 
-class FingerState(_Message):
+        Parameters
+        ----------
+        payload : bytes
+            JSON text in UTF-8.
+
+        Raises
+        ------
+        FrameError
+            If it is not JSON, or a field is missing, of another type or out of range.
+        """
+        try:
+            return cls.model_validate_json(payload)
+        except ValidationError as error:
+            raise FrameError(f"not a {cls.__name__}: {explain(error)}") from error
+
+
+class FingerState(Message):
     """Where the finger is and how it moves, as the sensors say it."""
 
     sequence: int
@@ -65,7 +87,7 @@ class FingerState(_Message):
     """Speed outside the model's validity: the compensation used the nearest valid speed."""
 
 
-class Fault(_Message):
+class Fault(Message):
     """A typed fault, as `docs/safety.md` lists them."""
 
     kind: FaultKind
@@ -75,7 +97,7 @@ class Fault(_Message):
     """What an operator should do."""
 
 
-class Counters(_Message):
+class Counters(Message):
     """Counts since the rig started; they only grow."""
 
     blocks: int = 0
@@ -95,7 +117,7 @@ class Counters(_Message):
     trips: int = 0
 
 
-class LoopTiming(_Message):
+class LoopTiming(Message):
     """How late the loop woke against its absolute deadlines, over the last seconds."""
 
     lateness_p50_ms: FiniteFloat = 0.0
@@ -106,7 +128,7 @@ class LoopTiming(_Message):
     """Least output still queued when a block was handed over, over the last seconds."""
 
 
-class RigStatus(_Message):
+class RigStatus(Message):
     """What a rig is and how it fares; published at least every second."""
 
     site: str
@@ -135,7 +157,7 @@ class RigStatus(_Message):
     timing: LoopTiming = LoopTiming()
 
 
-class Applied(_Message):
+class Applied(Message):
     """What the rig made of a scene; nothing is scaled in silence."""
 
     gain: FiniteFloat
@@ -153,7 +175,7 @@ class Applied(_Message):
     """What was rounded, cut or left out."""
 
 
-class SceneState(_Message):
+class SceneState(Message):
     """The active scene."""
 
     etag: str
@@ -162,14 +184,14 @@ class SceneState(_Message):
     source: Literal["scene", "stream"] = "scene"
 
 
-class ModelState(_Message):
+class ModelState(Message):
     """The active friction model."""
 
     etag: str
     model: Model
 
 
-class TimeState(_Message):
+class TimeState(Message):
     """The fit of the device's sample counter to UTC.
 
     ``utc_ns(sample) = utc_ns + (sample - this.sample) * ns_per_sample``, off by at most
@@ -186,8 +208,20 @@ class TimeState(_Message):
     utc_steps: int
     """How often this machine's UTC clock was stepped since the rig started."""
 
+    def utc_of(self, sample: float) -> int:
+        """Return the UTC, in ns, of a device sample index.
 
-class Request(_Message):
+        Two rigs' samples are aligned by this, never by when they arrived.
+
+        Parameters
+        ----------
+        sample : float
+            Device sample index of the same `run`; fractions are instants between samples.
+        """
+        return self.utc_ns + round((sample - self.sample) * self.ns_per_sample)
+
+
+class Request(Message):
     """What every call carries."""
 
     client: Annotated[str, Field(min_length=1, max_length=64)]
@@ -234,7 +268,7 @@ class PointerState(Request):
     normal_force_n: Annotated[FiniteFloat, Field(ge=0.0, le=5.0)] = 0.4
 
 
-class Reply(_Message):
+class Reply(Message):
     """The answer to every call."""
 
     ok: bool
@@ -245,3 +279,24 @@ class Reply(_Message):
     applied: Applied | None = None
     ticket: int | None = None
     """Of an opened stream; goes into every `StreamFrame`."""
+
+
+MESSAGES: Final[dict[str, type[Message]]] = {
+    kind.__name__: kind
+    for kind in (
+        FingerState,
+        RigStatus,
+        SceneState,
+        ModelState,
+        TimeState,
+        ArmRequest,
+        Request,
+        SceneRequest,
+        OpenStreamRequest,
+        ModelRequest,
+        LeaseRenewal,
+        PointerState,
+        Reply,
+    )
+}
+"""Every JSON message by the name that the table of keys gives it."""

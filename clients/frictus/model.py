@@ -4,6 +4,7 @@ The client validates and carries a model; the equations stand once, in
 `frictus_hardware.physics`.
 """
 
+import math
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
@@ -89,6 +90,13 @@ class Model(_Carried):
     provenance: dict[str, Any] = {}
 
     @model_validator(mode="after")
+    def _finite(self) -> "Model":
+        # What is only carried is of any type; NaN in it could not be written as JSON again.
+        if not _all_finite(self.model_dump()):
+            raise ValueError("NaN and infinities are not accepted, provenance included")
+        return self
+
+    @model_validator(mode="after")
     def _consistent(self) -> "Model":
         if (self.response == "friction") != isinstance(self.base, FirstOrderSpeedLaw):
             raise ValueError(
@@ -106,3 +114,11 @@ class Model(_Carried):
     def to_json(self) -> bytes:
         """Return the document as JSON bytes."""
         return self.model_dump_json(by_alias=True).encode()
+
+
+def _all_finite(value: object) -> bool:
+    if isinstance(value, dict):
+        return all(_all_finite(item) for item in value.values())
+    if isinstance(value, list | tuple):
+        return all(_all_finite(item) for item in value)
+    return not isinstance(value, float) or math.isfinite(value)

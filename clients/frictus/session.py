@@ -4,6 +4,7 @@ import json
 from typing import Final
 
 import zenoh
+import zenoh.ext
 
 from frictus.errors import LinkError
 from frictus.keys import Topic
@@ -25,6 +26,7 @@ def _config(mode: str, listen: list[str], connect: list[str], timeout_s: float) 
         # No scouting: parts meet at the router that the configuration names, never by chance.
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
+        "scouting/delay": 0,  # a router would wait half a second for what we never look for
         "timestamping/enabled": True,  # without it samples carry no time and caches no history
         "transport/shared_memory/enabled": False,  # no gain at these sizes, leaves files behind
         "transport/link/tx/lease": LEASE_MS,
@@ -37,6 +39,11 @@ def _config(mode: str, listen: list[str], connect: list[str], timeout_s: float) 
 
 def open_router(endpoint: str = DEFAULT_ROUTER) -> zenoh.Session:
     """Host a router in this process, listening at `endpoint`.
+
+    Parameters
+    ----------
+    endpoint : str
+        Zenoh endpoint, such as ``tcp/0.0.0.0:7447`` for all interfaces.
 
     Raises
     ------
@@ -81,7 +88,17 @@ def open_session(router: str = DEFAULT_ROUTER, timeout_s: float = 3.0) -> zenoh.
 
 
 def declare_publisher(session: zenoh.Session, key: str, topic: Topic) -> zenoh.Publisher:
-    """Declare a plain publisher with the service that the table of keys gives the topic."""
+    """Declare a plain publisher with the service that the table of keys gives the topic.
+
+    Parameters
+    ----------
+    session : zenoh.Session
+        Open session.
+    key : str
+        Full key.
+    topic : Topic
+        Its row in the table of keys.
+    """
     qos = topic.qos
     return session.declare_publisher(
         key,
@@ -91,4 +108,32 @@ def declare_publisher(session: zenoh.Session, key: str, topic: Topic) -> zenoh.P
         ),
         express=qos.express,
         reliability=zenoh.Reliability.RELIABLE,
+    )
+
+
+def declare_latest_publisher(
+    session: zenoh.Session, key: str, topic: Topic
+) -> zenoh.ext.AdvancedPublisher:
+    """Declare a publisher whose last value late joiners get: for topics marked `latest`.
+
+    Parameters
+    ----------
+    session : zenoh.Session
+        The rig's session.
+    key : str
+        Full key.
+    topic : Topic
+        Its row in the table of keys.
+    """
+    qos = topic.qos
+    return zenoh.ext.declare_advanced_publisher(
+        session,
+        key,
+        priority=getattr(zenoh.Priority, qos.priority),
+        congestion_control=(
+            zenoh.CongestionControl.BLOCK if qos.block else zenoh.CongestionControl.DROP
+        ),
+        express=qos.express,
+        cache=zenoh.ext.CacheConfig(max_samples=1),
+        publisher_detection=True,  # so that a subscriber that came first asks again
     )

@@ -19,6 +19,7 @@ VERSION: Final = 1
 HEADER: Final = struct.Struct("<4sHHIIQqIIddQ")
 HEADER_BYTES: Final = HEADER.size
 MAX_SAMPLES: Final = 4096
+MAX_TTL_MS: Final = 60_000
 SPATIAL, TEMPORAL = 0, 1
 
 
@@ -62,26 +63,34 @@ class StreamFrame:
             If a value is out of range or not finite.
         """
         friction = np.ascontiguousarray(self.friction_n, dtype="<f4")
-        _check(friction, self.period, self.angle_deg, self.spatial)
-        header = HEADER.pack(
-            MAGIC,
-            VERSION,
-            SPATIAL if self.spatial else TEMPORAL,
-            self.ticket,
-            friction.size,
-            self.sequence,
-            self.utc_ns,
-            self.ttl_ms,
-            0,
-            self.period,
-            self.angle_deg,
-            0,
-        )
+        _check(friction, self.period, self.angle_deg, self.spatial, self.ttl_ms)
+        try:
+            header = HEADER.pack(
+                MAGIC,
+                VERSION,
+                SPATIAL if self.spatial else TEMPORAL,
+                self.ticket,
+                friction.size,
+                self.sequence,
+                self.utc_ns,
+                self.ttl_ms,
+                0,
+                self.period,
+                self.angle_deg,
+                0,
+            )
+        except struct.error as error:
+            raise FrameError(f"a header field does not fit: {error}") from error
         return header + friction.tobytes()
 
     @classmethod
     def unpack(cls, frame: bytes) -> "StreamFrame":
         """Read a frame.
+
+        Parameters
+        ----------
+        frame : bytes
+            Header and data, nothing more.
 
         Raises
         ------
@@ -116,19 +125,25 @@ class StreamFrame:
                 f"{len(frame)} bytes: {samples} samples take {HEADER_BYTES + 4 * samples}"
             )
         friction = np.frombuffer(frame, dtype="<f4", offset=HEADER_BYTES)
-        _check(friction, period, angle_deg, domain == SPATIAL)
+        _check(friction, period, angle_deg, domain == SPATIAL, ttl_ms)
         return cls(
             ticket, sequence, utc_ns, ttl_ms, period, domain == SPATIAL, angle_deg, friction
         )
 
 
 def _check(
-    friction_n: NDArray[np.float32], period: float, angle_deg: float, spatial: bool
+    friction_n: NDArray[np.float32],
+    period: float,
+    angle_deg: float,
+    spatial: bool,
+    ttl_ms: int,
 ) -> None:
     if friction_n.ndim != 1 or not 2 <= friction_n.size <= MAX_SAMPLES:
         raise FrameError(f"friction of shape {friction_n.shape}: 2 to {MAX_SAMPLES} samples")
     if not np.all(np.abs(friction_n) <= 10.0):  # NaN compares false, so it is refused too
         raise FrameError("friction must be finite and within -10 to 10 N")
+    if not 0 < ttl_ms <= MAX_TTL_MS:
+        raise FrameError(f"ttl_ms {ttl_ms}: 1 to {MAX_TTL_MS} accepted")
     longest = 1_000.0 if spatial else 10.0
     if not 0.0 < period <= longest:
         unit = "mm" if spatial else "s"

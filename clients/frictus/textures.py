@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 MAX_COMPONENTS = 4096
 MAX_PROFILE_SAMPLES = 65_536
 MAX_REGIONS = 32
-MAX_MAP_PIXELS = 1_000_000
+MAX_MAP_PIXELS = 262_144
 BAND_HZ = (20.0, 1000.0)
 
 Friction = Annotated[FiniteFloat, Field(ge=-10.0, le=10.0)]
@@ -110,7 +110,7 @@ class Slope(_Texture):
 class Map(_Texture):
     """A grey image laid over its region: friction per grey level.
 
-    `image_png` is a base64 PNG of at most one million pixels; its first row is the region's
+    `image_png` is a base64 PNG of at most 262 144 pixels; its first row is the region's
     smallest y. Grey 0 feels like `black_n`, full grey like `white_n`.
     """
 

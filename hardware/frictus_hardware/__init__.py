@@ -1,1 +1,79 @@
-"""Hw."""
+"""The rig: one interface, its backends, and the physics of finger and screen."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from frictus_hardware.base import Backend, Exchange, RigInfo, TouchReport, Truth
+from frictus_hardware.simulated.config import SimulatedConfig, SimulatedDeviceConfig
+
+__all__ = [
+    "Backend",
+    "BackendConfig",
+    "Exchange",
+    "RigInfo",
+    "SimulatedConfig",
+    "SimulatedDeviceConfig",
+    "TouchReport",
+    "Truth",
+    "make_backend",
+    "open_backend",
+    "reset_device",
+]
+
+BackendConfig = Annotated[
+    SimulatedConfig | SimulatedDeviceConfig,
+    Field(discriminator="kind"),
+]
+
+
+def make_backend(config: BackendConfig) -> Backend:
+    """Return the configured rig, not yet open: its sample clock starts with `open`.
+
+    Parameters
+    ----------
+    config : BackendConfig
+    """
+    # Backends are imported late: a process that only reads a configuration needs none of them.
+    if isinstance(config, SimulatedConfig):
+        from frictus_hardware.simulated.rig import SimulatedRig
+
+        return SimulatedRig(config)
+    from frictus_hardware.simulated.device_rig import SimulatedDeviceRig
+
+    return SimulatedDeviceRig(config)
+
+
+def open_backend(config: BackendConfig) -> Backend:
+    """Return the configured rig, open and disarmed; have all else ready, its clock runs.
+
+    Parameters
+    ----------
+    config : BackendConfig
+
+    Raises
+    ------
+    ConfigError
+        If the configuration does not fit the device.
+    LinkLostError
+        If the device cannot be reached.
+    """
+    backend = make_backend(config)
+    backend.open()
+    return backend
+
+
+def reset_device(config: BackendConfig) -> None:
+    """Bring the output of a device to zero after the process that drove it has died.
+
+    A rig simulated inside that process has died with it.
+
+    Raises
+    ------
+    LinkLostError
+        If the device cannot be reached.
+    """
+    if isinstance(config, SimulatedDeviceConfig):
+        from frictus_hardware.simulated.device_rig import reset
+
+        reset(config)

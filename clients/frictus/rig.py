@@ -1,0 +1,347 @@
+"""One rig, as its clients see it: watch it, take it, make it feel like something."""
+
+import contextlib
+import time
+from collections.abc import Callable
+from typing import Any, Final, Literal, Protocol, TypeVar, cast
+
+import zenoh
+import zenoh.ext
+
+from frictus.calls import Caller, present_rigs, require_present
+from frictus.errors import ArgumentError, LinkError, SilenceError
+from frictus.gaps import BlockFeed
+from frictus.keys import RigKeys, Topic, Topics
+from frictus.lease import Lease
+from frictus.messages import (
+    MESSAGES,
+    Applied,
+    FingerState,
+    Message,
+    ModelState,
+    PointerState,
+    RigStatus,
+    SceneState,
+    TimeState,
+)
+from frictus.model import Model
+from frictus.reception import Arrival, Declare, Declared, Feed, Latest, OnSample
+from frictus.session import declare_publisher
+from frictus.streaming import TextureStream
+from frictus.textures import Beta, Map, Profile, Region, Scene, Slope, Spectrum, Texture
+
+StreamName = Literal["force", "accel", "voltage", "truth"]
+M = TypeVar("M", bound=Message)
+
+FINGER_RING: Final = 4
+STATE_RING: Final = 64
+BLOCK_QUEUE: Final = 1024  # 5 s of 5 ms blocks
+BLOCKS: Final[dict[str, Topic]] = {
+    topic.suffix.removeprefix("stream/"): topic
+    for topic in (Topics.FORCE, Topics.ACCEL, Topics.VOLTAGE, Topics.TRUTH)
+}
+
+
+class Closable(Protocol):
+    """What a client closes with itself."""
+
+    @property
+    def closed(self) -> bool:
+        """Whether that was done already."""
+        ...
+
+    def close(self) -> None:
+        """Release it."""
+        ...
+
+
+C = TypeVar("C", bound=Closable)
+
+
+class Rig:
+    """A rig on the network. Made by `Client.rig`; closed with its client.
+
+    Methods that ask the rig for something raise `RefusedError` if it refuses, `NoRigError` if
+    it is not present and `LinkError` if it does not answer. They block for a network round
+    trip: in async code use ``await asyncio.to_thread(rig.set_scene, scene)``.
+
+    Parameters
+    ----------
+    session : zenoh.Session
+        The client's session.
+    keys : RigKeys
+        Site and name.
+    client : str
+        The client's name.
+    timeout_s : float
+        Longest wait for a reply or for a first value.
+    """
+
+    def __init__(
+        self, session: zenoh.Session, keys: RigKeys, client: str, timeout_s: float
+    ) -> None:
+        self.keys = keys
+        self._session = session
+        self._timeout_s = timeout_s
+        self._caller = Caller(session, keys, client, timeout_s)
+        self._latest: dict[str, Latest[Any]] = {}
+        self._closables: list[Closable] = []
+        self._leases: list[Lease] = []
+        self._pointer: zenoh.Publisher | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the rig."""
+        return self.keys.rig
+
+    @property
+    def site(self) -> str:
+        """Site of the rig."""
+        return self.keys.site
+
+    @property
+    def present(self) -> bool:
+        """Whether the rig's liveliness token stands; raises `LinkError` without a router."""
+        return self.keys in present_rigs(self._session, self.site, self._timeout_s)
+
+    # What the rig says of itself
+
+    def status(self) -> RigStatus:
+        """Return the newest status: state, owner, fault, counters, loop timing."""
+        return self._value(Topics.STATUS, RigStatus)
+
+    def scene(self) -> SceneState:
+        """Return the active scene and what was made of it."""
+        return self._value(Topics.SCENE, SceneState)
+
+    def model(self) -> ModelState:
+        """Return the active friction model and its etag."""
+        return self._value(Topics.MODEL, ModelState)
+
+    def time(self) -> TimeState:
+        """Return the fit of the device's sample counter to UTC."""
+        return self._value(Topics.TIME, TimeState)
+
+    def _value(self, topic: Topic, kind: type[M]) -> M:
+        try:
+            return self._newest(topic, kind).value(self._timeout_s)
+        except SilenceError:
+            require_present(self._session, self.keys)
+            raise LinkError(
+                f"rig {self.name} is present but said nothing under {topic.suffix} "
+                f"within {self._timeout_s:g} s; it may be starting"
+            ) from None
+
+    def _newest(self, topic: Topic, kind: type[M]) -> Latest[M]:
+        if topic.suffix not in self._latest:
+            self._latest[topic.suffix] = self._keep(
+                Latest(self._declare(topic), lambda arrival: kind.from_json(arrival.payload))
+            )
+        return self._latest[topic.suffix]
+
+    def watch(
+        self, topic: Topic, *, capacity: int = STATE_RING, timeout_s: float | None = None
+    ) -> Feed[Message]:
+        """Follow any topic of JSON messages, its present value first where it is cached.
+
+        Parameters
+        ----------
+        topic : Topic
+            A member of `frictus.keys.Topics` with JSON messages.
+        capacity : int
+            Messages held for a slow reader; beyond, the oldest go.
+        timeout_s : float or None
+            Longest silence before `SilenceError`; None waits for ever.
+
+        Raises
+        ------
+        ArgumentError
+            If the topic does not carry JSON.
+        """
+        if topic.message not in MESSAGES:
+            raise ArgumentError(f"{topic.suffix} carries {topic.message}, which is not JSON")
+        kind = MESSAGES[topic.message]
+        return self._feed(topic, kind, capacity, timeout_s)
+
+    def fingers(self, *, timeout_s: float | None = None) -> Feed[FingerState]:
+        """Follow the finger; a slow reader gets the newest few states, older ones go.
+
+        Parameters
+        ----------
+        timeout_s : float or None
+            Longest silence before `SilenceError`; None waits for ever.
+        """
+        return self._feed(Topics.FINGER, FingerState, FINGER_RING, timeout_s)
+
+    def _feed(
+        self, topic: Topic, kind: type[M], capacity: int, timeout_s: float | None
+    ) -> Feed[M]:
+        def decode(arrival: Arrival) -> list[M]:
+            return [kind.from_json(arrival.payload)]
+
+        return self._keep(Feed(self._declare(topic), decode, capacity, timeout_s))
+
+    def blocks(
+        self,
+        stream: StreamName,
+        *,
+        capacity: int = BLOCK_QUEUE,
+        timeout_s: float | None = None,
+    ) -> BlockFeed:
+        """Follow a stream of samples in order, with a `Gap` wherever something is missing.
+
+        Parameters
+        ----------
+        stream : {'force', 'accel', 'voltage', 'truth'}
+            N, m/s^2, V, or what only a simulated rig knows; see `frictus.keys.Topics`.
+        capacity : int
+            Blocks held for a slow reader; beyond, the oldest go and show as a `Gap`.
+        timeout_s : float or None
+            Longest silence before `SilenceError`; None waits for ever.
+
+        Raises
+        ------
+        ArgumentError
+            If there is no such stream.
+        """
+        if stream not in BLOCKS:
+            raise ArgumentError(f"no stream {stream!r}: {', '.join(BLOCKS)} accepted")
+        topic = BLOCKS[stream]
+        return self._keep(BlockFeed(self._declare(topic), topic, capacity, timeout_s))
+
+    def _declare(self, topic: Topic) -> Declare:
+        key = self.keys.of(topic)
+
+        def plain(callback: OnSample) -> Declared:
+            return cast(Declared, self._session.declare_subscriber(key, callback))
+
+        def with_history(callback: OnSample) -> Declared:
+            history = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1)
+            subscriber = zenoh.ext.declare_advanced_subscriber(
+                self._session, key, callback, history=history
+            )
+            return cast(Declared, subscriber)
+
+        return with_history if topic.latest else plain
+
+    # What one may ask of the rig
+
+    def arm(self, lease_ms: int = 500) -> Lease:
+        """Take the rig and let it drive the screen; use it in ``with``.
+
+        Parameters
+        ----------
+        lease_ms : int
+            How long the rig goes on without hearing from us, 100 to 10000 ms.
+        """
+        status = self._newest(Topics.STATUS, RigStatus)
+        lease = Lease(self._caller, status, lease_ms)
+        self._leases = [other for other in self._leases if not other.finished] + [lease]
+        return lease
+
+    def set_scene(self, scene: Scene | Texture, if_match: str | None = None) -> Applied:
+        """Replace what the screen feels like, with a cross-fade.
+
+        Parameters
+        ----------
+        scene : Scene or Texture
+            A lone texture covers the whole screen.
+        if_match : str or None
+            Etag that the present scene must have; refused with code `conflict` otherwise.
+
+        Returns
+        -------
+        Applied
+            Gain and bias that the rig could apply; below a gain of 1 the scene was scaled.
+        """
+        if isinstance(scene, Spectrum | Profile | Beta | Slope | Map):
+            scene = Scene(regions=[Region(texture=scene)])
+        reply = self._caller.call("scene", scene=scene, if_match=if_match)
+        if reply.applied is None:
+            raise LinkError("the rig did not say what it applied: protocol fault")
+        return reply.applied
+
+    def open_stream(self, peak_n: float) -> TextureStream:
+        """Open a texture stream; the rig must be armed by this client.
+
+        Parameters
+        ----------
+        peak_n : float
+            Largest |friction| that will be sent, above 0 and up to 10 N.
+        """
+        return self._keep(TextureStream(self._caller, peak_n))
+
+    def set_model(self, model: Model, if_match: str | None = None) -> str:
+        """Replace the friction model, while disarmed; return its etag.
+
+        Parameters
+        ----------
+        model : Model
+            A `model/1` document.
+        if_match : str or None
+            Etag that the present model must have; refused with code `conflict` otherwise.
+        """
+        reply = self._caller.call("model", model=model, if_match=if_match)
+        if reply.etag is None:
+            raise LinkError("the rig did not name the model's etag: protocol fault")
+        return reply.etag
+
+    def stop(self) -> None:
+        """Ramp the output to zero now, whoever owns the rig."""
+        self._caller.call("stop")
+
+    def reset(self) -> None:
+        """Clear a latched trip, as the operator who has removed its cause."""
+        self._caller.call("reset")
+
+    def point(
+        self, x_mm: float, y_mm: float, *, in_contact: bool = True, normal_force_n: float = 0.4
+    ) -> None:
+        """Move the virtual finger of a simulated rig whose finger is set to `client`.
+
+        Parameters
+        ----------
+        x_mm, y_mm : float
+            Position on the screen.
+        in_contact : bool
+            Whether it touches.
+        normal_force_n : float
+            How hard it presses, 0 to 5 N.
+        """
+        if self._pointer is None:
+            key = self.keys.of(Topics.POINTER)
+            self._pointer = declare_publisher(self._session, key, Topics.POINTER)
+        try:
+            state = PointerState(
+                client=self._caller.client,
+                utc_ns=time.time_ns(),
+                x_mm=x_mm,
+                y_mm=y_mm,
+                in_contact=in_contact,
+                normal_force_n=normal_force_n,
+            )
+        except ValueError as error:
+            raise ArgumentError(str(error)) from error
+        self._pointer.put(state.to_json())
+
+    def _keep(self, closable: C) -> C:
+        self._closables = [other for other in self._closables if not other.closed]
+        self._closables.append(closable)
+        return closable
+
+    def close(self) -> None:
+        """Disarm if armed, end every feed and stream. Closing twice is harmless."""
+        leases, self._leases = self._leases, []
+        closables, self._closables = self._closables, []
+        self._latest.clear()
+        with contextlib.ExitStack() as all_of_them:
+            for closable in closables:
+                all_of_them.callback(_quietly, closable.close)
+            for lease in leases:
+                all_of_them.callback(_quietly, lease.disarm)
+
+
+def _quietly(close: Callable[[], None]) -> None:
+    # The session goes next, and with it the lease: the rig ramps to zero by itself.
+    with contextlib.suppress(RuntimeError, LookupError, ConnectionError):
+        close()

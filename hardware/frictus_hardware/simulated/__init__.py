@@ -1,0 +1,1 @@
+"""The simulated rig: virtual fingers, sensors, faults and clocks around the twin."""

@@ -1,0 +1,114 @@
+"""The output queue of a device: what plays at each sample of its clock, or has played."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceOutput:
+    """What the device has output lately.
+
+    Attributes
+    ----------
+    first_sample : int
+        Device index of the first sample; what was played before the last opening is negative.
+    voltage_v : ndarray, shape (n_samples,)
+        Ends with the sample that played just now.
+    holding : bool
+        Whether a last value other than zero is held because nothing follows it.
+    armed : bool
+    """
+
+    first_sample: int
+    voltage_v: FloatArray
+    holding: bool
+    armed: bool
+
+
+class OutputQueue:
+    """A ring of output samples, addressed by device sample.
+
+    What nobody handed over plays zero or, on a device that holds, the last value. Every call
+    takes `now`, the sample that is about to play.
+
+    Parameters
+    ----------
+    capacity : int
+        Samples kept, played and queued together; reserved at once.
+    holds : bool
+        Whether the device holds its last value when the queue runs dry.
+    past : ndarray, shape (n_samples,), optional
+        What played before sample 0; `read` finds it at negative samples.
+    """
+
+    def __init__(self, capacity: int, holds: bool, past: FloatArray | None = None) -> None:
+        self._ring = np.zeros(capacity)
+        self._holds = holds
+        self._idle_v = 0.0
+        self._end = 0
+        if past is not None:
+            self._put(-past.size, past)
+
+    @property
+    def end(self) -> int:
+        """First sample that nobody has handed over."""
+        return self._end
+
+    @property
+    def idle_v(self) -> float:
+        """What plays from `end` on."""
+        return self._idle_v
+
+    def write(self, first: int, values_v: FloatArray, now: int) -> int:
+        """Queue a block; return how many of its samples are too late to play.
+
+        Parameters
+        ----------
+        first : int
+            When it shall play, at or after `end`.
+        values_v : ndarray, shape (n_samples,)
+        now : int
+        """
+        late = min(max(now - first, 0), values_v.size)
+        self.settle(first + late)
+        if late < values_v.size:
+            self._put(first + late, values_v[late:])
+            self._end = first + values_v.size
+            if self._holds:
+                self._idle_v = float(values_v[-1])
+        return late
+
+    def read(self, first: int, n_samples: int) -> FloatArray:
+        """Return what plays, or played, at given samples."""
+        out = np.full(n_samples, self._idle_v)
+        known = min(max(self._end - first, 0), n_samples)
+        out[:known] = self._ring[self._places(first, known)]
+        return out
+
+    def settle(self, to: int) -> None:
+        """Write the idle value down up to a sample: it has played, and can no longer change."""
+        missing = min(to - self._end, self._ring.size)
+        if missing > 0:
+            self._ring[self._places(to - missing, missing)] = self._idle_v
+        self._end = max(self._end, to)
+
+    def ramp(self, now: int, n_samples: int) -> None:
+        """Take what is still queued to zero within so many samples, and the idle value too."""
+        self.settle(now)
+        queued = self._end - now
+        length = min(n_samples, queued)
+        places = self._places(now, queued)
+        gain = np.zeros(queued)
+        gain[:length] = 1.0 - np.arange(1, length + 1) / max(length, 1)
+        self._ring[places] *= gain
+        self._idle_v = 0.0
+
+    def _put(self, first: int, values_v: FloatArray) -> None:
+        self._ring[self._places(first, values_v.size)] = values_v
+
+    def _places(self, first: int, n_samples: int) -> NDArray[np.int64]:
+        return np.arange(first, first + n_samples) % self._ring.size

@@ -1,0 +1,390 @@
+"""The simulated rig: the twin behind the interface of every rig."""
+
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_hardware.base import Exchange, RigInfo, TouchReport, Truth, require_finite
+from frictus_hardware.errors import (
+    ClosedError,
+    ConfigError,
+    HardwareError,
+    NotArmedError,
+    StreamLostError,
+)
+from frictus_hardware.physics.stages import Noise, Quantisation, standard_twin
+from frictus_hardware.physics.twin import Signals, Stage, Twin
+from frictus_hardware.simulated.clock import Clock, RealClock, VirtualClock
+from frictus_hardware.simulated.config import SimulatedConfig
+from frictus_hardware.simulated.faults import (
+    LASTING,
+    EmptyOutput,
+    FaultPlan,
+    LateBlock,
+    LostSamples,
+)
+from frictus_hardware.simulated.motion import Finger, FingerMotion
+from frictus_hardware.simulated.output import OutputQueue
+from frictus_hardware.simulated.pointer import PointerFinger
+from frictus_hardware.simulated.touch import TouchSensor
+
+FloatArray = NDArray[np.float64]
+
+MAX_BLOCK_S = 1.0
+INPUT_BUFFER_S = 10.0
+"""A loop that falls further behind than this has lost the stream."""
+
+
+@dataclass(frozen=True, slots=True)
+class HandedOver:
+    """A drive that was accepted, before what it goes with has been sensed."""
+
+    first_sample: int
+    applied_v: FloatArray
+    play_sample: int
+    clipped_samples: int
+    margin_samples: int
+    underrun_samples: int
+    overrun_samples: int
+
+    @property
+    def end_sample(self) -> int:
+        """The exchange is over once so many samples are."""
+        return self.first_sample + self.applied_v.size
+
+
+class SimulatedRig:
+    """See `frictus_hardware.base.Backend`; `truth` of an exchange is always there.
+
+    For one thread, except `move_finger` and `faults.add`.
+
+    Parameters
+    ----------
+    config : SimulatedConfig
+    clock : Clock, optional
+        Instead of the configured one.
+    twin : Twin, optional
+        Instead of the standard one, such as one with an effect.
+    holds_output : bool
+        Whether the output keeps its last value when nothing is handed over, as NI hardware
+        does, or goes to zero.
+    history_s : float
+        Played output to keep for `played`.
+    past_v : ndarray, shape (n_samples,), optional
+        What the device played before it was opened.
+    """
+
+    def __init__(
+        self,
+        config: SimulatedConfig,
+        clock: Clock | None = None,
+        twin: Twin | None = None,
+        holds_output: bool = False,
+        history_s: float = 0.0,
+        past_v: FloatArray | None = None,
+    ) -> None:
+        self.config = config
+        self.faults = FaultPlan(config.faults)
+        self._clock = make_clock(config) if clock is None else clock
+        self._twin = make_twin(config) if twin is None else twin
+        self._holds_output = holds_output
+        self._history_s = history_s
+        self._past_v = past_v
+        self._max_block = round(MAX_BLOCK_S * config.sample_rate_hz)
+        self._open = False
+        self._armed = False
+        self._lasting: HardwareError | None = None
+        self._begin()
+
+    def _begin(self) -> None:
+        """Set everything to what holds at sample 0."""
+        config = self.config
+        rate = config.sample_rate_hz
+        capacity = config.lead_samples + 2 * self._max_block + round(self._history_s * rate)
+        self._output = OutputQueue(capacity, self._holds_output, self._past_v)
+        self._output.write(0, np.zeros(config.lead_samples), 0)
+        self._touch = TouchSensor(config.touch, rate)
+        self._finger: Finger = config.finger.start(
+            config.screen_mm, np.random.default_rng(config.seed)
+        )
+        self._states = self._twin.initial()
+        self._sensed = 0
+        self._lasting = None
+
+    @property
+    def info(self) -> RigInfo:
+        """What does not change while the backend is open."""
+        return info_of(self.config)
+
+    @property
+    def finger(self) -> Finger:
+        """The virtual finger; for measuring, never for rendering."""
+        return self._finger
+
+    @property
+    def next_play_sample(self) -> int:
+        """Device index at which the next drive handed over will start to play."""
+        return self._sensed + self.config.lead_samples
+
+    @property
+    def armed(self) -> bool:
+        """Whether output other than zero is allowed."""
+        return self._armed
+
+    def open(self) -> None:
+        """Start the sample clock with the lead prefilled with zeros; disarmed."""
+        if self._open:
+            return
+        self._begin()
+        # Compiled and cached parts are called once before time counts.
+        self._twin.run(_still(self.config), self._twin.initial())
+        self._open = True
+        self._clock.start()
+
+    def arm(self) -> None:
+        """Allow output other than zero.
+
+        Raises
+        ------
+        ClosedError
+            If the rig is not open.
+        """
+        self._require_open()
+        self._armed = True
+
+    def exchange(self, drive_v: FloatArray) -> Exchange:
+        """Hand over the next block of output; wait for as many sensed samples.
+
+        Parameters
+        ----------
+        drive_v : ndarray, shape (n_samples,)
+            1 sample to 1 s.
+        """
+        handed = self.hand_over(drive_v)
+        self.wait(handed)
+        return self.sense(handed)
+
+    def hand_over(self, drive_v: FloatArray) -> HandedOver:
+        """Do the first part of an exchange, which does not wait."""
+        self._require_open()
+        drive_v = np.asarray(drive_v, dtype=np.float64)
+        self._refuse_unfit(drive_v)
+        end = self._sensed + drive_v.size
+        self._raise_faults(end)
+        lost = self.faults.take(LostSamples, end)
+        first = self._sensed + lost
+        play = first + self.config.lead_samples
+        now = self._clock.sample() + self.faults.take(LateBlock, end)
+        peak = self.config.screen_peak_v
+        applied = np.clip(drive_v, -peak, peak)
+        missed = min(self.faults.take(EmptyOutput, end), drive_v.size)
+        late = self._output.write(play, applied, max(now, play + missed))
+        return HandedOver(
+            first_sample=first,
+            applied_v=applied,
+            play_sample=play,
+            clipped_samples=int(np.count_nonzero(np.abs(drive_v) > peak)),
+            margin_samples=max(play - lost - now, 0),
+            underrun_samples=late + lost,
+            overrun_samples=lost,
+        )
+
+    def wait(self, handed: HandedOver) -> None:
+        """Do the second part of an exchange: wait until its block is over."""
+        self._clock.wait_until(handed.end_sample)
+
+    def sense(self, handed: HandedOver) -> Exchange:
+        """Do the last part of an exchange: what was sensed meanwhile."""
+        touches: list[TouchReport] = []
+        if handed.overrun_samples:
+            _, _, arrived = self._sense(self._sensed, handed.overrun_samples)
+            touches.extend(arrived)
+        first, n_samples = handed.first_sample, handed.applied_v.size
+        signals, motion, arrived = self._sense(first, n_samples)
+        touches.extend(arrived)
+        self._sensed = handed.end_sample
+        return Exchange(
+            first_sample=first,
+            force_n=signals.force_n,
+            accel_m_s2=signals.accel_m_s2,
+            voltage_v=self.faults.monitored(signals.voltage_v, first),
+            touches=self.faults.touches(tuple(touches), first, n_samples),
+            applied_v=handed.applied_v,
+            play_sample=handed.play_sample,
+            clipped_samples=handed.clipped_samples,
+            margin_samples=handed.margin_samples,
+            underrun_samples=handed.underrun_samples,
+            overrun_samples=handed.overrun_samples,
+            truth=Truth(
+                position_mm=motion.position_mm,
+                velocity_mm_s=motion.velocity_mm_s,
+                friction_n=signals.friction_n,
+                normal_force_n=motion.normal_force_n,
+                in_contact=motion.in_contact,
+            ),
+        )
+
+    def stop(self, ramp_s: float) -> None:
+        """Ramp what is queued to zero within `ramp_s`, drop the rest, and disarm."""
+        if not ramp_s >= 0.0:
+            raise ConfigError(f"a ramp of {ramp_s} s: 0 or more accepted")
+        if self._open and self._armed:
+            ramp = round(min(ramp_s, MAX_BLOCK_S) * self.config.sample_rate_hz)
+            self._output.ramp(self._clock.sample(), ramp)
+        self._armed = False
+
+    def silence(self) -> None:
+        """Put the output to zero at once, as the reset of a device does."""
+        self._output.ramp(self._clock.sample(), 0)
+        self._armed = False
+
+    def health(self) -> str | None:
+        """Return what is wrong with the device, or None."""
+        if not self._open:
+            return "not open"
+        return None if self._lasting is None else str(self._lasting)
+
+    def close(self) -> None:
+        """Bring the output to zero and release the device. Closing twice is harmless."""
+        if self._open:
+            self.silence()
+        self._open = False
+
+    def __enter__(self) -> Self:
+        """Open and return self."""
+        self.open()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close, whatever happened."""
+        self.close()
+
+    def move_finger(
+        self, x_mm: float, y_mm: float, in_contact: bool, normal_force_n: float = 0.4
+    ) -> None:
+        """Move a finger of kind `client`; from any thread.
+
+        Raises
+        ------
+        ConfigError
+            If the finger is of another kind, or a number out of its range.
+        """
+        if not isinstance(self._finger, PointerFinger):
+            raise ConfigError(
+                f"the finger is of kind {self.config.finger.kind!r}: "
+                'only one of kind "client" follows points'
+            )
+        self._finger.push(x_mm, y_mm, in_contact, normal_force_n)
+
+    @property
+    def holding(self) -> bool:
+        """Whether the output holds a last value other than zero, for want of another."""
+        return self._output.end <= self._clock.sample() and self._output.idle_v != 0.0
+
+    def played(self, n_samples: int) -> tuple[int, FloatArray]:
+        """Return the output of the last samples, held values included, and its first index."""
+        now = self._clock.sample()
+        self._output.settle(now)
+        return now - n_samples, self._output.read(now - n_samples, n_samples)
+
+    def _sense(
+        self, first: int, n_samples: int
+    ) -> tuple[Signals, FingerMotion, tuple[TouchReport, ...]]:
+        rate = self.config.sample_rate_hz
+        motion = self._finger.at(np.arange(first, first + n_samples) / rate)
+        signals = Signals.driven(
+            rate,
+            self._output.read(first, n_samples),
+            motion.position_mm,
+            motion.velocity_mm_s,
+            motion.normal_force_n,
+            motion.in_contact,
+        )
+        signals, self._states = self._twin.run(signals, self._states)
+        return signals, motion, self._touch.step(first, motion)
+
+    def _require_open(self) -> None:
+        if not self._open:
+            raise ClosedError("the rig is not open: call open(), or use it in a with statement")
+
+    def _refuse_unfit(self, drive_v: FloatArray) -> None:
+        if drive_v.ndim != 1 or not 1 <= drive_v.size <= self._max_block:
+            raise ConfigError(
+                f"a drive of shape {drive_v.shape}: one axis of 1 to {self._max_block} samples "
+                "accepted; nothing was output"
+            )
+        require_finite(drive_v)
+        if not self._armed and np.any(drive_v):
+            raise NotArmedError("drive other than zero while disarmed; nothing was output")
+
+    def _raise_faults(self, end: int) -> None:
+        if self._lasting is not None:
+            raise self._lasting
+        try:
+            behind = self._clock.sample() - end
+            if behind > INPUT_BUFFER_S * self.config.sample_rate_hz:
+                raise StreamLostError(
+                    f"{behind} samples behind the device: its buffer has overflowed"
+                )
+            self.faults.raise_due(end)
+        except LASTING as error:
+            self._lasting = error
+            raise
+
+
+def info_of(config: SimulatedConfig) -> RigInfo:
+    """Return what a rig of this configuration says of itself."""
+    return RigInfo(
+        backend=config.kind,
+        simulated=True,
+        finger_source="pointer" if config.finger.kind == "client" else "simulated",
+        sample_rate_hz=config.sample_rate_hz,
+        lead_samples=config.lead_samples,
+        screen_peak_v=config.screen_peak_v,
+        screen_mm=config.screen_mm,
+        touch_latency_s=config.touch.declared_s,
+    )
+
+
+def make_clock(config: SimulatedConfig) -> Clock:
+    """Return the configured clock."""
+    if config.clock == "virtual":
+        return VirtualClock()
+    scale = 1.0 if config.clock == "real" else config.clock
+    return RealClock(config.sample_rate_hz, scale, config.clock_skew_ppm)
+
+
+def make_twin(config: SimulatedConfig) -> Twin:
+    """Return the standard twin with the configured participant and sensors."""
+    sensors: tuple[Stage, ...] = ()
+    if config.force_noise_n or config.accel_noise_m_s2:
+        sensors = (Noise(config.force_noise_n, config.accel_noise_m_s2, config.seed),)
+    if config.quantisation:
+        sensors = (*sensors, Quantisation())
+    return standard_twin(
+        screen=config.screen,
+        law=config.participant.law,
+        mobility=config.participant.mobility,
+        friction_coefficient=config.participant.friction_coefficient,
+        sensors=sensors,
+    )
+
+
+def _still(config: SimulatedConfig) -> Signals:
+    """Return a sample of nothing at all."""
+    return Signals.driven(
+        config.sample_rate_hz,
+        np.zeros(1),
+        np.zeros((1, 2)),
+        np.zeros((1, 2)),
+        np.zeros(1),
+        np.zeros(1, dtype=np.bool_),
+    )

@@ -1,0 +1,1 @@
+"""The REST API: rigs, scenes, models, textures, health and metrics. See `docs/rest.md`."""

@@ -1,0 +1,66 @@
+"""Who may do what: bearer tokens and their scopes."""
+
+import ipaddress
+from collections.abc import Awaitable, Callable, Sequence
+from typing import Annotated, Final
+
+from fastapi import Depends, Request
+from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
+
+from frictus_service.api.problems import MissingScopeError, UnauthenticatedError
+from frictus_service.api.services import services
+from frictus_service.config import Scope, Token
+
+_BEARER: Final = HTTPBearer(auto_error=False, description="A token of [[api.tokens]]")
+_REALM: Final = 'Bearer realm="frictus"'
+
+
+def is_loopback(name: str) -> bool:
+    """Return whether a host name or address can only mean this machine."""
+    if name == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(name).is_loopback
+    except ValueError:
+        return False
+
+
+def needs(scope: Scope) -> Callable[..., Awaitable[None]]:
+    """Return the dependency that lets requests with `scope` through.
+
+    Without any token configured (then the server is bound to loopback) every request passes.
+    A scope implies no other.
+    """
+
+    async def check(
+        request: Request,
+        given: Annotated[HTTPAuthorizationCredentials | None, Depends(_BEARER)],
+    ) -> None:
+        tokens = services(request).config.api.tokens
+        if not tokens:
+            return
+        if given is None:
+            raise UnauthenticatedError(
+                "send the header Authorization: Bearer TOKEN",
+                headers={"WWW-Authenticate": _REALM},
+            )
+        token = _find(given.credentials, tokens)
+        if token is None:
+            raise UnauthenticatedError(
+                "the token is not known here",
+                headers={"WWW-Authenticate": f'{_REALM}, error="invalid_token"'},
+            )
+        if scope not in token.scopes:
+            challenge = f'{_REALM}, error="insufficient_scope", scope="{scope}"'
+            raise MissingScopeError(
+                f"this needs the scope {scope!r}; the token {token.name!r} has "
+                f"{', '.join(sorted(token.scopes))}",
+                headers={"WWW-Authenticate": challenge},
+            )
+
+    return check
+
+
+def _find(given: str, tokens: Sequence[Token]) -> Token | None:
+    matching = [token for token in tokens if token.matches(given)]  # all: no timing tells which
+    return matching[0] if matching else None

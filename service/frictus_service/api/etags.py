@@ -1,0 +1,67 @@
+"""Conditional requests (RFC 9110, section 13): what a caller saw, and what it may replace."""
+
+import re
+from typing import Final
+
+from frictus_service.api.problems import ConflictError, InvalidError, PreconditionRequiredError
+
+_TAG: Final = re.compile(r'\s*(W/)?"([\x21\x23-\x7e\x80-\xff]*)"\s*(?:,|$)')
+
+
+def quoted(etag: str) -> str:
+    """Return an etag as it stands in a header."""
+    return f'"{etag}"'
+
+
+def unchanged(if_none_match: str | None, etag: str) -> bool:
+    """Return whether the caller's copy is still the current one (then the answer is 304)."""
+    if if_none_match is None:
+        return False
+    tags = _tags(if_none_match, "If-None-Match")
+    return tags is None or any(tag == etag for _, tag in tags)
+
+
+def required_match(if_match: str | None, etag: str) -> str:
+    """Return the etag that is to be replaced; ``*`` where the caller accepts any.
+
+    Parameters
+    ----------
+    if_match : str or None
+        The header.
+    etag : str
+        What stands there now.
+
+    Raises
+    ------
+    PreconditionRequiredError
+        If there is no header.
+    ConflictError
+        If the header names others only.
+    """
+    if if_match is None:
+        raise PreconditionRequiredError(
+            "say which version is replaced: If-Match with the ETag of a GET, or * for any"
+        )
+    tags = _tags(if_match, "If-Match")
+    if tags is None:
+        return "*"
+    if not any(tag == etag and not weak for weak, tag in tags):  # strong comparison
+        raise ConflictError(f"it has changed: its ETag is now {quoted(etag)}; read it again")
+    return etag
+
+
+def _tags(header: str, name: str) -> list[tuple[bool, str]] | None:
+    """Return (weak, tag) of each; None for ``*``, any."""
+    if header.strip() == "*":
+        return None
+    tags = []
+    position = 0
+    while position < len(header):
+        match = _TAG.match(header, position)
+        if match is None:
+            raise InvalidError(
+                f'{name} {header[:100]!r}: "etag" in quotes, several with commas, or *'
+            )
+        tags.append((match[1] is not None, match[2]))
+        position = match.end()
+    return tags

@@ -1,0 +1,333 @@
+"""Every error of the REST API: one class each, which owns its status and its stable word.
+
+All are answered as ``application/problem+json`` (RFC 9457). `docs/rest.md` has the table.
+"""
+
+import json
+import logging
+from collections.abc import Mapping
+from typing import Any, ClassVar, Final, get_args
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import Response
+from pydantic import BaseModel, Field
+from pydantic_core import ErrorDetails
+from starlette.exceptions import HTTPException
+
+from frictus.errors import (
+    ArgumentError,
+    FrameError,
+    LinkError,
+    NoRigError,
+    RefusedError,
+    SilenceError,
+    TextureError,
+)
+from frictus.messages import RefusalCode
+from frictus_service.library import (
+    DamagedTextureError,
+    ReadOnlyTextureError,
+    TextureConflictError,
+    TextureNameError,
+    UnknownTextureError,
+)
+
+MEDIA_TYPE: Final = "application/problem+json"
+_LOG: Final = logging.getLogger(__name__)
+
+
+class Place(BaseModel):
+    """One fault of a request and where it stands."""
+
+    where: list[str | int] = Field(description="Path to it, such as ['body', 'regions', 0]")
+    what: str
+
+
+class Problem(BaseModel):
+    """The body of every error."""
+
+    type: str = Field(description="urn:frictus:problem: and the code")
+    title: str
+    status: int
+    code: str = Field(description="Stable word for programs")
+    detail: str = Field(description="What was wrong, what is accepted, what to do")
+    instance: str = Field(description="Path of the request")
+    errors: list[Place] = []
+
+
+class ApiError(Exception):
+    """Base of all errors that the API answers with."""
+
+    status: ClassVar[int]
+    code: ClassVar[str]
+    title: ClassVar[str]
+
+    def __init__(
+        self,
+        detail: str,
+        errors: list[Place] | None = None,
+        headers: Mapping[str, str] | None = None,
+    ) -> None:
+        super().__init__(detail)
+        self.detail = detail
+        self.errors = errors or []
+        self.headers = dict(headers or {})
+
+    def response(self, path: str) -> Response:
+        """Return the answer to the request for `path`."""
+        problem = Problem(
+            type=f"urn:frictus:problem:{self.code}",
+            title=self.title,
+            status=self.status,
+            code=self.code,
+            detail=self.detail,
+            instance=path,
+            errors=self.errors,
+        )
+        body = json.dumps(problem.model_dump(exclude_defaults=True))
+        return Response(body, self.status, self.headers, MEDIA_TYPE)
+
+
+class HttpError(ApiError):
+    """The request cannot be read at all."""
+
+    status, code, title = 400, "bad_http", "The request is not HTTP as expected"
+
+
+class UnauthenticatedError(ApiError):
+    """No token, or an unknown one."""
+
+    status, code, title = 401, "unauthenticated", "A bearer token is needed"
+
+
+class MissingScopeError(ApiError):
+    """The token may not do this."""
+
+    status, code, title = 403, "missing_scope", "The token lacks a scope"
+
+
+class CrossOriginError(ApiError):
+    """A web page of another origin tried to change something."""
+
+    status, code, title = 403, "cross_origin", "Requests from other origins are refused"
+
+
+class PathNotFoundError(ApiError):
+    """Nothing is served there."""
+
+    status, code, title = 404, "no_such_path", "No such path"
+
+
+class RigNotFoundError(ApiError):
+    """No rig of this name answers."""
+
+    status, code, title = 404, "no_rig", "No such rig"
+
+
+class TextureNotFoundError(ApiError):
+    """The library has no texture of this name."""
+
+    status, code, title = 404, "no_texture", "No such texture"
+
+
+class MethodNotAllowedError(ApiError):
+    """The path knows other methods."""
+
+    status, code, title = 405, "method_not_allowed", "Method not allowed"
+
+
+class NotOwnerError(ApiError):
+    """Another client holds the rig."""
+
+    status, code, title = 409, "not_owner", "Another client holds the rig"
+
+
+class NotArmedError(ApiError):
+    """The rig must be armed for this."""
+
+    status, code, title = 409, "not_armed", "The rig is not armed"
+
+
+class TrippedError(ApiError):
+    """The rig has tripped and waits for an operator."""
+
+    status, code, title = 409, "tripped", "The rig has tripped"
+
+
+class ReadOnlyError(ApiError):
+    """Shipped textures stay as they are."""
+
+    status, code, title = 409, "read_only", "The texture is read-only"
+
+
+class ConflictError(ApiError):
+    """What was to be replaced is not what the caller saw."""
+
+    status, code, title = 412, "conflict", "It has changed since it was read"
+
+
+class TooLargeError(ApiError):
+    """The body is larger than what is read."""
+
+    status, code, title = 413, "too_large", "The body is too large"
+
+
+class UnsupportedMediaError(ApiError):
+    """The body is of a type that cannot be read here."""
+
+    status, code, title = 415, "unsupported_media_type", "Unsupported content type"
+
+
+class WrongHostError(ApiError):
+    """The Host header names another machine: a rebound DNS name."""
+
+    status, code, title = 421, "wrong_host", "The Host header is not this server"
+
+
+class InvalidError(ApiError):
+    """The request can be read, but a value is missing, of the wrong type or out of range."""
+
+    status, code, title = 422, "bad_request", "The request is not valid"
+
+
+class NotFeasibleError(ApiError):
+    """The rig cannot render it."""
+
+    status, code, title = 422, "not_feasible", "It cannot be rendered"
+
+
+class PreconditionRequiredError(ApiError):
+    """The request does not say what it replaces."""
+
+    status, code, title = 428, "precondition_required", "If-Match is required"
+
+
+class InternalError(ApiError):
+    """A fault of the server; its log has the traceback."""
+
+    status, code, title = 500, "internal", "The server failed"
+
+
+class DamagedFileError(ApiError):
+    """A file in the library folder is not a texture."""
+
+    status, code, title = 500, "damaged_texture", "A file of the library is damaged"
+
+
+class UnreadableRigError(ApiError):
+    """A rig said something that is not of this protocol, or of a newer version."""
+
+    status, code, title = 502, "rig_unreadable", "The rig cannot be understood"
+
+
+class NoLinkError(ApiError):
+    """No router can be reached, or the rig does not answer."""
+
+    status, code, title = 503, "no_link", "No link to the router or the rig"
+
+
+class UnavailableError(ApiError):
+    """The rig is not ready."""
+
+    status, code, title = 503, "unavailable", "The rig is not ready"
+
+
+class StaleError(ApiError):
+    """The command was too old when the rig got it: the server's clock and the rig's differ."""
+
+    status, code, title = 503, "stale", "The command came too late"
+
+
+# A refusal that is not the caller's to mend (`stale`: the api process stamps the command)
+# is a 503, so that a retry is right.
+REFUSALS: Final[dict[str, type[ApiError]]] = {
+    "bad_request": InvalidError,
+    "too_large": TooLargeError,
+    "stale": StaleError,
+    "not_owner": NotOwnerError,
+    "not_armed": NotArmedError,
+    "tripped": TrippedError,
+    "conflict": ConflictError,
+    "not_feasible": NotFeasibleError,
+    "unavailable": UnavailableError,
+}
+if set(REFUSALS) != set(get_args(RefusalCode)):
+    raise AssertionError("every refusal of a rig needs an error of the API")
+
+_FOREIGN: Final[dict[type[Exception], type[ApiError]]] = {
+    NoRigError: RigNotFoundError,
+    LinkError: NoLinkError,
+    SilenceError: NoLinkError,
+    FrameError: UnreadableRigError,
+    ArgumentError: InvalidError,
+    TextureError: InvalidError,
+    TextureNameError: InvalidError,
+    UnknownTextureError: TextureNotFoundError,
+    ReadOnlyTextureError: ReadOnlyError,
+    TextureConflictError: ConflictError,
+    DamagedTextureError: DamagedFileError,
+}
+_BY_STATUS: Final = {404: PathNotFoundError, 405: MethodNotAllowedError}
+
+
+def problem_of(error: Exception) -> ApiError:
+    """Return the error of the API that stands for any exception."""
+    if isinstance(error, ApiError):
+        return error
+    if isinstance(error, RefusedError):
+        return REFUSALS.get(error.code, UnavailableError)(str(error))
+    if isinstance(error, RequestValidationError):
+        return InvalidError("the request has faults, see errors", places(error.errors()))
+    if isinstance(error, HTTPException):
+        kind = _BY_STATUS.get(error.status_code, HttpError)
+        return kind(_http_detail(error), headers=error.headers)
+    for foreign, kind in _FOREIGN.items():
+        if isinstance(error, foreign):
+            return kind(str(error))
+    return InternalError("an unexpected fault; the server's log has it with this path and time")
+
+
+def places(errors: list[ErrorDetails] | Any, prefix: tuple[str, ...] = ()) -> list[Place]:
+    """Return pydantic's errors, without the values that were sent; at most 100."""
+    return [
+        Place(where=[*prefix, *error["loc"]], what=error["msg"]) for error in list(errors)[:100]
+    ]
+
+
+def install(app: FastAPI) -> None:
+    """Answer every error of `app` with its problem."""
+
+    async def answer(request: Request, error: Exception) -> Response:
+        problem = problem_of(error)
+        if isinstance(problem, InternalError):
+            _LOG.error("%s %s failed", request.method, request.url.path, exc_info=error)
+        return problem.response(request.url.path)
+
+    for kind in (ApiError, RefusedError, RequestValidationError, HTTPException, Exception):
+        app.add_exception_handler(kind, answer)
+    for foreign in _FOREIGN:
+        app.add_exception_handler(foreign, answer)
+
+
+def documented(*kinds: type[ApiError]) -> dict[int | str, dict[str, Any]]:
+    """Return the entries of the OpenAPI page for the errors of a path."""
+    responses: dict[int | str, dict[str, Any]] = {}
+    every: set[type[ApiError]] = {*kinds, InternalError}
+    for kind in sorted(every, key=lambda kind: (kind.status, kind.code)):
+        said = responses.get(kind.status, {}).get("description")
+        text = f"`{kind.code}`: {kind.title}"
+        responses[kind.status] = {
+            "description": f"{said}; {text}" if said else text,
+            "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
+        }
+    return responses
+
+
+def _http_detail(error: HTTPException) -> str:
+    if error.status_code == 404:
+        return "nothing is served at this path; /docs lists what is"
+    if error.status_code == 405:
+        allowed = (error.headers or {}).get("Allow", "")
+        return f"this path accepts {allowed}" if allowed else "this path has other methods"
+    return str(error.detail)

@@ -1,0 +1,212 @@
+"""Paths of the rigs: status, scene, model, time, stop and reset."""
+
+from typing import Annotated, Final
+
+from fastapi import APIRouter, Depends, Header, Path, Request, Response
+from pydantic import BaseModel, Field, TypeAdapter
+
+from frictus.messages import Applied, RigStatus, SafetyState, TimeState
+from frictus.model import Model
+from frictus.textures import Scene
+from frictus_service.api import problems
+from frictus_service.api.access import needs
+from frictus_service.api.bodies import JSON, parse_json, raw_body, require_media
+from frictus_service.api.etags import quoted, required_match, unchanged
+from frictus_service.api.services import Services, services
+
+RigName = Annotated[str, Path(pattern=r"^[A-Za-z0-9._-]{1,64}$", description="Name of the rig")]
+IfMatch = Annotated[str | None, Header(description="ETag of what is replaced; * for any")]
+IfNoneMatch = Annotated[str | None, Header(description="ETag of the copy that you have")]
+Given = Annotated[Services, Depends(services)]
+
+_SCENE: Final[TypeAdapter[Scene]] = TypeAdapter(Scene)
+_MODEL: Final[TypeAdapter[Model]] = TypeAdapter(Model)
+_RIG: Final[tuple[type[problems.ApiError], ...]] = (
+    problems.UnauthenticatedError,
+    problems.MissingScopeError,
+    problems.RigNotFoundError,
+    problems.InvalidError,
+    problems.UnreadableRigError,
+    problems.NoLinkError,
+)
+_REPLACE: Final[tuple[type[problems.ApiError], ...]] = (
+    *_RIG,
+    *problems.REFUSALS.values(),
+    problems.ConflictError,
+    problems.UnsupportedMediaError,
+    problems.PreconditionRequiredError,
+)
+router = APIRouter(prefix="/v1/rigs", tags=["rigs"])
+
+
+class RigList(BaseModel):
+    """The rigs that are present."""
+
+    site: str
+    rigs: list[str] = Field(description="Names, sorted")
+
+
+class SceneApplied(BaseModel):
+    """What the rig made of the active scene."""
+
+    etag: str
+    source: str = Field(description="scene, or stream while a client streams a texture")
+    applied: Applied
+
+
+class RigState(BaseModel):
+    """State of the rig after a command."""
+
+    state: SafetyState
+
+
+def _body(name: str) -> dict[str, object]:
+    schema = {"$ref": f"#/components/schemas/{name}"}
+    return {"requestBody": {"required": True, "content": {JSON: {"schema": schema}}}}
+
+
+@router.get(
+    "",
+    dependencies=[Depends(needs("read"))],
+    responses=problems.documented(*_RIG[:2], *_RIG[5:]),
+)
+def list_rigs(given: Given) -> RigList:
+    """List the rigs of this site that are present."""
+    return RigList(site=given.link.site, rigs=given.link.names())
+
+
+@router.get(
+    "/{rig}", dependencies=[Depends(needs("read"))], responses=problems.documented(*_RIG)
+)
+def get_status(rig: RigName, given: Given) -> RigStatus:
+    """Return the newest status of a rig: state, owner, fault, counters, loop timing."""
+    return given.link.rig(rig).status()
+
+
+@router.get(
+    "/{rig}/time", dependencies=[Depends(needs("read"))], responses=problems.documented(*_RIG)
+)
+def get_time(rig: RigName, given: Given) -> TimeState:
+    """Return the fit of the device's sample counter to UTC."""
+    return given.link.rig(rig).time()
+
+
+@router.get(
+    "/{rig}/scene",
+    dependencies=[Depends(needs("read"))],
+    response_model=Scene,
+    responses=problems.documented(*_RIG) | {304: {"description": "Your copy is current"}},
+)
+def get_scene(
+    rig: RigName, given: Given, response: Response, if_none_match: IfNoneMatch = None
+) -> Scene | Response:
+    """Return the active scene, as PUT takes it."""
+    active = given.link.rig(rig).scene()
+    if unchanged(if_none_match, active.etag):
+        return Response(status_code=304, headers={"ETag": quoted(active.etag)})
+    response.headers["ETag"] = quoted(active.etag)
+    return active.scene
+
+
+@router.get(
+    "/{rig}/applied",
+    dependencies=[Depends(needs("read"))],
+    responses=problems.documented(*_RIG),
+)
+def get_applied(rig: RigName, given: Given) -> SceneApplied:
+    """Return what the rig made of the active scene: gain, bias, and what was left out."""
+    active = given.link.rig(rig).scene()
+    return SceneApplied(etag=active.etag, source=active.source, applied=active.applied)
+
+
+@router.put(
+    "/{rig}/scene",
+    dependencies=[Depends(needs("render"))],
+    responses=problems.documented(*_REPLACE),
+    openapi_extra=_body("Scene"),
+)
+def put_scene(
+    rig: RigName,
+    given: Given,
+    request: Request,
+    response: Response,
+    body: Annotated[bytes, Depends(raw_body)],
+    if_match: IfMatch = None,
+) -> Applied | None:
+    """Replace the scene, with a cross-fade, and return what the rig made of it.
+
+    The API asks as a client of its own: a rig that another client has armed refuses with
+    `not_owner` and names the owner.
+    """
+    require_media(request, JSON)
+    scene = parse_json(_SCENE, body)
+    replaces = required_match(if_match, given.link.rig(rig).scene().etag)
+    reply = given.link.replace_scene(rig, scene, None if replaces == "*" else replaces)
+    if reply.etag is not None:
+        response.headers["ETag"] = quoted(reply.etag)
+    return reply.applied
+
+
+@router.get(
+    "/{rig}/model",
+    dependencies=[Depends(needs("read"))],
+    response_model=Model,
+    responses=problems.documented(*_RIG) | {304: {"description": "Your copy is current"}},
+)
+def get_model(
+    rig: RigName, given: Given, response: Response, if_none_match: IfNoneMatch = None
+) -> Model | Response:
+    """Return the active friction model, a `model/1` document."""
+    active = given.link.rig(rig).model()
+    if unchanged(if_none_match, active.etag):
+        return Response(status_code=304, headers={"ETag": quoted(active.etag)})
+    response.headers["ETag"] = quoted(active.etag)
+    return active.model
+
+
+@router.put(
+    "/{rig}/model",
+    dependencies=[Depends(needs("calibrate"))],
+    status_code=204,
+    response_class=Response,
+    responses=problems.documented(*_REPLACE),
+    openapi_extra=_body("Model"),
+)
+def put_model(
+    rig: RigName,
+    given: Given,
+    request: Request,
+    response: Response,
+    body: Annotated[bytes, Depends(raw_body)],
+    if_match: IfMatch = None,
+) -> None:
+    """Replace the friction model; only while the rig is disarmed.
+
+    Fields that this version does not know are kept, as `model/1` demands.
+    """
+    require_media(request, JSON)
+    model = parse_json(_MODEL, body, extra="allow")
+    replaces = required_match(if_match, given.link.rig(rig).model().etag)
+    reply = given.link.replace_model(rig, model, None if replaces == "*" else replaces)
+    if reply.etag is not None:
+        response.headers["ETag"] = quoted(reply.etag)
+
+
+@router.post(
+    "/{rig}/stop",
+    dependencies=[Depends(needs("read"))],
+    responses=problems.documented(*_RIG, *problems.REFUSALS.values()),
+)
+def stop(rig: RigName, given: Given) -> RigState:
+    """Ramp the output to zero now, whoever owns the rig. Anyone who may look may stop."""
+    return RigState(state=given.link.command(rig, "stop").state)
+
+
+@router.post(
+    "/{rig}/reset",
+    dependencies=[Depends(needs("admin"))],
+    responses=problems.documented(*_RIG, *problems.REFUSALS.values()),
+)
+def reset(rig: RigName, given: Given) -> RigState:
+    """Clear a latched trip, as the operator who has removed its cause."""
+    return RigState(state=given.link.command(rig, "reset").state)

@@ -1,0 +1,95 @@
+"""The API process: serves until it is told to stop."""
+
+import contextlib
+import socket
+from typing import Final, Protocol
+
+import uvicorn
+
+from frictus_service.api.app import build_app
+from frictus_service.config import Config
+from frictus_service.errors import StartError
+
+GRACE_S: Final = 3
+
+
+class Stop(Protocol):
+    """Such as an Event, of a thread or of a process."""
+
+    def is_set(self) -> bool:
+        """Return whether to stop."""
+        ...
+
+
+class Ready(Protocol):
+    """Such as an Event, of a thread or of a process."""
+
+    def set(self) -> None:
+        """Take note that connections are accepted."""
+        ...
+
+
+class _Server(uvicorn.Server):
+    """Tells when it listens, stops when it is told to, and leaves signals to its caller."""
+
+    def __init__(self, config: uvicorn.Config, stop: Stop, ready: Ready) -> None:
+        super().__init__(config)
+        self._stop = stop
+        self._ready = ready
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        if self.started:
+            self._ready.set()
+
+    async def on_tick(self, counter: int) -> bool:
+        return await super().on_tick(counter) or self._stop.is_set()
+
+    def capture_signals(self) -> contextlib.AbstractContextManager[None]:  # type: ignore[override]
+        return contextlib.nullcontext()
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """Return a socket that listens at `host`; port 0 takes any free one.
+
+    Raises
+    ------
+    StartError
+        If nothing can listen there.
+    """
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        return socket.create_server((host, port), family=family)
+    except OSError as error:
+        raise StartError(
+            f"the API cannot listen at {host}:{port}: {error}. If another server runs there, "
+            "give `port` in [api] of the configuration another number"
+        ) from error
+
+
+def run_api(config: Config, stop: Stop, ready: Ready) -> None:
+    """Serve the API until `stop` is set, then end cleanly, with the requests under way.
+
+    Parameters
+    ----------
+    config : Config
+        The whole configuration.
+    stop : Event
+        Looked at ten times a second.
+    ready : Event
+        Set as soon as connections are accepted.
+
+    Raises
+    ------
+    StartError
+        If nothing can listen at the configured address.
+    """
+    with listen(config.api.host, config.api.port) as listener:
+        settings = uvicorn.Config(
+            build_app(config),
+            log_level="warning",
+            access_log=False,
+            server_header=False,
+            timeout_graceful_shutdown=GRACE_S,
+        )
+        _Server(settings, stop, ready).run(sockets=[listener])

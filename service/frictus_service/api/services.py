@@ -1,0 +1,24 @@
+"""What the paths of the API work with; one instance stands in the app's state."""
+
+from dataclasses import dataclass
+
+from fastapi import Request
+
+from frictus_service.api.link import RigLink
+from frictus_service.config import Config
+from frictus_service.library import TextureLibrary
+
+
+@dataclass(frozen=True, slots=True)
+class Services:
+    """Configuration, link to the rigs and texture library."""
+
+    config: Config
+    link: RigLink
+    library: TextureLibrary
+
+
+def services(request: Request) -> Services:
+    """Return the services of the app that serves `request`."""
+    found: Services = request.app.state.services
+    return found

@@ -1,0 +1,224 @@
+"""Paths of the texture library."""
+
+import tempfile
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+from fastapi import APIRouter, Depends, Header, Query, Request, Response
+from pydantic import BaseModel, Field, FiniteFloat, TypeAdapter
+
+from frictus.recordings import load_texture
+from frictus.textures import Texture
+from frictus_service.api import problems
+from frictus_service.api.access import needs
+from frictus_service.api.bodies import JSON, parse_json, raw_body, require_media
+from frictus_service.api.etags import quoted, required_match, unchanged
+from frictus_service.api.services import Services, services
+from frictus_service.library import (
+    DamagedTextureError,
+    Entry,
+    TextureConflictError,
+    TextureLibrary,
+    UnknownTextureError,
+)
+
+Given = Annotated[Services, Depends(services)]
+IfMatch = Annotated[str | None, Header(description="ETag of what is replaced; * for any")]
+IfNoneMatch = Annotated[str | None, Header(description="ETag of your copy")]
+Create = Annotated[str | None, Header(alias="If-None-Match", description="* to make a new one")]
+Positive = Annotated[FiniteFloat, Field(gt=0.0)]
+
+WAV: Final = ("audio/wav", "audio/x-wav", "audio/wave", "audio/vnd.wave")
+CSV: Final = "text/csv"
+_TEXTURE: Final[TypeAdapter[Texture]] = TypeAdapter(Texture)
+_READ: Final = (
+    problems.UnauthenticatedError,
+    problems.MissingScopeError,
+    problems.InvalidError,
+)
+_ONE: Final = (*_READ, problems.TextureNotFoundError, problems.DamagedFileError)
+_WRITE: Final = (
+    *_ONE,
+    problems.ReadOnlyError,
+    problems.ConflictError,
+    problems.TooLargeError,
+    problems.UnsupportedMediaError,
+    problems.PreconditionRequiredError,
+)
+_KINDS: Final = ("Spectrum", "Profile", "Beta", "Slope", "Map")
+_SCHEMA: Final = {"oneOf": [{"$ref": f"#/components/schemas/{kind}"} for kind in _KINDS]}
+_BODY: Final = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            JSON: {"schema": _SCHEMA},
+            WAV[0]: {"schema": {"type": "string", "contentMediaType": WAV[0]}},
+            CSV: {"schema": {"type": "string", "contentMediaType": CSV}},
+        },
+    }
+}
+router = APIRouter(prefix="/v1/textures", tags=["textures"])
+
+
+class Recording(BaseModel):
+    """How a recording in the body was made; a JSON texture needs none of it."""
+
+    recording_speed_mm_s: Annotated[Positive, Field(le=1_000.0)] | None = None
+    """Speed of the finger or probe: turns time into position."""
+    sample_rate_hz: Annotated[Positive, Field(le=1e7)] | None = None
+    """Rate of a CSV with one column; a WAV, and a CSV with times, bring theirs."""
+    scale_n: Annotated[Positive, Field(le=1e6)] = 1.0
+    """Newtons per unit of a CSV, or at full scale of a WAV."""
+    channel: Annotated[int, Field(ge=0, le=1_000)] = 0
+    """Channel of a WAV."""
+
+
+class TextureSummary(BaseModel):
+    """A texture without its content."""
+
+    name: str
+    shipped: bool = Field(description="Comes with the package; read-only")
+    kind: Literal["spectrum", "profile", "beta", "slope", "map"] | None = None
+    etag: str | None = None
+    damaged: str | None = Field(None, description="Why the file does not hold a texture")
+
+
+class TexturePage(BaseModel):
+    """Some of the textures, sorted by name."""
+
+    textures: list[TextureSummary]
+    next: str | None = Field(None, description="`after` of the next page; null on the last")
+
+
+@router.get("", dependencies=[Depends(needs("read"))], responses=problems.documented(*_READ))
+def list_textures(
+    given: Given,
+    after: Annotated[str, Query(max_length=64, description="Begin behind this name")] = "",
+    limit: Annotated[int, Query(ge=1, le=1_000)] = 100,
+) -> TexturePage:
+    """List the textures of the library, the shipped ones among them."""
+    names = [name for name in given.library.names() if name > after]
+    page = [found for name in names[:limit] if (found := _summary(given.library, name))]
+    return TexturePage(textures=page, next=names[limit - 1] if len(names) > limit else None)
+
+
+@router.get(
+    "/{name}",
+    dependencies=[Depends(needs("read"))],
+    response_model=Texture,
+    responses=problems.documented(*_ONE) | {304: {"description": "Your copy is current"}},
+)
+def get_texture(
+    name: str, given: Given, response: Response, if_none_match: IfNoneMatch = None
+) -> Texture | Response:
+    """Return a texture, as PUT takes it and as a region of a scene holds it."""
+    entry = given.library.get(name)
+    if unchanged(if_none_match, entry.etag):
+        return Response(status_code=304, headers={"ETag": quoted(entry.etag)})
+    response.headers["ETag"] = quoted(entry.etag)
+    return entry.texture
+
+
+@router.put(
+    "/{name}",
+    dependencies=[Depends(needs("render"))],
+    responses=problems.documented(*_WRITE) | {201: {"model": TextureSummary}},
+    openapi_extra=_BODY,
+)
+def put_texture(
+    name: str,
+    given: Given,
+    request: Request,
+    response: Response,
+    body: Annotated[bytes, Depends(raw_body)],
+    recording: Annotated[Recording, Query()],
+    if_match: IfMatch = None,
+    create: Create = None,
+) -> TextureSummary:
+    """Make a texture (`If-None-Match: *`) or replace one (`If-Match`).
+
+    The body is a texture in JSON, or a recording in WAV or CSV; a recording needs
+    `recording_speed_mm_s`, the speed of the finger or probe, so that time becomes position.
+    """
+    texture = _texture_in(request, body, recording)
+    replaces = _replaced(given.library, name, if_match, create)
+    entry = given.library.put(name, texture, replaces)
+    response.headers["ETag"] = quoted(entry.etag)
+    if replaces is None:
+        response.status_code = 201
+        response.headers["Location"] = f"/v1/textures/{name}"
+    return _summarised(entry)
+
+
+@router.delete(
+    "/{name}",
+    dependencies=[Depends(needs("render"))],
+    status_code=204,
+    response_class=Response,
+    responses=problems.documented(*_WRITE),
+)
+def delete_texture(name: str, given: Given, if_match: IfMatch = None) -> None:
+    """Delete a texture."""
+    given.library.delete(name, required_match(if_match, _etag(given.library, name)))
+
+
+def _texture_in(request: Request, body: bytes, recording: Recording) -> Texture:
+    given = require_media(request, JSON, CSV, *WAV)
+    if given == JSON:
+        return parse_json(_TEXTURE, body)
+    if recording.recording_speed_mm_s is None:
+        raise problems.InvalidError(
+            "a recording needs the query parameter recording_speed_mm_s",
+            [problems.Place(where=["query", "recording_speed_mm_s"], what="Field required")],
+        )
+    with tempfile.TemporaryDirectory(prefix="frictus-") as folder:
+        file = Path(folder) / ("recording.csv" if given == CSV else "recording.wav")
+        file.write_bytes(body)
+        return load_texture(
+            file,
+            recording.recording_speed_mm_s,
+            recording.sample_rate_hz,
+            recording.scale_n,
+            channel=recording.channel,
+        )
+
+
+def _replaced(
+    library: TextureLibrary, name: str, if_match: str | None, create: str | None
+) -> str | None:
+    """Return the etag to replace, ``*`` for any, None to make a new texture."""
+    if create is not None:
+        if create.strip() != "*" or if_match is not None:
+            raise problems.InvalidError("send If-None-Match: * to make one, or If-Match alone")
+        return None
+    if if_match is None:
+        raise problems.PreconditionRequiredError(
+            "send If-None-Match: * to make a new texture, or If-Match with the ETag of the "
+            "one that is replaced (* for any)"
+        )
+    try:
+        return required_match(if_match, _etag(library, name))
+    except UnknownTextureError as error:
+        raise TextureConflictError(f"there is no texture {name!r} to replace") from error
+
+
+def _etag(library: TextureLibrary, name: str) -> str:
+    try:
+        return library.get(name).etag
+    except DamagedTextureError:
+        return ""  # no tag but * matches: a damaged file can be replaced knowingly
+
+
+def _summary(library: TextureLibrary, name: str) -> TextureSummary | None:
+    try:
+        return _summarised(library.get(name))
+    except UnknownTextureError:  # deleted since it was listed
+        return None
+    except DamagedTextureError as error:
+        return TextureSummary(name=name, shipped=False, damaged=str(error))
+
+
+def _summarised(entry: Entry) -> TextureSummary:
+    return TextureSummary(
+        name=entry.name, shipped=entry.shipped, kind=entry.texture.kind, etag=entry.etag
+    )

@@ -1,0 +1,61 @@
+"""The commands of `frictus`, one file each."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from frictus_service.cli import api, doctor, play, rig, serve, watch
+from frictus_service.cli.exits import Commands
+from frictus_service.cli.options import AsJson
+
+app = typer.Typer(
+    name="frictus",
+    cls=Commands,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Feel textures on a friction-modulated touchscreen, over the network.",
+    epilog=(
+        "Exit codes: 0 done, 1 unexpected or a part did not start, 2 usage, 3 configuration, "
+        "4 no router or rig, 5 refused by the rig, 6 a check failed, 130 interrupted."
+    ),
+)
+
+
+@app.callback()
+def frictus(
+    debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks.")] = False,
+) -> None:
+    """Feel textures on a friction-modulated touchscreen, over the network."""
+
+
+app.command()(serve.serve)
+app.command()(rig.rig)
+app.command()(api.api)
+app.command()(play.play)
+app.command()(watch.watch)
+app.command()(doctor.doctor)
+
+
+@app.command()
+def demo(
+    as_json: AsJson = False,
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="FILE", help="Draw the spectra."),
+    ] = None,
+    seconds: Annotated[float, typer.Option("--seconds", min=1.0, help="How long.")] = 10.0,
+) -> None:
+    """Start a rig, stream a texture to it from another process, and show what is felt."""
+    from frictus_service.cli import demo as command
+
+    command.demo(as_json=as_json, plot=plot, seconds=seconds)
+
+
+@app.command()
+def bench(as_json: AsJson = False) -> None:
+    """Measure kernel, wire and loop on this machine, each beside its bare counterpart."""
+    from frictus_service.cli import bench as command
+
+    command.bench(as_json=as_json)

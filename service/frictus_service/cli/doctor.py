@@ -1,0 +1,48 @@
+"""`frictus doctor`: whether everything is here that the service needs."""
+
+from typing import TYPE_CHECKING
+
+import typer
+
+from frictus_service.cli.exits import Exit
+from frictus_service.cli.lines import write_line
+from frictus_service.cli.options import AsJson, ConfigFile, RouterOption
+
+if TYPE_CHECKING:
+    from frictus_service.cli.checks import Check
+
+COLOUR = {"ok": "green", "warn": "yellow", "fail": "red"}
+
+
+def doctor(
+    config: ConfigFile = None, router: RouterOption = None, as_json: AsJson = False
+) -> None:
+    """Check Python, packages, caches, configuration, router, rigs, clock and timer."""
+    from frictus_service.cli.checks import all_checks
+
+    worst = "ok"
+    for check in all_checks(config, router):
+        _write(check, as_json)
+        worst = max(worst, check.verdict, key=list(COLOUR).index)
+    if worst == "fail":
+        raise typer.Exit(Exit.CHECK_FAILED)
+
+
+def _write(check: "Check", as_json: bool) -> None:
+    if as_json:
+        write_line(
+            event="check",
+            name=check.name,
+            verdict=check.verdict,
+            found=check.found,
+            to_do=check.to_do,
+        )
+        return
+    from rich.console import Console
+    from rich.text import Text
+
+    verdict = (f"{check.verdict:4s} ", f"bold {COLOUR[check.verdict]}")
+    line = Text.assemble(verdict, f"{check.name}: {check.found}")
+    if check.to_do:
+        line.append(f"\n     {check.to_do}", style="italic")
+    Console().print(line, soft_wrap=True)

@@ -1,0 +1,70 @@
+"""How the command line ends: one clear sentence on standard error, and a stable exit code."""
+
+import sys
+from enum import IntEnum
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+
+class Exit(IntEnum):
+    """Exit codes; programs may rely on them."""
+
+    OK = 0
+    UNEXPECTED = 1
+    """Not foreseen, or a part of the service did not start."""
+    USAGE = 2
+    """An argument, or a file that one names, cannot be used."""
+    CONFIG = 3
+    NO_LINK = 4
+    """No router or no rig answers."""
+    REFUSED = 5
+    """The rig refused, or took the lease away."""
+    CHECK_FAILED = 6
+    INTERRUPTED = 130
+
+
+def code_of(error: Exception) -> Exit:
+    """Return the exit code that stands for an error."""
+    from frictus.errors import FrictusError, LinkError, NoRigError, RefusedError, SilenceError
+    from frictus_service.errors import ConfigurationError
+    from frictus_service.library import LibraryError
+
+    if isinstance(error, ConfigurationError):
+        return Exit.CONFIG
+    if isinstance(error, LinkError | NoRigError | SilenceError):
+        return Exit.NO_LINK
+    if isinstance(error, RefusedError):
+        return Exit.REFUSED
+    if isinstance(error, FrictusError | LibraryError | FileNotFoundError | IsADirectoryError):
+        return Exit.USAGE  # what is left of the client's errors is about what it was given
+    return Exit.UNEXPECTED
+
+
+def sentence_of(error: Exception) -> str:
+    """Return what to tell the user about an error."""
+    from frictus.errors import FrictusError
+    from frictus_service.errors import ServiceError
+
+    if isinstance(error, FrictusError | ServiceError | OSError):
+        return str(error)
+    return f"unexpected {type(error).__name__}: {error}; --debug shows where"
+
+
+class Commands(TyperGroup):
+    """The commands; whatever goes wrong in one ends in a sentence and a code."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise typer.Exit(Exit.INTERRUPTED) from None
+        except BrokenPipeError:
+            raise  # whoever read our output has enough; typer ends quietly
+        except Exception as error:
+            if type(error).__module__.startswith("typer") or ctx.params.get("debug"):
+                raise
+            sys.stderr.write(f"frictus: {sentence_of(error)}\n")
+            raise typer.Exit(code_of(error)) from error

@@ -1,0 +1,163 @@
+"""`frictus play`: feel a texture from a file or from the library."""
+
+import json
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from frictus_service.cli.lines import write_line
+from frictus_service.cli.options import (
+    AsJson,
+    ConfigFile,
+    RigOption,
+    RouterOption,
+    Seconds,
+    SiteOption,
+    Target,
+    wants_lines,
+)
+
+if TYPE_CHECKING:
+    import frictus
+
+PERIOD_S = 0.1
+
+
+def play(
+    texture: Annotated[
+        str,
+        typer.Argument(
+            metavar="TEXTURE",
+            help="WAV, CSV, JSON, AHAP or HJIF file, or the name of a library texture.",
+        ),
+    ],
+    speed: Annotated[
+        float | None,
+        typer.Option("--speed", metavar="MM/S", help="Speed at which it was recorded."),
+    ] = None,
+    rate: Annotated[
+        float | None, typer.Option("--rate", metavar="HZ", help="Rate of a one-column CSV.")
+    ] = None,
+    scale: Annotated[
+        float, typer.Option("--scale", metavar="N", help="Newtons per unit of the file.")
+    ] = 1.0,
+    gain: Annotated[
+        float, typer.Option("--gain", min=0.0, max=100.0, help="Amplify it.")
+    ] = 1.0,
+    rig: RigOption = None,
+    site: SiteOption = None,
+    router: RouterOption = None,
+    config: ConfigFile = None,
+    seconds: Seconds = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make a rig feel like TEXTURE, and show what the finger feels; disarms at the end."""
+    import frictus
+    from frictus_service.cli.felt import Observer
+    from frictus_service.cli.screen import Display
+
+    target = Target.of(config, router, site, rig)
+    scene = scene_of(texture, target.config.textures, speed, rate, scale, gain)
+    lines = wants_lines(as_json)
+    with frictus.connect(target.router) as client:
+        found = target.choose(client)
+        observer = Observer(found)
+        with found.arm() as lease, Display(f"{scene.name} on {found.name}", lines) as display:
+            applied = found.set_scene(scene)
+            if lines:
+                write_line(event="applied", rig=found.name, **applied.model_dump())
+            begun_s = due_s = time.monotonic()
+            while seconds is None or due_s - begun_s < seconds:
+                due_s = max(due_s + PERIOD_S, time.monotonic())
+                if lease.wait_lost(due_s - time.monotonic()):
+                    raise _loss(found, lease.reason)
+                display.show(observer.look(), time.monotonic() - begun_s)
+        if lines:
+            write_line(event="end", elapsed_s=round(time.monotonic() - begun_s, 3))
+
+
+def scene_of(
+    texture: str,
+    library: Path,
+    speed_mm_s: float | None = None,
+    sample_rate_hz: float | None = None,
+    scale_n: float = 1.0,
+    gain: float = 1.0,
+) -> "frictus.Scene":
+    """Return the scene that an argument of the command line stands for.
+
+    Parameters
+    ----------
+    texture : str
+        A file, or the name of a texture of the library; a file goes first. A JSON file may
+        hold a texture or a whole scene.
+    library : Path
+        Folder of the texture library.
+    speed_mm_s, sample_rate_hz, scale_n
+        How a recording was made; see `frictus.load_texture`.
+    gain : float
+        Multiplies the gain of every region.
+
+    Raises
+    ------
+    TextureError, FileNotFoundError
+        If the file cannot be used.
+    LibraryError
+        If there is no such texture.
+    """
+    import frictus
+    from frictus.errors import TextureError
+    from frictus_service.library import TextureLibrary, TextureNameError
+
+    path = Path(texture)
+    if path.is_file():
+        if (scene := _scene_in(path)) is None:
+            found = frictus.load_texture(path, speed_mm_s, sample_rate_hz, scale_n)
+            scene = frictus.Scene(name=path.stem[:100], regions=[frictus.Region(texture=found)])
+    else:
+        try:
+            entry = TextureLibrary(library).get(texture)
+        except TextureNameError as error:
+            raise FileNotFoundError(f"there is no file {texture!r}") from error
+        if (speed_mm_s, sample_rate_hz, scale_n) != (None, None, 1.0):
+            raise TextureError("--speed, --rate and --scale are for recordings in files")
+        scene = frictus.Scene(name=texture, regions=[frictus.Region(texture=entry.texture)])
+    if gain == 1.0:
+        return scene
+    amplified = [region.model_dump() | {"gain": gain * region.gain} for region in scene.regions]
+    return _checked_scene({"name": scene.name, "regions": amplified})
+
+
+def _scene_in(path: Path) -> "frictus.Scene | None":
+    """Return the scene of a JSON file; None if the file holds something else."""
+    if path.suffix.lower() != ".json":
+        return None
+    try:
+        document = json.loads(path.read_bytes())
+    except (ValueError, RecursionError):
+        return None  # whoever reads it as a texture says what is wrong
+    if not isinstance(document, dict) or "regions" not in document:
+        return None
+    return _checked_scene({"name": path.stem[:100], **document})
+
+
+def _checked_scene(document: object) -> "frictus.Scene":
+    from pydantic import ValidationError
+
+    import frictus
+    from frictus.errors import TextureError, explain
+
+    try:
+        return frictus.Scene.model_validate(document)
+    except ValidationError as error:
+        raise TextureError(f"not a scene: {explain(error)}") from error
+
+
+def _loss(rig: "frictus.Rig", reason: str) -> Exception:
+    from frictus.errors import NoRigError, RefusedError
+
+    if not rig.present:
+        return NoRigError(f"the rig has gone: {reason}")
+    return RefusedError("not_owner", f"the rig took the lease away: {reason}")

@@ -1,0 +1,36 @@
+"""`frictus serve`: the whole service on this machine."""
+
+import sys
+import time
+from collections.abc import Callable
+
+from frictus_service.cli.lines import write_line
+from frictus_service.cli.options import AsJson, ConfigFile
+
+
+def serve(config: ConfigFile = None, as_json: AsJson = False) -> None:
+    """Run router, rig and API on this machine until Ctrl-C."""
+    from frictus_service.config import load
+
+    settings = load(config)
+    from frictus_service.daemon import supervisor  # seconds, so after the configuration
+
+    say = said(as_json)
+    if settings.api.enabled:
+        say(f"the API will answer at http://{settings.api.host}:{settings.api.port}/docs")
+        supervisor.serve(settings, say=say)
+    else:
+        supervisor.serve(settings, ("rig",), say=say)
+
+
+def said(as_json: bool) -> Callable[[str], None]:
+    """Return what writes down the lines that a service says to its operator."""
+
+    def to_stderr(line: str) -> None:
+        sys.stderr.write(f"{line}\n")
+        sys.stderr.flush()
+
+    def to_stdout(line: str) -> None:
+        write_line(event="said", utc_ns=time.time_ns(), text=line)
+
+    return to_stdout if as_json else to_stderr

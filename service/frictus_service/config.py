@@ -1,0 +1,313 @@
+"""Configuration: one TOML file, validated once, immutable afterwards.
+
+Nothing needs to be configured: the defaults are a simulated rig on this machine. An error names
+the file and the line at fault, what was wrong there and what is accepted.
+"""
+
+import difflib
+import hashlib
+import hmac
+import ipaddress
+import json
+import re
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from frictus.keys import RigKeys
+from frictus.session import DEFAULT_ROUTER
+from frictus_hardware import BackendConfig, SimulatedConfig, SimulatedDeviceConfig
+from frictus_service.errors import ConfigurationError
+
+Scope = Literal["read", "render", "calibrate", "admin"]
+Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9._-]+$")]
+DEFAULT_FILE = Path("frictus.toml")
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class RouterConfig(_Section):
+    """Where the parts of the system meet."""
+
+    endpoint: Annotated[str, Field(pattern=r"^(tcp|tls|quic)/.+:\d+$")] = DEFAULT_ROUTER
+    """Zenoh endpoint: `tcp/ADDRESS:PORT`."""
+    host: bool = True
+    """Whether `frictus serve` listens there itself; false connects to a router elsewhere."""
+
+
+class Limits(_Section):
+    """What the rig accepts, and how long it waits before it makes the output safe."""
+
+    max_lease_ms: Annotated[int, Field(ge=100, le=10_000)] = 10_000
+    """Longest lease granted; longer requests are refused."""
+    max_command_age_ms: Annotated[int, Field(ge=10, le=60_000)] = 5_000
+    """A command is stale after its own time to live, or after this, whichever ends first."""
+    max_clock_ahead_ms: Annotated[int, Field(ge=1, le=60_000)] = 500
+    """How far a sender's clock may be ahead of this machine's."""
+    max_payload_bytes: Annotated[int, Field(ge=1_024, le=64_000_000)] = 256_000
+    """Larger commands are refused unread."""
+    max_scene_bytes: Annotated[int, Field(ge=1_024, le=64_000_000)] = 10_000_000
+    """The same for scenes, whose maps carry images."""
+    finger_stale_ms: Annotated[int, Field(ge=20, le=1_000)] = 100
+    """Without a touch report for so long, rendering is suspended."""
+    monitor_tolerance_v: Annotated[float, Field(gt=0.0, le=75.0)] = 5.0
+    """How far the monitored screen voltage may be off the drive, V rms over a block."""
+    freeze_ms: Annotated[int, Field(ge=50, le=10_000)] = 250
+    """A block loop that stands still for so long is killed, and the device is reset."""
+    missed_deadlines: Annotated[int, Field(ge=1, le=1_000)] = 40
+    """So many blocks in a row, each more than a block late, trip the rig."""
+
+
+class Token(_Section):
+    """A bearer token of the REST API; give its SHA-256 rather than the token itself."""
+
+    name: Name
+    scopes: Annotated[tuple[Scope, ...], Field(min_length=1)]
+    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")] | None = None
+    """Hexadecimal SHA-256 of the token, lower case."""
+    value: str | None = Field(default=None, min_length=16, repr=False)
+    """The token in the clear, at least 16 characters."""
+
+    @model_validator(mode="after")
+    def _one_secret(self) -> Self:
+        if (self.sha256 is None) == (self.value is None):
+            raise ValueError("give either sha256 or value, not both and not neither")
+        return self
+
+    def matches(self, presented: str) -> bool:
+        """Return whether this is the token presented, in constant time."""
+        digest = hashlib.sha256(presented.encode()).hexdigest()
+        own = self.sha256 or hashlib.sha256((self.value or "").encode()).hexdigest()
+        return hmac.compare_digest(digest, own)
+
+
+class ApiConfig(_Section):
+    """The REST API."""
+
+    enabled: bool = True
+    host: str = "127.0.0.1"
+    port: Annotated[int, Field(ge=0, le=65_535)] = 8420
+    tokens: tuple[Token, ...] = ()
+    """Without any, the API is open to this machine and must stay on loopback."""
+
+    @property
+    def loopback(self) -> bool:
+        """Whether only this machine can reach the API."""
+        if self.host == "localhost":
+            return True
+        try:
+            return ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return False
+
+    @model_validator(mode="after")
+    def _guarded(self) -> Self:
+        if not self.loopback and not self.tokens:
+            raise ValueError(
+                f"host {self.host!r} can be reached by other machines: add [[api.tokens]], "
+                "or bind 127.0.0.1"
+            )
+        names = [token.name for token in self.tokens]
+        if len(set(names)) != len(names):
+            raise ValueError("two tokens bear the same name")
+        return self
+
+
+class Config(_Section):
+    """Everything the service can be told."""
+
+    site: Name = "lab"
+    rig: Name = "rig1"
+    block_ms: Annotated[float, Field(ge=1.0, le=50.0)] = 5.0
+    """Length of a block; a whole number of samples of the backend."""
+    model_file: Path | None = None
+    """A `model/1` document; without one, a placeholder that every message shows."""
+    textures: Path = Path("textures")
+    """Folder of the texture library."""
+    backend: BackendConfig = SimulatedConfig()
+    router: RouterConfig = RouterConfig()
+    limits: Limits = Limits()
+    api: ApiConfig = ApiConfig()
+
+    @property
+    def keys(self) -> RigKeys:
+        """The keys of this rig."""
+        return RigKeys(self.site, self.rig)
+
+    @property
+    def sample_rate_hz(self) -> float:
+        """Nominal rate of the backend's clock."""
+        backend = self.backend
+        if isinstance(backend, SimulatedDeviceConfig):
+            return backend.rig.sample_rate_hz
+        return backend.sample_rate_hz
+
+    @property
+    def block_samples(self) -> int:
+        """Length of a block, in samples."""
+        return round(1e-3 * self.block_ms * self.sample_rate_hz)
+
+    @model_validator(mode="after")
+    def _whole_blocks(self) -> Self:
+        samples = 1e-3 * self.block_ms * self.sample_rate_hz
+        if abs(samples - round(samples)) > 1e-6:
+            raise ValueError(
+                f"block_ms {self.block_ms:g} is {samples:g} samples at "
+                f"{self.sample_rate_hz:g} Hz: a whole number is accepted"
+            )
+        return self
+
+
+def load(path: Path | None = None) -> Config:
+    """Read a configuration file.
+
+    Parameters
+    ----------
+    path : Path or None
+        None reads `frictus.toml` of the working folder where there is one, and takes the
+        defaults where there is none. Relative paths in the file are relative to it.
+
+    Raises
+    ------
+    ConfigurationError
+        If the file cannot be read or says something that is not accepted; the text names the
+        line of each fault.
+    """
+    if path is None:
+        if not DEFAULT_FILE.exists():
+            return Config()
+        path = DEFAULT_FILE
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"{path}: cannot be read: {error}") from error
+    return parse(text, path)
+
+
+def parse(text: str, path: Path) -> Config:
+    """Return the configuration that `text` states; `path` is named in errors.
+
+    Raises
+    ------
+    ConfigurationError
+        As `load`.
+    """
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        place = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
+        line = place[1] if place else str(text.count("\n") + 1)
+        raise ConfigurationError(f"{path}:{line}: not TOML: {error}") from error
+    try:
+        # By way of JSON, whose strict mode still turns text into paths and arrays into tuples.
+        config = Config.model_validate_json(json.dumps(document, default=str), strict=True)
+    except ValidationError as error:
+        lines = _lines_of_keys(text)
+        faults = sorted(_describe(fault, document, lines) for fault in error.errors())
+        told = [f"{path}:{line}: {what}" for line, what in faults]
+        raise ConfigurationError("\n".join(told)) from error
+    folder = path.parent
+    model_file = config.model_file and folder / config.model_file
+    return config.model_copy(
+        update={"model_file": model_file, "textures": folder / config.textures}
+    )
+
+
+Place = tuple[str | int, ...]
+
+
+def _describe(fault: Any, document: dict[str, Any], lines: dict[Place, int]) -> tuple[int, str]:
+    """Return the line of a fault and what is wrong there."""
+    place = _place_in(document, fault["loc"])
+    if fault["type"].startswith("union_tag"):
+        place = (*place, "kind")
+    line = next((lines[place[:n]] for n in range(len(place), 0, -1) if place[:n] in lines), 1)
+    dotted = ".".join(str(part) for part in place) or "the file"
+    message = fault["msg"].removeprefix("Value error, ")
+    if fault["type"] == "extra_forbidden":
+        accepted = sorted(_schema_at(fault["loc"][:-1]).get("properties", {}))
+        unknown = str(fault["loc"][-1])
+        near = difflib.get_close_matches(unknown, accepted, 1)
+        hint = f"; did you mean {near[0]!r}?" if near else "."
+        message = f"unknown key{hint} Accepted here: {', '.join(accepted)}"
+    elif fault["type"] == "union_tag_not_found":
+        kinds = sorted(_schema_at(fault["loc"])["discriminator"]["mapping"])
+        message = f"this key is required here; accepted: {', '.join(map(repr, kinds))}"
+    elif fault["type"] == "missing":
+        message = "this key is required here"
+    elif not isinstance(fault["input"], dict | list):
+        message = f"{message}, not {fault['input']!r}"
+    return line, f"{dotted}: {message}"
+
+
+def _place_in(document: Any, loc: Place) -> Place:
+    """Return `loc` without the union tags that pydantic puts between keys."""
+    place: list[str | int] = []
+    here = document
+    for part in loc:
+        found = (isinstance(here, dict) and part in here) or (
+            isinstance(here, list) and isinstance(part, int)
+        )
+        if found:
+            here = here[part]
+            place.append(part)
+    last = loc[-1:]
+    if last and (not place or place[-1] != last[0]) and isinstance(last[0], str):
+        place.append(last[0])  # a key that is missing
+    return tuple(place)
+
+
+def _schema_at(loc: Place) -> dict[str, Any]:
+    """Return the JSON schema of the section at `loc`."""
+    schema = Config.model_json_schema()
+    definitions = schema["$defs"]
+
+    def resolved(node: dict[str, Any]) -> dict[str, Any]:
+        while "$ref" in node:
+            node = definitions[node["$ref"].rsplit("/", 1)[1]]
+        return node
+
+    node = resolved(schema)
+    for part in loc:
+        mapping = node.get("discriminator", {}).get("mapping", {})
+        if part in mapping:
+            node = resolved({"$ref": mapping[part]})
+        elif isinstance(part, int):
+            node = resolved(node.get("items", {}))
+        else:
+            node = resolved(node.get("properties", {}).get(part, node))
+    return node
+
+
+_HEADER = re.compile(r"^\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
+_KEY = re.compile(r"^\s*([A-Za-z0-9_.\"'\s-]+?)\s*=")
+
+
+def _lines_of_keys(text: str) -> dict[Place, int]:
+    """Return the line of each table and key; keys within inline tables count as their key's."""
+    lines: dict[Place, int] = {}
+    counts: dict[Place, int] = {}
+    table: Place = ()
+    for number, line in enumerate(text.splitlines(), 1):
+        if header := _HEADER.match(line):
+            table = _split(header[2])
+            if header[1] == "[[":
+                index = counts.get(table, -1) + 1
+                counts[table] = index
+                lines.setdefault(table, number)
+                table = (*table, index)
+            lines.setdefault(table, number)
+        elif key := _KEY.match(line):
+            place = table
+            for part in _split(key[1]):
+                place = (*place, part)
+                lines.setdefault(place, number)
+    return lines
+
+
+def _split(dotted: str) -> Place:
+    return tuple(part.strip().strip("\"'") for part in dotted.split("."))

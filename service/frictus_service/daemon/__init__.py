@@ -1,0 +1,1 @@
+"""The device daemon: safety, the block loop, its threads, and the supervisor over them."""

@@ -1,0 +1,120 @@
+"""Arming, leases and stops: each request becomes one event of the safety machine."""
+
+from collections.abc import Callable
+from typing import Protocol, runtime_checkable
+
+from frictus.errors import RefusedError
+from frictus.messages import ArmRequest, LeaseRenewal, PointerState, Reply, Request
+from frictus_hardware.base import Backend
+from frictus_hardware.errors import HardwareError
+from frictus_service.config import Limits
+from frictus_service.daemon.interlock import Interlock
+from frictus_service.daemon.safety import (
+    Arm,
+    ClientVanished,
+    Disarm,
+    Event,
+    Renew,
+    Reset,
+    Stop,
+    refusal,
+)
+
+
+@runtime_checkable
+class MovesFinger(Protocol):
+    """A backend whose virtual finger goes where it is told; from any thread."""
+
+    def move_finger(
+        self, x_mm: float, y_mm: float, in_contact: bool, normal_force_n: float
+    ) -> None:
+        """Move it."""
+        ...
+
+
+class Control:
+    """Answers what concerns the right to drive the screen.
+
+    Parameters
+    ----------
+    interlock : Interlock
+    backend : Backend
+        Whose virtual finger clients may move, if it has one.
+    limits : Limits
+    monotonic_s : callable
+        Monotonic clock, s.
+    """
+
+    def __init__(
+        self,
+        interlock: Interlock,
+        backend: Backend,
+        limits: Limits,
+        monotonic_s: Callable[[], float],
+    ) -> None:
+        self._interlock = interlock
+        self._backend = backend
+        self._limits = limits
+        self._monotonic_s = monotonic_s
+
+    def arm(self, request: ArmRequest) -> Reply:
+        """Give the rig to a client for the length of its lease.
+
+        Raises
+        ------
+        RefusedError
+            `bad_request` for a longer lease than is granted, or what the safety machine says.
+        """
+        if request.lease_ms > self._limits.max_lease_ms:
+            raise RefusedError(
+                "bad_request",
+                f"lease_ms: {request.lease_ms}; at most {self._limits.max_lease_ms} is granted",
+            )
+        return self._feed(Arm(request.client, 1e-3 * request.lease_ms))
+
+    def disarm(self, request: Request) -> Reply:
+        """Take the rig back from its owner."""
+        return self._feed(Disarm(request.client))
+
+    def stop(self, client: str) -> Reply:
+        """Ramp the output to zero, whoever asks."""
+        return self._feed(Stop(client))
+
+    def reset(self, _request: Request) -> Reply:
+        """Unlatch a trip."""
+        return self._feed(Reset())
+
+    def renew(self, request: LeaseRenewal) -> None:
+        """Extend the owner's lease."""
+        self._feed(Renew(request.client))
+
+    def vanish(self, client: str) -> None:
+        """Take note that a client is gone."""
+        self._feed(ClientVanished(client))
+
+    def point(self, request: PointerState) -> None:
+        """Move the virtual finger.
+
+        Raises
+        ------
+        RefusedError
+            `not_feasible` where the finger is not driven by a client, or `not_owner`.
+        """
+        source = self._backend.info.finger_source
+        if source != "pointer" or not isinstance(self._backend, MovesFinger):
+            raise RefusedError("not_feasible", f"no client drives this finger: it is {source}")
+        held = refusal(self._interlock.state, request.client)
+        if held is not None:
+            raise RefusedError(held.code, held.message)
+        try:
+            self._backend.move_finger(
+                request.x_mm, request.y_mm, request.in_contact, request.normal_force_n
+            )
+        except HardwareError as error:
+            raise RefusedError("unavailable", str(error)) from error
+
+    def _feed(self, event: Event) -> Reply:
+        refused = self._interlock.feed(event, self._monotonic_s())
+        if refused is not None:
+            raise RefusedError(refused.code, refused.message)
+        return Reply(ok=True)

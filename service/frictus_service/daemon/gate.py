@@ -1,0 +1,97 @@
+"""What must hold of a command before anything is done with it: size, form, age."""
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+from frictus.errors import FrameError, RefusedError
+from frictus.messages import Request
+from frictus.stream import StreamFrame
+from frictus_service.config import Limits
+
+Kind = TypeVar("Kind", bound=Request)
+
+
+@dataclass(frozen=True, slots=True)
+class Gate:
+    """Reads commands; refuses with `frictus.errors.RefusedError`.
+
+    Parameters
+    ----------
+    limits : Limits
+    """
+
+    limits: Limits
+
+    def read(self, kind: type[Kind], payload: bytes, utc_ns: int, most_bytes: int) -> Kind:
+        """Return the request that `payload` holds.
+
+        Parameters
+        ----------
+        kind : type
+            Which request.
+        payload : bytes
+            JSON.
+        utc_ns : int
+            Now.
+        most_bytes : int
+            Larger payloads are not looked into.
+
+        Raises
+        ------
+        RefusedError
+            `too_large`, `bad_request` (the text names the field) or `stale`.
+        """
+        self._check_size(payload, most_bytes)
+        try:
+            request = kind.from_json(payload)
+        except FrameError as error:
+            raise RefusedError("bad_request", str(error)) from error
+        self.time_left_s(request.utc_ns, request.ttl_ms, utc_ns)
+        return request
+
+    def read_frame(self, payload: bytes, utc_ns: int) -> tuple[StreamFrame, float]:
+        """Return the stream frame that `payload` holds, and for how long it is good, s.
+
+        Raises
+        ------
+        RefusedError
+            As `read`.
+        """
+        self._check_size(payload, self.limits.max_payload_bytes)
+        try:
+            frame = StreamFrame.unpack(payload)
+        except FrameError as error:
+            raise RefusedError("bad_request", str(error)) from error
+        return frame, self.time_left_s(frame.utc_ns, frame.ttl_ms, utc_ns)
+
+    def time_left_s(self, sent_ns: int, ttl_ms: int, utc_ns: int) -> float:
+        """Return how long a command is still good for, s; more than 0.
+
+        Raises
+        ------
+        RefusedError
+            `stale`, where it is too old, or made in the future.
+        """
+        age_ms = 1e-6 * (utc_ns - sent_ns)
+        if -age_ms > self.limits.max_clock_ahead_ms:
+            raise RefusedError(
+                "stale",
+                f"made {-1e-3 * age_ms:.3f} s in the future, at most "
+                f"{1e-3 * self.limits.max_clock_ahead_ms:g} s is accepted: "
+                "set the clocks of both machines by NTP",
+            )
+        allowed_ms = min(ttl_ms, self.limits.max_command_age_ms)
+        left_ms = allowed_ms - max(age_ms, 0.0)
+        if left_ms <= 0.0:
+            raise RefusedError(
+                "stale",
+                f"{1e-3 * age_ms:.3f} s old, good for {1e-3 * allowed_ms:g} s: "
+                "send it again; if it keeps happening, set the clocks by NTP",
+            )
+        return 1e-3 * left_ms
+
+    def _check_size(self, payload: bytes, most_bytes: int) -> None:
+        if len(payload) > most_bytes:
+            raise RefusedError(
+                "too_large", f"{len(payload)} bytes; at most {most_bytes} are accepted"
+            )

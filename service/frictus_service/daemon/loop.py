@@ -1,0 +1,367 @@
+"""The block loop: exchange, estimate, render, hand over. Nothing in it waits for anyone.
+
+It calls no Zenoh, writes no log and lets nothing grow. Other threads leave orders for it in
+slots of one, where the newest wins, and take finished blocks from a bounded queue; what does
+not fit is dropped and counted.
+"""
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from queue import SimpleQueue
+from typing import Final
+
+from frictus.messages import FaultKind
+from frictus_hardware.base import Backend
+from frictus_hardware.errors import HardwareError
+from frictus_hardware.physics.friction import FrictionLaw
+from frictus_service.config import Config
+from frictus_service.daemon.heartbeat import Heartbeat
+from frictus_service.daemon.interlock import Interlock
+from frictus_service.daemon.lateness import Lateness
+from frictus_service.daemon.monitor import Monitor
+from frictus_service.daemon.orders import Orders, SceneOrder
+from frictus_service.daemon.safety import (
+    Event,
+    FaultCleared,
+    FaultRaised,
+    OutputQuiet,
+    Safety,
+)
+from frictus_service.daemon.timebase import UtcReading
+from frictus_service.daemon.turn import Turn
+from frictus_service.synthesis.chain import Chain, Step
+from frictus_service.synthesis.estimator import EstimatorTuning, FingerEstimator
+from frictus_service.synthesis.renderer import Renderer
+from frictus_service.translate import screen_of
+
+RAMP_S: Final = 0.02
+"""Within which what is queued comes down to zero, at a stop and at a trip."""
+HANDOVER_BLOCKS: Final = 64
+"""Blocks that the publisher may lag behind: 320 ms."""
+REOPEN_S: Final = 1.0
+"""Between tries to open a device that was lost."""
+HEALTH_BLOCKS: Final = 100
+"""The device's own health is asked for every so many blocks."""
+PAUSE_S: Final = 0.002
+LOST: Final = ("stream_lost", "device_lost", "link_lost")
+
+
+@dataclass(slots=True)
+class Tally:
+    """Counts since the rig started. Each is written by the loop alone."""
+
+    blocks: int = 0
+    deadline_misses: int = 0
+    overruns: int = 0
+    underruns: int = 0
+    clipped_samples: int = 0
+    extrapolated_samples: int = 0
+    stale_touches: int = 0
+    blocks_dropped: int = 0
+    stream_stale: bool = False
+
+
+class BlockLoop:
+    """Runs a rig, block by block.
+
+    Parameters
+    ----------
+    backend : Backend
+        Open.
+    config : Config
+    law : FrictionLaw
+        To begin with.
+    interlock : Interlock
+    orders : Orders
+    heartbeat : Heartbeat
+        Counts the turns.
+    run : int
+        Number of the first run.
+    monotonic_ns, utc_ns : callable
+        Clocks, ns.
+    """
+
+    def __init__(
+        self,
+        backend: Backend,
+        config: Config,
+        law: FrictionLaw,
+        interlock: Interlock,
+        orders: Orders,
+        heartbeat: Heartbeat,
+        run: int,
+        monotonic_ns: Callable[[], int],
+        utc_ns: Callable[[], int],
+    ) -> None:
+        self._backend = backend
+        self._law = law
+        self._interlock = interlock
+        self._orders = orders
+        self._heartbeat = heartbeat
+        self._missed_limit = config.limits.missed_deadlines
+        self._tolerance_v = config.limits.monitor_tolerance_v
+        self._tuning = EstimatorTuning(stale_s=1e-3 * config.limits.finger_stale_ms)
+        self._block_samples = config.block_samples
+        self._monotonic_ns = monotonic_ns
+        self._utc_ns = utc_ns
+        self._monitor = Monitor(backend.info.lead_samples)
+        self._screen = screen_of(backend.info)
+        self._rate_hz = backend.info.sample_rate_hz
+        self.run = run
+        self._number = 0
+        self._energised = False
+        self._arming = 0
+        self._zero_from = 0
+        self._order: SceneOrder | None = None
+        self._standing: SceneOrder | None = None
+        self._parked: FaultKind | None = None
+        self._sensor_lost = False
+        self._broken = False
+        self._was_stale = True
+        self._estimator = self._new_estimator()
+        self._chain = self._new_chain()
+        self.tally = Tally()
+        self.lateness = Lateness(self._rate_hz)
+        self.handover: SimpleQueue[Turn] = SimpleQueue()
+
+    def run_until(self, stop: threading.Event) -> None:
+        """Turn until told to stop; then ramp the output to zero and play the ramp out."""
+        while not stop.is_set():
+            if not self.turn():
+                stop.wait(PAUSE_S)  # nothing was waited for, and a fault must not busy the CPU
+            if self.parked:
+                self.wait_for_device(stop)
+        self._wind_down()
+
+    @property
+    def parked(self) -> bool:
+        """Whether the device is lost and has to be opened anew."""
+        return self._parked is not None
+
+    def turn(self) -> bool:
+        """Do one block and return whether it was done; what goes wrong becomes a fault."""
+        beats = self._heartbeat.value
+        self._heartbeat.value = beats + 1
+        if self._parked is not None:
+            self._interlock.tick(self._now_s())
+            return False
+        try:
+            now_s = self._now_s()
+            safety = self._interlock.tick(now_s)
+            self._follow(safety)
+            self._take_orders(now_s)
+            step = self._chain.step(self._energised and safety.may_render(now_s))
+            returned_ns = self._monotonic_ns()
+            reading = UtcReading(returned_ns, self._utc_ns(), self._monotonic_ns())
+            self._account(step, returned_ns)
+            self._watch_output(step)
+            self._hand_over(step, returned_ns, reading)
+            self._check_health()
+            return True
+        except HardwareError as error:
+            self._on_fault(error)
+        except Exception as error:
+            self._on_bug(error)
+        return False
+
+    def _now_s(self) -> float:
+        return 1e-9 * self._monotonic_ns()
+
+    def _feed(self, event: Event) -> None:
+        self._interlock.feed(event, self._now_s())
+
+    def _follow(self, safety: Safety) -> None:
+        """Make the device what the safety state says."""
+        if self._energised:
+            if not safety.energised or safety.armings != self._arming:
+                self._halt()
+        elif self._sensed_end() >= self._zero_from:  # the last ramp has been played out
+            if safety.energised:
+                self._backend.arm()
+                self._energised, self._arming = True, safety.armings
+            elif safety.state == "stopping":
+                self._feed(OutputQuiet())
+
+    def _sensed_end(self) -> int:
+        return self._backend.next_play_sample - self._backend.info.lead_samples
+
+    def _halt(self) -> None:
+        self._energised = False
+        self._zero_from = self._backend.next_play_sample
+        try:
+            self._backend.stop(RAMP_S)
+        finally:
+            # The device has ramped; what renders begins anew at zero, and what a client
+            # streamed ends with its lease.
+            self._order = self._standing
+            self._chain.renderer = self._new_renderer()
+
+    def _new_estimator(self) -> FingerEstimator:
+        return FingerEstimator(self._rate_hz, self._tuning)
+
+    def _new_renderer(self) -> Renderer:
+        scene = self._standing.scene if self._standing is not None else None
+        return Renderer(self._law, self._screen, self._rate_hz, self._block_samples, scene)
+
+    def _new_chain(self) -> Chain:
+        return Chain(self._backend, self._estimator, self._new_renderer(), self._block_samples)
+
+    def _take_orders(self, now_s: float) -> None:
+        if self._orders.law and not self._energised:
+            change = self._orders.law.popleft()
+            self._law = change.law
+            self._chain.renderer.set_law(change.law)
+            self._play(SceneOrder(change.scene))
+            change.done.set()
+        if self._orders.scene:
+            self._play(self._orders.scene.popleft())
+        order = self._order
+        if order is not None and now_s > order.until_s and order.afterwards is not None:
+            self._play(SceneOrder(order.afterwards, afterwards=order.afterwards))
+            self.tally.stream_stale = True
+
+    def _play(self, order: SceneOrder) -> None:
+        self._order = order
+        self._chain.renderer.set_scene(order.scene)
+        self.tally.stream_stale = False
+        if order.standing:
+            self._standing = order
+
+    def _account(self, step: Step, returned_ns: int) -> None:
+        exchange, tally = step.exchange, self.tally
+        n = exchange.voltage_v.size
+        late_in_a_row = self.lateness.note(
+            returned_ns, exchange.first_sample + n, n, exchange.margin_samples
+        )
+        tally.blocks += 1
+        tally.deadline_misses += late_in_a_row > 0
+        tally.overruns += exchange.overrun_samples > 0
+        tally.underruns += exchange.underrun_samples > 0
+        tally.clipped_samples += step.rendered.clipped_samples + exchange.clipped_samples
+        tally.extrapolated_samples += step.rendered.extrapolated_samples
+        tally.stale_touches += step.stale and not self._was_stale
+        self._was_stale = step.stale
+        self._broken = False
+        if late_in_a_row >= self._missed_limit and self._energised:
+            late_ms = 1e3 * n * late_in_a_row / self._rate_hz
+            self._feed(
+                FaultRaised(
+                    "deadline", f"{late_in_a_row} blocks in a row ({late_ms:.0f} ms) late"
+                )
+            )
+
+    def _hand_over(self, step: Step, returned_ns: int, reading: UtcReading) -> None:
+        number = self._number
+        self._number += 1
+        if self.handover.qsize() >= HANDOVER_BLOCKS:
+            self.tally.blocks_dropped += 1
+            return
+        exchange = step.exchange
+        end = exchange.first_sample + exchange.voltage_v.size
+        estimator = self._estimator
+        (x, vx), (y, vy) = estimator.estimate(end).tolist()
+        turn = Turn(
+            self.run,
+            number,
+            step,
+            self._energised,
+            self._chain.renderer.scene.applied.scaled,
+            (x, y, vx, vy),
+            estimator.report_age_s(end),
+            returned_ns,
+            reading,
+        )
+        self.handover.put(turn)
+
+    def _watch_output(self, step: Step) -> None:
+        """Trip where the monitor contradicts the drive: the amplifier, or we, do wrong."""
+        exchange = step.exchange
+        apart_v = self._monitor.compare(exchange, self._zero_from)
+        if not apart_v <= self._tolerance_v:  # NaN must trip too
+            self._feed(
+                FaultRaised(
+                    "safety",
+                    f"the monitor is {apart_v:.3g} V rms off the drive at sample "
+                    f"{exchange.first_sample}, {self._tolerance_v:g} V is accepted",
+                )
+            )
+
+    def _check_health(self) -> None:
+        if self._number % HEALTH_BLOCKS:
+            return
+        wrong = self._backend.health()
+        if wrong is not None:
+            self._feed(FaultRaised("sensor", wrong))
+        elif self._sensor_lost:
+            self._feed(FaultCleared("sensor"))
+        self._sensor_lost = wrong is not None
+
+    def _on_fault(self, error: HardwareError) -> None:
+        kind: FaultKind = error.kind  # type: ignore[assignment]
+        if kind in LOST:
+            self._parked = kind
+            self._feed(FaultRaised(kind, str(error)))
+        elif kind == "sensor":
+            self._sensor_lost = True
+            self._feed(FaultRaised(kind, str(error)))
+        elif kind == "safety":
+            self._feed(FaultRaised(kind, str(error)))
+        else:
+            self._on_bug(error)
+
+    def _on_bug(self, error: Exception) -> None:
+        """Trip, and go on with a fresh chain; a second one in a row ends the process."""
+        self._feed(FaultRaised("internal", f"{type(error).__name__}: {error}"))
+        if self._broken:
+            raise error
+        self._broken = True
+        self._energised = False
+        self._zero_from = self._backend.next_play_sample
+        self._backend.stop(RAMP_S)
+        self._renew_chain()
+
+    def _renew_chain(self) -> None:
+        self._estimator = self._new_estimator()
+        self._order = self._standing
+        self._chain = self._new_chain()
+
+    def wait_for_device(self, stop: threading.Event) -> None:
+        """Close the device and open it again; beats 0 meanwhile: opening may take long."""
+        kind = self._parked
+        assert kind is not None
+        beats = self._heartbeat.value
+        self._heartbeat.value = 0
+        self._energised = False
+        try:
+            self._backend.close()
+            while not stop.wait(REOPEN_S):
+                self._interlock.tick(self._now_s())
+                if self._reopened():
+                    self._parked = None
+                    self._feed(FaultCleared(kind))
+                    break
+        finally:
+            self._heartbeat.value = beats
+
+    def _reopened(self) -> bool:
+        try:
+            self._backend.open()
+        except HardwareError:
+            return False  # the fault that is shown already says so; tried again in a while
+        self.run += 1
+        self._number = 0
+        self._zero_from = 0
+        self.lateness.restart()
+        self._monitor.restart()
+        self._renew_chain()
+        return True
+
+    def _wind_down(self) -> None:
+        if self._parked is not None:
+            return
+        self._halt()
+        blocks = 0
+        while self._sensed_end() < self._zero_from and blocks < HANDOVER_BLOCKS:
+            self._chain.step(False)
+            blocks += 1

@@ -1,0 +1,54 @@
+"""Whether the screen gets what it was told: the monitored voltage against the drive."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_hardware.base import Exchange
+
+RING_SAMPLES = 1 << 16
+"""More than any lead and block together."""
+
+
+class Monitor:
+    """Remembers what was handed over until it has been played and sensed.
+
+    Root mean squares over a block are compared, not samples: a carrier of 7 kHz turns a skew
+    of microseconds between output and monitor into volts.
+
+    Parameters
+    ----------
+    lead_samples : int
+    """
+
+    def __init__(self, lead_samples: int) -> None:
+        self._lead = lead_samples
+        self._power = np.zeros(RING_SAMPLES)
+        self._known_from = 0
+
+    def restart(self) -> None:
+        """Forget everything: the device began anew."""
+        self._power[:] = 0.0
+        self._known_from = 0
+
+    def compare(self, exchange: Exchange, zero_from: int) -> float:
+        """Return how far monitor and drive are apart over the sensed block, V rms.
+
+        Parameters
+        ----------
+        exchange : Exchange
+        zero_from : int
+            Where the ramp of the last stop ends; what was played before is not what had been
+            handed over, and is not compared.
+        """
+        n = exchange.applied_v.size
+        self._power[self._places(exchange.play_sample, n)] = np.square(exchange.applied_v)
+        if exchange.underrun_samples or exchange.overrun_samples:
+            self._known_from = exchange.play_sample + n
+        if exchange.first_sample < max(zero_from, self._known_from):
+            return 0.0
+        told_v = np.sqrt(self._power[self._places(exchange.first_sample, n)].mean())
+        sensed_v = np.sqrt(np.square(exchange.voltage_v).mean())
+        return float(abs(sensed_v - told_v))
+
+    def _places(self, first: int, n_samples: int) -> NDArray[np.int64]:
+        return np.arange(first, first + n_samples) % RING_SAMPLES

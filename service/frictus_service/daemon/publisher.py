@@ -1,0 +1,231 @@
+"""The publisher thread: packs what the loop hands over and puts it on the network."""
+
+import gc
+import queue
+import threading
+from collections.abc import Callable
+from importlib.metadata import version
+from typing import Final
+
+import zenoh
+
+from frictus.keys import STREAMS, RigKeys, Topics
+from frictus.messages import Counters, Fault, LoopTiming, RigStatus, TimeState
+from frictus.session import declare_latest_publisher, declare_publisher
+from frictus_hardware.base import RigInfo
+from frictus_service.daemon.commands import Commands
+from frictus_service.daemon.interlock import Interlock
+from frictus_service.daemon.loop import BlockLoop
+from frictus_service.daemon.safety import ACTIONS
+from frictus_service.daemon.stage import Stage
+from frictus_service.daemon.timebase import Timebase
+from frictus_service.daemon.turn import Turn
+from frictus_service.translate import blocks_of, finger_of, flags_of
+
+STATUS_S: Final = 0.5
+"""A status is published at least so often, and whenever the safety state changes."""
+COLLECT_BLOCKS: Final = 2_000
+"""The garbage collector runs after so many blocks; see `Publisher.run_until`."""
+LATEST: Final = (Topics.STATUS, Topics.SCENE, Topics.MODEL, Topics.TIME)
+
+
+class Publisher:
+    """Publishes a rig's blocks and states.
+
+    Parameters
+    ----------
+    session : zenoh.Session
+        Outlives this.
+    keys : RigKeys
+    info : RigInfo
+    block_samples : int
+    loop : BlockLoop
+        Whose blocks are taken.
+    interlock : Interlock
+    stage : Stage
+    commands : Commands
+    monotonic_s, utc_ns : callable
+        Clocks.
+    """
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        keys: RigKeys,
+        info: RigInfo,
+        block_samples: int,
+        loop: BlockLoop,
+        interlock: Interlock,
+        stage: Stage,
+        commands: Commands,
+        monotonic_s: Callable[[], float],
+        utc_ns: Callable[[], int],
+    ) -> None:
+        self._keys = keys
+        self._info = info
+        self._block_samples = block_samples
+        self._loop = loop
+        self._interlock = interlock
+        self._stage = stage
+        self._commands = commands
+        self._monotonic_s = monotonic_s
+        self._utc_ns = utc_ns
+        self._streams = {
+            stream: declare_publisher(session, keys.of(topic), topic)
+            for stream, topic in STREAMS.items()
+        }
+        self._finger = declare_publisher(session, keys.of(Topics.FINGER), Topics.FINGER)
+        self._latest = {
+            topic: declare_latest_publisher(session, keys.of(topic), topic) for topic in LATEST
+        }
+        self._timebase = Timebase(info.sample_rate_hz)
+        self._run = loop.run
+        self._published = 0
+        self._status_due_s = 0.0
+        self._said: tuple[object, ...] = ()
+        self._fault: Fault | None = None
+        self._version = version("frictus")
+
+    def run_until(self, stop: threading.Event) -> None:
+        """Publish until told to stop and all that was handed over is out.
+
+        The collector is off in a rig's process, since it may stop all threads for longer than
+        a block when it meets everything that was ever imported; what exists before the loop
+        starts is frozen. What the threads leave since is little: it is collected here, by the
+        thread that can best wait, once in a while.
+        """
+        turns = 0
+        while True:
+            try:
+                turn = self._loop.handover.get(timeout=0.1)
+            except queue.Empty:
+                if stop.is_set():
+                    break
+            else:
+                self._publish(turn)
+                turns += 1
+                if turns % COLLECT_BLOCKS == 0:
+                    gc.collect()
+            self._publish_states()
+        self._put_status()
+
+    def _publish(self, turn: Turn) -> None:
+        if turn.run != self._run:
+            self._run = turn.run
+            self._timebase = Timebase(self._info.sample_rate_hz)
+        exchange = turn.step.exchange
+        end = exchange.first_sample + exchange.voltage_v.size
+        self._timebase.observe(end, turn.returned_ns, turn.reading)
+        flags = flags_of(turn, self._info, self._stage.model.model.placeholder)
+        stamp = self._timebase.stamp(exchange.first_sample)
+        for block in blocks_of(turn, stamp, flags, self._info.sample_rate_hz):
+            self._streams[block.stream].put(block.pack())
+            self._published += 1
+        self._finger.put(finger_of(turn, self._timebase.stamp(end), self._info).to_json())
+
+    def _publish_states(self) -> None:
+        now_s = self._monotonic_s()
+        said = (
+            self._interlock.revision,
+            self._stage.scene.etag,
+            self._stage.model.etag,
+            self._stage.stream_open,
+            self._loop.tally.stream_stale,
+            self._run,
+            self._timebase.utc_steps,
+        )
+        if said == self._said and now_s < self._status_due_s:
+            return
+        if said[1:3] != self._said[1:3]:
+            self._latest[Topics.SCENE].put(self._stage.scene.to_json())
+            self._latest[Topics.MODEL].put(self._stage.model.to_json())
+        self._said = said
+        self._status_due_s = now_s + STATUS_S
+        self._put_status()
+        self._put_time()
+
+    def _put_time(self) -> None:
+        timebase = self._timebase
+        if not timebase.ready:
+            return
+        sample = timebase.newest_sample
+        stamp = timebase.stamp(sample)
+        state = TimeState(
+            run=self._run,
+            sample=sample,
+            utc_ns=stamp.utc_ns,
+            ns_per_sample=timebase.ns_per_sample,
+            uncertainty_ns=stamp.uncertainty_ns,
+            skew_ppm=timebase.skew_ppm,
+            utc_steps=timebase.utc_steps,
+        )
+        self._latest[Topics.TIME].put(state.to_json())
+
+    def _put_status(self) -> None:
+        self._latest[Topics.STATUS].put(self.status().to_json())
+
+    def status(self) -> RigStatus:
+        """Return what the rig says of itself now."""
+        info, safety, lateness = self._info, self._interlock.state, self._loop.lateness
+        median_ms, high_ms = lateness.percentiles_ms()
+        model = self._stage.model
+        return RigStatus(
+            site=self._keys.site,
+            rig=self._keys.rig,
+            version=self._version,
+            run=self._run,
+            utc_ns=self._utc_ns(),
+            state=safety.state,
+            fault=self._fault_shown(),
+            owner=safety.owner,
+            backend=info.backend,
+            simulated=info.simulated,
+            finger_source=info.finger_source,
+            sample_rate_hz=info.sample_rate_hz,
+            block_samples=self._block_samples,
+            lead_ms=1e3 * info.lead_samples / info.sample_rate_hz,
+            screen_mm=info.screen_mm,
+            screen_peak_v=info.screen_peak_v,
+            model_etag=model.etag,
+            model_placeholder=model.model.placeholder,
+            scene_etag=self._stage.scene.etag,
+            stream_open=self._stage.stream_open,
+            stream_stale=self._loop.tally.stream_stale,
+            counters=self._counters(),
+            timing=LoopTiming(
+                lateness_p50_ms=median_ms,
+                lateness_p99_ms=high_ms,
+                lateness_max_ms=lateness.max_ms,
+                margin_min_ms=lateness.least_margin_ms(),
+            ),
+        )
+
+    def _fault_shown(self) -> Fault | None:
+        fault = self._interlock.state.fault
+        if fault is None:
+            self._fault = None
+        elif self._fault is None or fault != (self._fault.kind, self._fault.reason):
+            kind, reason = fault
+            self._fault = Fault(
+                kind=kind, reason=reason, utc_ns=self._utc_ns(), action=ACTIONS[kind]
+            )
+        return self._fault
+
+    def _counters(self) -> Counters:
+        tally, commands, stage = self._loop.tally, self._commands, self._stage
+        return Counters(
+            blocks=tally.blocks,
+            deadline_misses=tally.deadline_misses,
+            overruns=tally.overruns,
+            underruns=tally.underruns,
+            clipped_samples=tally.clipped_samples,
+            extrapolated_samples=tally.extrapolated_samples,
+            scaled_scenes=stage.scaled_scenes,
+            stale_touches=tally.stale_touches,
+            refused_commands=commands.refused,
+            stream_updates=stage.updates,
+            stream_updates_expired=commands.updates_expired + commands.updates_lost,
+            blocks_published=self._published,
+            blocks_dropped=tally.blocks_dropped,
+            trips=self._interlock.trips,
+        )

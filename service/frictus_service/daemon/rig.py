@@ -1,0 +1,253 @@
+"""The rig process: backend, loop, publisher and commands, put together and taken down."""
+
+import contextlib
+import gc
+import os
+import secrets
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Final, Protocol
+
+from frictus.errors import FrameError, TextureError
+from frictus.messages import FaultKind
+from frictus.model import Model
+from frictus.session import open_session
+from frictus_hardware import open_backend
+from frictus_service.config import Config
+from frictus_service.daemon.commands import Commands
+from frictus_service.daemon.control import Control
+from frictus_service.daemon.heartbeat import Heartbeat
+from frictus_service.daemon.interlock import Interlock
+from frictus_service.daemon.loop import BlockLoop
+from frictus_service.daemon.orders import Orders
+from frictus_service.daemon.patience import PatientBackend
+from frictus_service.daemon.publisher import Publisher
+from frictus_service.daemon.safety import Safety
+from frictus_service.daemon.stage import Stage
+from frictus_service.daemon.warmup import warm_up
+from frictus_service.errors import ConfigurationError, StartError
+from frictus_service.translate import law_of, placeholder_model, screen_of
+
+JOIN_S: Final = 5.0
+REAL_TIME_PRIORITY: Final = 20
+
+
+class Signal(Protocol):
+    """An event: of threading or of multiprocessing."""
+
+    def set(self) -> None:
+        """Set it."""
+        ...
+
+
+def run_rig(
+    config: Config,
+    heartbeat: Heartbeat,
+    ready: Signal,
+    stop: threading.Event,
+    fault: tuple[FaultKind, str] | None = None,
+    say: Callable[[str], None] = lambda _line: None,
+) -> None:
+    """Run a rig until told to stop; then ramp to zero, disarm and close.
+
+    Parameters
+    ----------
+    config : Config
+    heartbeat : Heartbeat
+        Counts the loop's turns; 0 until the loop runs.
+    ready : Signal
+        Set once the rig is present on the network.
+    stop : threading.Event
+        Ends the rig.
+    fault : tuple of kind and reason, or None
+        Why the rig had to be started again; shown until it is armed.
+    say : callable
+        Told what an operator should know.
+
+    Raises
+    ------
+    ConfigurationError, HardwareError, LinkError
+        Where the rig cannot start.
+    StartError
+        Where one of its threads ended by itself.
+    """
+    model = read_model(config.model_file)
+    heartbeat.value = 0
+    warm_up(config.sample_rate_hz, config.block_samples)
+    with open_session(config.router.endpoint) as session, _opened(config) as backend:
+        rig = _Parts(config, backend, model, heartbeat, fault)
+        with rig.commands, rig.running(session, say):
+            rig.commands.declare(session, config.keys)
+            with contextlib.closing(_Token(session, config.keys.alive)):
+                ready.set()
+                rig.wait(stop)
+
+
+def read_model(path: Path | None) -> Model:
+    """Return the configured model, or the placeholder.
+
+    Raises
+    ------
+    ConfigurationError
+        If the file does not hold a `model/1` document of friction.
+    """
+    if path is None:
+        return placeholder_model()
+    try:
+        model = Model.model_validate_json(path.read_bytes())
+        law_of(model)
+    except (OSError, ValueError, FrameError, TextureError) as error:
+        raise ConfigurationError(f"model_file {path}: {error}") from error
+    return model
+
+
+@contextlib.contextmanager
+def _opened(config: Config) -> Iterator[PatientBackend]:
+    backend = PatientBackend(open_backend(config.backend), time.monotonic_ns)
+    try:
+        yield backend
+    finally:
+        backend.close()
+
+
+class _Token:
+    """The rig's liveliness token: while it stands, the rig is present."""
+
+    def __init__(self, session, key: str) -> None:  # type: ignore[no-untyped-def]
+        self._token = session.liveliness().declare_token(key)
+
+    def close(self) -> None:
+        self._token.undeclare()
+
+
+class _Parts:
+    """What a rig consists of, wired."""
+
+    def __init__(
+        self,
+        config: Config,
+        backend: PatientBackend,
+        model: Model,
+        heartbeat: Heartbeat,
+        fault: tuple[FaultKind, str] | None,
+    ) -> None:
+        info = backend.info
+        self.config = config
+        self.backend = backend
+        self.interlock = Interlock(Safety(fault=fault))
+        self.orders = Orders()
+        self.info = info
+        self.stage = Stage(
+            model,
+            screen_of(info),
+            info.sample_rate_hz,
+            self.interlock,
+            self.orders,
+            time.monotonic,
+        )
+        self.loop = BlockLoop(
+            backend,
+            config,
+            law_of(model),
+            self.interlock,
+            self.orders,
+            heartbeat,
+            secrets.randbits(31),
+            time.monotonic_ns,
+            time.time_ns,
+        )
+        control = Control(self.interlock, backend.inner, config.limits, time.monotonic)
+        self.commands = Commands(control, self.stage, self.interlock, config.limits)
+        self.failed: list[BaseException] = []
+        self._ended = threading.Event()
+
+    @contextlib.contextmanager
+    def running(self, session, say: Callable[[str], None]) -> Iterator[None]:  # type: ignore[no-untyped-def]
+        """Run loop and publisher in threads; at the end the loop stops first."""
+        publisher = Publisher(
+            session,
+            self.config.keys,
+            self.info,
+            self.config.block_samples,
+            self.loop,
+            self.interlock,
+            self.stage,
+            self.commands,
+            time.monotonic,
+            time.time_ns,
+        )
+        stop_loop, stop_publisher = threading.Event(), threading.Event()
+        loop = self._thread("frictus-loop", lambda: self._loop(stop_loop, say))
+        publishing = self._thread(
+            "frictus-publisher", lambda: publisher.run_until(stop_publisher)
+        )
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        loop.start()
+        publishing.start()
+        try:
+            yield
+        finally:
+            stop_loop.set()
+            loop.join(JOIN_S)
+            stop_publisher.set()
+            publishing.join(JOIN_S)
+            gc.enable()
+            gc.unfreeze()
+
+    def wait(self, stop: threading.Event) -> None:
+        """Wait until told to stop, or until a thread has ended by itself.
+
+        Raises
+        ------
+        StartError
+            In the latter case.
+        """
+
+        def end_on_stop() -> None:
+            stop.wait()
+            self._ended.set()
+
+        threading.Thread(target=end_on_stop, name="frictus-stop", daemon=True).start()
+        self._ended.wait()
+        if self.failed:
+            error = self.failed[0]
+            raise StartError(f"{type(error).__name__}: {error}") from error
+
+    def _loop(self, stop: threading.Event, say: Callable[[str], None]) -> None:
+        say(raise_priority())
+        # The device's clock began with the first opening, and what came since took longer
+        # than the lead: begin anew, so that no rig starts with underruns.
+        self.backend.close()
+        self.backend.open()
+        self.loop.run_until(stop)
+
+    def _thread(self, name: str, target: Callable[[], None]) -> threading.Thread:
+        def run() -> None:
+            try:
+                target()
+            except BaseException as error:
+                self.failed.append(error)
+                self._ended.set()
+
+        return threading.Thread(target=run, name=name, daemon=True)
+
+
+def raise_priority() -> str:
+    """Ask for real-time priority for this thread; return what came of it.
+
+    Not having it is no fault: the loop then is later now and then, which is counted.
+    """
+    if not hasattr(os, "sched_setscheduler"):
+        return "loop priority: normal (this system has no SCHED_FIFO)"
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REAL_TIME_PRIORITY))
+    except OSError as error:
+        return (
+            f"loop priority: normal ({error.strerror}); allow real time by "
+            "LimitRTPRIO in the unit file or rtprio in limits.conf"
+        )
+    return f"loop priority: real time (SCHED_FIFO {REAL_TIME_PRIORITY})"

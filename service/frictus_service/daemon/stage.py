@@ -1,0 +1,239 @@
+"""What is rendered: the standing scene, a stream over it, and the model that both invert."""
+
+import itertools
+import secrets
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from frictus.errors import RefusedError, TextureError
+from frictus.messages import (
+    ModelRequest,
+    ModelState,
+    OpenStreamRequest,
+    Reply,
+    Request,
+    SceneRequest,
+    SceneState,
+)
+from frictus.model import Model
+from frictus.stream import StreamFrame
+from frictus.textures import Scene
+from frictus_hardware.physics.screen import Screen
+from frictus_service.daemon.interlock import Interlock
+from frictus_service.daemon.orders import LawOrder, Orders, SceneOrder
+from frictus_service.daemon.safety import refusal
+from frictus_service.synthesis.scene import CompiledScene, compile_scene
+from frictus_service.synthesis.stream import StreamBudget
+from frictus_service.translate import etag_of, law_of
+
+LAW_CHANGE_S: Final = 1.0
+"""Within which the loop must have taken up a new law; it takes one block."""
+
+
+@dataclass(slots=True)
+class _Stream:
+    ticket: int
+    arming: int
+    budget: StreamBudget
+    sequence: int = -1
+
+
+class Stage:
+    """Compiles what clients ask for and orders the loop to play it. Used by one thread.
+
+    The properties may be read by any.
+
+    Parameters
+    ----------
+    model : Model
+        To begin with.
+    screen : Screen
+    sample_rate_hz : float
+    interlock : Interlock
+    orders : Orders
+    monotonic_s : callable
+        Monotonic clock, s.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        screen: Screen,
+        sample_rate_hz: float,
+        interlock: Interlock,
+        orders: Orders,
+        monotonic_s: Callable[[], float],
+    ) -> None:
+        self._screen = screen
+        self._rate_hz = sample_rate_hz
+        self._interlock = interlock
+        self._orders = orders
+        self._monotonic_s = monotonic_s
+        self._law = law_of(model)
+        self._stream: _Stream | None = None
+        self._tickets = itertools.count(secrets.randbits(31))
+        self.model = ModelState(etag=etag_of(model), model=model)
+        self._standing, self._standing_scene = self._compiled(Scene())
+        self._stream_scene: SceneState | None = None
+        self.scaled_scenes = 0
+        self.updates = 0
+        orders.scene.append(SceneOrder(self._standing_scene))
+
+    @property
+    def stream_open(self) -> bool:
+        """Whether a stream is open; it ends with its owner's lease."""
+        return self._live_stream() is not None
+
+    @property
+    def scene(self) -> SceneState:
+        """What is rendered."""
+        streamed = self._stream_scene
+        return streamed if streamed is not None and self.stream_open else self._standing
+
+    def set_scene(self, request: SceneRequest) -> Reply:
+        """Replace the standing scene; ends an open stream.
+
+        Raises
+        ------
+        RefusedError
+            `not_owner`, `conflict` or `not_feasible`.
+        """
+        self._check_owner(request.client)
+        self._check_match(request.if_match, self.scene.etag, "scene")
+        try:
+            state, compiled = self._compiled(request.scene)
+        except TextureError as error:
+            raise RefusedError("not_feasible", str(error)) from error
+        self._check_owner(request.client)  # compiling may have outlasted the lease
+        self._stream = None
+        self._standing, self._standing_scene = state, compiled
+        self._orders.scene.append(SceneOrder(compiled))
+        self.scaled_scenes += state.applied.scaled
+        return Reply(ok=True, etag=state.etag, applied=state.applied)
+
+    def open_stream(self, request: OpenStreamRequest) -> Reply:
+        """Announce a streamed texture; only the owner of an armed rig may.
+
+        Raises
+        ------
+        RefusedError
+            `not_owner`, `not_armed` or `not_feasible`.
+        """
+        self._check_owner(request.client)
+        safety = self._interlock.state
+        if safety.state != "armed":
+            raise RefusedError("not_armed", "arm the rig before a texture is streamed to it")
+        try:
+            budget = StreamBudget.open(request.peak_n, self._law)
+        except TextureError as error:
+            raise RefusedError("not_feasible", str(error)) from error
+        ticket = next(self._tickets) & 0x7FFFFFFF
+        self._stream_scene = SceneState(
+            etag=f"stream-{ticket}",
+            scene=Scene(name=f"streamed by {request.client}"),
+            applied=budget.applied,
+            source="stream",
+        )
+        self._stream = _Stream(ticket, safety.armings, budget)
+        self._orders.scene.append(SceneOrder(budget.quiet, afterwards=budget.quiet))
+        self.scaled_scenes += budget.applied.scaled
+        return Reply(
+            ok=True, ticket=ticket, applied=budget.applied, etag=self._stream_scene.etag
+        )
+
+    def close_stream(self, request: Request) -> Reply:
+        """End the stream and fade to the standing scene; harmless where none is open.
+
+        Raises
+        ------
+        RefusedError
+            `not_owner`.
+        """
+        self._check_owner(request.client)
+        if self._stream is not None:
+            self._stream = None
+            self._orders.scene.append(SceneOrder(self._standing_scene))
+        return Reply(ok=True, etag=self._standing.etag)
+
+    def update(self, frame: StreamFrame, good_for_s: float) -> None:
+        """Play an update of the stream.
+
+        Parameters
+        ----------
+        frame : StreamFrame
+        good_for_s : float
+            If no other update follows within this time, the texture fades away.
+
+        Raises
+        ------
+        RefusedError
+            `not_armed` without a stream of this ticket, `stale` if a newer update came
+            first, `not_feasible` if it exceeds what the stream declared.
+        """
+        until_s = self._monotonic_s() + good_for_s
+        stream = self._live_stream()
+        if stream is None or stream.ticket != frame.ticket:
+            raise RefusedError("not_armed", f"no stream with ticket {frame.ticket} is open")
+        if frame.sequence <= stream.sequence:
+            raise RefusedError("stale", f"update {stream.sequence} came before")
+        try:
+            compiled = stream.budget.compile(frame)
+        except TextureError as error:
+            raise RefusedError("not_feasible", str(error)) from error
+        stream.sequence = frame.sequence
+        self._orders.scene.append(SceneOrder(compiled, until_s, stream.budget.quiet))
+        self.updates += 1
+
+    def set_model(self, request: ModelRequest) -> Reply:
+        """Replace the model; the standing scene is compiled anew for it.
+
+        Raises
+        ------
+        RefusedError
+            `conflict` while not disarmed or where the etag differs, `not_feasible`.
+        """
+        self._check_owner(request.client)
+        self._check_match(request.if_match, self.model.etag, "model")
+        if self._interlock.state.state != "disarmed":
+            raise RefusedError("conflict", "the model changes only while disarmed")
+        former = self._law
+        try:
+            self._law = law_of(request.model)
+            state, compiled = self._compiled(self._standing.scene)
+        except TextureError as error:
+            self._law = former
+            raise RefusedError("not_feasible", str(error)) from error
+        order = LawOrder(self._law, compiled)
+        self._orders.law.append(order)
+        if not order.done.wait(LAW_CHANGE_S):
+            self._orders.law.clear()
+            if not order.done.is_set():
+                self._law = former
+                raise RefusedError("conflict", "the rig is armed or stands still; try again")
+        self._standing, self._standing_scene = state, compiled
+        self.model = ModelState(etag=etag_of(request.model), model=request.model)
+        ignored = ", ".join(effect.id for effect in request.model.effects)
+        message = f"effects that are not rendered: {ignored}" if ignored else ""
+        return Reply(ok=True, etag=self.model.etag, message=message, applied=state.applied)
+
+    def _live_stream(self) -> _Stream | None:
+        stream, safety = self._stream, self._interlock.state
+        if stream is None or safety.state != "armed" or stream.arming != safety.armings:
+            return None
+        return stream
+
+    def _compiled(self, scene: Scene) -> tuple[SceneState, CompiledScene]:
+        compiled = compile_scene(scene, self._law, self._screen, self._rate_hz)
+        return SceneState(etag=etag_of(scene), scene=scene, applied=compiled.applied), compiled
+
+    def _check_owner(self, client: str) -> None:
+        refused = refusal(self._interlock.state, client)
+        if refused is not None:
+            raise RefusedError(refused.code, refused.message)
+
+    def _check_match(self, wanted: str | None, present: str, what: str) -> None:
+        if wanted is not None and wanted != present:
+            raise RefusedError(
+                "conflict", f"the {what} is {present!r} now, not {wanted!r}: read it again"
+            )

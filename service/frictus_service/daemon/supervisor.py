@@ -1,0 +1,393 @@
+"""The supervisor: hosts the router, starts the parts, watches them, makes the output safe.
+
+It learns of a part's death by the process sentinel and of a frozen loop by a counter in shared
+memory, never over the network. A rig that died or froze leaves its device holding the last
+value: the device is reset first, then everybody is told, then the rig is started again,
+disarmed.
+"""
+
+import contextlib
+import multiprocessing
+import signal
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection, wait
+from types import FrameType, TracebackType
+from typing import Any, Final, Self
+
+import zenoh
+from zenoh.handlers import Callback
+
+from frictus.errors import FrameError, LinkError
+from frictus.keys import Topics
+from frictus.messages import Fault, FaultKind, RigStatus
+from frictus.session import declare_latest_publisher, open_router, open_session
+from frictus_hardware import reset_device
+from frictus_hardware.errors import HardwareError
+from frictus_service.config import Config
+from frictus_service.daemon.part import PartName, run_part
+from frictus_service.daemon.safety import ACTIONS
+from frictus_service.errors import StartError
+
+LOOKS: Final = 5
+"""A counter must stand still over so many looks: a supervisor that was itself held up has
+looked less often, and does not blame the rig."""
+STOP_S: Final = 5.0
+"""How long a part may take to stop before it is killed."""
+FIRST_PAUSE_S: Final = 0.1
+LONGEST_PAUSE_S: Final = 10.0
+"""A part that keeps ending is started again ever more rarely."""
+SOUND_S: Final = 60.0
+"""A part that has run so long starts with the shortest pause again."""
+
+
+def _to_stderr(line: str) -> None:
+    sys.stderr.write(f"{line}\n")
+
+
+@dataclass(slots=True)
+class _Part:
+    """One part and its process."""
+
+    name: PartName
+    heartbeat: Any
+    process: Any = None
+    telling: "Connection[Any, Any] | None" = None
+    """Closed to stop the part."""
+    told: "Connection[Any, Any] | None" = None
+    ready: threading.Event = field(default_factory=threading.Event)
+    failure: str = ""
+    started_s: float = 0.0
+    due_s: float = 0.0
+    pause_s: float = FIRST_PAUSE_S
+    starts: int = 0
+    beats: int = 0
+    looks: int = 0
+    fault: tuple[FaultKind, str] | None = None
+
+
+class Supervisor:
+    """Runs the parts of the service while it is entered.
+
+    Parameters
+    ----------
+    config : Config
+    parts : sequence of str
+        Which parts: `rig`, `api`.
+    host_router : bool or None
+        Whether to listen at the router's endpoint; None: as configured.
+    say : callable
+        Told, line by line, what an operator should know; standard error by default.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        parts: Sequence[PartName] = ("rig", "api"),
+        host_router: bool | None = None,
+        say: Callable[[str], None] = _to_stderr,
+    ) -> None:
+        self._config = config
+        self._host_router = config.router.host if host_router is None else host_router
+        self._say = say
+        self._context = multiprocessing.get_context("spawn")
+        self._parts = {
+            name: _Part(name, self._context.Value("Q", 0, lock=False)) for name in parts
+        }
+        self._stopping = threading.Event()
+        self._changed = threading.Condition()
+        self._last_status: deque[bytes] = deque(maxlen=1)
+        self._trip_notice: zenoh.ext.AdvancedPublisher | None = None
+        self._undo = contextlib.ExitStack()
+        self._watcher = threading.Thread(target=self._watch, name="frictus-supervisor")
+
+    def pid_of(self, name: PartName) -> int:
+        """Return the process id of a part that runs."""
+        return int(self._parts[name].process.pid)
+
+    def wait_ready(self, timeout_s: float = 60.0) -> None:
+        """Wait until every part is ready.
+
+        Parameters
+        ----------
+        timeout_s : float
+            The first start on a machine compiles, and may take a minute.
+
+        Raises
+        ------
+        StartError
+            If a part cannot start, with its reason, or is not ready in time.
+        """
+        deadline_s = time.monotonic() + timeout_s
+        with self._changed:
+            while True:
+                for part in self._parts.values():
+                    if part.failure and not part.ready.is_set():
+                        raise StartError(f"{part.name}: {part.failure}")
+                waiting = [p.name for p in self._parts.values() if not p.ready.is_set()]
+                if not waiting:
+                    return
+                left_s = deadline_s - time.monotonic()
+                if left_s <= 0.0:
+                    raise StartError(f"not ready within {timeout_s:g} s: {', '.join(waiting)}")
+                self._changed.wait(left_s)
+
+    def __enter__(self) -> Self:
+        """Open the router and start the parts.
+
+        Raises
+        ------
+        LinkError
+            If nothing can listen at the router's endpoint, or none answers there.
+        """
+        endpoint = self._config.router.endpoint
+        with contextlib.ExitStack() as undo:
+            opened = open_router(endpoint) if self._host_router else open_session(endpoint)
+            self._session = undo.enter_context(opened)
+            if "rig" in self._parts:
+                self._declare_status(undo)
+            self._undo = undo.pop_all()
+        self._say(f"router {'listens' if self._host_router else 'found'} at {endpoint}")
+        for part in self._parts.values():
+            self._start(part)
+        self._watcher.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Stop the parts in order: the output ramps to zero before the router goes."""
+        self._stopping.set()
+        self._watcher.join()
+        for part in self._parts.values():
+            self._stop(part)
+        self._undo.close()
+        self._say("stopped")
+
+    def _declare_status(self, undo: contextlib.ExitStack) -> None:
+        def note(sample: zenoh.Sample) -> None:
+            self._last_status.append(sample.payload.to_bytes())
+
+        subscriber = self._session.declare_subscriber(
+            self._config.keys.of(Topics.STATUS), Callback(note, indirect=False)
+        )
+        undo.callback(subscriber.undeclare)
+
+    def _start(self, part: _Part) -> None:
+        part_told, telling = self._context.Pipe(duplex=False)
+        told, part_telling = self._context.Pipe(duplex=False)
+        part.ready.clear()
+        part.heartbeat.value = 0
+        part.process = self._context.Process(
+            target=run_part,
+            args=(part.name, self._config, part_told, part_telling, part.heartbeat, part.fault),
+            name=f"frictus-{part.name}",
+            daemon=True,
+        )
+        part.process.start()
+        # Only the child holds its ends now: they close with it.
+        part_told.close()
+        part_telling.close()
+        part.telling, part.told = telling, told
+        part.started_s = time.monotonic()
+        part.starts += 1
+
+    def _watch(self) -> None:
+        look_s = 1e-3 * self._config.limits.freeze_ms / LOOKS
+        looked_s = time.monotonic()
+        while not self._stopping.is_set():
+            running = [part for part in self._parts.values() if part.process is not None]
+            sources = [part.process.sentinel for part in running]
+            sources += [part.told for part in running if part.told is not None]
+            if not sources:
+                self._stopping.wait(look_s)
+            ended = wait(sources, look_s) if sources else []
+            for part in running:
+                if part.told in ended:
+                    self._listen(part)
+                if part.process.sentinel in ended:
+                    part.process.join()  # the exit code is known only now
+                    self._listen(part)
+                    self._on_death(part, _how_it_ended(part.process.exitcode))
+            if time.monotonic() - looked_s >= look_s:
+                looked_s = time.monotonic()
+                self._look_for_freeze()
+            self._start_due()
+
+    def _listen(self, part: _Part) -> None:
+        """Take what a part has to say."""
+        try:
+            while part.told is not None and part.told.poll():
+                word, line = part.told.recv()
+                if word == "say":
+                    self._say(f"{part.name}: {line}")
+                elif word == "ready":
+                    self._on_ready(part)
+                else:
+                    part.failure = line
+        except (EOFError, OSError):
+            if part.told is not None:
+                part.told.close()
+            part.told = None
+
+    def _on_ready(self, part: _Part) -> None:
+        part.failure = ""
+        if part.name == "rig" and self._trip_notice is not None:
+            # From here on the rig speaks for itself.
+            self._trip_notice.undeclare()  # type: ignore[no-untyped-call]
+            self._trip_notice = None
+        again = f", start {part.starts}" if part.starts > 1 else ""
+        self._say(f"{part.name} is ready (process {part.process.pid}{again})")
+        with self._changed:
+            part.ready.set()
+            self._changed.notify_all()
+
+    def _look_for_freeze(self) -> None:
+        for part in self._parts.values():
+            beats = part.heartbeat.value
+            stands = part.process is not None and beats != 0 and beats == part.beats
+            part.looks = part.looks + 1 if stands else 0
+            part.beats = beats
+            if part.looks >= LOOKS:
+                part.looks = 0
+                part.process.kill()
+                part.process.join()
+                self._listen(part)
+                self._on_death(
+                    part, f"its block loop stood still for {self._config.limits.freeze_ms} ms"
+                )
+
+    def _on_death(self, part: _Part, how: str) -> None:
+        part.process.close()
+        part.process = None
+        for pipe in (part.telling, part.told):
+            if pipe is not None:
+                pipe.close()
+        part.telling = part.told = None
+        reason = f"the {part.name} process ended: {part.failure or how}"
+        if part.name == "rig":
+            reason = self._make_safe(part, reason)
+        now_s = time.monotonic()
+        if now_s - part.started_s > SOUND_S:
+            part.pause_s = FIRST_PAUSE_S
+        part.due_s = now_s + part.pause_s
+        self._say(f"{reason}; it is started again in {part.pause_s:.1f} s")
+        part.pause_s = min(2.0 * part.pause_s, LONGEST_PAUSE_S)
+        with self._changed:
+            part.failure = part.failure or reason
+            self._changed.notify_all()
+
+    def _make_safe(self, part: _Part, reason: str) -> str:
+        """Reset the device, then tell everybody; return the reason with what came of it."""
+        try:
+            reset_device(self._config.backend)
+            reason += "; the device was reset"
+        except HardwareError as error:
+            reason += f"; the device could NOT be reset ({error}): switch it off by hand"
+        part.fault = ("internal", reason)
+        try:
+            self._tell_of_trip(reason)
+        except (zenoh.ZError, LinkError) as error:
+            self._say(f"could not be published: {error}")
+        return reason
+
+    def _tell_of_trip(self, reason: str) -> None:
+        if not self._last_status:
+            return  # the rig never was present: nobody has to be told
+        try:
+            last = RigStatus.from_json(self._last_status[-1])
+        except FrameError:
+            return  # somebody else's bytes under the rig's key
+        now_ns = time.time_ns()
+        fault = Fault(kind="internal", reason=reason, utc_ns=now_ns, action=ACTIONS["internal"])
+        status = last.model_copy(
+            update={
+                "utc_ns": now_ns,
+                "state": "tripped",
+                "fault": fault,
+                "owner": None,
+                "stream_open": False,
+            }
+        )
+        if self._trip_notice is None:
+            self._trip_notice = declare_latest_publisher(
+                self._session, self._config.keys.of(Topics.STATUS), Topics.STATUS
+            )
+        self._trip_notice.put(status.to_json())
+
+    def _start_due(self) -> None:
+        for part in self._parts.values():
+            if part.process is None and time.monotonic() >= part.due_s:
+                self._start(part)
+
+    def _stop(self, part: _Part) -> None:
+        if part.process is None:
+            return
+        if part.telling is not None:
+            part.telling.close()
+        part.process.join(STOP_S)
+        if part.process.is_alive():
+            self._say(f"{part.name} did not stop within {STOP_S:g} s and was killed")
+            part.process.kill()
+            part.process.join()
+        killed = part.process.exitcode != 0
+        part.process.close()
+        part.process = None
+        if part.told is not None:
+            part.told.close()
+        if part.name == "rig" and killed:
+            with contextlib.suppress(HardwareError):
+                reset_device(self._config.backend)
+
+
+def _how_it_ended(exitcode: int | None) -> str:
+    if exitcode is not None and exitcode < 0:
+        return f"killed by signal {-exitcode}"
+    return f"exit code {exitcode}"
+
+
+def serve(
+    config: Config,
+    parts: Sequence[PartName] = ("rig", "api"),
+    host_router: bool | None = None,
+    say: Callable[[str], None] = _to_stderr,
+) -> None:
+    """Run the service until Ctrl-C, SIGTERM or, on Windows, Ctrl-Break; then stop cleanly.
+
+    Call it from the main thread.
+
+    Parameters
+    ----------
+    config, parts, host_router, say
+        As for `Supervisor`.
+
+    Raises
+    ------
+    StartError, LinkError
+        If the service cannot start.
+    """
+    told: list[int] = []  # not an Event: its lock may be held by whom the signal interrupts
+
+    def on_signal(number: int, _frame: FrameType | None) -> None:
+        told.append(number)
+
+    names = ("SIGINT", "SIGTERM", "SIGBREAK")
+    numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
+    former = {number: signal.signal(number, on_signal) for number in numbers}
+    try:
+        with Supervisor(config, parts, host_router, say) as supervisor:
+            supervisor.wait_ready()
+            say("ready; Ctrl-C stops")
+            while not told:
+                time.sleep(0.1)  # Windows sees Ctrl-C only between waits
+            say("stopping: the output ramps to zero")
+    finally:
+        for number, handler in former.items():
+            signal.signal(number, handler)

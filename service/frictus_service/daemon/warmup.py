@@ -1,0 +1,81 @@
+"""Runs every compiled part once, before anything is armed: compiling takes seconds."""
+
+import base64
+import struct
+import zlib
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus.stream import StreamFrame
+from frictus.textures import Component, Map, Region, Scene, Spectrum
+from frictus_hardware import SimulatedConfig, open_backend
+from frictus_hardware.simulated.strokes import SteadyStrokes
+from frictus_service.synthesis.chain import Chain
+from frictus_service.synthesis.estimator import FingerEstimator
+from frictus_service.synthesis.renderer import Renderer
+from frictus_service.synthesis.scene import compile_scene
+from frictus_service.synthesis.stream import StreamBudget
+from frictus_service.translate import law_of, placeholder_model
+
+WARM_S = 0.3
+FADE_BLOCKS = 10
+"""Long enough for touch reports to come, and for a scene and a stream to be faded in."""
+
+
+def warm_up(sample_rate_hz: float, block_samples: int) -> None:
+    """Render a scene and a stream on a simulated rig that runs as fast as it can.
+
+    Parameters
+    ----------
+    sample_rate_hz : float
+    block_samples : int
+    """
+    config = SimulatedConfig(
+        clock="virtual", finger=SteadyStrokes(), sample_rate_hz=sample_rate_hz
+    )
+    law = law_of(placeholder_model())
+    screen = config.screen
+    scene = compile_scene(_every_kind(), law, screen, sample_rate_hz)
+    budget = StreamBudget.open(0.05, law)
+    wave = 0.04 * np.sin(2.0 * np.pi * np.arange(64) / 64.0)
+    frame = StreamFrame(0, 0, 0, 1, 2.0, True, 0.0, wave.astype(np.float32))
+    streamed = budget.compile(frame)
+    with open_backend(config) as rig:
+        rig.arm()
+        renderer = Renderer(law, screen, sample_rate_hz, block_samples)
+        estimator = FingerEstimator(sample_rate_hz)
+        chain = Chain(rig, estimator, renderer, block_samples)
+        coming = [scene, budget.quiet, streamed]
+        for block in range(round(WARM_S * sample_rate_hz / block_samples)):
+            if coming and block % FADE_BLOCKS == 0:
+                renderer.set_scene(coming.pop(0))
+            chain.step(True)
+        estimator.estimate(rig.next_play_sample)
+
+
+def _every_kind() -> Scene:
+    components = [
+        Component(amplitude_n=0.02, cycles_per_mm=1.0),
+        Component(amplitude_n=0.02, hz=100.0),
+    ]
+    grey = Map(image_png=_png(np.tile(np.array([0, 255], np.uint8), (16, 8))), white_n=0.02)
+    return Scene(
+        regions=[Region(texture=Spectrum(components=components)), Region(texture=grey)]
+    )
+
+
+def _png(grey: NDArray[np.uint8]) -> str:
+    """Return a base64 PNG of an 8 bit image, shape (height, width)."""
+    height, width = grey.shape
+    rows = b"".join(b"\0" + row.tobytes() for row in grey)
+    chunks = (
+        (b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)),
+        (b"IDAT", zlib.compress(rows)),
+        (b"IEND", b""),
+    )
+    png = b"\x89PNG\r\n\x1a\n"
+    for name, data in chunks:
+        png += struct.pack(">I", len(data)) + name + data
+        png += struct.pack(">I", zlib.crc32(name + data))
+    return base64.b64encode(png).decode()

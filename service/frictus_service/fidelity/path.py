@@ -1,0 +1,128 @@
+"""A finger's way over the screen, once as it was and once as it was predicted.
+
+What is rendered does not move the finger, so one way serves to compare many renderings.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_hardware.base import TouchReport
+from frictus_hardware.physics.friction import FrictionLaw
+from frictus_hardware.simulated.config import SimulatedConfig
+from frictus_hardware.simulated.motion import Finger
+from frictus_hardware.simulated.rig import SimulatedRig
+from frictus_service.synthesis.chain import Chain, Follower
+from frictus_service.synthesis.estimator import Course, FingerEstimator
+from frictus_service.synthesis.kernel import Motion
+from frictus_service.synthesis.renderer import Renderer
+
+FloatArray = NDArray[np.float64]
+
+BLOCK_SAMPLES = 100
+
+
+class KnownFinger:
+    """Stands in for the finger estimator where the true motion shall be known.
+
+    Parameters
+    ----------
+    finger : Finger
+    sample_rate_hz : float
+    """
+
+    def __init__(self, finger: Finger, sample_rate_hz: float) -> None:
+        self._finger = finger
+        self._rate_hz = sample_rate_hz
+        self.in_contact = True
+
+    def observe(self, report: TouchReport) -> None:
+        """Ignore a report."""
+
+    def stale(self, sample: float) -> bool:
+        """Return False: what is known does not age."""
+        return False
+
+    def predict(self, first_sample: int, n_samples: int) -> Course:
+        """Return the true motion; its velocity is taken as linear over the block."""
+        ends = np.array([first_sample, first_sample + n_samples]) / self._rate_hz
+        true = self._finger.at(ends)
+        (x, y), _ = true.position_mm
+        (vx_0, vy_0), (vx_1, vy_1) = true.velocity_mm_s
+        speeds = np.hypot(vx_0, vy_0), np.hypot(vx_1, vy_1)
+        return Course(Motion(x, y, vx_0, vy_0, vx_1, vy_1, *speeds))
+
+
+@dataclass(frozen=True, slots=True)
+class Path:
+    """A way over the screen; time along axis 0, sample 0 is the device's.
+
+    Attributes
+    ----------
+    position_mm, velocity_mm_s : ndarray, shape (n_samples, 2)
+        True.
+    normal_force_n : ndarray, shape (n_samples,)
+    in_contact : ndarray of bool, shape (n_samples,)
+    courses : tuple of Course
+        As predicted for each block from sample `lead_samples` on.
+    lead_samples : int
+    sample_rate_hz : float
+    """
+
+    position_mm: FloatArray
+    velocity_mm_s: FloatArray
+    normal_force_n: FloatArray
+    in_contact: NDArray[np.bool_]
+    courses: tuple[Course, ...]
+    lead_samples: int
+    sample_rate_hz: float
+
+    @property
+    def speed_mm_s(self) -> FloatArray:
+        """True speed, shape (n_samples,)."""
+        speed: FloatArray = np.hypot(self.velocity_mm_s[:, 0], self.velocity_mm_s[:, 1])
+        return speed
+
+    def position_error_mm(self, skip_s: float = 0.3) -> FloatArray:
+        """Return predicted less true position at the start of each block, along x."""
+        first = round(skip_s * self.sample_rate_hz / BLOCK_SAMPLES)
+        at = self.lead_samples + BLOCK_SAMPLES * np.arange(first, len(self.courses))
+        inside = at < self.position_mm.shape[0]
+        predicted = np.array([course.motion.x_mm for course in self.courses[first:]])[inside]
+        error: FloatArray = predicted - self.position_mm[at[inside], 0]
+        return error
+
+
+def walk(config: SimulatedConfig, duration_s: float, known: bool = False) -> Path:
+    """Let the configured finger move for a while, and predict it as the daemon would.
+
+    Parameters
+    ----------
+    config : SimulatedConfig
+        Its clock is taken as virtual.
+    duration_s : float
+    known : bool
+        Whether the true motion is known, or comes from the touch sensor.
+    """
+    virtual = config.model_copy(update={"clock": "virtual"})
+    rate_hz = config.sample_rate_hz
+    with SimulatedRig(virtual) as rig:
+        estimator: Follower = (
+            KnownFinger(rig.finger, rate_hz) if known else FingerEstimator(rate_hz)
+        )
+        renderer = Renderer(FrictionLaw(), virtual.screen, rate_hz, BLOCK_SAMPLES)
+        chain = Chain(rig, estimator, renderer, BLOCK_SAMPLES)
+        steps = [
+            chain.step(allow=False) for _ in range(round(duration_s * rate_hz / BLOCK_SAMPLES))
+        ]
+    truths = [step.exchange.truth for step in steps if step.exchange.truth is not None]
+    return Path(
+        np.concatenate([truth.position_mm for truth in truths]),
+        np.concatenate([truth.velocity_mm_s for truth in truths]),
+        np.concatenate([truth.normal_force_n for truth in truths]),
+        np.concatenate([truth.in_contact for truth in truths]),
+        tuple(step.course for step in steps),
+        virtual.lead_samples,
+        rate_hz,
+    )

@@ -1,0 +1,1 @@
+"""From a texture to screen volts: scenes, tables, kernel, finger estimator, chain."""

@@ -1,0 +1,122 @@
+"""One block from finger to screen and back: predict, render, exchange, observe."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from frictus_hardware.base import Backend, Exchange, TouchReport
+from frictus_hardware.physics.friction import FrictionLaw
+from frictus_hardware.physics.screen import Screen
+from frictus_service.synthesis.estimator import Course, FingerEstimator
+from frictus_service.synthesis.kernel import Motion
+from frictus_service.synthesis.renderer import Rendered, Renderer
+
+
+class Follower(Protocol):
+    """What the chain asks of a finger estimator."""
+
+    in_contact: bool
+
+    def observe(self, report: TouchReport) -> None:
+        """Take a report."""
+        ...
+
+    def stale(self, sample: float) -> bool:
+        """Return whether reports have stopped coming."""
+        ...
+
+    def predict(self, first_sample: int, n_samples: int) -> Course:
+        """Return the motion to render."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """What one block was.
+
+    Attributes
+    ----------
+    exchange : Exchange
+        What was applied and sensed.
+    course : Course
+        The finger as it was predicted for the block that was handed over.
+    rendered : Rendered
+    in_contact, stale : bool
+        What the touch sensor says; nothing is rendered without contact or while it is stale.
+    """
+
+    exchange: Exchange
+    course: Course
+    rendered: Rendered
+    in_contact: bool
+    stale: bool
+
+    @property
+    def motion(self) -> Motion:
+        """The finger's predicted motion."""
+        return self.course.motion
+
+    @property
+    def quiet(self) -> bool:
+        """Whether the output envelope has come down to zero."""
+        return self.rendered.level == 0.0
+
+
+class Chain:
+    """A rig that renders.
+
+    Parameters
+    ----------
+    backend : Backend
+        Open. Arming it is the caller's part: output is asked for only where `step` allows it.
+    estimator : Follower
+    renderer : Renderer
+    block_samples : int
+    """
+
+    def __init__(
+        self,
+        backend: Backend,
+        estimator: Follower,
+        renderer: Renderer,
+        block_samples: int,
+    ) -> None:
+        self.backend = backend
+        self.estimator = estimator
+        self.renderer = renderer
+        self._block_samples = block_samples
+
+    def step(self, allow: bool) -> Step:
+        """Render and exchange one block.
+
+        Parameters
+        ----------
+        allow : bool
+            Whether there may be output; the envelope ramps towards it.
+
+        Raises
+        ------
+        HardwareError
+            What the backend raises; the block was then not played.
+        """
+        play_sample = self.backend.next_play_sample
+        course = self.estimator.predict(play_sample, self._block_samples)
+        in_contact = self.estimator.in_contact
+        stale = self.estimator.stale(play_sample - self.backend.info.lead_samples)
+        rendered = self.renderer.render(play_sample, course, allow and in_contact and not stale)
+        exchange = self.backend.exchange(rendered.voltage_v)
+        for report in exchange.touches:
+            self.estimator.observe(report)
+        return Step(exchange, course, rendered, in_contact, stale)
+
+
+def make_chain(
+    backend: Backend, law: FrictionLaw, screen: Screen, block_samples: int = 100
+) -> Chain:
+    """Return a chain with the default estimator and a smooth scene."""
+    rate_hz = backend.info.sample_rate_hz
+    return Chain(
+        backend,
+        FingerEstimator(rate_hz),
+        Renderer(law, screen, rate_hz, block_samples),
+        block_samples,
+    )

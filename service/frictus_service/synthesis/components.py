@@ -1,0 +1,180 @@
+"""Every texture but a map is a sum of sinusoids over position or over time."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from frictus.errors import TextureError
+from frictus.textures import (
+    BAND_HZ,
+    Beta,
+    Profile,
+    Slope,
+    Spectrum,
+)
+
+FloatArray = NDArray[np.float64]
+
+LONGEST_PERIOD_S = 10.0
+"""Temporal textures repeat after at most this; their lines stand at multiples of 0.1 Hz."""
+NOISE_PERIOD_S = 1.0
+"""Filtered noise repeats after this much time, or the way covered in it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Components:
+    """``sum amplitude cos(2 pi frequency u + phase)``, u in mm or s.
+
+    Attributes
+    ----------
+    frequency, amplitude_n, phase_rad : ndarray, shape (n_components,)
+        Frequency in cycles/mm (spatial) or Hz (temporal), above 0; friction amplitude in N.
+    spatial : bool
+        Over position (True) or over time.
+    period : float or None
+        After which the sum repeats, in mm or s; None where it does not.
+    angle_deg : float
+        Direction of the phase of a spatial texture, from x towards y.
+    notes : tuple of str
+        What was rounded or left out.
+    """
+
+    frequency: FloatArray
+    amplitude_n: FloatArray
+    phase_rad: FloatArray
+    spatial: bool
+    period: float | None
+    angle_deg: float = 0.0
+    notes: tuple[str, ...] = ()
+
+
+def components_of(texture: Spectrum | Profile | Beta | Slope) -> list[Components]:
+    """Return the sums that make up a texture: a spectrum may have a spatial and a temporal one.
+
+    Raises
+    ------
+    TextureError
+        If the texture cannot be represented.
+    """
+    match texture:
+        case Spectrum():
+            return _spectrum(texture)
+        case Profile():
+            return [_profile(texture)]
+        case Beta():
+            return [_felt(*_beta_lines(texture), texture)]
+        case Slope():
+            return [_felt(*_slope_lines(texture), texture)]
+
+
+def _spectrum(texture: Spectrum) -> list[Components]:
+    spatial = [c for c in texture.components if c.cycles_per_mm is not None]
+    temporal = [c for c in texture.components if c.hz is not None]
+    sums = []
+    if spatial:
+        frequency = np.array([c.cycles_per_mm for c in spatial], dtype=float)
+        amplitude, phase = _amplitude_phase(spatial)
+        sums.append(Components(frequency, amplitude, phase, True, None, texture.angle_deg))
+    if temporal:
+        frequency = np.array([c.hz for c in temporal], dtype=float)
+        amplitude, phase = _amplitude_phase(temporal)
+        sums.append(on_time_grid(frequency, amplitude, phase))
+    return sums
+
+
+def _amplitude_phase(components: list) -> tuple[FloatArray, FloatArray]:  # type: ignore[type-arg]
+    return (
+        np.array([c.amplitude_n for c in components], dtype=float),
+        np.array([c.phase_rad for c in components], dtype=float),
+    )
+
+
+def on_time_grid(frequency: FloatArray, amplitude: FloatArray, phase: FloatArray) -> Components:
+    """Return temporal components rounded to multiples of 0.1 Hz, so that they repeat."""
+    rounded = np.maximum(np.round(frequency * LONGEST_PERIOD_S), 1.0) / LONGEST_PERIOD_S
+    moved = float(np.max(np.abs(rounded - frequency)))
+    notes = (f"temporal frequencies moved by up to {moved:.2g} Hz",) if moved > 1e-9 else ()
+    return Components(rounded, amplitude, phase, False, LONGEST_PERIOD_S, 0.0, notes)
+
+
+def _profile(texture: Profile) -> Components:
+    period = texture.period_mm if texture.period_mm is not None else texture.period_s
+    assert period is not None  # the texture's own validator
+    return periodic(
+        np.asarray(texture.friction_n, dtype=float),
+        period,
+        texture.period_mm is not None,
+        texture.angle_deg,
+    )
+
+
+def periodic(
+    friction_n: FloatArray, period: float, spatial: bool, angle_deg: float
+) -> Components:
+    """Return the harmonics of one sampled period; its mean goes into the bias.
+
+    Parameters
+    ----------
+    friction_n : ndarray, shape (n_samples,)
+    period : float
+        In mm (spatial) or s.
+    spatial : bool
+    angle_deg : float
+
+    Raises
+    ------
+    TextureError
+        If the friction is constant: there is nothing to feel.
+    """
+    spectrum = np.fft.rfft(friction_n) / friction_n.size
+    harmonic = np.arange(1, spectrum.size)
+    amplitude = 2.0 * np.abs(spectrum[1:])
+    if friction_n.size % 2 == 0:
+        amplitude[-1] /= 2.0  # the Nyquist line stands alone
+    kept = amplitude > 1e-9 * max(float(amplitude.max()), 1e-12)
+    if not np.any(kept):
+        raise TextureError("the texture is constant: there is nothing to feel")
+    phase = np.angle(spectrum[1:])
+    return Components(
+        harmonic[kept] / period, amplitude[kept], phase[kept], spatial, period, angle_deg
+    )
+
+
+def _beta_lines(texture: Beta) -> tuple[FloatArray, FloatArray, FloatArray]:
+    low, high = BAND_HZ
+    steps = int(np.floor(24.0 * np.log2(high / low)))
+    frequency = low * 2.0 ** (np.arange(steps + 1) / 24.0)
+    position = np.log10(frequency / low) / np.log10(high / low)
+    # The density of a beta law may be infinite at its ends; the middle of the end steps is not.
+    position = np.clip(position, 0.5 / steps, 1.0 - 0.5 / steps)
+    amplitude = texture.scale * stats.beta.pdf(position, texture.alpha, texture.beta)
+    return frequency, *_matched(amplitude, texture.rms_n, texture.seed)
+
+
+def _slope_lines(texture: Slope) -> tuple[FloatArray, FloatArray, FloatArray]:
+    frequency = np.arange(BAND_HZ[0], BAND_HZ[1] + 0.5, 1.0 / NOISE_PERIOD_S)
+    ratio = frequency / texture.peak_hz
+    high_pass = ratio**texture.low_order / np.sqrt(1.0 + ratio ** (2 * texture.low_order))
+    low_pass = 1.0 / np.sqrt(1.0 + ratio ** (2 * texture.high_order))
+    return frequency, *_matched(high_pass * low_pass, texture.rms_n, texture.seed)
+
+
+def _matched(amplitude: FloatArray, rms_n: float, seed: int) -> tuple[FloatArray, FloatArray]:
+    total = float(np.sqrt(np.sum(np.square(amplitude)) / 2.0))
+    if not (np.isfinite(total) and total > 0.0):
+        raise TextureError("the parameters give no finite spectrum; widen alpha and beta")
+    phase = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, amplitude.size)
+    return amplitude * (rms_n / total), phase
+
+
+def _felt(
+    frequency: FloatArray, amplitude: FloatArray, phase: FloatArray, texture: Beta | Slope
+) -> Components:
+    """Make lines in hertz spatial where the texture says at which speed they are felt."""
+    if texture.speed_mm_s is None:
+        return on_time_grid(frequency, amplitude, phase)
+    return Components(
+        frequency / texture.speed_mm_s, amplitude, phase, True, None, texture.angle_deg
+    )

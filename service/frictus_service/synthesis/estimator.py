@@ -1,0 +1,285 @@
+"""Where the finger will be when a sample is played.
+
+The touch sensor reports 60 times a second, in steps of 0.1 mm, tens of milliseconds late, and
+what is rendered now is played a lead later. Two Kalman filters run side by side, one for a
+finger that keeps its speed and one for a finger that changes it, and are weighted by how well
+each foretold the reports (interacting multiple models; Blom and Bar-Shalom 1988). A single
+filter is either noisy on steady strokes or late on free ones.
+
+The estimate jumps with every report; what is rendered must not, or the drive would need several
+times its range. So the rendered position moves continuously, and small corrections enter as
+velocity. Where the finger did not turn as foretold the rendered position is left behind by more
+than a correction can make good without a false speed: it is then cross-faded to the right one.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from frictus_hardware.base import TouchReport
+from frictus_service.synthesis.kernel import Motion
+
+FloatArray = NDArray[np.float64]
+
+STEADY, CHANGING = 0, 1
+
+
+class EstimatorTuning(NamedTuple):
+    """What the estimator assumes of fingers and of the sensor."""
+
+    report_sd_mm: float = 0.04
+    """Of a report: 0.1 mm steps and tremor."""
+    steady_sd_mm_s2: float = 20.0
+    """Acceleration of a finger that keeps its speed."""
+    steady_time_s: float = 0.05
+    """How long such an acceleration lasts."""
+    changing_sd_mm_s2: float = 350.0
+    """Acceleration of a finger that starts, stops or turns."""
+    changing_time_s: float = 0.6
+    """How long such an acceleration lasts (Singer 1970)."""
+    turning_hz: float = 0.9
+    """Strokes go back and forth: a changing velocity swings about zero this often."""
+    stay: float = 0.97
+    """Probability that a finger goes on as it did, from report to report."""
+    correct_time_s: float = 0.15
+    """Within which the rendered position closes up on the estimate."""
+    correct_share: float = 0.05
+    """Largest correction, as a share of the speed."""
+    correct_least_mm_s: float = 1.0
+    """What a correction may always be."""
+    slip_mm: float = 0.5
+    """Error of the rendered position beyond which it is cross-faded to the right one."""
+    stale_s: float = 0.1
+    """Age of the last report beyond which nothing is rendered."""
+
+
+DEFAULT_TUNING: Final = EstimatorTuning()
+
+
+class Course(NamedTuple):
+    """What is rendered during a block.
+
+    Attributes
+    ----------
+    motion : Motion
+    left : Motion or None
+        The motion that is left for `motion` by a cross-fade over the block.
+    """
+
+    motion: Motion
+    left: Motion | None = None
+
+
+class FingerEstimator:
+    """Follows the reports of a touch sensor and predicts the finger's motion.
+
+    Parameters
+    ----------
+    sample_rate_hz : float
+    tuning : EstimatorTuning
+    """
+
+    def __init__(self, sample_rate_hz: float, tuning: EstimatorTuning = DEFAULT_TUNING) -> None:
+        self._rate_hz = sample_rate_hz
+        self._tuning = tuning
+        # [model, axis, (position, velocity, acceleration)]; both axes share their covariance.
+        self._mean = np.zeros((2, 2, 3))
+        self._cov = np.zeros((2, 3, 3))
+        self._weight = np.array([0.5, 0.5])
+        self._predicted = np.zeros((2, 2))
+        self._report_sample = -np.inf
+        # What is rendered, each (x, y), and the velocity that was foretold a block ago.
+        self._position = np.zeros(2)
+        self._velocity = np.zeros(2)
+        self._before = np.zeros(2)
+        self._following = False
+        self.in_contact = False
+
+    def observe(self, report: TouchReport) -> None:
+        """Take a report; older ones than the last are ignored."""
+        since_s = (report.measured_sample - self._report_sample) / self._rate_hz
+        if since_s <= 0.0:
+            return
+        began = report.in_contact and (not self.in_contact or since_s > self._tuning.stale_s)
+        self._report_sample = report.measured_sample
+        self.in_contact = report.in_contact
+        if not report.in_contact:
+            self._following = False
+            return
+        if began:
+            _begin(report.x_mm, report.y_mm, self._mean, self._cov, self._weight)
+            return
+        _observe(
+            self._tuning, report.x_mm, report.y_mm, since_s, self._mean, self._cov, self._weight
+        )
+
+    def report_age_s(self, sample: float) -> float:
+        """Return how old the last report is at a device sample; infinite before the first."""
+        return float(sample - self._report_sample) / self._rate_hz
+
+    def stale(self, sample: float) -> bool:
+        """Return whether reports have stopped coming."""
+        return self.report_age_s(sample) > self._tuning.stale_s
+
+    def estimate(self, sample: float) -> FloatArray:
+        """Return the prediction for a device sample, shape (2 axes, position and velocity)."""
+        _predict(
+            self._tuning,
+            max(self.report_age_s(sample), 0.0) if self._report_sample > -np.inf else 0.0,
+            self._mean,
+            self._weight,
+            self._predicted,
+        )
+        return self._predicted
+
+    def predict(self, first_sample: int, n_samples: int) -> Course:
+        """Return the rendered motion from `first_sample` on, continuous from block to block.
+
+        Parameters
+        ----------
+        first_sample : int
+            Device index at which the block will start to play.
+        n_samples : int
+        """
+        block_s = n_samples / self._rate_hz
+        after = self.estimate(first_sample + n_samples)
+        if not self._following:
+            self._before[:] = after[:, 1]
+            self._position[:] = after[:, 0] - after[:, 1] * block_s
+            self._velocity[:] = after[:, 1]
+            self._following = self.in_contact
+        coming = self._position + 0.5 * (self._velocity + after[:, 1]) * block_s
+        behind = after[:, 0] - coming
+        left = None
+        if float(np.hypot(behind[0], behind[1])) > self._tuning.slip_mm:
+            left = self._motion(self._position, self._velocity, after[:, 1], after)
+            self._velocity[:] = self._before
+            self._position[:] = after[:, 0] - 0.5 * (self._before + after[:, 1]) * block_s
+            behind[:] = 0.0
+        limit = max(
+            self._tuning.correct_share * float(np.hypot(after[0, 1], after[1, 1])),
+            self._tuning.correct_least_mm_s,
+        )
+        velocity = after[:, 1] + np.clip(behind / self._tuning.correct_time_s, -limit, limit)
+        motion = self._motion(self._position, self._velocity, velocity, after)
+        self._position += 0.5 * (self._velocity + velocity) * block_s
+        self._velocity[:] = velocity
+        self._before[:] = after[:, 1]
+        return Course(motion, left)
+
+    def _motion(
+        self, position: FloatArray, velocity: FloatArray, later: FloatArray, after: FloatArray
+    ) -> Motion:
+        return Motion(
+            float(position[0]),
+            float(position[1]),
+            float(velocity[0]),
+            float(velocity[1]),
+            float(later[0]),
+            float(later[1]),
+            float(np.hypot(self._before[0], self._before[1])),
+            float(np.hypot(after[0, 1], after[1, 1])),
+        )
+
+
+@njit(cache=True, nogil=True)
+def _begin(x, y, mean, cov, weight):  # type: ignore[no-untyped-def]
+    mean[:] = 0.0
+    mean[:, 0, 0] = x
+    mean[:, 1, 0] = y
+    cov[:] = 0.0
+    cov[:, 0, 0] = 0.05**2
+    cov[:, 1, 1] = 80.0**2
+    cov[STEADY, 2, 2] = 10.0**2
+    cov[CHANGING, 2, 2] = 500.0**2
+    weight[STEADY] = 0.2
+    weight[CHANGING] = 0.8
+
+
+@njit(cache=True, nogil=True)
+def _model(tuning, model):  # type: ignore[no-untyped-def]
+    if model == STEADY:
+        return tuning.steady_time_s, tuning.steady_sd_mm_s2, 0.0
+    return tuning.changing_time_s, tuning.changing_sd_mm_s2, 2.0 * np.pi * tuning.turning_hz
+
+
+@njit(cache=True, nogil=True)
+def _transition(time_s, turning, step_s):  # type: ignore[no-untyped-def]
+    """Return how position, velocity and acceleration go on over a step, undisturbed.
+
+    ``a' = -a / time - turning^2 v``; the exponential of the matrix by its series, which
+    converges to rounding for steps up to a few tenths of a second.
+    """
+    rate = np.zeros((3, 3))
+    rate[0, 1] = rate[1, 2] = step_s
+    rate[2, 1] = -(turning**2) * step_s
+    rate[2, 2] = -step_s / time_s
+    move = np.eye(3)
+    term = np.eye(3)
+    for k in range(1, 25):
+        term = term @ rate / k
+        move += term
+    return move
+
+
+@njit(cache=True, nogil=True)
+def _mix(stay, mean, cov, weight):  # type: ignore[no-untyped-def]
+    """Let each model start from where both, by their weights, may have changed into it."""
+    old_mean = mean.copy()
+    old_cov = cov.copy()
+    old = weight.copy()
+    for to in range(2):
+        total = stay * old[to] + (1.0 - stay) * old[1 - to]
+        kept = stay * old[to] / total
+        mean[to] = kept * old_mean[to] + (1.0 - kept) * old_mean[1 - to]
+        apart = old_mean[to] - old_mean[1 - to]
+        # The axes share a covariance: the spread is the mean over both.
+        spread = 0.5 * (np.outer(apart[0], apart[0]) + np.outer(apart[1], apart[1]))
+        cov[to] = kept * old_cov[to] + (1.0 - kept) * old_cov[1 - to]
+        cov[to] += kept * (1.0 - kept) * spread
+        weight[to] = total
+
+
+@njit(cache=True, nogil=True)
+def _observe(tuning, x, y, since_s, mean, cov, weight):  # type: ignore[no-untyped-def]
+    _mix(tuning.stay, mean, cov, weight)
+    likelihood = np.zeros(2)
+    report = np.array([x, y])
+    for m in range(2):
+        time_s, sd, turning = _model(tuning, m)
+        move = _transition(time_s, turning, since_s)
+        # White jerk that keeps the acceleration at its spread; enough for steps below time_s.
+        noise = 2.0 * sd * sd / time_s
+        g = np.array([since_s**3 / 6.0, since_s**2 / 2.0, since_s])
+        cov[m] = move @ cov[m] @ move.T + noise / since_s * np.outer(g, g)
+        spread = cov[m, 0, 0] + tuning.report_sd_mm**2
+        gain = cov[m, :, 0] / spread
+        far = 0.0
+        for axis in range(2):
+            mean[m, axis] = move @ mean[m, axis]
+            miss = report[axis] - mean[m, axis, 0]
+            mean[m, axis] += gain * miss
+            far += miss * miss / spread
+        cov[m] -= np.outer(gain, cov[m, 0].copy())
+        cov[m] = 0.5 * (cov[m] + cov[m].T)
+        likelihood[m] = -0.5 * far - np.log(spread)
+    best = likelihood.max()
+    for m in range(2):
+        weight[m] *= np.exp(likelihood[m] - best)
+    weight /= weight.sum()
+    for m in range(2):
+        weight[m] = min(max(weight[m], 1e-3), 1.0 - 1e-3)
+
+
+@njit(cache=True, nogil=True)
+def _predict(tuning, ahead_s, mean, weight, out):  # type: ignore[no-untyped-def]
+    out[:] = 0.0
+    for m in range(2):
+        time_s, _, turning = _model(tuning, m)
+        move = _transition(time_s, turning, ahead_s)
+        for axis in range(2):
+            state = move @ mean[m, axis]
+            out[axis, 0] += weight[m] * state[0]
+            out[axis, 1] += weight[m] * state[1]

@@ -1,0 +1,189 @@
+"""From predicted motion to screen volts, block by block: the state that the kernel needs."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus.textures import Scene
+from frictus_hardware.physics.friction import FrictionLaw
+from frictus_hardware.physics.screen import Screen
+from frictus_service.synthesis import kernel
+from frictus_service.synthesis.estimator import Course
+from frictus_service.synthesis.kernel import Motion
+from frictus_service.synthesis.scene import CompiledScene, compile_scene
+
+FloatArray = NDArray[np.float64]
+
+RAMP_S = 0.02
+"""At contact, arming and stop."""
+SCENE_FADE_S = 0.02
+STREAM_FADE_S = 0.005
+"""Between updates of a stream, whose bias does not change."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rendered:
+    """One rendered block; the arrays are the renderer's own and valid until the next block.
+
+    Attributes
+    ----------
+    voltage_v, drive, target_n : ndarray, shape (n_samples,)
+        Screen volts; drive fraction, in [0, 1]; friction that was aimed at, bias included, N.
+    clipped_samples, extrapolated_samples : int
+        Samples whose drive did not fit, and whose speed lay outside the law's range.
+    level : float
+        Output envelope after the block, 0 to 1.
+    """
+
+    voltage_v: FloatArray
+    drive: FloatArray
+    target_n: FloatArray
+    clipped_samples: int
+    extrapolated_samples: int
+    level: float
+
+
+class Renderer:
+    """Renders the scene in force.
+
+    Parameters
+    ----------
+    law : FrictionLaw
+        Whose inverse is played.
+    screen : Screen
+    sample_rate_hz : float
+    block_samples : int
+        Samples of every block.
+    scene : CompiledScene, optional
+        To begin with; a smooth one if not given.
+    """
+
+    def __init__(
+        self,
+        law: FrictionLaw,
+        screen: Screen,
+        sample_rate_hz: float,
+        block_samples: int,
+        scene: CompiledScene | None = None,
+    ) -> None:
+        self._screen = screen
+        self._rate_hz = sample_rate_hz
+        self._law = _law_tuple(law)
+        self._scene = scene or compile_scene(Scene(), law, screen, sample_rate_hz)
+        self._next_scene: CompiledScene | None = None
+        self._waiting: CompiledScene | None = None
+        self._share = 0.0
+        self._level = 0.0
+        self._target = np.zeros(block_samples + 1)
+        self._target_next = np.zeros(block_samples + 1)
+        self._target_moved = np.zeros(block_samples + 1)
+        self._drive = np.zeros(block_samples)
+        self._voltage = np.zeros(block_samples)
+
+    @property
+    def scene(self) -> CompiledScene:
+        """The scene in force, or the newest that will be."""
+        return self._waiting or self._next_scene or self._scene
+
+    def set_scene(self, scene: CompiledScene) -> None:
+        """Cross-fade to a scene, starting with the next block.
+
+        A fade that is under way ends first, within 20 ms; of scenes that come meanwhile the
+        newest wins.
+        """
+        if self._next_scene is not None:
+            self._waiting = scene
+            return
+        self._next_scene = scene
+        self._share = 0.0
+
+    def set_law(self, law: FrictionLaw) -> None:
+        """Invert another law from now on; only while the output is zero.
+
+        Raises
+        ------
+        RuntimeError
+            If there is output: the drive would jump.
+        """
+        if self._level > 0.0:
+            raise RuntimeError("the law changes only while the output is zero")
+        self._law = _law_tuple(law)
+
+    def render(self, first_sample: int, course: Course, allow: bool) -> Rendered:
+        """Render the block that starts to play at `first_sample`.
+
+        Parameters
+        ----------
+        first_sample : int
+        course : Course
+        allow : bool
+            Whether there may be output; the envelope ramps towards it within 20 ms.
+        """
+        target = self._aim(first_sample, course)
+        clipped, extrapolated = kernel.invert(
+            self._law, course.motion, self._rate_hz, target[:-1], target[-1], self._drive
+        )
+        active = allow or self._level > 0.0
+        step = 1.0 / (RAMP_S * self._rate_hz)
+        self._level = kernel.envelope(self._level, 1.0 if allow else 0.0, step, self._drive)
+        kernel.modulate(
+            self._drive,
+            first_sample,
+            self._screen.peak_v,
+            self._screen.carrier_hz,
+            self._rate_hz,
+            self._voltage,
+        )
+        return Rendered(
+            self._voltage,
+            self._drive,
+            target[:-1],
+            clipped if active else 0,
+            extrapolated if active else 0,
+            self._level,
+        )
+
+    def _aim(self, first_sample: int, course: Course) -> FloatArray:
+        """Return the target at the block's samples and the one after, all fades included."""
+        n = self._drive.size
+        self._trace(self._scene, course, first_sample, self._target)
+        if self._next_scene is not None:
+            self._trace(self._next_scene, course, first_sample, self._target_next)
+            streamed = self._next_scene.source == self._scene.source == "stream"
+            step = 1.0 / ((STREAM_FADE_S if streamed else SCENE_FADE_S) * self._rate_hz)
+            kernel.mix(self._target, self._target_next, self._share, step)
+            self._share += n * step
+            if self._share >= 1.0:
+                self._scene, self._next_scene = self._next_scene, self._waiting
+                self._waiting = None
+                self._share = 0.0
+        return self._target
+
+    def _trace(
+        self, scene: CompiledScene, course: Course, first_sample: int, out: FloatArray
+    ) -> None:
+        """Write what a scene feels like along a course."""
+        motion = _one_longer(course.motion, self._drive.size)
+        if course.left is None:
+            kernel.target_friction(scene.arrays, motion, first_sample, self._rate_hz, out)
+            return
+        left = _one_longer(course.left, self._drive.size)
+        kernel.target_friction(scene.arrays, left, first_sample, self._rate_hz, out)
+        kernel.target_friction(
+            scene.arrays, motion, first_sample, self._rate_hz, self._target_moved
+        )
+        kernel.mix(out, self._target_moved, 0.0, 1.0 / self._drive.size)
+
+
+def _one_longer(motion: Motion, n_samples: int) -> Motion:
+    """Return a motion over one sample more; it is linear beyond its end too."""
+    longer = (n_samples + 1) / n_samples
+    return motion._replace(
+        vx_1=motion.vx_0 + longer * (motion.vx_1 - motion.vx_0),
+        vy_1=motion.vy_0 + longer * (motion.vy_1 - motion.vy_0),
+    )
+
+
+def _law_tuple(law: FrictionLaw) -> tuple[float, float, float, float, float]:
+    return (law.gain_n, law.cutoff_0_hz, law.slope_hz_per_mm_s, *law.speed_range_mm_s)

@@ -1,0 +1,134 @@
+"""Band-limited tables: friction over one stretch, one row for each band limit.
+
+The cost of a sample must not depend on the number of components, and no component may be
+rendered above the tactile band however fast the finger moves. So a texture becomes a table of
+rows that hold ever fewer of its components; the kernel reads between the two rows that belong
+to the speed.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from frictus.errors import TextureError
+from frictus_service.synthesis.components import Components
+
+FloatArray = NDArray[np.float64]
+
+BAND_EDGE_HZ = 1122.0
+"""Edge of the 1 kHz third-octave band: everything up to here is rendered in full."""
+ROWS_PER_OCTAVE = 12
+"""Octave rows would cost 4 dB on real recordings."""
+FADE_HZ = BAND_EDGE_HZ * 2.0 ** (1.0 / ROWS_PER_OCTAVE)
+"""Centre of the fade from one row to the next; nothing below the band's edge is lost."""
+TOP_HZ = BAND_EDGE_HZ * 2.0 ** (2.0 / ROWS_PER_OCTAVE)
+"""Nothing at all is rendered above."""
+FASTEST_MM_S = 1000.0
+"""Rows reach up to this speed; a faster finger feels the last row's components."""
+POINTS_PER_CYCLE = 16
+"""Of the highest component: cubic interpolation is then exact to 0.03 %."""
+MAX_POINTS = 8_000_000
+PAD = 3
+"""One point before and two after each row, so that the cubic needs no wrap-around."""
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Rows of friction.
+
+    Attributes
+    ----------
+    rows : ndarray, shape (n_rows, n_points + 3)
+        Row r holds the components up to ``top * 2^(-r / 12)``; padded by wrap-around.
+    length : float
+        What a row covers, in mm or s; it repeats.
+    origin : float
+        Position of the first point, mm (0 for time).
+    top : float
+        Highest frequency in row 0, cycles/mm or Hz.
+    """
+
+    rows: FloatArray
+    length: float
+    origin: float
+    top: float
+
+    @property
+    def n_points(self) -> int:
+        """Points in a row, the padding left out."""
+        return int(self.rows.shape[1]) - PAD
+
+
+def build_table(components: Components, stretch_mm: tuple[float, float]) -> Table:
+    """Sum the components into rows.
+
+    Parameters
+    ----------
+    components : Components
+    stretch_mm : tuple of float
+        From where to where a finger can be along the texture's direction; a spatial texture
+        without a period is tabled over all of it.
+
+    Raises
+    ------
+    TextureError
+        If the table would not fit into memory, or nothing lies in the tactile band.
+    """
+    if components.spatial:
+        kept = np.ones(components.frequency.size, dtype=bool)
+    else:
+        kept = components.frequency <= BAND_EDGE_HZ
+        if not np.any(kept):
+            raise TextureError(f"all frequencies lie above {BAND_EDGE_HZ:g} Hz: none is felt")
+    frequency = components.frequency[kept]
+    top = float(frequency.max())
+    origin, end = stretch_mm if components.spatial else (0.0, 0.0)
+    length = components.period if components.period is not None else end - origin
+    if components.period is not None:
+        origin = 0.0
+    n_points = max(int(np.ceil(POINTS_PER_CYCLE * top * length)), 8)
+    n_rows = _row_count(top) if components.spatial else 1
+    if n_points * n_rows > MAX_POINTS:
+        raise TextureError(
+            f"{top:g} cycles/mm over {length:g} mm need a table of {n_points * n_rows} points; "
+            f"at most {MAX_POINTS} are kept. Lower the highest frequency or the region's size"
+        )
+    row = np.floor(ROWS_PER_OCTAVE * np.log2(top / frequency) + 1e-9).astype(np.int64)
+    rows = np.zeros((n_rows, n_points + PAD))
+    _sum_rows(
+        2.0 * np.pi * frequency * (length / n_points),
+        components.amplitude_n[kept],
+        components.phase_rad[kept] + 2.0 * np.pi * frequency * origin,
+        np.minimum(row, n_rows - 1),
+        rows,
+    )
+    return Table(rows, length, origin, top)
+
+
+def _row_count(top_cycles_per_mm: float) -> int:
+    """Return how many rows reach from the slowest to the fastest finger."""
+    octaves = math.log2(top_cycles_per_mm * FASTEST_MM_S / FADE_HZ)
+    return max(math.ceil(ROWS_PER_OCTAVE * octaves), 0) + 2
+
+
+@njit(cache=True, nogil=True)
+def _sum_rows(step_rad, amplitude, phase, row, rows):  # type: ignore[no-untyped-def]
+    """Add each component to its own row by rotation, then each row to the one that holds it."""
+    n_points = rows.shape[1] - 3
+    for c in range(step_rad.size):
+        turn = np.exp(1j * step_rad[c])
+        out = rows[row[c]]
+        for start in range(0, n_points, 1024):  # restarted, so that rounding does not grow
+            value = amplitude[c] * np.exp(1j * (phase[c] + step_rad[c] * start))
+            for n in range(start, min(start + 1024, n_points)):
+                out[n + 1] += value.real
+                value *= turn
+    for r in range(rows.shape[0] - 2, -1, -1):
+        rows[r] += rows[r + 1]
+    for r in range(rows.shape[0]):
+        rows[r, 0] = rows[r, n_points]
+        rows[r, n_points + 1] = rows[r, 1]
+        rows[r, n_points + 2] = rows[r, 2]

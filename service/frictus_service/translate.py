@@ -1,0 +1,145 @@
+"""Between what the hardware knows and what the wire says: the one place that knows both."""
+
+import hashlib
+import json
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel
+
+from frictus.block import Block, Flag
+from frictus.errors import TextureError
+from frictus.messages import FingerState
+from frictus.model import FirstOrderSpeedLaw, Model
+from frictus_hardware.base import Exchange, RigInfo
+from frictus_hardware.physics.friction import FrictionLaw
+from frictus_hardware.physics.screen import Screen
+from frictus_service.daemon.timebase import Stamp
+from frictus_service.daemon.turn import Turn
+
+FORCE, ACCEL, VOLTAGE, TRUTH = 1, 2, 3, 4
+"""Stream ids, as `frictus.keys.STREAMS` lists them."""
+
+
+def etag_of(message: BaseModel) -> str:
+    """Return a short hash of what a message says, whatever the order of its keys."""
+    content = message.model_dump(mode="json", by_alias=True)
+    canonical = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(canonical.encode()).hexdigest()[:16]
+
+
+def law_of(model: Model) -> FrictionLaw:
+    """Return the friction law that a model states.
+
+    Raises
+    ------
+    TextureError
+        If the model is not one of friction: nothing can be rendered with it.
+    """
+    if not isinstance(model.base, FirstOrderSpeedLaw):
+        raise TextureError(
+            f"a {model.base.law!r} model says how the skin moves, not what friction it feels; "
+            "give one with response 'friction'"
+        )
+    low, high = model.validity.speed_mm_s
+    return FrictionLaw(
+        model.base.gain_n, model.base.cutoff_0_hz, model.base.slope_hz_per_mm_s, (low, high)
+    )
+
+
+def placeholder_model() -> Model:
+    """Return the model that stands in until somebody has measured one; it says so."""
+    law = FrictionLaw()
+    return Model(
+        base=FirstOrderSpeedLaw(
+            gain_n=law.gain_n,
+            cutoff_0_hz=law.cutoff_0_hz,
+            slope_hz_per_mm_s=law.slope_hz_per_mm_s,
+        ),
+        placeholder=True,
+        provenance={"source": "published population values; nobody measured this rig"},
+    )
+
+
+def screen_of(info: RigInfo) -> Screen:
+    """Return the screen that a backend drives."""
+    return Screen(peak_v=info.screen_peak_v, size_mm=info.screen_mm)
+
+
+def flags_of(turn: Turn, info: RigInfo, placeholder: bool) -> Flag:
+    """Return what a reader must know of a block."""
+    exchange, rendered = turn.step.exchange, turn.step.rendered
+    said = {
+        Flag.ARMED: turn.armed,
+        Flag.CLIPPED: bool(rendered.clipped_samples or exchange.clipped_samples),
+        Flag.SCALED: turn.scaled,
+        Flag.EXTRAPOLATED: rendered.extrapolated_samples > 0,
+        Flag.OVERRUN: exchange.overrun_samples > 0,
+        Flag.UNDERRUN: exchange.underrun_samples > 0,
+        Flag.SIMULATED: info.simulated,
+        Flag.STALE_SENSOR: turn.step.stale,
+        Flag.PLACEHOLDER_MODEL: placeholder,
+        Flag.SUBSTITUTE_SENSOR: info.finger_source == "pointer",
+    }
+    flags = Flag(0)
+    for flag, holds in said.items():
+        if holds:
+            flags |= flag
+    return flags
+
+
+def blocks_of(turn: Turn, stamp: Stamp, flags: Flag, sample_rate_hz: float) -> list[Block]:
+    """Return a turn's blocks, one per stream; the truth only where the rig is simulated."""
+    exchange = turn.step.exchange
+    channels: dict[int, NDArray[np.float32]] = {
+        FORCE: exchange.force_n.T.astype(np.float32),
+        ACCEL: exchange.accel_m_s2.T.astype(np.float32),
+        VOLTAGE: exchange.voltage_v[np.newaxis].astype(np.float32),
+    }
+    if exchange.truth is not None:
+        channels[TRUTH] = _truth(exchange)
+    return [
+        Block(
+            stream,
+            turn.run,
+            turn.number,
+            exchange.first_sample,
+            stamp.utc_ns,
+            stamp.uncertainty_ns,
+            sample_rate_hz,
+            flags,
+            data,
+        )
+        for stream, data in channels.items()
+    ]
+
+
+def _truth(exchange: Exchange) -> NDArray[np.float32]:
+    truth = exchange.truth
+    assert truth is not None
+    rows = (*truth.position_mm.T, *truth.velocity_mm_s.T, truth.friction_n)
+    return np.stack(rows).astype(np.float32)
+
+
+def finger_of(turn: Turn, stamp: Stamp, info: RigInfo) -> FingerState:
+    """Return the finger's state at the end of a turn's sensed samples."""
+    exchange, step = turn.step.exchange, turn.step
+    x_mm, y_mm, vx_mm_s, vy_mm_s = turn.finger
+    # Before the first report there is no age; the longest that a message holds says so.
+    age_ms = min(1e3 * turn.report_age_s, 1e9)
+    return FingerState(
+        sequence=turn.number,
+        sample=exchange.first_sample + exchange.voltage_v.size,
+        utc_ns=stamp.utc_ns,
+        uncertainty_ns=stamp.uncertainty_ns,
+        x_mm=x_mm,
+        y_mm=y_mm,
+        vx_mm_s=vx_mm_s,
+        vy_mm_s=vy_mm_s,
+        normal_force_n=float(exchange.force_n[:, 2].mean()),
+        in_contact=step.in_contact,
+        source=info.finger_source,
+        age_ms=age_ms,
+        stale=step.stale,
+        extrapolated=step.rendered.extrapolated_samples > 0,
+    )

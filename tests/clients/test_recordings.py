@@ -1,0 +1,287 @@
+"""Textures from files: what is read, and what is refused with which reason."""
+
+import json
+import math
+import wave
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from frictus.errors import TextureError
+from frictus.imports import AHAP_SHARPNESS_HZ, read_ahap, read_hjif
+from frictus.recordings import load_texture, profile_of
+from frictus.textures import Profile, Spectrum
+
+
+def write_wav(path: Path, channels: np.ndarray, width: int, rate_hz: int = 8_000) -> Path:
+    """Write samples in [-1, 1), shape (n_channels, n_samples), with `width` bytes each."""
+    counts = np.round(channels.T * 2.0 ** (8 * width - 1)).astype(np.int64)
+    if width == 1:
+        counts = counts + 128
+    octets = (
+        np.ascontiguousarray(counts, "<i8")
+        .view(np.uint8)
+        .reshape(*counts.shape, 8)[..., :width]
+    )
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(channels.shape[0])
+        file.setsampwidth(width)
+        file.setframerate(rate_hz)
+        file.writeframes(octets[..., :width].tobytes())
+    return path
+
+
+@pytest.mark.parametrize("width", [1, 2, 3, 4])
+def test_a_wav_of_every_width_is_read_to_its_own_step(
+    tmp_path: Path, rng: np.random.Generator, width: int
+) -> None:
+    samples = rng.uniform(-0.9, 0.9, (2, 400))
+    path = write_wav(tmp_path / "stereo.wav", samples, width)
+    texture = load_texture(path, speed_mm_s=40.0, scale_n=0.5, channel=1)
+    assert isinstance(texture, Profile)
+    assert texture.period_mm == pytest.approx(40.0 * 400 / 8_000)
+    wanted = 0.5 * (samples[1] - samples[1].mean())
+    step = 0.5 / 2.0 ** (8 * width - 1)
+    np.testing.assert_allclose(texture.friction_n, wanted, atol=1.1 * step)
+
+
+def test_without_a_speed_a_recording_is_temporal(tmp_path: Path) -> None:
+    path = write_wav(tmp_path / "a.wav", np.sin(np.arange(800.0))[np.newaxis] * 0.9, 2)
+    texture = load_texture(path)
+    assert isinstance(texture, Profile)
+    assert texture.period_mm is None
+    assert texture.period_s == pytest.approx(0.1)
+
+
+def test_a_column_of_newtons_becomes_a_period_in_mm(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("friction_N\n0.1\n0.3\n\n0.2\n0.2\n", encoding="utf-8")
+    texture = load_texture(path, speed_mm_s=50.0, sample_rate_hz=100.0, angle_deg=90.0)
+    assert isinstance(texture, Profile)
+    assert texture.friction_n == pytest.approx([-0.1, 0.1, 0.0, 0.0])
+    assert texture.period_mm == pytest.approx(2.0)
+    assert texture.angle_deg == 90.0
+
+
+def test_two_columns_bring_their_own_rate(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    rows = "\n".join(f"{5 + n / 1000:.6f};{0.1 * (n % 2)}" for n in range(100))
+    path.write_text("\ufefftime;force\n" + rows, encoding="utf-8")
+    texture = load_texture(path)
+    assert isinstance(texture, Profile)
+    assert texture.period_s == pytest.approx(0.1)
+    with pytest.raises(TextureError, match="its times say 1000 Hz, not 2000 Hz"):
+        load_texture(path, sample_rate_hz=2_000.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", "0 samples; at least 2"),
+        ("header\n", "0 samples; at least 2"),
+        ("1\n", "1 samples; at least 2"),
+        ("1\n2\nx\n", "line 3: 'x' is not numbers"),
+        ("1\n\n\nNaN\n", "line 4: NaN"),
+        ("1\ninf\n", "line 2: NaN and infinities"),
+        ("1\n1e999\n", "line 2: NaN and infinities"),
+        ("1\n1,2\n", "line 2: 2 columns"),
+        ("1,2,3\n", "line 1: 3 columns"),
+        ("0,1\n0,2\n", "do not rise"),
+        ("0,1\n0.1,2\n0.3,3\n0.4,1\n", "off an even grid"),
+        ("1\n1\n1\n", "constant friction is no texture"),
+        ("0\n30\n", "reaches 15 N; at most 10 N"),
+        ("1\n2\n" * 40_000, "at most 65536"),
+        ("1\n2\n" * 5_000, "period_s"),
+    ],
+)
+def test_a_bad_csv_is_refused_with_the_reason(
+    tmp_path: Path, text: str, complaint: str
+) -> None:
+    path = tmp_path / "bad.csv"
+    path.write_text(text, encoding="utf-8")
+    rate_hz = None if "," in text else 500.0
+    with pytest.raises(TextureError, match=complaint) as refused:
+        load_texture(path, sample_rate_hz=rate_hz)
+    assert "bad.csv" in str(refused.value)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
+def test_absurd_numbers_are_refused(tmp_path: Path, value: float) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("1\n2\n", encoding="utf-8")
+    with pytest.raises(TextureError, match="sample_rate_hz"):
+        load_texture(path, sample_rate_hz=value)
+    with pytest.raises(TextureError, match="speed_mm_s"):
+        load_texture(path, speed_mm_s=value, sample_rate_hz=100.0)
+    if value != -1.0:
+        with pytest.raises(TextureError, match="scale_n"):
+            load_texture(path, sample_rate_hz=100.0, scale_n=value)
+
+
+def test_a_column_without_a_rate_asks_for_it(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("1\n2\n", encoding="utf-8")
+    with pytest.raises(TextureError, match="give its sample_rate_hz"):
+        load_texture(path)
+
+
+def test_what_is_not_a_wav_or_not_text_is_refused(tmp_path: Path) -> None:
+    wav, table = tmp_path / "a.wav", tmp_path / "a.csv"
+    wav.write_bytes(b"RIFFgarbage")
+    table.write_bytes(b"\xff\xfe\x00\x01")
+    with pytest.raises(TextureError, match="not a WAV"):
+        load_texture(wav)
+    with pytest.raises(TextureError, match="not text in UTF-8"):
+        load_texture(table)
+    with pytest.raises(TextureError, match=r"\.hjif are accepted"):
+        load_texture(tmp_path / "a.mp3")
+    with pytest.raises(FileNotFoundError):
+        load_texture(tmp_path / "absent.csv")
+    good = write_wav(tmp_path / "b.wav", np.array([[0.1, 0.2]]), 2)
+    with pytest.raises(TextureError, match="no channel 1"):
+        load_texture(good, channel=1)
+    with pytest.raises(TextureError, match="8000 Hz, not 44100"):
+        load_texture(good, sample_rate_hz=44_100.0)
+
+
+@settings(deadline=None)
+@given(st.binary(max_size=300))
+def test_a_garbage_wav_is_a_texture_error(
+    tmp_path_factory: pytest.TempPathFactory, tail: bytes
+) -> None:
+    path = tmp_path_factory.mktemp("garbage") / "a.wav"
+    head = b"RIFF\x80\0\0\0WAVEfmt \x10\0\0\0\x01\0\x01\0\x40\x1f\0\0\x80\x3e\0\0\x02\0\x10\0"
+    path.write_bytes(head + tail)
+    try:
+        load_texture(path)
+    except TextureError:
+        pass
+
+
+def test_a_texture_document_is_read_as_it_stands(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    path.write_text('{"kind": "slope", "peak_hz": 100, "low_order": 2, "high_order": 2,'
+                    ' "rms_n": 0.1}', encoding="utf-8")  # fmt: skip
+    assert load_texture(path).kind == "slope"
+    with pytest.raises(TextureError, match="no speed"):
+        load_texture(path, speed_mm_s=40.0)
+    with pytest.raises(TextureError, match="no scale"):
+        load_texture(path, scale_n=2.0)
+    for text in ("", "[]", '{"kind": "slope"}', '{"kind": "slime"}', '{"rms_n": 1e999}'):
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(TextureError, match="not a texture"):
+            load_texture(path)
+
+
+@given(st.integers(2, 300), st.floats(0.1, 5.0))
+def test_a_profile_has_no_mean_and_keeps_its_shape(count: int, scale_n: float) -> None:
+    friction = scale_n * np.cos(np.arange(count))
+    profile = profile_of(friction, 1_000.0, 20.0)
+    assert abs(np.mean(profile.friction_n)) < 1e-12
+    np.testing.assert_allclose(np.diff(profile.friction_n), np.diff(friction), atol=1e-12)
+
+
+# Effects of other systems
+
+
+def ahap(**changes: Any) -> str:
+    event = {
+        "Time": 0.0,
+        "EventType": "HapticContinuous",
+        "EventDuration": 1.0,
+        "EventParameters": [
+            {"ParameterID": "HapticIntensity", "ParameterValue": 0.5},
+            {"ParameterID": "HapticSharpness", "ParameterValue": 0.2},
+        ],
+    }
+    return json.dumps({"Version": 1.0, "Pattern": [{"Event": event | changes}]})
+
+
+def test_a_continuous_ahap_event_is_a_component(tmp_path: Path) -> None:
+    path = tmp_path / "a.ahap"
+    path.write_text(ahap(), encoding="utf-8")
+    texture = load_texture(path, scale_n=0.4)
+    assert isinstance(texture, Spectrum)
+    (component,) = texture.components
+    low_hz, high_hz = AHAP_SHARPNESS_HZ
+    assert component.amplitude_n == pytest.approx(0.2)
+    assert component.hz == pytest.approx(low_hz + 0.2 * (high_hz - low_hz))
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", "not an AHAP document"),
+        ("[]", "an object was expected"),
+        ("{}", "a list 'Pattern'"),
+        ('{"Pattern": []}', "no effect"),
+        ('{"Pattern": [{"ParameterCurve": {}}]}', "changes over time"),
+        ('{"Pattern": [{"Event": 3}]}', "an object was expected"),
+        (ahap(EventType="HapticTransient"), "HapticTransient"),
+        (ahap(EventType="AudioCustom"), "AudioCustom"),
+        (ahap(Time=0.5), "starts later"),
+        (ahap(Time="now"), "must be a number"),
+        (ahap(EventParameters=5), "a list 'EventParameters'"),
+        (ahap(EventParameters=[{"ParameterID": "AttackTime"}]), "AttackTime"),
+        (ahap().replace("0.5", "1.5"), "0 to 1 accepted"),
+        (ahap().replace("0.5", "NaN"), "not finite"),
+        (ahap().replace("0.2", "1e999"), "not finite"),
+        ("[" * 100_000, "not an AHAP document"),
+    ],
+)
+def test_what_is_no_texture_in_ahap_is_refused(text: str, complaint: str) -> None:
+    with pytest.raises(TextureError, match=complaint):
+        read_ahap(text)
+
+
+def hjif(band: dict[str, Any] | None = None, effect: dict[str, Any] | None = None) -> str:
+    frames = [
+        {"relative_position": at, "amplitude_modulation": 0.5, "frequency_modulation": 150}
+        for at in (0, 1000)
+    ]
+    sine = {"effect_type": "Basis", "position": 0, "base_signal": "Sine", "keyframes": frames}
+    wave_band = {"band_type": "VectorialWave", "effects": [sine | (effect or {})]}
+    channels = [{"gain": 0.5, "bands": [wave_band | (band or {})]}]
+    perception = {"perception_modality": "Vibrotactile", "channels": channels}
+    return json.dumps({"version": "2023", "perceptions": [perception]})
+
+
+def test_a_constant_sine_of_hjif_is_a_component() -> None:
+    (component,) = read_hjif(hjif(), scale_n=0.4).components
+    assert component.amplitude_n == pytest.approx(0.1)
+    assert component.hz == 150.0
+    assert math.cos(component.phase_rad) == pytest.approx(0.0, abs=1e-12)  # a sine starts at 0
+    assert math.sin(component.phase_rad) == pytest.approx(-1.0)  # and rises
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        (hjif().replace("Vibrotactile", "Stiffness"), "Stiffness"),
+        (hjif(band={"band_type": "WaveletWave"}), "WaveletWave"),
+        (hjif(band={"effects": []}), "0 effects"),
+        (hjif(effect={"base_signal": "Square"}), "base signal Sine"),
+        (hjif(effect={"effect_type": "Reference"}), "Basis"),
+        (hjif(effect={"position": 10}), "starts later"),
+        (hjif(effect={"keyframes": []}), "takes 0 values"),
+        (hjif().replace('0.5, "frequency', '0.6, "frequency', 1), "takes 2 values"),
+        (hjif().replace("150", "-150"), "greater than 0"),
+        (hjif().replace("150", "1e400"), "not finite"),
+        ('{"perceptions": [5]}', "an object was expected"),
+    ],
+)
+def test_what_is_no_texture_in_hjif_is_refused(text: str, complaint: str) -> None:
+    with pytest.raises(TextureError, match=complaint):
+        read_hjif(text)
+
+
+@settings(deadline=None)
+@given(st.text(max_size=100))
+def test_garbage_effects_are_texture_errors(text: str) -> None:
+    for read in (read_ahap, read_hjif):
+        with pytest.raises(TextureError):
+            read(text)

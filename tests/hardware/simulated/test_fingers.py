@@ -1,0 +1,237 @@
+"""Virtual fingers: continuous, on the screen, reproducible, and of the stated kind."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pydantic import TypeAdapter
+
+from frictus_hardware.errors import ConfigError
+from frictus_hardware.simulated.fingers import FingerConfig
+from frictus_hardware.simulated.human import (
+    LOOP_S,
+    MIDDLE_MM,
+    PAUSE_PROBABILITY,
+    PAUSE_S,
+    SPEED_MM_S,
+    SPEED_PER_LENGTH,
+    STROKE_MM,
+    HumanStrokes,
+    draw_strokes,
+)
+from frictus_hardware.simulated.motion import Finger
+from frictus_hardware.simulated.pointer import ClientFinger, PointerFinger
+from frictus_hardware.simulated.press import Press
+from frictus_hardware.simulated.strokes import SinusoidalStrokes, SteadyStrokes
+
+SCREEN_MM = (70.0, 35.0)
+Start = Callable[[tuple[float, float], np.random.Generator], Finger]
+ALONE = [
+    SteadyStrokes(speed_mm_s=20.0),
+    SteadyStrokes(speed_mm_s=100.0),
+    SinusoidalStrokes(),
+    HumanStrokes(),
+    HumanStrokes(lift_probability=0.5, tremor_mm=0.2, drift_mm=20.0),
+]
+
+
+def ticks(begin: int, end: int, step_s: float = 1e-3) -> NDArray[np.float64]:
+    return np.arange(begin, end, dtype=np.float64) * step_s
+
+
+@pytest.fixture(params=ALONE, ids=lambda strokes: f"{strokes.kind}")
+def start(request: pytest.FixtureRequest) -> Start:
+    begin: Start = request.param.start
+    return begin
+
+
+def test_velocity_is_the_derivative_of_position(start: Start, rng: np.random.Generator) -> None:
+    finger = start(SCREEN_MM, rng)
+    step_s = 1e-5
+    time_s = ticks(0, 200_000, step_s) + rng.uniform(0.0, 30.0)
+    motion = finger.at(time_s)
+    middle = 0.5 * (motion.velocity_mm_s[1:] + motion.velocity_mm_s[:-1])
+    slope = np.diff(motion.position_mm, axis=0) / step_s
+    np.testing.assert_allclose(slope, middle, atol=0.05)
+    # No jumps: at most 0.15 mm/s in 10 us, which is 15 m/s².
+    assert np.max(np.abs(np.diff(motion.velocity_mm_s, axis=0))) < 0.15
+
+
+def test_always_on_the_screen_and_pressing(start: Start, rng: np.random.Generator) -> None:
+    motion = start(SCREEN_MM, rng).at(np.arange(0.0, 2.2 * LOOP_S, 0.01))
+    assert np.all((motion.position_mm >= 0.0) & (motion.position_mm <= SCREEN_MM))
+    assert np.all((motion.normal_force_n > 0.0) == motion.in_contact)
+    assert np.max(motion.normal_force_n) < 1.0
+
+
+def test_seed_decides(start: Start) -> None:
+    time_s = np.arange(0.0, 5.0, 0.01)
+    one, same, other = (
+        start(SCREEN_MM, np.random.default_rng(seed)).at(time_s) for seed in (1, 1, 2)
+    )
+    np.testing.assert_array_equal(one.position_mm, same.position_mm)
+    np.testing.assert_array_equal(one.normal_force_n, same.normal_force_n)
+    assert not np.array_equal(one.normal_force_n, other.normal_force_n)
+
+
+def test_a_pure_function_of_time(start: Start, rng: np.random.Generator) -> None:
+    finger = start(SCREEN_MM, rng)
+    time_s = np.arange(0.0, 3.0, 0.01)
+    whole = finger.at(time_s)
+    finger.at(time_s + 100.0)
+    np.testing.assert_allclose(finger.at(time_s[100:]).position_mm, whole.position_mm[100:])
+
+
+def test_wander_can_be_off() -> None:
+    still = SteadyStrokes(press=Press(target_n=0.3, wander_n=0.0))
+    motion = still.start(SCREEN_MM, np.random.default_rng(0)).at(np.arange(0.0, 5.0, 0.01))
+    assert np.all(motion.normal_force_n == 0.3)
+
+
+def test_wander_has_its_size(rng: np.random.Generator) -> None:
+    wandering = SteadyStrokes(press=Press(target_n=0.5, wander_n=0.05))
+    motion = wandering.start(SCREEN_MM, rng).at(np.arange(0.0, 2_000.0, 0.05))
+    assert np.mean(motion.normal_force_n) == pytest.approx(0.5, abs=0.01)
+    assert np.std(motion.normal_force_n) == pytest.approx(0.05, rel=0.1)
+
+
+def test_steady_strokes_are_steady() -> None:
+    finger = SteadyStrokes(speed_mm_s=40.0, span_mm=50.0).start(
+        SCREEN_MM, np.random.default_rng(0)
+    )
+    motion = finger.at(np.arange(0.0, 60.0, 0.001))
+    speed = np.abs(motion.velocity_mm_s[:, 0])
+    assert np.mean(np.isclose(speed, 40.0)) > 0.9
+    assert np.ptp(motion.position_mm[:, 0]) == pytest.approx(50.0, abs=1e-3)
+    assert np.mean(motion.velocity_mm_s[:, 0] > 0.0) == pytest.approx(0.5, abs=0.02)
+
+
+def test_sinusoidal_strokes_have_their_peak_speed_and_span() -> None:
+    finger = SinusoidalStrokes(peak_speed_mm_s=80.0, span_mm=40.0).start(
+        SCREEN_MM, np.random.default_rng(0)
+    )
+    motion = finger.at(np.arange(0.0, 20.0, 0.001))
+    assert np.max(motion.velocity_mm_s[:, 0]) == pytest.approx(80.0, rel=1e-4)
+    assert np.ptp(motion.position_mm[:, 0]) == pytest.approx(40.0, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "strokes",
+    [
+        SteadyStrokes(span_mm=80.0),
+        SteadyStrokes(span_mm=10.0, speed_mm_s=100.0, reversal_s=0.5),
+        SinusoidalStrokes(span_mm=71.0),
+    ],
+)
+def test_strokes_that_do_not_fit_are_refused(strokes: SteadyStrokes) -> None:
+    with pytest.raises(ConfigError, match="mm"):
+        strokes.start(SCREEN_MM, np.random.default_rng(0))
+
+
+def test_human_strokes_on_a_small_screen_are_refused() -> None:
+    with pytest.raises(ConfigError, match="at least"):
+        HumanStrokes().start((30.0, 30.0), np.random.default_rng(0))
+
+
+def test_human_strokes_are_drawn_as_stated(rng: np.random.Generator) -> None:
+    strokes = draw_strokes(HumanStrokes(), 66.0, rng)
+    length = np.abs(strokes.to_mm - strokes.from_mm)
+    assert np.all((length >= STROKE_MM[0] - 1e-9) & (length <= STROKE_MM[1] + 1e-9))
+    assert np.all(np.sign(strokes.to_mm - strokes.from_mm)[::2] == 1.0)
+    assert np.all(np.sign(strokes.to_mm - strokes.from_mm)[1::2] == -1.0)
+    speed = length / strokes.move_s
+    assert np.all((speed >= SPEED_MM_S[0] - 1e-9) & (speed <= SPEED_MM_S[1] + 1e-9))
+    at_middle = speed / (length / MIDDLE_MM) ** SPEED_PER_LENGTH
+    assert np.median(at_middle) == pytest.approx(60.0, rel=0.06)
+    rest = np.diff(np.append(strokes.begin_s, strokes.loop_s)) - strokes.move_s
+    pauses = rest[rest > 1e-6]
+    assert np.all((pauses >= PAUSE_S[0] - 1e-6) & (pauses <= PAUSE_S[1] + 1e-6))
+    assert pauses.size / rest.size == pytest.approx(PAUSE_PROBABILITY, abs=0.08)
+    assert strokes.to_mm[-1] == pytest.approx(strokes.from_mm[0])  # the loop closes
+    assert strokes.loop_s > LOOP_S
+
+
+def test_human_lifts_between_strokes(rng: np.random.Generator) -> None:
+    finger = HumanStrokes(lift_probability=1.0).start(SCREEN_MM, rng)
+    motion = finger.at(np.arange(0.0, 60.0, 0.001))
+    lifted = ~motion.in_contact
+    assert 0.05 < np.mean(lifted) < 0.4
+    assert np.max(np.abs(motion.velocity_mm_s[lifted, 0])) < 10.0  # only the tremor
+    assert np.max(np.abs(np.diff(motion.normal_force_n))) < 0.05
+
+
+def pointer() -> PointerFinger:
+    return ClientFinger(smoothing_hz=8.0).start(SCREEN_MM, np.random.default_rng(0))
+
+
+def test_pointer_is_off_the_screen_until_a_point_comes() -> None:
+    motion = pointer().at(ticks(0, 10))
+    assert not np.any(motion.in_contact)
+    assert not np.any(motion.normal_force_n)
+
+
+def test_pointer_glides_to_the_newest_point() -> None:
+    finger = pointer()
+    finger.push(10.0, 10.0, True, 0.4)
+    landed = finger.at(ticks(0, 100))
+    np.testing.assert_allclose(landed.position_mm, 10.0)
+    finger.push(30.0, 20.0, True, 0.4)
+    finger.push(20.0, 20.0, True, 0.4)
+    glide = finger.at(ticks(100, 1_100))
+    np.testing.assert_allclose(glide.position_mm[-1], [20.0, 20.0], atol=1e-6)
+    assert np.max(glide.position_mm[:, 0]) <= 20.0  # no overshoot
+    slope = np.diff(glide.position_mm[:, 0]) / 1e-3
+    middle = 0.5 * (glide.velocity_mm_s[1:, 0] + glide.velocity_mm_s[:-1, 0])
+    np.testing.assert_allclose(slope, middle, atol=2.0)
+
+
+def test_pointer_points_at_60_hz_become_a_steady_slide() -> None:
+    finger = pointer()
+    finger.push(5.0, 17.0, True, 0.4)
+    speed = []
+    for block in range(200):  # 5 ms each; a point every 15 ms at 60 mm/s
+        if block % 3 == 0:
+            finger.push(5.0 + 0.3 * block, 17.0, True, 0.4)
+        speed.append(finger.at(ticks(100 * block, 100 * block + 100, 5e-5)).velocity_mm_s[:, 0])
+    late = np.concatenate(speed[100:])
+    assert np.mean(late) == pytest.approx(60.0, rel=0.02)
+    assert np.ptp(late) < 15.0
+
+
+def test_pointer_does_not_depend_on_how_time_is_split(rng: np.random.Generator) -> None:
+    time_s = ticks(1, 500, 5e-5)
+    whole, split = pointer(), pointer()
+    for finger in (whole, split):
+        finger.push(10.0, 10.0, True, 0.4)
+        finger.at(np.zeros(1))
+        finger.push(40.0, 10.0, True, 0.4)
+    cuts = np.unique(rng.integers(1, 490, 5))
+    parts = [split.at(part).position_mm for part in np.split(time_s, cuts)]
+    np.testing.assert_allclose(np.concatenate(parts), whole.at(time_s).position_mm, rtol=1e-12)
+
+
+def test_pointer_stays_on_the_screen_and_lands_where_it_is_put() -> None:
+    finger = pointer()
+    finger.push(-5.0, 1e6, True, 0.4)
+    motion = finger.at(ticks(0, 100))
+    np.testing.assert_allclose(motion.position_mm, [[0.0, 35.0]] * 100)
+    finger.push(50.0, 5.0, False, 0.4)
+    assert not np.any(finger.at(np.array([0.2])).in_contact)
+    finger.push(60.0, 6.0, True, 0.4)
+    np.testing.assert_allclose(finger.at(np.array([0.21])).position_mm, [[60.0, 6.0]])
+
+
+@pytest.mark.parametrize(
+    "point", [(np.nan, 1.0, 0.4), (1.0, np.inf, 0.4), (1.0, 1.0, np.nan), (1.0, 1.0, -0.1)]
+)
+def test_pointer_refuses_what_is_no_point(point: tuple[float, float, float]) -> None:
+    x, y, force = point
+    with pytest.raises(ConfigError, match="finite"):
+        pointer().push(x, y, True, force)
+
+
+@pytest.mark.parametrize("kind", ["steady", "sinusoidal", "human", "client"])
+def test_a_configuration_names_the_kind(kind: str) -> None:
+    read: FingerConfig = TypeAdapter(FingerConfig).validate_python({"kind": kind})
+    assert read.kind == kind

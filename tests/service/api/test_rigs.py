@@ -1,0 +1,148 @@
+"""Rigs over REST, against a rig on a real router."""
+
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+
+SCENE = {
+    "name": "second",
+    "regions": [
+        {"texture": {"kind": "spectrum", "components": [{"amplitude_n": 0.2, "hz": 100.0}]}}
+    ],
+}
+MODEL = {
+    "schema": "model/1",
+    "base": {
+        "law": "first_order_speed",
+        "gain_n": 0.4,
+        "cutoff_0_hz": 400.0,
+        "slope_hz_per_mm_s": 12.0,
+    },
+    "from_the_future": {"kept": [1, 2]},
+}
+
+
+def test_lists_and_describes_what_is_present(api: TestClient, rig: Any) -> None:
+    listed = api.get("/v1/rigs").json()
+    assert listed == {"site": "lab", "rigs": [rig.name]}
+    said = api.get(f"/v1/rigs/{rig.name}").json()
+    assert said["state"] == "disarmed"
+    assert said["counters"]["blocks"] == 1234
+    assert api.get(f"/v1/rigs/{rig.name}/time").json()["uncertainty_ns"] == 900
+
+
+def test_status_is_the_newest(api: TestClient, rig: Any) -> None:
+    assert api.get(f"/v1/rigs/{rig.name}").json()["state"] == "disarmed"
+    rig.trip()
+    for _ in range(1_000):  # it arrives by another way than our request
+        said = api.get(f"/v1/rigs/{rig.name}").json()
+        if said["state"] == "tripped":
+            break
+    assert said["fault"]["action"] == "reset"
+
+
+def test_absent_rig_is_404(api: TestClient, rig: Any) -> None:
+    for path in ("", "/time", "/scene", "/applied", "/model"):
+        answer = api.get(f"/v1/rigs/nobody{path}")
+        assert answer.status_code == 404
+        assert answer.json()["code"] == "no_rig"
+        assert rig.name in answer.json()["detail"]  # says who is there
+    api.get(f"/v1/rigs/{rig.name}")
+    rig.vanish()
+    assert api.get(f"/v1/rigs/{rig.name}").status_code == 404
+
+
+def test_scene_round_trip_with_etags(api: TestClient, rig: Any) -> None:
+    path = f"/v1/rigs/{rig.name}/scene"
+    first = api.get(path)
+    assert first.headers["etag"] == '"s0"'
+    assert first.json()["name"] == "first"
+    assert api.get(path, headers={"If-None-Match": 'W/"x", "s0"'}).status_code == 304
+
+    put = api.put(path, json=SCENE, headers={"If-Match": '"s0"'})
+    assert put.status_code == 200
+    assert put.json()["gain"] == 0.8
+    assert put.headers["etag"] == '"s1"'
+    assert rig.calls[-1][1].if_match == "s0"
+
+    second = api.get(path)  # at once: a GET shows what was PUT
+    assert second.headers["etag"] == '"s1"'
+    assert second.json()["name"] == "second"
+    applied = api.get(f"/v1/rigs/{rig.name}/applied").json()
+    assert applied["etag"] == "s1"
+    assert applied["applied"]["notes"] == ["scaled to fit the drive"]
+
+    late = api.put(path, json=SCENE, headers={"If-Match": '"s0"'})
+    assert late.status_code == 412
+    assert '"s1"' in late.json()["detail"]
+    assert api.put(path, json=SCENE, headers={"If-Match": 'W/"s1"'}).status_code == 412
+    assert api.put(path, json=SCENE, headers={"If-Match": '"q", "s1"'}).status_code == 200
+    assert api.put(path, json=SCENE, headers={"If-Match": "*"}).status_code == 200
+    assert rig.calls[-1][1].if_match is None
+    assert api.put(path, json=SCENE, headers={"If-Match": "s1"}).status_code == 422
+
+
+@pytest.mark.parametrize(("what", "body"), [("scene", SCENE), ("model", MODEL)])
+def test_put_needs_if_match(api: TestClient, rig: Any, what: str, body: object) -> None:
+    answer = api.put(f"/v1/rigs/{rig.name}/{what}", json=body)
+    assert answer.status_code == 428
+    assert not rig.calls
+
+
+def test_what_is_got_can_be_put(api: TestClient, rig: Any) -> None:
+    for what in ("scene", "model"):
+        path = f"/v1/rigs/{rig.name}/{what}"
+        got = api.get(path)
+        put = api.put(path, json=got.json(), headers={"If-Match": got.headers["etag"]})
+        assert put.is_success, put.json()
+        assert api.get(path).json() == got.json()
+
+
+def test_model_keeps_what_newer_writers_add(api: TestClient, rig: Any) -> None:
+    path = f"/v1/rigs/{rig.name}/model"
+    put = api.put(path, json=MODEL, headers={"If-Match": '"m0"'})
+    assert put.status_code == 204
+    got = api.get(path)
+    assert got.headers["etag"] == put.headers["etag"]
+    assert got.json()["from_the_future"] == {"kept": [1, 2]}
+    assert got.json()["schema"] == "model/1"
+
+
+def test_stop_and_reset(api: TestClient, rig: Any) -> None:
+    assert api.post(f"/v1/rigs/{rig.name}/stop").json() == {"state": "stopping"}
+    assert api.post(f"/v1/rigs/{rig.name}/reset").json() == {"state": "disarmed"}
+    assert [call for call, _ in rig.calls] == ["stop", "reset"]
+
+
+REFUSED = {
+    "bad_request": 422,
+    "too_large": 413,
+    "stale": 503,
+    "not_owner": 409,
+    "not_armed": 409,
+    "tripped": 409,
+    "conflict": 412,
+    "not_feasible": 422,
+    "unavailable": 503,
+}
+
+
+@pytest.mark.parametrize(("code", "status"), REFUSED.items())
+def test_refusals_keep_their_word(api: TestClient, rig: Any, code: str, status: int) -> None:
+    rig.refusal = (code, "says the rig")
+    path = f"/v1/rigs/{rig.name}/scene"
+    answer = api.put(path, json=SCENE, headers={"If-Match": "*"})
+    assert answer.status_code == status
+    assert answer.json()["code"] == code
+    assert "says the rig" in answer.json()["detail"]
+
+
+def test_not_owner_names_the_owner(api: TestClient, rig: Any) -> None:
+    rig.owner = "alice-7"
+    rig.tell(state="armed")
+    rig.refusal = ("not_owner", "held by another client")
+    path = f"/v1/rigs/{rig.name}/scene"
+    answer = api.put(path, json=SCENE, headers={"If-Match": "*"})
+    assert answer.status_code == 409
+    assert "'alice-7'" in answer.json()["detail"]

@@ -1,0 +1,59 @@
+"""What is computed and shown of what the finger feels."""
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from frictus_service.cli import checks
+from frictus_service.cli.felt import Felt, band_rms
+from frictus_service.cli.screen import table_of
+
+RATE_HZ = 20_000.0
+NOTHING = Felt(None, None, None, None, None, {"force": 0}, {"force": 0}, {}, 5.0)
+
+
+def test_band_rms_is_that_of_the_band(rng: np.random.Generator) -> None:
+    time_s = np.arange(5_000) / RATE_HZ
+    amplitude = rng.uniform(0.01, 0.5)
+    hz = rng.uniform(60.0, 900.0)
+    phase = rng.uniform(0.0, 2.0 * np.pi)
+    tone = amplitude * np.sin(2.0 * np.pi * hz * time_s + phase)
+    outside = 0.5 + 0.3 * np.sin(2.0 * np.pi * 2_000.0 * time_s)
+    rms = band_rms(tone + outside, RATE_HZ)
+    assert rms == pytest.approx(amplitude / np.sqrt(2.0), rel=0.01)
+
+
+def test_too_little_signal_has_no_rms() -> None:
+    assert band_rms(np.ones(1_999), RATE_HZ) is None
+    assert band_rms(np.ones(0), RATE_HZ) is None
+
+
+def test_silence_shows() -> None:
+    output = io.StringIO()
+    Console(file=output, width=100).print(table_of(NOTHING, "rig", 1.0))
+    said = output.getvalue()
+    assert "no finger state yet" in said
+    assert "nothing from the rig for 5 s" in said
+
+
+def test_missing_packages_are_named() -> None:
+    found = checks.packages(("numpy", "no-such-package-here"))
+    assert found.verdict == "fail"
+    assert "no-such-package-here" in found.found
+    assert found.to_do
+
+
+def test_a_coarse_clock_is_a_warning() -> None:
+    now_ns = iter(range(0, 10**15, 1_000_000))
+    reads = (value // 15_000_000 * 15_000_000 for value in now_ns)  # a 15 ms clock
+    assert checks.clock_resolution(lambda: next(reads)).verdict == "warn"
+
+
+def test_damaged_textures_are_named(tmp_path: Path) -> None:
+    (tmp_path / "broken.json").write_text("{")
+    found = checks.library_folder(tmp_path)
+    assert found.verdict == "warn"
+    assert "broken" in found.found

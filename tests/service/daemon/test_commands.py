@@ -1,0 +1,378 @@
+"""Commands: who may do what, how old it may be, and that garbage only makes a refusal."""
+
+import json
+import threading
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from frictus.keys import CALLS
+from frictus.messages import Reply
+from frictus.stream import StreamFrame
+from frictus_hardware.physics.screen import Screen
+from frictus_service.config import Limits
+from frictus_service.daemon.commands import RENDERING_CALLS, Commands, Message
+from frictus_service.daemon.control import Control
+from frictus_service.daemon.interlock import Interlock
+from frictus_service.daemon.mailbox import Mailbox
+from frictus_service.daemon.orders import LawOrder, Orders
+from frictus_service.daemon.safety import FaultRaised, OutputQuiet
+from frictus_service.daemon.stage import Stage
+from frictus_service.translate import placeholder_model
+
+UTC_NS = 1_795_000_000_000_000_000
+WAVE = (0.05 * np.sin(2.0 * np.pi * np.arange(64) / 64.0)).astype(np.float32)
+TEXTURE = {"kind": "spectrum", "components": [{"amplitude_n": 0.05, "cycles_per_mm": 1.0}]}
+SCENE = {"regions": [{"texture": TEXTURE}]}
+
+
+class Obeyed(deque[LawOrder]):
+    """A slot whose orders are in force at once, as with a loop that turns."""
+
+    def append(self, order: LawOrder) -> None:
+        super().append(order)
+        order.done.set()
+
+
+@dataclass
+class Info:
+    finger_source: str
+
+
+class NoFinger:
+    """A backend without a virtual finger."""
+
+    info = Info("touch")
+
+
+class Finger:
+    """A backend whose virtual finger clients move."""
+
+    info = Info("pointer")
+
+    def __init__(self) -> None:
+        self.moves: list[tuple[float, float, bool, float]] = []
+
+    def move_finger(
+        self, x_mm: float, y_mm: float, in_contact: bool, normal_force_n: float
+    ) -> None:
+        self.moves.append((x_mm, y_mm, in_contact, normal_force_n))
+
+
+@dataclass
+class Desk:
+    """Commands without a network; both clocks are set by hand."""
+
+    limits: Limits = field(default_factory=Limits)
+    backend: Any = field(default_factory=NoFinger)
+    now_s: float = 100.0
+
+    def __post_init__(self) -> None:
+        self.interlock = Interlock()
+        self.orders = Orders(law=Obeyed(maxlen=1))
+        self.stage = Stage(
+            placeholder_model(),
+            Screen(),
+            20_000.0,
+            self.interlock,
+            self.orders,
+            lambda: self.now_s,
+        )
+        control = Control(self.interlock, self.backend, self.limits, lambda: self.now_s)
+        self.commands = Commands(
+            control, self.stage, self.interlock, self.limits, lambda: self.utc_ns
+        )
+
+    @property
+    def utc_ns(self) -> int:
+        return UTC_NS + round(1e9 * self.now_s)
+
+    def send(self, name: str, payload: bytes) -> Reply:
+        renders = name in RENDERING_CALLS or name == "texture"
+        decide = self.commands.render if renders else self.commands.keep_safe
+        return decide(Message(name, payload))
+
+    def call(self, name: str, client: str = "ann", **fields: Any) -> Reply:
+        request = {"client": client, "utc_ns": self.utc_ns, **fields}
+        return self.send(name, json.dumps(request).encode())
+
+    def frame(self, ticket: int, sequence: int = 0, **fields: Any) -> bytes:
+        frame = StreamFrame(ticket, sequence, self.utc_ns, 200, 1.0, True, 0.0, WAVE)
+        values = {name: getattr(frame, name) for name in StreamFrame.__slots__}
+        return StreamFrame(**{**values, **fields}).pack()
+
+    def streaming(self) -> int:
+        assert self.call("arm").ok
+        ticket = self.call("open_stream", peak_n=0.06).ticket
+        assert ticket is not None
+        return ticket
+
+
+@pytest.fixture
+def desk() -> Desk:
+    return Desk()
+
+
+def test_a_session_from_arm_to_disarm(desk: Desk) -> None:
+    assert desk.call("arm", lease_ms=1_000).state == "armed"
+    scene = desk.call("scene", scene=SCENE)
+    assert scene.ok
+    assert scene.applied is not None
+    assert scene.etag == desk.stage.scene.etag
+    ticket = desk.call("open_stream", peak_n=0.06).ticket
+    assert ticket is not None
+    assert desk.send("texture", desk.frame(ticket)).ok
+    assert desk.stage.scene.source == "stream"
+    assert desk.orders.scene[-1].until_s == pytest.approx(desk.now_s + 0.2)
+    assert desk.call("close_stream").ok
+    assert desk.stage.scene.etag == scene.etag
+    assert desk.call("disarm").state == "stopping"
+    assert desk.commands.refused == 0
+
+
+@pytest.mark.parametrize("name", ["disarm", "scene", "close_stream", "lease", "arm"])
+def test_others_are_refused_while_armed(desk: Desk, name: str) -> None:
+    desk.call("arm")
+    reply = desk.call(name, "ben", scene=SCENE)
+    assert (reply.ok, reply.code, reply.state) == (False, "not_owner", "armed")
+    assert "ann" in reply.message
+
+
+def test_anybody_may_set_a_scene_while_disarmed(desk: Desk) -> None:
+    assert desk.call("scene", "ben", scene=SCENE).ok
+
+
+@pytest.mark.parametrize("payload", [b"", b"\xff\xfe", b'{"client": "ben", "utc_ns": 0}'])
+def test_stop_always_stops(desk: Desk, payload: bytes) -> None:
+    desk.call("arm")
+    assert desk.send("stop", payload).state == "stopping"
+
+
+def test_vanished_owner_ends_the_lease(desk: Desk) -> None:
+    desk.call("arm")
+    assert desk.send("vanished", b"ben").state == "armed"
+    assert desk.send("vanished", b"ann").state == "stopping"
+
+
+def test_tripped_rig_says_what_to_do(desk: Desk) -> None:
+    desk.interlock.feed(FaultRaised("safety", "monitor off"), desk.now_s)
+    reply = desk.call("arm")
+    assert (reply.code, reply.state) == ("tripped", "tripped")
+    assert "monitor off" in reply.message
+    assert "reset" in reply.message
+    assert desk.call("reset").state == "disarmed"
+
+
+@pytest.mark.parametrize(
+    ("age_s", "ttl_ms"), [(1.1, 1_000), (0.3, 200), (6.0, 60_000), (-0.6, 1_000)]
+)
+def test_command_out_of_its_time_is_stale(desk: Desk, age_s: float, ttl_ms: int) -> None:
+    made = desk.utc_ns - round(1e9 * age_s)
+    reply = desk.call("arm", utc_ns=made, ttl_ms=ttl_ms)
+    assert (reply.code, reply.state) == ("stale", "disarmed")
+    assert "NTP" in reply.message
+
+
+def test_large_payloads_are_refused_unread(desk: Desk) -> None:
+    reply = desk.send("arm", b"{" * (desk.limits.max_payload_bytes + 1))
+    assert reply.code == "too_large"
+    assert str(desk.limits.max_payload_bytes) in reply.message
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"lease_ms": 5}, "lease_ms"),
+        ({"lease_ms": "long"}, "lease_ms"),
+        ({"utc_ns": "now"}, "utc_ns"),
+        ({"ttl_ms": -1}, "ttl_ms"),
+        ({"client": ""}, "client"),
+    ],
+)
+def test_bad_request_names_the_field(desk: Desk, fields: dict[str, Any], words: str) -> None:
+    reply = desk.call("arm", **{"client": "ann", **fields})
+    assert reply.code == "bad_request"
+    assert words in reply.message
+
+
+def test_longer_leases_than_granted_are_refused() -> None:
+    desk = Desk(Limits(max_lease_ms=1_000))
+    assert desk.call("arm", lease_ms=2_000).code == "bad_request"
+
+
+@pytest.mark.parametrize("number", ["NaN", "Infinity", "1e999", "-1"])
+def test_absurd_numbers_in_a_scene_are_refused(desk: Desk, number: str) -> None:
+    request = json.dumps({"client": "a", "utc_ns": desk.utc_ns, "scene": SCENE})
+    reply = desk.send(
+        "scene", request.replace('"amplitude_n": 0.05', f'"amplitude_n": {number}').encode()
+    )
+    assert reply.code == "bad_request"
+    assert "amplitude_n" in reply.message
+
+
+def test_scene_is_replaced_only_where_it_matches(desk: Desk) -> None:
+    seen = desk.stage.scene.etag
+    assert desk.call("scene", scene=SCENE, if_match=seen).ok
+    reply = desk.call("scene", scene={}, if_match=seen)
+    assert reply.code == "conflict"
+    assert desk.stage.scene.etag in reply.message
+
+
+def test_model_changes_only_while_disarmed_and_matching(desk: Desk) -> None:
+    model = placeholder_model().model_dump(mode="json", by_alias=True)
+    model["base"]["gain_n"] = 0.5
+    desk.call("arm")
+    assert desk.call("model", model=model).code == "conflict"
+    desk.call("disarm")
+    desk.interlock.feed(OutputQuiet(), desk.now_s)
+    assert desk.call("model", model=model, if_match="else").code == "conflict"
+    reply = desk.call("model", model=model, if_match=desk.stage.model.etag)
+    assert reply.ok
+    assert reply.etag == desk.stage.model.etag
+    assert desk.orders.law[-1].law.gain_n == 0.5
+
+
+def test_mobility_model_cannot_be_rendered(desk: Desk) -> None:
+    model = {
+        "response": "mobility",
+        "base": {
+            "law": "mass_spring_damper",
+            "mass_kg": 0.0015,
+            "damping_n_s_m": 1.3,
+            "stiffness_n_m": 444.0,
+        },
+    }
+    reply = desk.call("model", model=model)
+    assert reply.code == "not_feasible"
+    assert "friction" in reply.message
+
+
+def test_effects_that_are_not_rendered_are_named(desk: Desk) -> None:
+    model = placeholder_model().model_dump(mode="json", by_alias=True)
+    model["effects"] = [{"id": "charge_leakage", "parameters": {"corner_hz": 2.0}}]
+    assert "charge_leakage" in desk.call("model", model=model).message
+
+
+def test_stream_needs_an_armed_rig_and_its_ticket(desk: Desk) -> None:
+    assert desk.call("open_stream", peak_n=0.05).code == "not_armed"
+    ticket = desk.streaming()
+    assert desk.send("texture", desk.frame(ticket + 1)).code == "not_armed"
+    assert desk.send("texture", desk.frame(ticket)).ok
+
+
+def test_stream_ends_with_its_arming(desk: Desk) -> None:
+    ticket = desk.streaming()
+    desk.call("disarm")
+    assert not desk.stage.stream_open
+    desk.interlock.feed(OutputQuiet(), desk.now_s)
+    desk.call("arm")
+    assert desk.send("texture", desk.frame(ticket)).code == "not_armed"
+
+
+def test_expired_and_overtaken_updates_are_counted(desk: Desk) -> None:
+    ticket = desk.streaming()
+    assert desk.send("texture", desk.frame(ticket, 5)).ok
+    assert desk.send("texture", desk.frame(ticket, 5)).code == "stale"
+    old = desk.frame(ticket, 6, utc_ns=desk.utc_ns - 300_000_000)
+    assert desk.send("texture", old).code == "stale"
+    assert (desk.stage.updates, desk.commands.updates_expired) == (1, 1)
+
+
+def test_update_beyond_the_declared_peak_is_refused(desk: Desk) -> None:
+    ticket = desk.streaming()
+    reply = desk.send("texture", desk.frame(ticket, friction_n=2.0 * WAVE))
+    assert reply.code == "not_feasible"
+    assert "0.06" in reply.message
+
+
+def test_real_finger_cannot_be_pointed(desk: Desk) -> None:
+    assert desk.call("pointer", x_mm=1.0, y_mm=1.0, in_contact=True).code == "not_feasible"
+
+
+def test_virtual_finger_follows_its_clients() -> None:
+    desk = Desk(backend=Finger())
+    assert desk.call("pointer", x_mm=1.0, y_mm=2.0, in_contact=True).ok
+    desk.call("arm")
+    assert desk.call("pointer", "ben", x_mm=9.0, y_mm=9.0, in_contact=True).code == "not_owner"
+    assert desk.backend.moves == [(1.0, 2.0, True, 0.4)]
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=8),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3)
+    ),
+    max_leaves=8,
+)
+NAMES = [name for name in CALLS if name != "stop"] + ["lease", "pointer", "texture"]
+SHARED = Desk()
+assert SHARED.call("arm", "owner", lease_ms=10_000).ok
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.sampled_from(NAMES),
+    st.binary(max_size=300) | json_values.map(lambda v: json.dumps(v).encode()),
+)
+def test_garbage_is_refused_and_changes_nothing(name: str, payload: bytes) -> None:
+    before = SHARED.interlock.state
+    reply = SHARED.send(name, payload)
+    assert not reply.ok
+    assert reply.code == "bad_request"
+    assert reply.message
+    assert SHARED.interlock.state == before
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.sampled_from([name for name in NAMES if name not in ("texture", "reset")]),
+    st.dictionaries(
+        st.sampled_from(
+            ["scene", "lease_ms", "peak_n", "model", "if_match", "x_mm", "y_mm", "extra"]
+        ),
+        json_values,
+    ),
+)
+def test_half_right_requests_never_arm_or_break(name: str, fields: dict[str, Any]) -> None:
+    before = SHARED.interlock.state
+    reply = SHARED.call(name, "stranger", **fields)
+    assert not reply.ok
+    assert reply.code in ("bad_request", "not_owner", "not_feasible")
+    assert SHARED.interlock.state == before
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.data())
+def test_mutilated_frames_are_refused_or_whole(data: st.DataObject) -> None:
+    desk = SHARED
+    frame = bytearray(desk.frame(7))
+    for _ in range(data.draw(st.integers(1, 4))):
+        frame[data.draw(st.integers(0, len(frame) - 1))] = data.draw(st.integers(0, 255))
+    reply = desk.send("texture", bytes(frame[: data.draw(st.integers(0, len(frame)))]))
+    assert not reply.ok, "no stream is open"
+    assert reply.code in ("bad_request", "stale", "not_armed")
+
+
+def test_mailbox_serves_the_urgent_first_and_counts_what_it_loses() -> None:
+    mailbox: Mailbox[int] = Mailbox({"stop": 2, "newest": 1})
+    for item in range(3):
+        mailbox.post("newest", item)
+    mailbox.post("stop", 9)
+    assert mailbox.take() == ("stop", 9)
+    assert mailbox.take() == ("newest", 2)
+    assert mailbox.lost == {"stop": 0, "newest": 2}
+
+
+def test_mailbox_wakes_who_waits_when_it_closes() -> None:
+    mailbox: Mailbox[int] = Mailbox({"call": 1})
+    taken: list[object] = [0]
+    waiting = threading.Thread(target=lambda: taken.append(mailbox.take()))
+    waiting.start()
+    mailbox.close()
+    waiting.join(5.0)
+    assert taken == [0, None]

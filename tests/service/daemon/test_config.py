@@ -1,0 +1,122 @@
+"""The configuration: what is shipped loads, what is wrong is named with its line."""
+
+from pathlib import Path
+
+import pytest
+
+from frictus_service.config import Config, load, parse
+from frictus_service.errors import ConfigurationError
+
+ROOT = Path(__file__).parents[3]
+FILE = Path("frictus.toml")
+
+
+def fault_of(text: str) -> str:
+    with pytest.raises(ConfigurationError) as caught:
+        parse(text, FILE)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "deploy").glob("*.toml")), ids=lambda p: p.name)
+def test_what_is_shipped_loads(path: Path) -> None:
+    load(path)
+
+
+def test_shipped_example_states_the_defaults() -> None:
+    shipped = load(ROOT / "deploy" / "frictus.toml")
+    assert shipped.model_copy(update={"textures": Config().textures}) == Config()
+
+
+def test_no_file_is_a_simulated_rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    config = load()
+    assert config == Config()
+    assert config.backend.kind == "simulated"
+    assert config.block_samples == 100
+
+
+def test_file_of_the_working_folder_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "frictus.toml").write_text('site = "here"\n', encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    assert load().site == "here"
+
+
+def test_paths_are_relative_to_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text('model_file = "m.json"\ntextures = "t"\n', encoding="utf-8")
+    config = load(path)
+    assert config.model_file == tmp_path / "m.json"
+    assert config.textures == tmp_path / "t"
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "words"),
+    [
+        ('site = "lab"\nsyte = "x"\n', 2, ["syte", "did you mean 'site'", "block_ms"]),
+        ("block_ms = 0.1\n", 1, ["block_ms", "greater than or equal to 1", "0.1"]),
+        ('\n\nblock_ms = "5"\n', 3, ["block_ms", "valid number", "'5'"]),
+        ("block_ms = nan\n", 1, ["block_ms"]),
+        ("block_ms = 5.03\nsite = 'a'\n", 1, ["100.6 samples", "whole number"]),
+        ("[limits]\n# comment\nfreeze_ms = 1\n", 3, ["limits.freeze_ms", "50"]),
+        ("[limits]\nfreez_ms = 300\n", 2, ["limits.freez_ms", "did you mean 'freeze_ms'"]),
+        (
+            '[backend]\nkind = "simulated"\nsample_rate = 20000.0\n',
+            3,
+            ["backend.sample_rate", "did you mean 'sample_rate_hz'", "lead_ms"],
+        ),
+        (
+            '[backend]\nkind = "simulated"\n'
+            '[backend.finger]\nkind = "client"\nsmooth_hz = 1.0\n',
+            5,
+            ["backend.finger.smooth_hz", "did you mean 'smoothing_hz'"],
+        ),
+        ("[backend]\nlead_ms = 10.0\n", 1, ["backend.kind", "required", "'simulated'"]),
+        ('[backend]\nkind = "nidaq"\n', 2, ["backend", "'simulated'", "'simulated_device'"]),
+        ('backend.kind = "simulated"\nbackend.lead_ms = -1.0\n', 2, ["backend.lead_ms"]),
+        ('[api]\nhost = "0.0.0.0"\n', 1, ["other machines", "[[api.tokens]]", "127.0.0.1"]),
+        (
+            '[[api.tokens]]\nname = "a"\nscopes = ["read"]\nvalue = "0123456789abcdef"\n'
+            '[[api.tokens]]\nname = "b"\nscopes = ["write"]\nvalue = "0123456789abcdef"\n',
+            7,
+            ["api.tokens.1.scopes", "'read'", "'write'"],
+        ),
+        ('[[api.tokens]]\nname = "a"\nscopes = ["read"]\n', 1, ["sha256 or value"]),
+        ('[[api.tokens]]\nscopes = ["read"]\n', 1, ["api.tokens.0.name", "required"]),
+        ('[router]\nendpoint = "localhost"\n', 2, ["router.endpoint", "'localhost'"]),
+        ('site = "lab"\nrig = \n', 2, ["not TOML"]),
+        ('site = "a/b"\n', 1, ["site", "'a/b'"]),
+    ],
+)
+def test_fault_is_named_with_its_line(text: str, line: int, words: list[str]) -> None:
+    message = fault_of(text)
+    assert message.startswith(f"frictus.toml:{line}: "), message
+    for word in words:
+        assert word in message
+
+
+def test_every_fault_is_named_at_once() -> None:
+    message = fault_of('syte = "x"\nblock_ms = 0.0\n[limits]\nmax_lease_ms = 5\n')
+    assert [part.split(":")[1] for part in message.splitlines()] == ["1", "2", "4"]
+
+
+def test_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"absent\.toml.*cannot be read"):
+        load(tmp_path / "absent.toml")
+
+
+def test_a_token_matches_itself_alone() -> None:
+    text = '[[api.tokens]]\nname = "a"\nscopes = ["read"]\nvalue = "0123456789abcdef"\n'
+    token = parse(text, FILE).api.tokens[0]
+    assert token.matches("0123456789abcdef")
+    assert not token.matches("0123456789abcdeg")
+    assert not token.matches("")
+    assert "0123456789abcdef" not in repr(token)
+    hashed = token.model_copy(
+        update={
+            "value": None,
+            "sha256": "9f9f5111f7b27a781f1f1ddde5ebc2dd2b796bfc7365c9c28b548e564176929f",
+        }
+    )
+    assert hashed.matches("0123456789abcdef")

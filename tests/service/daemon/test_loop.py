@@ -1,0 +1,304 @@
+"""The block loop on a virtual clock: what it plays, counts, and does about faults."""
+
+import threading
+from typing import Any
+
+import numpy as np
+import pytest
+
+from frictus.messages import FaultKind
+from frictus.stream import StreamFrame
+from frictus.textures import Scene
+from frictus_hardware.base import Exchange, FloatArray
+from frictus_hardware.errors import StreamLostError, TransientError
+from frictus_hardware.physics.friction import FrictionLaw
+from frictus_hardware.simulated.faults import (
+    EmptyOutput,
+    LostSamples,
+    MonitorMismatch,
+    Raised,
+    SilentTouch,
+)
+from frictus_service.config import Limits
+from frictus_service.daemon.loop import HANDOVER_BLOCKS
+from frictus_service.daemon.orders import LawOrder, SceneOrder
+from frictus_service.daemon.patience import PatientBackend
+from frictus_service.daemon.safety import ClientVanished, Disarm, FaultRaised, Reset, Stop
+from frictus_service.synthesis.scene import compile_scene
+from frictus_service.synthesis.stream import StreamBudget
+
+SETTLED_S = 0.5
+
+
+def driven(bench: Any, texture: Scene, lease_s: float = 10.0) -> Any:
+    """Return the bench armed, its finger followed, its output on."""
+    bench.play(texture)
+    bench.turn(0.2)
+    bench.arm(lease_s)
+    turns = bench.turn(SETTLED_S)
+    assert any(turn.step.exchange.voltage_v.any() for turn in turns)
+    return bench
+
+
+def test_nothing_is_output_while_disarmed(make_bench: Any, texture: Scene) -> None:
+    bench = make_bench()
+    bench.play(texture)
+    bench.turn(1.0)
+    assert not bench.voltage_v().any()
+    assert bench.heartbeat.value == 200
+    assert not any(turn.armed for turn in bench.turns)
+
+
+def test_samples_are_handed_over_without_a_gap(make_bench: Any) -> None:
+    bench = make_bench()
+    turns = bench.turn(0.3)
+    assert [turn.number for turn in turns] == list(range(60))
+    assert [turn.step.exchange.first_sample for turn in turns] == [100 * n for n in range(60)]
+
+
+@pytest.mark.parametrize("event", [Stop("ben"), Disarm("ann"), ClientVanished("ann")])
+def test_output_is_zero_soon_after_it_has_to_be(
+    make_bench: Any, texture: Scene, event: Any
+) -> None:
+    bench = driven(make_bench(), texture)
+    told_s = bench.now_s
+    bench.feed(event)
+    bench.turn(0.2)
+    assert told_s < bench.last_output_s() <= told_s + 0.1
+    assert bench.interlock.state.state == "disarmed"
+
+
+def test_output_is_zero_soon_after_the_lease(make_bench: Any, texture: Scene) -> None:
+    bench = driven(make_bench(), texture, lease_s=0.6)
+    ends_s = 0.2 + 0.6
+    bench.turn(0.5)
+    assert ends_s - 0.01 < bench.last_output_s() <= ends_s + 0.1
+    assert bench.interlock.state.state == "disarmed"
+
+
+def test_output_comes_back_after_arming_again(make_bench: Any, texture: Scene) -> None:
+    bench = driven(make_bench(), texture)
+    bench.feed(Stop("ben"))
+    bench.turn(0.2)
+    bench.arm()
+    turns = bench.turn(SETTLED_S)
+    assert any(turn.step.exchange.voltage_v.any() for turn in turns)
+
+
+def test_momentary_faults_are_counted_not_fatal(make_bench: Any, texture: Scene) -> None:
+    bench = driven(make_bench(), texture)
+    at = bench.clock.sample() + 1_000
+    bench.rig.faults.add(LostSamples(at_sample=at, samples=150))
+    bench.rig.faults.add(EmptyOutput(at_sample=at + 4_000, samples=40))
+    bench.turn(SETTLED_S)
+    assert bench.loop.tally.overruns == 1
+    assert bench.loop.tally.underruns == 2, "what was lost played zero too"
+    assert bench.interlock.state.state == "armed", bench.interlock.state.fault
+
+
+def test_transient_errors_are_tried_again(make_bench: Any, texture: Scene) -> None:
+    bench = driven(make_bench(), texture)
+    for _ in range(3):
+        bench.rig.faults.add(Raised(at_sample=bench.clock.sample() + 500, error="transient"))
+    turns = bench.turn(SETTLED_S)
+    firsts = [turn.step.exchange.first_sample for turn in turns]
+    assert set(np.diff(firsts)) == {100}
+    assert bench.interlock.state.state == "armed"
+
+
+def test_errors_beyond_the_lead_lose_the_stream(make_bench: Any) -> None:
+    class Failing:
+        def __init__(self, inner: Any) -> None:
+            self.info = inner.info
+
+        def exchange(self, drive_v: FloatArray) -> Exchange:
+            raise TransientError("no answer")
+
+    times = iter(range(0, 10**9, 1_000_000))
+    patient = PatientBackend(Failing(make_bench().rig), lambda: next(times))  # type: ignore[arg-type]
+    with pytest.raises(StreamLostError, match="20 ms"):
+        patient.exchange(np.zeros(100))
+    assert patient.retries == 21
+
+
+@pytest.mark.parametrize("error", ["stream_lost", "device_lost"])
+def test_lost_device_trips_and_comes_back_disarmed(
+    make_bench: Any, texture: Scene, error: Any
+) -> None:
+    bench = driven(make_bench(), texture)
+    bench.rig.faults.add(Raised(at_sample=bench.clock.sample() + 500, error=error))
+    bench.turn(SETTLED_S)
+    safety = bench.interlock.state
+    assert (safety.state, safety.fault[0], safety.device_ready) == ("tripped", error, True)
+    assert {turn.run for turn in bench.turns} == {7, 8}
+    assert not bench.voltage_v().any()
+    bench.feed(Reset())
+    bench.arm()
+    turns = bench.turn(SETTLED_S)
+    assert any(turn.step.exchange.voltage_v.any() for turn in turns), "the scene stands again"
+
+
+def test_lost_link_ends_the_lease_without_latching(make_bench: Any, texture: Scene) -> None:
+    bench = driven(make_bench(), texture)
+    bench.rig.faults.add(Raised(at_sample=bench.clock.sample() + 500, error="link_lost"))
+    bench.turn(SETTLED_S)
+    safety = bench.interlock.state
+    assert (safety.state, safety.lasting, safety.owner) == ("disarmed", (), None)
+    bench.arm()
+
+
+def test_sensor_fault_suspends_while_it_lasts(make_bench: Any, texture: Scene) -> None:
+    bench = driven(make_bench(), texture)
+    bench.rig.faults.add(Raised(at_sample=bench.clock.sample() + 500, error="sensor"))
+    bench.turn(0.1)
+    assert bench.interlock.state.lasting[0][0] == "sensor"
+    turns = bench.turn(1.0)
+    silent = [not turn.step.exchange.voltage_v.any() for turn in turns]
+    assert any(silent)
+    assert not silent[-1], "rendering resumed by itself"
+    assert bench.interlock.state.state == "armed"
+
+
+def test_silent_touch_sensor_ends_the_output_and_is_counted(
+    make_bench: Any, texture: Scene
+) -> None:
+    bench = driven(make_bench(), texture)
+    silent_s = bench.now_s
+    bench.rig.faults.add(SilentTouch(at_sample=bench.clock.sample()))
+    bench.turn(SETTLED_S)
+    stale_s, lead_s, ramp_s, report_s = 0.1, 0.02, 0.02, 1.0 / 60.0
+    assert bench.last_output_s() < silent_s + stale_s + lead_s + ramp_s + report_s + 0.02
+    assert bench.loop.tally.stale_touches == 1
+    assert bench.turns[-1].step.stale
+    assert bench.interlock.state.state == "armed", "the client is there; the finger may return"
+
+
+def test_monitor_that_contradicts_the_drive_trips(make_bench: Any, texture: Scene) -> None:
+    bench = driven(make_bench(), texture)
+    at = bench.clock.sample() + 500
+    bench.rig.faults.add(MonitorMismatch(at_sample=at, factor=0.0))
+    bench.turn(0.3)
+    safety = bench.interlock.state
+    assert (safety.state, safety.fault[0]) == ("tripped", "safety")
+    assert "V rms" in safety.fault[1]
+
+
+def test_monitor_is_silent_over_stops_and_underruns(make_bench: Any, texture: Scene) -> None:
+    bench = make_bench()
+    for _ in range(4):
+        driven(bench, texture)
+        at = bench.clock.sample() + 200
+        bench.rig.faults.add(EmptyOutput(at_sample=at, samples=70))
+        bench.turn(0.1)
+        bench.feed(Stop("ben"))
+        bench.turn(0.1)
+    assert bench.interlock.trips == 0
+
+
+def test_trip_silences_at_once(make_bench: Any, texture: Scene) -> None:
+    bench = driven(make_bench(), texture)
+    told_s = bench.now_s
+    bench.feed(FaultRaised("safety", "force limit"))
+    bench.turn(0.2)
+    assert bench.last_output_s() <= told_s + 0.03
+    assert bench.interlock.state.state == "tripped"
+
+
+def test_late_blocks_in_a_row_trip(make_bench: Any, texture: Scene) -> None:
+    bench = driven(make_bench(limits=Limits(missed_deadlines=5)), texture)
+    bench.delay_ns += 8_000_000
+    bench.turn(0.01)
+    assert bench.interlock.state.state == "armed", "late for a moment is only counted"
+    for _ in range(12):
+        bench.delay_ns += 6_000_000
+        bench.turn(0.005)
+    kind, reason = bench.interlock.state.fault
+    assert (bench.interlock.state.state, kind) == ("tripped", "deadline")
+    assert "in a row" in reason
+    assert bench.loop.tally.deadline_misses >= 5
+    assert bench.loop.lateness.max_ms > 5.0
+
+
+def test_what_the_publisher_does_not_take_is_counted(make_bench: Any) -> None:
+    bench = make_bench()
+    for _ in range(HANDOVER_BLOCKS + 10):
+        bench.loop.turn()
+    assert bench.loop.tally.blocks_dropped == 10
+    first = bench.turn(0.005)
+    assert len(first) == HANDOVER_BLOCKS
+    (after,) = bench.turn(0.005)
+    assert after.number == first[-1].number + 12, "the gap shows"
+
+
+def test_bug_trips_once_and_a_second_one_ends_the_loop(
+    make_bench: Any, texture: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = driven(make_bench(), texture)
+
+    def broken(*_arguments: object) -> None:
+        raise ZeroDivisionError("a bug")
+
+    monkeypatch.setattr("frictus_service.synthesis.renderer.Renderer.render", broken)
+    bench.loop.turn()
+    safety = bench.interlock.state
+    kind: FaultKind = safety.fault[0]
+    assert (safety.state, kind) == ("tripped", "internal")
+    with pytest.raises(ZeroDivisionError):
+        bench.loop.turn()
+
+
+def test_stream_without_updates_fades_to_its_bias(make_bench: Any, texture: Scene) -> None:
+    bench = driven(make_bench(), texture)
+    budget = StreamBudget.open(0.1, FrictionLaw())
+    wave = 0.08 * np.sin(2.0 * np.pi * np.arange(64) / 64.0)
+    frame = StreamFrame(1, 0, 0, 1, 1.0, True, 0.0, wave.astype(np.float32))
+    update = budget.compile(frame)
+    bench.orders.scene.append(SceneOrder(update, bench.now_s + 0.2, budget.quiet))
+    bench.turn(0.1)
+    assert not bench.loop.tally.stream_stale
+    bench.turn(0.3)
+    assert bench.loop.tally.stream_stale
+    target = bench.turns[-1].step.rendered.target_n
+    assert np.allclose(target, budget.quiet.applied.bias_n)
+    bench.orders.scene.append(SceneOrder(update, bench.now_s + 0.2, budget.quiet))
+    bench.turn(0.05)
+    assert not bench.loop.tally.stream_stale
+
+
+def test_stream_does_not_outlive_its_lease(make_bench: Any, texture: Scene) -> None:
+    bench = driven(make_bench(), texture)
+    budget = StreamBudget.open(0.1, FrictionLaw())
+    bench.orders.scene.append(SceneOrder(budget.quiet, afterwards=budget.quiet))
+    bench.turn(0.1)
+    assert bench.turns[-1].scaled == budget.applied.scaled
+    bench.feed(Stop("ben"))
+    bench.turn(0.1)
+    bench.arm()
+    turns = bench.turn(SETTLED_S)
+    targets = np.concatenate([turn.step.rendered.target_n for turn in turns])
+    assert np.ptp(targets) > 0.05, "the standing scene is back"
+
+
+def test_law_changes_only_without_output(make_bench: Any, texture: Scene) -> None:
+    bench = driven(make_bench(), texture)
+    law = FrictionLaw(gain_n=0.5)
+    scene = compile_scene(texture, law, bench.rig.config.screen, bench.rate_hz)
+    order = LawOrder(law, scene)
+    bench.orders.law.append(order)
+    bench.turn(0.1)
+    assert not order.done.is_set()
+    bench.feed(Stop("ben"))
+    bench.turn(0.2)
+    assert order.done.is_set()
+
+
+def test_stopping_plays_the_ramp_out(make_bench: Any, texture: Scene) -> None:
+    bench = driven(make_bench(), texture)
+    assert bench.rig.armed
+    stop = threading.Event()
+    stop.set()
+    stopped_at = bench.clock.sample()
+    bench.loop.run_until(stop)
+    assert not bench.rig.armed
+    assert bench.clock.sample() >= stopped_at + bench.rig.info.lead_samples
+    assert not bench.rig.holding

@@ -1,0 +1,376 @@
+"""A real supervisor, a real rig process, a real router: who dies, and what the screen gets."""
+
+import os
+import queue
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import frictus
+from frictus.keys import Topics
+from frictus_hardware import SimulatedConfig, SimulatedDeviceConfig
+from frictus_hardware.simulated.device_rig import recent_output
+from frictus_hardware.simulated.strokes import SteadyStrokes
+from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
+from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.errors import StartError
+
+posix_signals = pytest.mark.skipif(
+    sys.platform == "win32", reason="Windows has neither SIGSTOP nor SIGKILL for others"
+)
+LEASE_MS = 300
+LIMIT_S = 0.1
+"""From the moment the daemon can know to zero at the screen."""
+TEXTURE = frictus.Spectrum(components=[frictus.Component(amplitude_n=0.08, cycles_per_mm=1.0)])
+CLIENT = f"""
+import sys, time, frictus
+with frictus.connect(sys.argv[1], name="doomed") as client, client.rig("rig1").arm({LEASE_MS}):
+    print("armed", flush=True)
+    time.sleep(60.0)
+"""
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def config_with(backend: Any) -> Config:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    return Config(
+        backend=backend,
+        router=RouterConfig(endpoint=endpoint),
+        api=ApiConfig(port=0),
+        limits=Limits(freeze_ms=500, missed_deadlines=1_000),  # for busy machines
+    )
+
+
+def until(rig: frictus.Rig, holds: Callable[[frictus.RigStatus], bool]) -> frictus.RigStatus:
+    """Return the first status for which something holds, the present one included."""
+    with rig.watch(Topics.STATUS, timeout_s=60.0) as states:
+        for state in states:
+            assert isinstance(state, frictus.RigStatus)
+            if holds(state):
+                return state
+    raise AssertionError("the feed has ended")
+
+
+def blocks_of(feed: Any) -> Iterator[frictus.Block]:
+    for item in feed:
+        assert isinstance(item, frictus.Block), f"this subscriber lost blocks: {item}"
+        yield item
+
+
+def driven(block: frictus.Block) -> bool:
+    return bool(block.data.any())
+
+
+def last_driven_sample(block: frictus.Block) -> int:
+    (places,) = np.nonzero(block.data[0])
+    return block.first_sample + int(places[-1])
+
+
+@dataclass(frozen=True)
+class Service:
+    config: Config
+    supervisor: Supervisor
+    said: "queue.Queue[str]"
+
+    @property
+    def endpoint(self) -> str:
+        return self.config.router.endpoint
+
+    def wait_for(self, words: str) -> None:
+        """Wait until the supervisor has said something."""
+        while words not in self.said.get(timeout=60.0):
+            pass
+
+
+@pytest.fixture(scope="module")
+def service() -> Iterator[Service]:
+    config = config_with(SimulatedConfig(finger=SteadyStrokes()))
+    said: queue.Queue[str] = queue.Queue()
+    with Supervisor(config, ("rig", "api"), say=said.put) as supervisor:
+        supervisor.wait_ready(100.0)
+        yield Service(config, supervisor, said)
+
+
+@pytest.fixture
+def observer(service: Service) -> Iterator[frictus.Rig]:
+    with frictus.connect(service.endpoint, name="observer") as client:
+        rig = client.rig("rig1")
+        rig.set_scene(TEXTURE)
+        yield rig
+
+
+@pytest.fixture
+def doomed(service: Service, observer: frictus.Rig) -> Iterator["subprocess.Popen[str]"]:
+    """A client in a process of its own that holds the rig."""
+    command = [sys.executable, "-c", CLIENT, service.endpoint]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline().strip() == "armed"
+            until(observer, lambda status: status.owner == "doomed")
+            yield process
+        finally:
+            process.kill()
+    until(observer, lambda status: status.state == "disarmed")
+
+
+@posix_signals
+@pytest.mark.parametrize("end", ["SIGKILL", "SIGSTOP"])
+def test_output_is_zero_soon_after_its_client_ends(
+    observer: frictus.Rig, doomed: "subprocess.Popen[str]", end: str
+) -> None:
+    with observer.blocks("voltage", timeout_s=10.0) as feed:
+        blocks = blocks_of(feed)
+        block = next(block for block in blocks if driven(block))
+        ended_ns = time.time_ns()
+        os.kill(doomed.pid, getattr(signal, end))
+        armed, loud = block, block
+        for block in blocks:
+            if block.flags & frictus.Flag.ARMED:
+                armed = block
+            if driven(block):
+                loud = block
+            # Not a single sample more, for longer than any ramp.
+            if block.first_sample > max(armed.first_sample, loud.first_sample) + 10_000:
+                break
+    rate_hz = block.sample_rate_hz
+    known_sample = armed.first_sample + armed.data.shape[1]
+    assert last_driven_sample(loud) <= known_sample + LIMIT_S * rate_hz
+    silent_ns = loud.utc_ns + 1e9 * (last_driven_sample(loud) - loud.first_sample) / rate_hz
+    allowed_ns = 1e6 * LEASE_MS + 1e9 * LIMIT_S + loud.uncertainty_ns
+    assert silent_ns <= ended_ns + allowed_ns
+
+
+@posix_signals
+def test_frozen_client_wakes_to_a_lost_lease(
+    observer: frictus.Rig, doomed: "subprocess.Popen[str]"
+) -> None:
+    os.kill(doomed.pid, signal.SIGSTOP)
+    until(observer, lambda status: status.state == "disarmed")
+    with observer.arm() as lease:
+        os.kill(doomed.pid, signal.SIGCONT)
+        # Its renewals come again, and are refused: the lease is ours.
+        counted = until(observer, lambda status: status.counters.refused_commands > 0)
+        assert counted.owner == "observer"
+        assert not lease.lost
+
+
+def test_streamed_texture_is_felt_until_it_is_stale(observer: frictus.Rig) -> None:
+    wave = 0.05 * np.sin(2.0 * np.pi * np.arange(64) / 64.0)
+    with observer.arm(), observer.open_stream(0.06) as stream:
+        applied = stream.applied
+        assert applied is not None
+        stream.send(wave, period_mm=1.0, ttl_ms=300)
+        stale = until(observer, lambda status: status.stream_stale)
+        assert stale.stream_open
+        assert stale.counters.stream_updates > 0
+        with observer.blocks("truth", timeout_s=10.0) as feed:
+            # After lead and fade what is felt is the bias alone: wherever the finger slides,
+            # the mean over a cycle of the carrier's square (10 samples) stays the same.
+            means = [
+                block.data[4].reshape(-1, 10).mean(axis=1)
+                for number, block in zip(range(52), blocks_of(feed), strict=False)
+                if number >= 12 and np.all(np.abs(block.data[2]) > 50.0)
+            ]
+            assert np.ptp(np.concatenate(means)) < 0.1 * 0.05
+        stream.send(wave, period_mm=1.0, ttl_ms=300)
+        until(observer, lambda status: status.stream_open and not status.stream_stale)
+
+
+@posix_signals
+@pytest.mark.parametrize("end", ["SIGKILL", "SIGSTOP"])
+def test_api_that_ends_disturbs_nobody(
+    service: Service, observer: frictus.Rig, end: str
+) -> None:
+    api = service.supervisor.pid_of("api")
+    with observer.arm() as lease, observer.blocks("voltage", timeout_s=10.0) as feed:
+        blocks = blocks_of(feed)
+        next(block for block in blocks if driven(block))
+        os.kill(api, getattr(signal, end))
+        later = [driven(next(blocks)) for _ in range(200)]
+        assert later[-1]
+        assert not lease.lost
+    if end == "SIGSTOP":  # not watched for freezes: nothing on the screen hangs on it
+        os.kill(api, signal.SIGKILL)
+    service.wait_for("api is ready")
+
+
+def test_two_clients_cannot_hold_one_rig(service: Service, observer: frictus.Rig) -> None:
+    with frictus.connect(service.endpoint, name="other") as client:
+        other = client.rig("rig1")
+        with observer.arm():
+            with pytest.raises(frictus.RefusedError, match="observer") as refused:
+                other.arm()
+            assert refused.value.code == "not_owner"
+            with pytest.raises(frictus.RefusedError):
+                other.set_scene(TEXTURE)
+            other.stop()
+            until(observer, lambda status: status.state == "disarmed")
+
+
+def test_garbage_on_every_key_leaves_the_rig_alive(
+    service: Service, observer: frictus.Rig, rng: np.random.Generator
+) -> None:
+    with frictus.session.open_session(service.endpoint) as session:
+        keys = service.config.keys
+        with observer.blocks("force", timeout_s=10.0) as feed:
+            blocks = blocks_of(feed)
+            next(blocks)
+            refused = observer.status().counters.refused_commands
+            for topic in (Topics.TEXTURE, Topics.LEASE, Topics.POINTER):
+                for size in (0, 1, 63, 64, 300_000):
+                    session.put(keys.of(topic), rng.bytes(size))
+            for call in ("arm", "scene", "model", "open_stream", "reset"):
+                answers = session.get(keys.call(call), payload=rng.bytes(50), timeout=5.0)
+                for answer in answers:
+                    assert answer.ok is not None
+                    assert b"bad_request" in answer.ok.payload.to_bytes()
+            until(observer, lambda status: status.counters.refused_commands >= refused + 5)
+            for _ in range(50):
+                next(blocks)
+        assert observer.status().state == "disarmed"
+
+
+@pytest.fixture
+def device() -> Iterator[SimulatedDeviceConfig]:
+    """A device in a process of its own, which holds its last value."""
+    command = [
+        sys.executable,
+        "-m",
+        "frictus_hardware.simulated.device",
+        "--address",
+        "127.0.0.1:0",
+    ]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            address = process.stdout.readline().strip()
+            yield SimulatedDeviceConfig(
+                address=address, rig=SimulatedConfig(finger=SteadyStrokes())
+            )
+        finally:
+            process.kill()
+
+
+@posix_signals
+def test_rig_that_dies_or_freezes_is_reset_and_started_again(
+    device: SimulatedDeviceConfig,
+) -> None:
+    config = config_with(device)
+    said: list[str] = []
+    with (
+        Supervisor(config, ("rig",), say=said.append) as supervisor,
+        frictus.connect(config.router.endpoint) as client,
+    ):
+        supervisor.wait_ready(100.0)
+        rig = client.rig("rig1")
+        for end, words in ((signal.SIGSTOP, "stood still"), (signal.SIGKILL, "signal 9")):
+            run = until(rig, lambda status: status.state == "disarmed").run
+            rig.set_scene(TEXTURE)
+            lease = rig.arm()
+            with rig.blocks("voltage", timeout_s=10.0) as feed:
+                next(b for b in feed if isinstance(b, frictus.Block) and driven(b))
+            with rig.watch(Topics.STATUS, timeout_s=60.0) as states:
+                os.kill(supervisor.pid_of("rig"), end)
+                told: Any = next(state for state in states if state.state == "tripped")  # type: ignore[attr-defined]
+                output = recent_output(device, 1.0)
+                assert words in told.fault.reason
+                assert "the device was reset" in told.fault.reason
+                assert not output.holding
+                assert not output.armed
+                assert output.voltage_v[-1] == 0.0
+                if end == signal.SIGSTOP:
+                    assert _held_samples(output.voltage_v) > 1_000, "it held its last value"
+                again: Any = next(s for s in states if s.run != run)  # type: ignore[attr-defined]
+            assert again.state == "disarmed"
+            assert again.fault is not None
+            assert words in again.fault.reason
+            assert lease.wait_lost(10.0)
+            lease.disarm()
+    assert any("started again" in line for line in said)
+    assert said[-1] == "stopped"
+
+
+def _held_samples(voltage_v: Any) -> int:
+    """Return the longest run of one value other than zero."""
+    same = (np.diff(voltage_v) == 0.0) & (voltage_v[1:] != 0.0)
+    longest = run = 0
+    for held in same:
+        run = run + 1 if held else 0
+        longest = max(longest, run)
+    return longest
+
+
+def test_part_that_cannot_start_says_why(tmp_path: Path) -> None:
+    config = config_with(SimulatedConfig()).model_copy(
+        update={"model_file": tmp_path / "absent.json"}
+    )
+    with (
+        Supervisor(config, ("rig",), say=lambda _line: None) as supervisor,
+        pytest.raises(StartError, match=r"absent\.json"),
+    ):
+        supervisor.wait_ready(60.0)
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
+    """`serve` in a process group of its own, as a terminal starts it; ready."""
+    path = tmp_path / "frictus.toml"
+    path.write_text(f'[router]\nendpoint = "tcp/127.0.0.1:{free_port()}"\n', encoding="utf-8")
+    code = (
+        "import sys; from pathlib import Path; from frictus_service.config import load;"
+        "from frictus_service.daemon.supervisor import serve;"
+        "serve(load(Path(sys.argv[1])), ('rig',))"
+    )
+    new_process_group = 0x200 if sys.platform == "win32" else 0
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, str(path)],
+        stderr=subprocess.PIPE,
+        text=True,
+        creationflags=new_process_group,
+        start_new_session=sys.platform != "win32",
+    )
+    with process:
+        try:
+            assert process.stderr is not None
+            said = iter(process.stderr)
+            assert any(line.startswith("ready") for line in said)
+            yield process
+        finally:
+            process.kill()
+
+
+def test_interrupt_stops_everything(served: "subprocess.Popen[str]") -> None:
+    assert served.stderr is not None
+    # As a terminal does: every process of the group gets it.
+    if sys.platform == "win32":
+        served.send_signal(signal.CTRL_BREAK_EVENT)
+    else:
+        os.killpg(served.pid, signal.SIGINT)
+    rest = served.stderr.read()  # ends when the last process has closed it
+    assert served.wait(30.0) == 0, rest
+    assert rest.splitlines()[-1] == "stopped"
+    assert "Traceback" not in rest
+    assert "killed" not in rest
+
+
+@posix_signals
+def test_parts_do_not_outlive_their_supervisor(served: "subprocess.Popen[str]") -> None:
+    assert served.stderr is not None
+    served.kill()
+    rest = served.stderr.read()
+    assert "Traceback" not in rest
