@@ -1,8 +1,8 @@
 """Fit the shipped textures to recordings: `python bench/fit_textures.py RECORDINGS_FOLDER`.
 
 Each recording of friction (one column of newtons at 20 kHz, 0.2 s, finger at 40 mm/s) becomes
-the amplitudes of a dozen lines per octave; phases are random. The recordings themselves stay
-where they are.
+the amplitudes of about a dozen lines per octave, all multiples of one in 32 mm; phases are
+random. The recordings themselves stay where they are.
 """
 
 import argparse
@@ -17,6 +17,7 @@ RATE_HZ = 20_000.0
 SPEED_MM_S = 40.0
 LINES_PER_OCTAVE = 12
 LOW_HZ, HIGH_HZ = 25.0, 1000.0
+PERIOD_MM = 32.0
 OUT = Path(__file__).parents[1] / "service" / "frictus_service" / "textures"
 
 
@@ -26,21 +27,22 @@ def fit(friction_n: NDArray[np.float64], rng: np.random.Generator) -> Spectrum:
         np.square(np.abs(np.fft.rfft(friction_n - friction_n.mean()))) / friction_n.size**2
     )
     frequency = np.fft.rfftfreq(friction_n.size, 1.0 / RATE_HZ)
-    octaves = np.log2(HIGH_HZ / LOW_HZ)
-    edges = LOW_HZ * 2.0 ** (np.arange(int(octaves * LINES_PER_OCTAVE) + 1) / LINES_PER_OCTAVE)
-    components = []
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
-        inside = (frequency >= low) & (frequency < high)
-        power = 2.0 * float(spectrum[inside].sum())
-        if power > 0.0:
-            components.append(
-                Component(
-                    amplitude_n=float(f"{np.sqrt(2.0 * power):.4g}"),
-                    cycles_per_mm=float(f"{np.sqrt(low * high) / SPEED_MM_S:.5g}"),
-                    phase_rad=float(f"{rng.uniform(0.0, 2.0 * np.pi):.4f}"),
-                )
+    steps = int(np.log2(HIGH_HZ / LOW_HZ) * LINES_PER_OCTAVE) + 1
+    wanted = LOW_HZ * 2.0 ** (np.arange(steps) / LINES_PER_OCTAVE)
+    lines_hz = np.unique(np.rint(wanted / SPEED_MM_S * PERIOD_MM)) / PERIOD_MM * SPEED_MM_S
+    edges = np.sqrt(lines_hz[1:] * lines_hz[:-1])
+    power = 2.0 * np.bincount(np.searchsorted(edges, frequency), spectrum, lines_hz.size)
+    return Spectrum(
+        components=[
+            Component(
+                amplitude_n=float(f"{np.sqrt(2.0 * line_power):.4g}"),
+                cycles_per_mm=float(hz / SPEED_MM_S),
+                phase_rad=float(f"{rng.uniform(0.0, 2.0 * np.pi):.4f}"),
             )
-    return Spectrum(components=components)
+            for hz, line_power in zip(lines_hz, power, strict=True)
+            if line_power > 0.0
+        ]
+    )
 
 
 def flat(rng: np.random.Generator) -> Spectrum:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy import fft
 
 from frictus.errors import TextureError
 from frictus_service.synthesis.components import Components
@@ -89,7 +90,7 @@ def build_table(components: Components, stretch_mm: tuple[float, float]) -> Tabl
     length = components.period if components.period is not None else end - origin
     if components.period is not None:
         origin = 0.0
-    n_points = max(int(np.ceil(POINTS_PER_CYCLE * top * length)), 8)
+    n_points = fft.next_fast_len(max(math.ceil(POINTS_PER_CYCLE * top * length), 8), real=True)
     n_rows = _row_count(top) if components.spatial else 1
     if n_points * n_rows > MAX_POINTS:
         raise TextureError(
@@ -97,15 +98,31 @@ def build_table(components: Components, stretch_mm: tuple[float, float]) -> Tabl
             f"at most {MAX_POINTS} are kept. Lower the highest frequency or the region's size"
         )
     row = np.floor(ROWS_PER_OCTAVE * np.log2(top / frequency) + 1e-9).astype(np.int64)
-    rows = np.zeros((n_rows, n_points + PAD))
-    _sum_rows(
-        2.0 * np.pi * frequency * (length / n_points),
-        components.amplitude_n[kept],
-        components.phase_rad[kept] + 2.0 * np.pi * frequency * origin,
-        np.minimum(row, n_rows - 1),
-        rows,
-    )
+    last = np.minimum(row, n_rows - 1)  # that holds the component
+    amplitude, phase = components.amplitude_n[kept], components.phase_rad[kept]
+    if components.period is not None:
+        harmonic = np.rint(frequency * length).astype(np.int64)
+        rows = _harmonic_rows(harmonic, amplitude * np.exp(1j * phase), last, n_rows, n_points)
+    else:
+        rows = np.zeros((n_rows, n_points + PAD))
+        step_rad = 2.0 * np.pi * frequency * (length / n_points)
+        _sum_rows(step_rad, amplitude, phase + 2.0 * np.pi * frequency * origin, last, rows)
     return Table(rows, length, origin, top)
+
+
+def _harmonic_rows(
+    harmonic: NDArray[np.int64],
+    line: NDArray[np.complex128],
+    last: NDArray[np.int64],
+    n_rows: int,
+    n_points: int,
+) -> FloatArray:
+    """Sum the harmonics of one period into rows, by Fourier transforms."""
+    spectra = np.zeros((n_rows, n_points // 2 + 1), dtype=complex)
+    np.add.at(spectra, (last, harmonic), line)
+    spectra = np.cumsum(spectra[::-1], axis=0)[::-1]
+    rows = fft.irfft(spectra, n_points, axis=1) * (n_points / 2.0)
+    return np.pad(rows, ((0, 0), (1, 2)), mode="wrap")
 
 
 def _row_count(top_cycles_per_mm: float) -> int:

@@ -1,0 +1,108 @@
+"""What the demo's finger felt, beside the target and beside no compensation."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus.stream import StreamFrame
+from frictus.textures import Profile
+from frictus_hardware.physics.friction import FrictionLaw, motion_fade
+from frictus_hardware.physics.stages import standard_twin
+from frictus_hardware.simulated.config import SimulatedConfig
+from frictus_service.demonstration.explorer import PERIOD_MM, Heard, peak_of
+from frictus_service.fidelity.bands import band_power, error_db, windows
+from frictus_service.fidelity.measure import feel, uncompensated
+from frictus_service.fidelity.path import walk
+from frictus_service.fidelity.reference import exact_friction
+from frictus_service.synthesis.components import components_of
+from frictus_service.synthesis.stream import StreamBudget
+
+FloatArray = NDArray[np.float64]
+
+WINDOW_SAMPLES = 8192
+
+
+class DemoError(RuntimeError):
+    """The demo cannot be judged; the text says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Powers in third octaves, shape (16,), N².
+
+    Attributes
+    ----------
+    target, compensated, uncompensated : ndarray
+        Asked for; felt live; and felt on the same path had the drive not followed the speed.
+    """
+
+    target: FloatArray
+    compensated: FloatArray
+    uncompensated: FloatArray
+
+    @property
+    def compensated_db(self) -> FloatArray:
+        """Level error in each band, NaN where too weak to judge."""
+        return error_db(self.compensated, self.target)
+
+    @property
+    def uncompensated_db(self) -> FloatArray:
+        """The same without compensation."""
+        return error_db(self.uncompensated, self.target)
+
+
+def compare(
+    heard: Heard,
+    friction_n: FloatArray,
+    law: FrictionLaw,
+    config: SimulatedConfig,
+) -> Comparison:
+    """Judge what was felt live, and what would have been felt without compensation.
+
+    The simulated finger's way is a function of the device's time alone, so it can be walked
+    again; that it is the same way is checked.
+
+    Parameters
+    ----------
+    heard : Heard
+    friction_n : ndarray, shape (n_samples,)
+        One period, as streamed.
+    law : FrictionLaw
+        The rig's active law.
+    config : SimulatedConfig
+
+    Raises
+    ------
+    DemoError
+        If too little was heard, or the finger's way was another.
+    """
+    rate = config.sample_rate_hz
+    n_samples = heard.truth.shape[1]
+    segments = [
+        part
+        for part in windows(n_samples, WINDOW_SAMPLES)
+        if np.all(np.isfinite(heard.truth[:, part]))
+    ]
+    if not segments:
+        raise DemoError("too many blocks were lost to judge what was felt; see the counters")
+    position = heard.truth[:2].T.astype(float)
+    speed = np.hypot(heard.truth[2], heard.truth[3]).astype(float)
+    profile = Profile(friction_n=friction_n.tolist(), period_mm=PERIOD_MM)
+    asked = exact_friction(components_of(profile), np.nan_to_num(position), 0, rate)
+    target = heard.gain * asked * motion_fade(np.nan_to_num(speed))
+    path = walk(config, (heard.first_sample + n_samples) / rate)
+    again = path.position_mm[heard.first_sample : heard.first_sample + n_samples]
+    apart = float(np.nanmax(np.abs(position - again)))
+    if not apart < 0.01:
+        raise DemoError(f"the finger's way differs by {apart:g} mm when walked again")
+    frame = StreamFrame(0, 0, 0, 0, PERIOD_MM, True, 0.0, friction_n.astype(np.float32))
+    scene = StreamBudget.open(peak_of(friction_n), law).compile(frame)
+    twin = standard_twin(config.screen, config.participant.law)
+    bare, _ = feel(path, scene, uncompensated(law), config.screen, twin)
+    without = bare.friction_n[heard.first_sample : heard.first_sample + n_samples]
+    return Comparison(
+        band_power(target, rate, segments),
+        band_power(heard.truth[4].astype(float), rate, segments),
+        band_power(without, rate, segments),
+    )
