@@ -19,8 +19,8 @@ from frictus.recordings import load_texture, texture_of
 from frictus.textures import Texture
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.mount import Mount
-from frictus_hardware.physics.stages import Noise, Quantisation, standard_twin
 from frictus_hardware.physics.screen import Screen
+from frictus_hardware.physics.stages import Noise, Quantisation, standard_twin
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.human import HumanStrokes
 from frictus_hardware.simulated.press import Press
@@ -89,9 +89,9 @@ def pooled(errors: list[Error]) -> float:
 
 
 def known_state(textures: dict[str, Texture]) -> tuple[list[str], list[dict[str, object]]]:
-    """(a) True finger state, no noise, no wander."""
+    """Measure with true finger state, no noise, no wander."""
     lines = [
-        "| texture | gain | share of the largest feasible | waveform error | bands, rms | worst band |",
+        "| texture | gain | of the largest feasible | waveform error | bands, rms | worst band |",
         "|---|---|---|---|---|---|",
     ]
     figures: list[dict[str, object]] = []
@@ -119,9 +119,9 @@ def known_state(textures: dict[str, Texture]) -> tuple[list[str], list[dict[str,
 
 
 def steady(textures: dict[str, Texture]) -> tuple[list[str], list[dict[str, object]]]:
-    """(b) Steady speeds through the touch sensor."""
+    """Measure at steady speeds through the touch sensor."""
     lines = [
-        "| texture | speed, mm/s | compensated | worst band | fixed at 60 | none | by the sensor |",
+        "| texture | mm/s | compensated | worst band | fixed at 60 | none | by the sensor |",
         "|---|---|---|---|---|---|---|",
     ]
     figures: list[dict[str, object]] = []
@@ -142,7 +142,7 @@ def steady(textures: dict[str, Texture]) -> tuple[list[str], list[dict[str, obje
 
 
 def participants(flat: Texture) -> tuple[list[str], list[dict[str, object]]]:
-    """(c) Participants with half and twice the cutoff, each with a model of their own."""
+    """Measure participants with half and twice the cutoff, each with a model of their own."""
     lines = [
         "| cutoff | finger state | compensated | fixed at 60 | none |",
         "|---|---|---|---|---|",
@@ -173,7 +173,7 @@ def participants(flat: Texture) -> tuple[list[str], list[dict[str, object]]]:
 def free(
     textures: dict[str, Texture], n_paths: int
 ) -> tuple[list[str], list[dict[str, object]]]:
-    """(d) Free strokes through a touch sensor 30 ms late."""
+    """Measure free strokes through a touch sensor 30 ms late."""
     seeds = [secrets.randbits(32) for _ in range(n_paths)]
     print(f"path seeds: {seeds}", file=sys.stderr)  # noqa: T201 - a script
     paths = [walk(SimulatedConfig(finger=HumanStrokes(), seed=seed), 10.0) for seed in seeds]
@@ -224,7 +224,7 @@ def free(
 
 
 def wrong_model(textures: dict[str, Texture]) -> tuple[list[str], list[dict[str, object]]]:
-    """(e) A model whose cutoff is 20 % off."""
+    """Measure with a model whose cutoff is 20 % off."""
     lines = ["| texture | 20 % too low | right | 20 % too high |", "|---|---|---|---|"]
     figures: list[dict[str, object]] = []
     paths = {speed: steady_path(speed, known=False) for speed in SPEEDS_MM_S}
@@ -259,12 +259,13 @@ def wrong_model(textures: dict[str, Texture]) -> tuple[list[str], list[dict[str,
 INTRODUCTION = f"""# Rendering error
 
 Made by `uv run python bench/fidelity.py --recordings FOLDER --out docs/fidelity.md`; path and
-noise seeds are fresh each time. All on the simulated rig with its lead of 20 ms: friction at the
-screen against the target at the finger's true position, in third octaves from 31.5 Hz to 1 kHz
-down to 30 dB under the strongest, in dB rms. The difference threshold for the amplitude of
-electrovibration is {JND_DB} dB. Each texture has one gain for all speeds, as large as the drive
-allows. *flat* is equal lines from 30 to 1000 Hz whatever the speed; the others are recordings,
-taken as made at {RECORDED_AT_MM_S:g} mm/s.
+noise seeds are fresh each time. All on the simulated rig with its lead of 20 ms: friction at
+the screen against the target at the finger's true position, in third octaves from 31.5 Hz to
+1 kHz down to 30 dB under the strongest, in dB rms. Below 2 mm/s electrostatic friction fades,
+and the target with it. The difference threshold for the amplitude of electrovibration is
+{JND_DB} dB. Each texture has one gain for all speeds, as large as the drive allows. *flat* is
+equal lines from 30 to 1000 Hz whatever the speed; the others are recordings, taken as made at
+{RECORDED_AT_MM_S:g} mm/s. Steady strokes are judged from 0.2 s after each turn.
 """
 
 

@@ -2,26 +2,24 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from contextlib import ExitStack
+from types import ModuleType
+from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from frictus.textures import Region, Scene
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
-from frictus_service.benchmarks.figure import Figure, Target, interleaved
+from frictus_service.benchmarks.figure import Figure, Target, interleaved, skipped
 from frictus_service.benchmarks.native import NativeKernel, NoCompilerError, native_kernel
 from frictus_service.errors import ServiceError
 from frictus_service.library import SHIPPED, TextureLibrary
 from frictus_service.synthesis import kernel
 from frictus_service.synthesis.estimator import Course
-from frictus_service.synthesis.kernel import Motion, SceneArrays
+from frictus_service.synthesis.kernel import Motion
 from frictus_service.synthesis.renderer import Renderer
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
-
-FloatArray = NDArray[np.float64]
 
 RATE_HZ: Final = 20_000.0
 BLOCK_SAMPLES: Final = 100
@@ -30,20 +28,19 @@ SPAN_SAMPLES: Final = 10_000
 TEXTURE: Final = "vinyl"
 SCREEN: Final = Screen()
 LAW: Final = FrictionLaw()
+LAW_TUPLE: Final = (
+    LAW.gain_n,
+    LAW.cutoff_0_hz,
+    LAW.slope_hz_per_mm_s,
+    *LAW.speed_range_mm_s,
+)
 RAMP_STEP: Final = 1.0 / (0.02 * RATE_HZ)
-AGREEMENT: Final = 1e-9
-"""Largest difference from C that is accepted, as a share of the screen's peak volts."""
-BLOCKS: Final = 100
-"""Blocks in one timing of block after block."""
+AGREEMENT_V: Final = 1e-9
+"""Largest difference from C that is accepted, volts at the screen."""
 
 
-class Functions(Protocol):
-    """The kernel's functions: of the module, or of the library in C."""
-
-    target_friction: Any
-    invert: Any
-    envelope: Any
-    modulate: Any
+class DisagreementError(ServiceError, ArithmeticError):
+    """The kernel and its counterpart in C render different volts."""
 
 
 class Pass:
@@ -51,30 +48,52 @@ class Pass:
 
     Parameters
     ----------
-    functions : Functions
-    scene : SceneArrays
+    functions : module or NativeKernel
+        `synthesis.kernel`, or its counterpart in C.
+    scene : CompiledScene
     samples : int
         Length of the stretch.
+
+    Attributes
+    ----------
+    voltage_v : ndarray, shape (samples,)
     """
 
-    def __init__(self, functions: Functions, scene: SceneArrays, samples: int) -> None:
+    def __init__(
+        self, functions: ModuleType | NativeKernel, scene: CompiledScene, samples: int
+    ) -> None:
+        self.samples = samples
+        self.voltage_v = np.zeros(samples)
         self._functions = functions
-        self._scene = scene
+        self._arrays = scene.arrays
         self._target = np.zeros(samples + 1)
         self._drive = np.zeros(samples)
         self._level = 0.0
-        self.voltage_v = np.zeros(samples)
 
     def render(self, motion: Motion, first_sample: int) -> None:
         """Write the volts of a stretch to `voltage_v`."""
-        call, drive = self._functions, self._drive
-        call.target_friction(self._scene, motion, first_sample, RATE_HZ, self._target)
-        friction_n, next_n = self._target[:-1], self._target[-1]
-        call.invert(LAW_TUPLE, motion, RATE_HZ, friction_n, next_n, drive)
-        self._level = call.envelope(self._level, 1.0, RAMP_STEP, drive)
-        call.modulate(
-            drive, first_sample, SCREEN.peak_v, SCREEN.carrier_hz, RATE_HZ, self.voltage_v
-        )
+        for step in self.steps(motion, first_sample).values():
+            step()
+
+    def steps(self, motion: Motion, first_sample: int) -> dict[str, Callable[[], Any]]:
+        """Return what `render` does, by name and in order."""
+        call, target, drive = self._functions, self._target, self._drive
+
+        def ramp() -> None:
+            self._level = call.envelope(self._level, 1.0, RAMP_STEP, drive)
+
+        return {
+            "target_friction": lambda: call.target_friction(
+                self._arrays, motion, first_sample, RATE_HZ, target
+            ),
+            "invert": lambda: call.invert(
+                LAW_TUPLE, motion, RATE_HZ, target[:-1], float(target[-1]), drive
+            ),
+            "envelope": ramp,
+            "modulate": lambda: call.modulate(
+                drive, first_sample, SCREEN.peak_v, SCREEN.carrier_hz, RATE_HZ, self.voltage_v
+            ),
+        }
 
 
 def shipped_scene() -> CompiledScene:
@@ -83,40 +102,132 @@ def shipped_scene() -> CompiledScene:
     return compile_scene(Scene(regions=[Region(texture=texture)]), LAW, SCREEN, RATE_HZ)
 
 
-def strokes(blocks: int, samples: int) -> list[Motion]:
-    """Return consecutive stretches of motion across the screen, 30 to 90 mm/s, and back."""
-    seconds = samples / RATE_HZ
-    time_s = seconds * np.arange(blocks + 1)
-    x_mm = 35.0 + 30.0 * np.sin(2.0 * time_s)
-    vx = 60.0 * np.cos(2.0 * time_s)
-    vx += np.copysign(30.0, vx)
+def strokes(stretches: int, samples: int) -> list[Motion]:
+    """Return stretches of strokes across the screen and back, 30 to 90 mm/s."""
+    time_s = samples / RATE_HZ * np.arange(stretches + 1)
+    x_mm = 35.0 - 15.0 * np.cos(2.0 * time_s)
+    vx = 60.0 + 30.0 * np.sin(5.0 * time_s)
     return [
-        Motion(x, 17.0, v0, 0.0, v1, 0.0, abs(v0), abs(v1))
+        Motion(x, 17.0, v0, 0.0, v1, 0.0, v0, v1)
         for x, v0, v1 in zip(x_mm[:-1].tolist(), vx[:-1].tolist(), vx[1:].tolist(), strict=True)
     ]
 
 
-def differ_v(one: Pass, other: Pass, motions: list[Motion], samples: int) -> float:
-    """Return by how many volts two passes differ at most."""
-    worst = 0.0
-    for number, motion in enumerate(motions):
-        one.render(motion, number * samples)
-        other.render(motion, number * samples)
-        worst = max(worst, float(np.abs(one.voltage_v - other.voltage_v).max()))
-    return worst
-
-
-def measure(repeats: int = 15) -> list[Figure]:
-    """Return `kernel`, samples/s over a long stretch, and `render_block`, us per block.
+def require_agreement(one: Pass, other: Pass, motions: list[Motion]) -> None:
+    """Compare two passes, stretch by stretch.
 
     Raises
     ------
     DisagreementError
-        If C renders something else: then the times compare nothing.
+        If they differ by more than `AGREEMENT_V` anywhere.
     """
-    scene = shipped_scene().arrays
-    try:
-        with native_kernel() as native:
-            return [_kernel(scene, native, repeats), _block(scene, native, repeats)]
-    except NoCompilerError as error:
-        return [_kernel(scene, None, repeats, str(error)), _block(scene, None, repeats)]
+    for number, motion in enumerate(motions):
+        one.render(motion, number * one.samples)
+        other.render(motion, number * one.samples)
+        apart = float(np.abs(one.voltage_v - other.voltage_v).max())
+        if not apart <= AGREEMENT_V:
+            raise DisagreementError(
+                f"the kernel and kernel.c render volts that are {apart:.3g} V apart, "
+                f"{AGREEMENT_V:g} V is accepted: bring kernel.c up to date"
+            )
+
+
+def measure(repeats: int = 31) -> list[Figure]:
+    """Return the figures `kernel`, `kernel_functions` and `render_block`.
+
+    Parameters
+    ----------
+    repeats : int
+        Timings of each contender.
+
+    Raises
+    ------
+    DisagreementError
+        If C renders something else.
+    """
+    scene = shipped_scene()
+    ours = Pass(kernel, scene, SPAN_SAMPLES)
+    native: Pass | None = None
+    why = ""
+    with ExitStack() as stack:
+        try:
+            library = stack.enter_context(native_kernel())
+        except NoCompilerError as error:
+            why = f"not compared with C: {error}"
+        else:
+            native = Pass(library, scene, SPAN_SAMPLES)
+            require_agreement(ours, native, strokes(3, SPAN_SAMPLES))
+            short = [Pass(functions, scene, BLOCK_SAMPLES) for functions in (kernel, library)]
+            require_agreement(short[0], short[1], strokes(50, BLOCK_SAMPLES))
+        return [
+            _whole(ours, native, repeats, why),
+            _functions(ours, native, repeats, why),
+            _block(scene, native, repeats, why),
+        ]
+
+
+def _timed_s(call: Callable[[], Any]) -> Callable[[], float]:
+    def timed() -> float:
+        begun = time.perf_counter()
+        call()
+        return time.perf_counter() - begun
+
+    return timed
+
+
+def _rendering(run: Pass) -> Callable[[], float]:
+    (motion,) = strokes(1, run.samples)
+    return _timed_s(lambda: run.render(motion, 0))
+
+
+def _whole(ours: Pass, native: Pass | None, repeats: int, why: str) -> Figure:
+    contenders = [_rendering(run) for run in (ours, native) if run is not None]
+    taken_s = interleaved(repeats, *contenders)
+    per_s = [SPAN_SAMPLES / seconds for seconds in taken_s]
+    return Figure(
+        "kernel",
+        "samples/s",
+        {"numba": per_s[0]},
+        {"c": per_s[1]} if native else {},
+        taken_s[0] / taken_s[1] if native else None,
+        Target("ratio", "at most", 1.5),
+        why or f"texture {TEXTURE!r}, {SPAN_SAMPLES} samples a call; ratio: time over C's",
+    )
+
+
+def _functions(ours: Pass, native: Pass | None, repeats: int, why: str) -> Figure:
+    if native is None:
+        return skipped("kernel_functions", "ns/sample", why)
+    (motion,) = strokes(1, SPAN_SAMPLES)
+    value, beside = {}, {}
+    for name, step in ours.steps(motion, 0).items():
+        in_c = native.steps(motion, 0)[name]
+        taken_s = interleaved(repeats, _timed_s(step), _timed_s(in_c))
+        value[name], beside[name] = (1e9 * seconds / SPAN_SAMPLES for seconds in taken_s)
+    worst = max(value[name] / beside[name] for name in value)
+    remark = "where the time goes, beside C; ratio: of the function that fares worst"
+    return Figure("kernel_functions", "ns/sample", value, beside, worst, remark=remark)
+
+
+def _block(scene: CompiledScene, native: Pass | None, repeats: int, why: str) -> Figure:
+    renderer = Renderer(LAW, SCREEN, RATE_HZ, BLOCK_SAMPLES, scene)
+    courses = [Course(motion) for motion in strokes(100, BLOCK_SAMPLES)]
+
+    def render() -> None:
+        for number, course in enumerate(courses):
+            renderer.render(number * BLOCK_SAMPLES, course, True)
+
+    contenders = [_timed_s(render), *([_rendering(native)] if native else [])]
+    taken_s = interleaved(repeats, *contenders)
+    ours_us = 1e6 * taken_s[0] / len(courses)
+    bare_us = 1e6 * taken_s[1] * BLOCK_SAMPLES / SPAN_SAMPLES if native else None
+    return Figure(
+        "render_block",
+        "us/block",
+        {"renderer": ours_us},
+        {} if bare_us is None else {"c": bare_us},
+        None if bare_us is None else ours_us / bare_us,
+        remark=why
+        or f"the renderer as the loop calls it, {BLOCK_SAMPLES} samples a block, beside C "
+        "without any call from Python",
+    )

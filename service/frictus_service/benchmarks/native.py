@@ -28,7 +28,7 @@ class NoCompilerError(ServiceError, RuntimeError):
 
 
 class _Scene(ctypes.Structure):
-    _fields_ = [  # noqa: RUF012 - as ctypes wants it
+    _fields_ = [
         ("real", ctypes.c_void_p),
         ("whole", ctypes.c_void_p),
         ("points", ctypes.c_void_p),

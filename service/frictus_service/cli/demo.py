@@ -19,6 +19,7 @@ from frictus.textures import Spectrum
 from frictus_hardware import SimulatedConfig
 from frictus_service.cli.felt import Observer
 from frictus_service.cli.lines import write_line
+from frictus_service.cli.options import wants_lines
 from frictus_service.cli.screen import Display
 from frictus_service.config import ApiConfig, Config, RouterConfig
 from frictus_service.daemon.supervisor import Supervisor
@@ -64,6 +65,8 @@ def demo(as_json: bool, plot: Path | None, seconds: float) -> None:
         draw(comparison, TEXTURE, plot)
     if as_json:
         write_line(**_summary(heard, status, comparison))
+    elif wants_lines(as_json):
+        write_line(event="summary", **_summary(heard, status, comparison))
     else:
         _print(heard, status, comparison, plot)
 
@@ -116,7 +119,7 @@ def _explore(
         if silent:
             heard = told.recv()
         else:
-            lines = not sys.stdout.isatty()
+            lines = wants_lines(as_json=False)
             with Display(f"'{TEXTURE}', felt by a simulated finger", lines) as display:
                 while not told.poll(LOOK_S):
                     display.show(observer.look(), time.monotonic() - begun_s)

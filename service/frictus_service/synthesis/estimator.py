@@ -98,7 +98,9 @@ class FingerEstimator:
         self.in_contact = False
 
     def observe(self, report: TouchReport) -> None:
-        """Take a report; older ones than the last are ignored."""
+        """Take a report; one older than the last, or not finite, is ignored."""
+        if not np.all(np.isfinite((report.measured_sample, report.x_mm, report.y_mm))):
+            return
         since_s = (report.measured_sample - self._report_sample) / self._rate_hz
         if since_s <= 0.0:
             return
@@ -106,9 +108,9 @@ class FingerEstimator:
         self._report_sample = report.measured_sample
         self.in_contact = report.in_contact
         if not report.in_contact:
-            self._following = False
-            return
+            return  # what fades out now goes on as it did
         if began:
+            self._following = False
             _begin(report.x_mm, report.y_mm, self._mean, self._cov, self._weight)
             return
         _observe(
@@ -210,8 +212,12 @@ def _transition(time_s, turning, step_s):  # type: ignore[no-untyped-def]
     """Return how position, velocity and acceleration go on over a step, undisturbed.
 
     ``a' = -a / time - turning^2 v``; the exponential of the matrix by its series, which
-    converges to rounding for steps up to a few tenths of a second.
+    converges to rounding for steps of a fifth of a second; longer ones are halved, then squared.
     """
+    halvings = 0
+    while step_s > 0.2:
+        step_s *= 0.5
+        halvings += 1
     rate = np.zeros((3, 3))
     rate[0, 1] = rate[1, 2] = step_s
     rate[2, 1] = -(turning**2) * step_s
@@ -221,6 +227,8 @@ def _transition(time_s, turning, step_s):  # type: ignore[no-untyped-def]
     for k in range(1, 25):
         term = term @ rate / k
         move += term
+    for _ in range(halvings):
+        move = move @ move
     return move
 
 

@@ -1,7 +1,7 @@
 """The compiled inner loop: from a block of finger motion to a block of drive fraction.
 
 Everything here is a pure function on arrays; it allocates nothing and cannot raise.
-`bench/kernel.c` is the same algorithm in C, for comparison.
+`benchmarks/kernel.c` is the same algorithm in C, for comparison.
 """
 
 from typing import NamedTuple
@@ -136,7 +136,7 @@ def _cubic(f):  # type: ignore[no-untyped-def]
 def _between_rows(points, whole, u, rate, offset):  # type: ignore[no-untyped-def]
     n = whole[POINTS]
     u -= n * np.floor(u / n)
-    at = min(int(u), n - 1)  # u / n may round to a whole number
+    at = max(min(int(u), n - 1), 0)  # u / n rounds; far away by more than a row
     w0, w1, w2, w3 = _cubic(u - at)
     row, share = _level(rate, offset, whole[ROWS])
     i = whole[FIRST] + row * (n + 3) + at
@@ -153,7 +153,7 @@ def _row(points, whole, cycles):  # type: ignore[no-untyped-def]
     """Read a row at a phase in cycles of its length."""
     n = whole[POINTS]
     u = (cycles - np.floor(cycles)) * n
-    at = min(int(u), n - 1)
+    at = max(min(int(u), n - 1), 0)
     w0, w1, w2, w3 = _cubic(u - at)
     i = whole[FIRST] + at
     return w0 * points[i] + w1 * points[i + 1] + w2 * points[i + 2] + w3 * points[i + 3]

@@ -19,15 +19,21 @@ from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis import kernel
 from frictus_service.synthesis.components import Components, components_of
 from frictus_service.synthesis.maps import build_pyramid, decode
-from frictus_service.synthesis.tables import FADE_HZ, ROWS_PER_OCTAVE, Table, build_table
+from frictus_service.synthesis.tables import (
+    BAND_EDGE_HZ,
+    FADE_HZ,
+    ROWS_PER_OCTAVE,
+    Table,
+    build_table,
+)
 
 FloatArray = NDArray[np.float64]
 
 HEADROOM = 0.03
 """Share of the drive kept free for cross-fades and corrections of the finger's motion."""
 NARROWEST_FADE_MM = 0.1
-SPEEDS_MM_S = np.concatenate([[0.0], 10.0 * 2.0 ** (np.arange(60) / 12.0)])
-"""Speeds at which the gain is made to fit, both ways: 0, and 10 to 300 mm/s."""
+SPEEDS_MM_S = np.concatenate([[0.0], 2.0 ** (np.arange(100) / 12.0)])
+"""Speeds at which the gain is made to fit, both ways: 0, and 1 to 300 mm/s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +65,8 @@ class _Layer:
     angle_deg: float = 0.0
     levels: tuple[NDArray[np.float32], ...] = ()
     top: float = 0.0
+    fades: bool = False
+    """Whether a finger on the screen can cross an edge."""
     notes: tuple[str, ...] = ()
 
 
@@ -132,6 +140,8 @@ def _layers(region: Region, screen: Screen) -> list[_Layer]:
     y0, y1 = max(region.y_mm[0], 0.0), min(region.y_mm[1], height)
     if not (x0 < x1 and y0 < y1):
         raise TextureError(f"lies beside the screen of {width:g} x {height:g} mm")
+    inner = (region.x_mm[0], width - region.x_mm[1], region.y_mm[0], height - region.y_mm[1])
+    fades = max(inner) + max(region.edge_fade_mm, NARROWEST_FADE_MM) > 0.0
     if isinstance(region.texture, Map):
         cut = (x0, x1, y0, y1)  # a map is laid over what of the region is on the screen
         pyramid = build_pyramid(decode(region.texture), x1 - x0, y1 - y0)
@@ -144,6 +154,7 @@ def _layers(region: Region, screen: Screen) -> list[_Layer]:
                 None,
                 levels=tuple(pyramid.levels),
                 top=pyramid.top,
+                fades=True,
             )
         ]
     layers = []
@@ -159,6 +170,7 @@ def _layers(region: Region, screen: Screen) -> list[_Layer]:
                 table,
                 components.angle_deg,
                 top=table.top,
+                fades=fades,
                 notes=components.notes,
             )
         )
@@ -235,10 +247,9 @@ def _reach(
     layers: list[_Layer], arrays: kernel.SceneArrays, law: FrictionLaw, sample_rate_hz: float
 ) -> tuple[float, float]:
     """Return least and greatest drive that the layers ask for, where they overlap together."""
-    decay = np.exp(-2.0 * np.pi * cutoff_hz(law, SPEEDS_MM_S) / sample_rate_hz)
     reach = np.array(
         [
-            _layer_reach(layer, arrays, row, decay, sample_rate_hz)
+            _layer_reach(layer, arrays, row, law, sample_rate_hz)
             for row, layer in enumerate(layers)
         ]
     ).reshape(-1, 2)
@@ -263,55 +274,93 @@ def _layer_reach(
     layer: _Layer,
     arrays: kernel.SceneArrays,
     row: int,
-    decay: FloatArray,
+    law: FrictionLaw,
     sample_rate_hz: float,
 ) -> tuple[float, float]:
     """Return least and greatest of ``(y[n+1] - a y[n]) / (1 - a)`` over places and speeds."""
+    # While all of a texture is in the band it asks for the more the faster the finger is.
+    telling = SPEEDS_MM_S * (layer.top if layer.kind != kernel.TEMPORAL else 0.0)
+    speeds = SPEEDS_MM_S[(telling > 0.9 * BAND_EDGE_HZ) | (SPEEDS_MM_S == 0.0)]
+    speeds = np.append(speeds, SPEEDS_MM_S[-1])
+    decay = np.exp(-2.0 * np.pi * cutoff_hz(law, speeds) / sample_rate_hz)
+    moved_mm = speeds / sample_rate_hz
     if layer.kind == kernel.MAP:
-        return _map_reach(layer, decay, sample_rate_hz)
-    assert layer.table is not None
-    if layer.kind == kernel.SPATIAL:
-        step = SPEEDS_MM_S / sample_rate_hz * arrays.real[row, kernel.PER_STEP]
+        low, high, size = _map_reach(layer, speeds, moved_mm, decay)
     else:
-        step = np.full(
-            SPEEDS_MM_S.size, layer.table.n_points / layer.table.length / sample_rate_hz
+        assert layer.table is not None
+        low, high, size = np.zeros((3, speeds.size))
+        if layer.kind == kernel.SPATIAL:
+            step = moved_mm * arrays.real[row, kernel.PER_STEP]
+            rate = speeds
+        else:
+            per_sample = layer.table.n_points / layer.table.length / sample_rate_hz
+            step = np.full(speeds.size, per_sample)
+            rate = np.zeros(speeds.size)
+        offset = arrays.real[row, kernel.LEVEL_OFFSET]
+        _table_reach(
+            arrays.points, arrays.whole[row], step, rate, offset, decay, low, high, size
         )
-    rate = SPEEDS_MM_S if layer.kind == kernel.SPATIAL else np.zeros_like(SPEEDS_MM_S)
-    offset = arrays.real[row, kernel.LEVEL_OFFSET]
-    low, high = _table_reach(arrays.points, arrays.whole[row], step, rate, offset, decay)
-    return float(low), float(high)
+    if layer.fades:
+        # The edge is crossed at the speeds left out above too; the fastest asks for most.
+        step = moved_mm * arrays.real[row, kernel.PER_FADE]
+        low, high = -_at_edge(-low, size, step, decay), _at_edge(high, size, step, decay)
+    return float(low.min()), float(high.max())
+
+
+def _at_edge(
+    high: FloatArray, size: FloatArray, step: FloatArray, decay: FloatArray
+) -> FloatArray:
+    """Return the greatest drive in the fade too; `size` is the largest friction, each speed.
+
+    With the weight w the drive is ``w[n+1] m[n] + a (w[n+1] - w[n]) y[n] / (1 - a)``.
+    """
+    here = np.linspace(0.0, 1.0, 101)[:, None]
+    inward, outward = _smooth(here + step), _smooth(here - step)
+    slew = decay / (1.0 - decay) * size
+    weight = _smooth(here)
+    entering = inward * high + (inward - weight) * slew
+    leaving = outward * high + (weight - outward) * slew
+    greatest: FloatArray = np.maximum(entering, leaving).max(axis=0)
+    return greatest
+
+
+def _smooth(share: FloatArray) -> FloatArray:
+    inside = np.clip(share, 0.0, 1.0)
+    smooth: FloatArray = inside * inside * (3.0 - 2.0 * inside)
+    return smooth
 
 
 @njit(cache=True, nogil=True)
-def _table_reach(points, whole, steps, rates, offset, decays):  # type: ignore[no-untyped-def]
-    low = 0.0
-    high = 0.0
+def _table_reach(points, whole, steps, rates, offset, decays, low, high, size):  # type: ignore[no-untyped-def]
     for s in range(steps.size):
         decay = decays[s]
         for half in range(2 * whole[2]):
             u = 0.5 * half
             here = kernel._between_rows(points, whole, u, rates[s], offset)
+            size[s] = max(size[s], abs(here))
             for way in (-1.0, 1.0):
                 there = kernel._between_rows(
                     points, whole, u + way * steps[s], rates[s], offset
                 )
                 drive = (there - decay * here) / (1.0 - decay)
-                low = min(low, drive)
-                high = max(high, drive)
-    return low, high
+                low[s] = min(low[s], drive)
+                high[s] = max(high[s], drive)
 
 
-def _map_reach(layer: _Layer, decay: FloatArray, sample_rate_hz: float) -> tuple[float, float]:
+def _map_reach(
+    layer: _Layer, speeds: FloatArray, moved_mm: FloatArray, decays: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Bound a map by value and steepest slope in any direction; the two need not coincide."""
     x0, x1, y0, y1 = layer.rectangle
-    low = high = 0.0
-    for speed, a in zip(SPEEDS_MM_S, decay, strict=True):
+    low, high, size = np.zeros((3, speeds.size))
+    for s, (speed, moved, decay) in enumerate(zip(speeds, moved_mm, decays, strict=True)):
         octaves = np.log2(max(speed, 1e-3) * layer.top / FADE_HZ)
         level = int(np.clip(ROWS_PER_OCTAVE * octaves, 0, len(layer.levels) - 1))
         image = layer.levels[level].astype(float)
         rows, columns = image.shape[0] - 3, image.shape[1] - 3
         slope_y, slope_x = np.gradient(image, (y1 - y0) / rows, (x1 - x0) / columns)
-        step = speed / sample_rate_hz * np.hypot(slope_x, slope_y) / (1.0 - a)
-        low = min(low, float((image - step).min()))
-        high = max(high, float((image + step).max()))
-    return low, high
+        step = moved * np.hypot(slope_x, slope_y) / (1.0 - decay)
+        low[s] = min(0.0, float((image - step).min()))
+        high[s] = max(0.0, float((image + step).max()))
+        size[s] = float(np.abs(image).max())
+    return low, high, size

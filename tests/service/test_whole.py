@@ -1,0 +1,99 @@
+"""The whole service as a newcomer meets it: `play`, the quick start of the docs, the demo."""
+
+import json
+import re
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from frictus_hardware import SimulatedConfig
+from frictus_service.config import Config, RouterConfig
+from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.library import SHIPPED
+
+ROOT = Path(__file__).parents[2]
+RECORDINGS = ROOT.parent / "shared" / "data" / "makesense_textures"
+RECORDED = sorted(RECORDINGS.glob("*_filt.csv"))
+
+
+def frictus(*arguments: str) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        [sys.executable, "-c", "from frictus_service.cli import main; main()", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=110,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def endpoint() -> Iterator[str]:
+    """A rig that runs for all tests of this file."""
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        port = probe.getsockname()[1]
+    config = Config(
+        router=RouterConfig(endpoint=f"tcp/127.0.0.1:{port}"), backend=SimulatedConfig()
+    )
+    said: list[str] = []
+    with Supervisor(config, parts=("rig",), say=said.append) as supervisor:
+        supervisor.wait_ready(100.0)
+        yield config.router.endpoint
+
+
+def played(arguments: list[str], endpoint: str) -> None:
+    """Play something for a second; it must be applied, and felt."""
+    done = frictus("play", *arguments, "--router", endpoint, "--seconds", "1", "--json")
+    assert done.returncode == 0, done.stderr
+    events = [json.loads(line) for line in done.stdout.splitlines()]
+    applied = next(event for event in events if event["event"] == "applied")
+    assert 0.0 < applied["gain"] <= 1.0
+    felt = [event for event in events if event["event"] == "felt"]
+    assert felt[-1]["state"] == "armed"
+    assert max(event["friction_rms_n"] or 0.0 for event in felt) > 1e-3
+    assert not any(felt[-1]["blocks_lost"].values())
+    assert felt[-1]["counters"]["clipped_samples"] == 0
+
+
+@pytest.mark.skipif(not RECORDED, reason="the recordings are not at ../shared/data")
+@pytest.mark.parametrize("path", RECORDED, ids=lambda path: path.stem)
+def test_a_recording_is_felt(path: Path, endpoint: str) -> None:
+    played([str(path), "--speed", "40", "--rate", "20000"], endpoint)
+
+
+@pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.json")), ids=lambda path: path.stem)
+def test_a_shipped_texture_is_felt(path: Path, endpoint: str) -> None:
+    played([path.stem], endpoint)
+
+
+def test_the_quick_start_of_the_docs_runs(endpoint: str) -> None:
+    text = (ROOT / "docs" / "run.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    assert "tcp/127.0.0.1:7447" in code
+    code = code.replace("tcp/127.0.0.1:7447", endpoint)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Block(" in done.stdout
+
+
+def test_the_demo_runs_and_compensates(tmp_path: Path) -> None:
+    picture = tmp_path / "demo.png"
+    done = frictus("demo", "--json", "--seconds", "3", "--plot", str(picture))
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)  # one object and nothing else
+    assert len(result["band_hz"]) == 16
+    overall = result["overall_error_db"]
+    assert 0.0 < overall["compensated"] < overall["uncompensated"]
+    assert result["clipped_samples"] == 0
+    assert result["texture_update_latency_ms"]["updates"] > 0
+    assert (
+        result["texture_update_latency_ms"]["median"]
+        > result["texture_update_latency_ms"]["of_which_lead"]
+    )
+    assert all(count > 0 for count in result["blocks_received"].values())
+    assert picture.stat().st_size > 10_000
