@@ -1,7 +1,7 @@
 """Pin every dependency, direct and transitive: `uv run python bench/pin.py`.
 
-Resolves anew and writes the versions into `[tool.uv] constraint-dependencies` of pyproject.toml.
-The lock file names the hosts of package registries, so it stays out of the repository.
+Resolves anew and writes the versions into `[tool.uv] constraint-dependencies`. The lock file
+names the hosts of package registries, so it stays out of the repository.
 """
 
 import re
@@ -9,7 +9,7 @@ import subprocess
 from pathlib import Path
 
 PROJECT = Path(__file__).parents[1] / "pyproject.toml"
-EXPORT = "uv export --all-extras --all-groups --no-hashes --no-emit-project --no-annotate --no-header"
+EXPORT = "uv export --all-extras --all-groups --no-hashes --no-emit-project --no-annotate"
 
 
 def main() -> None:

@@ -149,14 +149,13 @@ def draw_strokes(settings: HumanStrokes, room_mm: float, rng: np.random.Generato
         if last:
             break
     took = np.add(moves, rests)
-    length = np.diff(ends)
     return Strokes(
         begin_s=np.concatenate([[0.0], np.cumsum(took)[:-1]]),
         move_s=np.array(moves),
         from_mm=np.array(ends[:-1]),
         to_mm=np.array(ends[1:]),
         lift=np.array(lifts),
-        turn_mm_s2=_turns(length, np.array(moves), np.array(rests) == 0.0),
+        turn_mm_s2=_turns(np.diff(ends), np.array(moves), np.array(rests) == 0.0),
         loop_s=float(np.sum(took)),
     )
 

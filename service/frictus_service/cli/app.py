@@ -48,14 +48,14 @@ def demo(
     seconds: Annotated[float, typer.Option("--seconds", min=1.0, help="How long.")] = 10.0,
 ) -> None:
     """Start a rig, stream a texture to it from another process, and show what is felt."""
-    from frictus_service.cli import demo as command
+    from frictus_service.cli.demo import demo as run
 
-    command.demo(as_json=as_json, plot=plot, seconds=seconds)
+    run(as_json=as_json, plot=plot, seconds=seconds)
 
 
 @app.command()
 def bench(as_json: AsJson = False) -> None:
     """Measure kernel, wire and loop on this machine, each beside its bare counterpart."""
-    from frictus_service.cli import bench as command
+    from frictus_service.cli.bench import bench as run
 
-    command.bench(as_json=as_json)
+    run(as_json=as_json)

@@ -138,7 +138,7 @@ def _summary(heard: Heard, status: RigStatus, comparison: Comparison) -> dict[st
         "texture": TEXTURE,
         "simulated": True,
         "model_placeholder": status.model_placeholder,
-        "applied_gain": heard.gain,
+        "applied_gain": heard.applied.gain,
         "band_hz": list(NOMINAL_HZ),
         "error_db": {"compensated": _finite(felt), "uncompensated": _finite(bare)},
         "overall_error_db": {"compensated": rms_db(felt), "uncompensated": rms_db(bare)},
@@ -181,8 +181,8 @@ def _print(heard: Heard, status: RigStatus, comparison: Comparison, plot: Path |
     console.print(table)
     late, counts, latency = status.timing, status.counters, heard.latency_ms
     console.print(
-        f"difference threshold {JND_DB} dB; applied gain {heard.gain:.2f}; simulated rig, "
-        "population model that nobody measured\n"
+        f"difference threshold {JND_DB} dB; applied gain {heard.applied.gain:.2f}; "
+        "simulated rig, population model that nobody measured\n"
         f"loop late p50 {late.lateness_p50_ms:.2f}, p99 {late.lateness_p99_ms:.2f}, "
         f"max {late.lateness_max_ms:.2f} ms; {counts.underruns} underruns, "
         f"{counts.overruns} overruns\n"

@@ -90,7 +90,9 @@ def compare(
     speed = np.hypot(heard.truth[2], heard.truth[3]).astype(float)
     profile = Profile(friction_n=friction_n.tolist(), period_mm=PERIOD_MM)
     asked = exact_friction(components_of(profile), np.nan_to_num(position), 0, rate)
-    target = heard.gain * asked * motion_fade(np.nan_to_num(speed))
+    target = (heard.applied.bias_n + heard.applied.gain * asked) * motion_fade(
+        np.nan_to_num(speed)
+    )
     path = walk(config, (heard.first_sample + n_samples) / rate)
     again = path.position_mm[heard.first_sample : heard.first_sample + n_samples]
     apart = float(np.nanmax(np.abs(position - again)))

@@ -14,6 +14,7 @@ import frictus
 from frictus import Block, Gap
 from frictus.errors import SilenceError
 from frictus.gaps import BlockFeed
+from frictus.messages import Applied
 from frictus.rig import Rig, StreamName
 from frictus.streaming import TextureStream
 from frictus.textures import Spectrum
@@ -39,8 +40,8 @@ class Heard:
         Device index of the first sample of `truth`.
     truth : ndarray of float32, shape (5, n_samples)
         x, y, vx, vy, friction, as the stream of that name; NaN where blocks were lost.
-    gain : float
-        Applied by the rig.
+    applied : Applied
+        Gain and bias, as the rig applied them.
     received, lost : dict of str to int
         Blocks of each stream.
     latency_ms : list of float
@@ -49,7 +50,7 @@ class Heard:
 
     first_sample: int
     truth: NDArray[np.float32]
-    gain: float
+    applied: Applied
     received: dict[str, int]
     lost: dict[str, int]
     latency_ms: list[float]
@@ -132,7 +133,7 @@ def _explore(rig: Rig, friction_n: NDArray[np.float64], seconds: float) -> Heard
         return Heard(
             blocks[0].first_sample,
             _joined(blocks),
-            stream.applied.gain,
+            stream.applied,
             {key: feed.received for key, feed in listening.items()},
             {key: feed.lost for key, feed in listening.items()},
             latency_ms,

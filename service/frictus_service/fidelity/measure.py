@@ -46,10 +46,10 @@ def full_gain(
 
 
 def target_along(texture: Texture, scene: CompiledScene, path: Path) -> FloatArray:
-    """Return the friction asked for at the true positions, at the applied gain, N.
+    """Return the friction asked for at the true positions: applied bias and texture, N.
 
     Electrostatic friction fades where the finger rests; no rendering can change that, and the
-    target fades with it.
+    target fades with it, its bias included.
 
     Parameters
     ----------
@@ -61,7 +61,8 @@ def target_along(texture: Texture, scene: CompiledScene, path: Path) -> FloatArr
     """
     assert not isinstance(texture, Map)
     friction = exact_friction(components_of(texture), path.position_mm, 0, path.sample_rate_hz)
-    return LARGEST_GAIN * scene.applied.gain * friction * motion_fade(path.speed_mm_s)
+    wanted = scene.applied.bias_n + LARGEST_GAIN * scene.applied.gain * friction
+    return wanted * motion_fade(path.speed_mm_s)
 
 
 def feel(
@@ -239,7 +240,7 @@ def waveform_error(
     return float(np.sqrt(apart / whole))
 
 
-def steady_segments(path: Path, speed_mm_s: float, settle_s: float = 0.2) -> list[slice]:
+def steady_segments(path: Path, speed_mm_s: float, settle_s: float = 0.25) -> list[slice]:
     """Return the stretches at a steady speed, each without its first `settle_s`.
 
     What is predicted still follows the reversal while the estimator has not seen its end.

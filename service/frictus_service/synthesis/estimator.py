@@ -212,7 +212,8 @@ def _transition(time_s, turning, step_s):  # type: ignore[no-untyped-def]
     """Return how position, velocity and acceleration go on over a step, undisturbed.
 
     ``a' = -a / time - turning^2 v``; the exponential of the matrix by its series, which
-    converges to rounding for steps of a fifth of a second; longer ones are halved, then squared.
+    converges to rounding for steps of a fifth of a second; longer ones
+    are halved, then squared.
     """
     halvings = 0
     while step_s > 0.2:

@@ -297,8 +297,9 @@ def _layer_reach(
             step = np.full(speeds.size, per_sample)
             rate = np.zeros(speeds.size)
         offset = arrays.real[row, kernel.LEVEL_OFFSET]
+        seam = 0 if layer.table.seamless else int(step.max()) + 4
         _table_reach(
-            arrays.points, arrays.whole[row], step, rate, offset, decay, low, high, size
+            arrays.points, arrays.whole[row], step, rate, offset, decay, seam, low, high, size
         )
     if layer.fades:
         # The edge is crossed at the speeds left out above too; the fastest asks for most.
@@ -331,10 +332,10 @@ def _smooth(share: FloatArray) -> FloatArray:
 
 
 @njit(cache=True, nogil=True)
-def _table_reach(points, whole, steps, rates, offset, decays, low, high, size):  # type: ignore[no-untyped-def]
+def _table_reach(points, whole, steps, rates, offset, decays, seam, low, high, size):  # type: ignore[no-untyped-def]
     for s in range(steps.size):
         decay = decays[s]
-        for half in range(2 * whole[2]):
+        for half in range(2 * seam, 2 * (whole[2] - seam)):
             u = 0.5 * half
             here = kernel._between_rows(points, whole, u, rates[s], offset)
             size[s] = max(size[s], abs(here))
@@ -358,9 +359,19 @@ def _map_reach(
         level = int(np.clip(ROWS_PER_OCTAVE * octaves, 0, len(layer.levels) - 1))
         image = layer.levels[level].astype(float)
         rows, columns = image.shape[0] - 3, image.shape[1] - 3
-        slope_y, slope_x = np.gradient(image, (y1 - y0) / rows, (x1 - x0) / columns)
+        slope_y = _steepest(image, 0)[1:-2, 1:-2] * rows / (y1 - y0)
+        slope_x = _steepest(image, 1)[1:-2, 1:-2] * columns / (x1 - x0)
+        image = image[1:-2, 1:-2]
         step = moved * np.hypot(slope_x, slope_y) / (1.0 - decay)
         low[s] = min(0.0, float((image - step).min()))
         high[s] = max(0.0, float((image + step).max()))
         size[s] = float(np.abs(image).max())
     return low, high, size
+
+
+def _steepest(image: FloatArray, axis: int) -> FloatArray:
+    """Return the largest slope of the cubic through the pixels, at each and half-way around."""
+    before, after, second = (np.roll(image, shift, axis) for shift in (1, -1, -2))
+    halfway = np.abs(1.375 * (after - image) - 0.125 * (second - before))
+    steepest: FloatArray = np.maximum(0.5 * np.abs(after - before), halfway)
+    return np.maximum(steepest, np.roll(halfway, 1, axis))

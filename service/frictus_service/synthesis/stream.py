@@ -49,13 +49,15 @@ class StreamBudget:
         return self.quiet.applied
 
     def compile(self, frame: StreamFrame) -> CompiledScene:
-        """Compile one update.
+        """Compile one update; constant friction is silence.
 
         Raises
         ------
         TextureError
             If the update exceeds the declared peak or cannot be represented.
         """
+        if np.all(frame.friction_n == frame.friction_n[0]):
+            return self.quiet
         components = periodic(
             frame.friction_n.astype(float), frame.period, frame.spatial, frame.angle_deg
         )

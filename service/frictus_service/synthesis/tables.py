@@ -50,12 +50,15 @@ class Table:
         Position of the first point, mm (0 for time).
     top : float
         Highest frequency in row 0, cycles/mm or Hz.
+    seamless : bool
+        Whether the end leads on to the beginning; else there is a jump, beside the screen.
     """
 
     rows: FloatArray
     length: float
     origin: float
     top: float
+    seamless: bool
 
     @property
     def n_points(self) -> int:
@@ -107,7 +110,7 @@ def build_table(components: Components, stretch_mm: tuple[float, float]) -> Tabl
         rows = np.zeros((n_rows, n_points + PAD))
         step_rad = 2.0 * np.pi * frequency * (length / n_points)
         _sum_rows(step_rad, amplitude, phase + 2.0 * np.pi * frequency * origin, last, rows)
-    return Table(rows, length, origin, top)
+    return Table(rows, length, origin, top, components.period is not None)
 
 
 def _harmonic_rows(
