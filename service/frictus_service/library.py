@@ -26,6 +26,8 @@ _NAME: Final = re.compile(r"[a-z0-9][a-z0-9_-]{0,63}", re.ASCII)
 _RESERVED: Final = re.compile(r"con|prn|aux|nul|com[0-9]|lpt[0-9]")  # devices on Windows
 _TEXTURE: Final[TypeAdapter[Texture]] = TypeAdapter(Texture)
 
+NAMED_IN_ERRORS = 12
+
 
 class LibraryError(ServiceError):
     """Base of what the library refuses."""
@@ -107,7 +109,9 @@ class TextureLibrary:
             except FileNotFoundError:
                 continue
             return _entry(name, content, folder / f"{name}.json", shipped)
-        raise UnknownTextureError(f"no texture {name!r} in the library")
+        held = self.names()
+        few = ", ".join(held[:NAMED_IN_ERRORS]) + (", …" if len(held) > NAMED_IN_ERRORS else "")
+        raise UnknownTextureError(f"no texture {name!r} in the library; it holds {few}")
 
     def put(self, name: str, texture: Texture, replaces: str | None) -> Entry:
         """Write a texture.

@@ -14,14 +14,14 @@ import zenoh
 from zenoh.handlers import Callback
 
 from frictus.block import Block
-from frictus.keys import STREAMS, RigKeys, Topics
+from frictus.keys import STREAMS, RigKeys, Topic, Topics
 from frictus.session import open_router, open_session
 from frictus_hardware import SimulatedConfig, open_backend
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_service.benchmarks.figure import Figure, Target, interleaved
-from frictus_service.benchmarks.neighbour import Pipe, heard, neighbour
+from frictus_service.benchmarks.neighbour import Neighbour, Pipe, await_subscriber, neighbour
 from frictus_service.benchmarks.service import free_endpoint
-from frictus_service.daemon.timebase import UtcReading, Timebase
+from frictus_service.daemon.timebase import Timebase, UtcReading
 from frictus_service.daemon.turn import Turn
 from frictus_service.synthesis.chain import make_chain
 from frictus_service.translate import blocks_of, finger_of, flags_of
@@ -63,19 +63,16 @@ class Wire:
     Parameters
     ----------
     session : zenoh.Session
-    subscriber : Connection
-        To `count_arrivals`.
+    subscriber : Neighbour
+        Which runs `count_arrivals`.
     """
 
-    def __init__(self, session: zenoh.Session, subscriber: Pipe) -> None:
+    def __init__(self, session: zenoh.Session, subscriber: Neighbour) -> None:
         self._subscriber = subscriber
         self._sent = 0
-        self.publishers = {topic: _patient(session, KEYS.of(topic), topic) for topic in TOPICS}
-        deadline_s = time.monotonic() + ARRIVE_S
-        while not all(p.matching_status.matching for p in self.publishers.values()):
-            if time.monotonic() > deadline_s:
-                raise TimeoutError("the subscriber was not found on the network")
-            time.sleep(0.01)
+        self.publishers = {topic: _patient(session, topic) for topic in TOPICS}
+        for publisher in self.publishers.values():
+            await_subscriber(publisher)
 
     def timed_s(self, send: Callable[[], int]) -> float:
         """Return how long it takes to send, until the last message has arrived.
@@ -87,18 +84,17 @@ class Wire:
         """
         begun = time.perf_counter()
         self._sent += send()
-        self._subscriber.send(self._sent)
-        arrived = heard(self._subscriber, ARRIVE_S + 5.0)
+        arrived = self._subscriber.ask(self._sent)
         taken = time.perf_counter() - begun
         if arrived != self._sent:
             raise RuntimeError(f"{self._sent} messages sent without dropping, {arrived} came")
         return taken
 
 
-def _patient(session: zenoh.Session, key: str, topic: object) -> zenoh.Publisher:
+def _patient(session: zenoh.Session, topic: Topic) -> zenoh.Publisher:
     return session.declare_publisher(
-        key,
-        priority=getattr(zenoh.Priority, topic.qos.priority),  # type: ignore[attr-defined]
+        KEYS.of(topic),
+        priority=getattr(zenoh.Priority, topic.qos.priority),
         congestion_control=zenoh.CongestionControl.BLOCK,
         reliability=zenoh.Reliability.RELIABLE,
     )
@@ -180,7 +176,7 @@ class OneTurn:
         return sent + 1
 
 
-def measure(turns: int = 1_000, repeats: int = 31) -> list[Figure]:
+def measure(turns: int = 500, repeats: int = 61) -> list[Figure]:
     """Return the figures `block_throughput` and `publisher_turn`.
 
     Parameters

@@ -20,7 +20,7 @@ from frictus.keys import RigKeys, Topics
 from frictus.session import declare_publisher, open_session
 from frictus_hardware.physics.screen import Screen, screen_voltage
 from frictus_service.benchmarks.figure import Figure, spread
-from frictus_service.benchmarks.neighbour import Pipe, neighbour
+from frictus_service.benchmarks.neighbour import Pipe, await_subscriber, neighbour
 from frictus_service.benchmarks.service import QUIET_S, RIG, config_of, serving
 from frictus_service.errors import StartError
 
@@ -139,11 +139,7 @@ class RoundTrip:
         key = ECHO[1].of(Topics.TEXTURE)
         self._subscriber = session.declare_subscriber(key, Callback(note, indirect=False))
         self._publisher = declare_publisher(session, ECHO[0], Topics.TEXTURE)
-        deadline_s = time.monotonic() + QUIET_S
-        while not self._publisher.matching_status.matching:
-            if time.monotonic() > deadline_s:
-                raise StartError("the echo was not found on the network")
-            time.sleep(0.01)
+        await_subscriber(self._publisher)
 
     def taken_ms(self) -> float:
         """Return the time of one round trip."""
@@ -153,7 +149,7 @@ class RoundTrip:
         return 1e3 * (time.perf_counter() - begun)
 
 
-def measure(updates: int = 150, seed: int = 0) -> list[Figure]:
+def measure(updates: int = 80, seed: int = 0) -> list[Figure]:
     """Return the figures `texture_update` and `texture_update_dac`.
 
     Parameters

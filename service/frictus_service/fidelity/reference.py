@@ -35,9 +35,11 @@ def exact_friction(
 
 
 def _add(rate: FloatArray, components: Components, at: FloatArray, total: FloatArray) -> None:
-    if components.period is None:
+    harmonics = components.frequency.max() * (components.period or np.inf)
+    if harmonics > 10.0 * rate.size:  # few lines far apart: a cosine costs as much as ten terms
         _sum_cosines(rate, components.amplitude_n, components.phase_rad, at, total)
         return
+    assert components.period is not None  # or there would be no end of harmonics
     harmonic = np.round(components.frequency * components.period).astype(np.int64)
     series = np.zeros(harmonic.max() + 1, dtype=complex)
     np.add.at(series, harmonic, components.amplitude_n * np.exp(1j * components.phase_rad))

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
 from frictus.errors import TextureError
 from frictus.textures import (
@@ -150,12 +149,11 @@ def _beta_lines(texture: Beta) -> tuple[FloatArray, FloatArray, FloatArray]:
     position = np.log10(frequency / low) / np.log10(high / low)
     # The density of a beta law may be infinite at its ends; the middle of the end steps is not.
     position = np.clip(position, 0.5 / steps, 1.0 - 0.5 / steps)
-    log_density = (
-        (texture.alpha - 1.0) * np.log(position)
-        + (texture.beta - 1.0) * np.log1p(-position)
-        - special.betaln(texture.alpha, texture.beta)
-    )
-    amplitude = texture.scale * np.exp(log_density)
+    log_density = (texture.alpha - 1.0) * np.log(position)
+    log_density += (texture.beta - 1.0) * np.log1p(-position)
+    # The whole is brought to `rms_n`: neither the law's norm nor `scale` makes a difference,
+    # and both could overflow.
+    amplitude = np.exp(log_density - log_density.max())
     return frequency, *_matched(amplitude, texture.rms_n, texture.seed)
 
 

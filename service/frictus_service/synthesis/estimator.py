@@ -9,7 +9,8 @@ filter is either noisy on steady strokes or late on free ones.
 The estimate jumps with every report; what is rendered must not, or the drive would need several
 times its range. So the rendered position moves continuously, and small corrections enter as
 velocity. Where the finger did not turn as foretold the rendered position is left behind by more
-than a correction can make good without a false speed: it is then cross-faded to the right one.
+than a correction can make good without a false speed: it is then cross-faded to the right one,
+as it is where a contact begins.
 """
 
 from typing import Final, NamedTuple
@@ -89,12 +90,12 @@ class FingerEstimator:
         self._cov = np.zeros((2, 3, 3))
         self._weight = np.array([0.5, 0.5])
         self._predicted = np.zeros((2, 2))
+        self._mean_sample = -np.inf  # of the last report in contact
         self._report_sample = -np.inf
         # What is rendered, each (x, y), and the velocity that was foretold a block ago.
         self._position = np.zeros(2)
         self._velocity = np.zeros(2)
         self._before = np.zeros(2)
-        self._following = False
         self.in_contact = False
 
     def observe(self, report: TouchReport) -> None:
@@ -109,8 +110,8 @@ class FingerEstimator:
         self.in_contact = report.in_contact
         if not report.in_contact:
             return  # what fades out now goes on as it did
+        self._mean_sample = report.measured_sample
         if began:
-            self._following = False
             _begin(report.x_mm, report.y_mm, self._mean, self._cov, self._weight)
             return
         _observe(
@@ -127,9 +128,10 @@ class FingerEstimator:
 
     def estimate(self, sample: float) -> FloatArray:
         """Return the prediction for a device sample, shape (2 axes, position and velocity)."""
+        age_s = (sample - self._mean_sample) / self._rate_hz
         _predict(
             self._tuning,
-            max(self.report_age_s(sample), 0.0) if self._report_sample > -np.inf else 0.0,
+            max(age_s, 0.0) if self._mean_sample > -np.inf else 0.0,
             self._mean,
             self._weight,
             self._predicted,
@@ -147,11 +149,6 @@ class FingerEstimator:
         """
         block_s = n_samples / self._rate_hz
         after = self.estimate(first_sample + n_samples)
-        if not self._following:
-            self._before[:] = after[:, 1]
-            self._position[:] = after[:, 0] - after[:, 1] * block_s
-            self._velocity[:] = after[:, 1]
-            self._following = self.in_contact
         coming = self._position + 0.5 * (self._velocity + after[:, 1]) * block_s
         behind = after[:, 0] - coming
         left = None

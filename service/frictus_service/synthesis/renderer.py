@@ -125,7 +125,8 @@ class Renderer:
             self._law, course.motion, self._rate_hz, target[:-1], target[-1], self._drive
         )
         active = allow or self._level > 0.0
-        step = 1.0 / (RAMP_S * self._rate_hz)
+        # A little steeper, so that rounding does not cost a block more.
+        step = (1.0 + 1e-9) / (RAMP_S * self._rate_hz)
         self._level = kernel.envelope(self._level, 1.0 if allow else 0.0, step, self._drive)
         kernel.modulate(
             self._drive,

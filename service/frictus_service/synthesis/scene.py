@@ -171,10 +171,16 @@ def _layers(region: Region, screen: Screen) -> list[_Layer]:
                 components.angle_deg,
                 top=table.top,
                 fades=fades,
-                notes=components.notes,
+                notes=components.notes + _left_out(components),
             )
         )
     return layers
+
+
+def _left_out(components: Components) -> tuple[str, ...]:
+    beyond = 0 if components.spatial else np.count_nonzero(components.frequency > BAND_EDGE_HZ)
+    note = f"{beyond} temporal components above {BAND_EDGE_HZ:g} Hz left out: they are not felt"
+    return (note,) if beyond else ()
 
 
 def _stretch(

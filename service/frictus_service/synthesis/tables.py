@@ -123,7 +123,8 @@ def _harmonic_rows(
     """Sum the harmonics of one period into rows, by Fourier transforms."""
     spectra = np.zeros((n_rows, n_points // 2 + 1), dtype=complex)
     np.add.at(spectra, (last, harmonic), line)
-    spectra = np.cumsum(spectra[::-1], axis=0)[::-1]
+    for row in range(n_rows - 2, -1, -1):
+        spectra[row] += spectra[row + 1]
     rows = fft.irfft(spectra, n_points, axis=1) * (n_points / 2.0)
     return np.pad(rows, ((0, 0), (1, 2)), mode="wrap")
 

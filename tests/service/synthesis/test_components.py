@@ -14,7 +14,9 @@ def rms(components: Components) -> float:
     return float(np.sqrt(np.sum(np.square(components.amplitude_n)) / 2.0))
 
 
-def hz(components: Components, speed: float | None) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def hz(
+    components: Components, speed: float | None
+) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     return components.frequency * (1.0 if speed is None else speed)
 
 

@@ -1,5 +1,7 @@
 """The inner loop: whatever comes in, what goes out is finite, bounded and continuous."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -205,7 +207,7 @@ def test_the_carrier_goes_on_across_blocks_and_days(rng: np.random.Generator) ->
     kernel.modulate(drive, first, 75.0, 7_000.0, RATE, whole)
     cuts = [0, *sorted(rng.integers(1, 1_000, 7).tolist()), 1_000]
     parts = np.empty(1_000)
-    for begin, end in zip(cuts[:-1], cuts[1:], strict=True):
+    for begin, end in pairwise(cuts):
         kernel.modulate(drive[begin:end], first + begin, 75.0, 7_000.0, RATE, parts[begin:end])
     np.testing.assert_array_equal(parts, whole)
     # Integer arithmetic knows the phase exactly.

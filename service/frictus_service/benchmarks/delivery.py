@@ -12,7 +12,7 @@ import frictus
 from frictus.keys import RigKeys, Topics
 from frictus.session import declare_publisher, open_session
 from frictus_service.benchmarks.figure import Figure, spread
-from frictus_service.benchmarks.neighbour import Pipe, heard, neighbour
+from frictus_service.benchmarks.neighbour import Pipe, neighbour
 from frictus_service.benchmarks.service import QUIET_S, RIG, config_of, serving
 
 BARE: Final = RigKeys("bench", "bare").of(Topics.FORCE)
@@ -47,10 +47,11 @@ def receive(pipe: Pipe, endpoint: str) -> None:
 
 
 def _end_ns(block: frictus.Block) -> float:
-    return block.utc_ns + 1e9 * block.data.shape[1] / block.sample_rate_hz
+    samples: int = block.data.shape[1]
+    return block.utc_ns + 1e9 * samples / block.sample_rate_hz
 
 
-def measure(blocks: int = 2_000) -> list[Figure]:
+def measure(blocks: int = 1_200) -> list[Figure]:
     """Return the figure `block_latency`.
 
     Parameters
@@ -66,15 +67,15 @@ def measure(blocks: int = 2_000) -> list[Figure]:
         neighbour(receive, endpoint) as subscriber,
     ):
         publisher = declare_publisher(session, BARE, Topics.FORCE)
-        subscriber.send(blocks)
+        subscriber.tell(blocks)
         pause = threading.Event()
         due_s = time.monotonic()
-        while not subscriber.poll():
+        while not subscriber.has_spoken():
             stamp = time.time_ns().to_bytes(STAMP_BYTES, "little")
             publisher.put(stamp + bytes(FRAME_BYTES - STAMP_BYTES))
             due_s = max(due_s + BLOCK_S, time.monotonic())
             pause.wait(due_s - time.monotonic())
-        ages_ms, bare_ms = heard(subscriber, QUIET_S)
+        ages_ms, bare_ms = subscriber.heard()
     value, beside = spread(ages_ms), spread(bare_ms)
     return [
         Figure(
@@ -83,8 +84,8 @@ def measure(blocks: int = 2_000) -> list[Figure]:
             value,
             beside,
             value["p50"] / beside["p50"],
-            remark=f"{len(ages_ms)} blocks: from a block's last sample to a subscriber in another "
-            "process, decoded; beside: bare puts of as many bytes at the same pace, at the same "
+            remark=f"{len(ages_ms)} blocks: from a block's last sample to a subscriber in "
+            "another process, decoded; beside: bare puts of as many bytes at the same pace and "
             "time, through the same router; ratio: of the medians",
         )
     ]
