@@ -17,6 +17,7 @@ MAGIC: Final = b"FRIC"
 VERSION: Final = 1
 HEADER: Final = struct.Struct("<4sHHHHIQQqQdII")
 HEADER_BYTES: Final = HEADER.size
+FLOAT32: Final = np.dtype("<f4")
 MAX_CHANNELS: Final = 64
 MAX_SAMPLES: Final = 65_535
 
@@ -80,11 +81,12 @@ class Block:
             If the data are not (1 to 64 channels, 0 to 65535 samples), or a field of the
             header does not fit its place.
         """
-        data = np.ascontiguousarray(self.data, dtype="<f4")
-        if data.ndim != 2 or not 1 <= data.shape[0] <= MAX_CHANNELS:
+        data = np.ascontiguousarray(self.data, dtype=FLOAT32)
+        if data.ndim != 2 or not 1 <= len(data) <= MAX_CHANNELS:
             raise FrameError(f"data of shape {data.shape}: 1 to 64 channels by samples")
-        if data.shape[1] > MAX_SAMPLES:
-            raise FrameError(f"{data.shape[1]} samples: at most {MAX_SAMPLES} fit in a block")
+        channels, samples = data.shape
+        if samples > MAX_SAMPLES:
+            raise FrameError(f"{samples} samples: at most {MAX_SAMPLES} fit in a block")
         if not 0.0 < self.sample_rate_hz < 1e9:  # refuses NaN too
             raise FrameError(f"sample rate {self.sample_rate_hz} Hz: positive and finite only")
         try:
@@ -92,20 +94,20 @@ class Block:
                 MAGIC,
                 VERSION,
                 self.stream,
-                data.shape[0],
-                data.shape[1],
+                channels,
+                samples,
                 self.run,
                 self.sequence,
                 self.first_sample,
                 self.utc_ns,
                 self.uncertainty_ns,
                 self.sample_rate_hz,
-                int(self.flags),
+                self.flags,
                 0,
             )
         except struct.error as error:
             raise FrameError(f"a header field does not fit: {error}") from error
-        return header + data.tobytes()
+        return b"".join((header, data))
 
     @classmethod
     def unpack(cls, frame: bytes) -> "Block":

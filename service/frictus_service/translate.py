@@ -92,8 +92,8 @@ def blocks_of(turn: Turn, stamp: Stamp, flags: Flag, sample_rate_hz: float) -> l
     """Return a turn's blocks, one per stream; the truth only where the rig is simulated."""
     exchange = turn.step.exchange
     channels: dict[int, NDArray[np.float32]] = {
-        FORCE: exchange.force_n.T.astype(np.float32),
-        ACCEL: exchange.accel_m_s2.T.astype(np.float32),
+        FORCE: exchange.force_n.T.astype(np.float32, order="C"),
+        ACCEL: exchange.accel_m_s2.T.astype(np.float32, order="C"),
         VOLTAGE: exchange.voltage_v[np.newaxis].astype(np.float32),
     }
     if exchange.truth is not None:

@@ -31,7 +31,10 @@ from frictus_service.errors import ConfigurationError, StartError
 from frictus_service.translate import law_of, placeholder_model, screen_of
 
 JOIN_S: Final = 5.0
-REAL_TIME_PRIORITY: Final = 20
+LOOP_PRIORITY: Final = 20
+PUBLISHER_PRIORITY: Final = 10
+"""Real time too: a publisher that is set aside while it holds the interpreter's lock holds up
+the loop, whatever the loop's own priority is."""
 
 
 class Signal(Protocol):
@@ -180,9 +183,12 @@ class _Parts:
         )
         stop_loop, stop_publisher = threading.Event(), threading.Event()
         loop = self._thread("frictus-loop", lambda: self._loop(stop_loop, say))
-        publishing = self._thread(
-            "frictus-publisher", lambda: publisher.run_until(stop_publisher)
-        )
+
+        def publish() -> None:
+            raise_priority(PUBLISHER_PRIORITY)
+            publisher.run_until(stop_publisher)
+
+        publishing = self._thread("frictus-publisher", publish)
         gc.collect()
         gc.freeze()
         gc.disable()
@@ -218,7 +224,7 @@ class _Parts:
             raise StartError(f"{type(error).__name__}: {error}") from error
 
     def _loop(self, stop: threading.Event, say: Callable[[str], None]) -> None:
-        say(raise_priority())
+        say(f"loop priority: {raise_priority(LOOP_PRIORITY)}")
         # The device's clock began with the first opening, and what came since took longer
         # than the lead: begin anew, so that no rig starts with underruns.
         self.backend.close()
@@ -236,18 +242,18 @@ class _Parts:
         return threading.Thread(target=run, name=name, daemon=True)
 
 
-def raise_priority() -> str:
+def raise_priority(priority: int) -> str:
     """Ask for real-time priority for this thread; return what came of it.
 
     Not having it is no fault: the loop then is later now and then, which is counted.
     """
     if not hasattr(os, "sched_setscheduler"):
-        return "loop priority: normal (this system has no SCHED_FIFO)"
+        return "normal (this system has no SCHED_FIFO)"
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REAL_TIME_PRIORITY))
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except OSError as error:
         return (
-            f"loop priority: normal ({error.strerror}); allow real time by "
+            f"normal ({error.strerror}); allow real time by "
             "LimitRTPRIO in the unit file or rtprio in limits.conf"
         )
-    return f"loop priority: real time (SCHED_FIFO {REAL_TIME_PRIORITY})"
+    return f"real time (SCHED_FIFO {priority})"
