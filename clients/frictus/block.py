@@ -107,7 +107,7 @@ class Block:
             )
         except struct.error as error:
             raise FrameError(f"a header field does not fit: {error}") from error
-        return b"".join((header, data))
+        return b"".join((header, data.data))
 
     @classmethod
     def unpack(cls, frame: bytes) -> "Block":
