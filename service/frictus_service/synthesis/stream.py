@@ -9,7 +9,8 @@ from frictus.messages import Applied
 from frictus.stream import StreamFrame
 from frictus_hardware.physics.friction import FrictionLaw, cutoff_hz
 from frictus_service.synthesis.components import periodic
-from frictus_service.synthesis.scene import CompiledScene, fit, single_table
+from frictus_service.synthesis.layers import single_table
+from frictus_service.synthesis.scene import CompiledScene, fit
 from frictus_service.synthesis.tables import TOP_HZ, build_table
 
 

@@ -29,8 +29,9 @@ from frictus_service.library import SHIPPED
 from frictus_service.synthesis import kernel
 from frictus_service.synthesis.estimator import Course
 from frictus_service.synthesis.kernel import Motion
+from frictus_service.synthesis.reach import SPEEDS_MM_S
 from frictus_service.synthesis.renderer import Renderer
-from frictus_service.synthesis.scene import SPEEDS_MM_S, CompiledScene, compile_scene
+from frictus_service.synthesis.scene import CompiledScene, compile_scene
 from frictus_service.synthesis.tables import BAND_EDGE_HZ
 
 FloatArray = NDArray[np.float64]

@@ -8,7 +8,7 @@ from frictus.errors import TextureError
 from frictus_service.synthesis import kernel
 from frictus_service.synthesis.components import Components
 from frictus_service.synthesis.kernel import Motion
-from frictus_service.synthesis.scene import single_table
+from frictus_service.synthesis.layers import single_table
 from frictus_service.synthesis.tables import BAND_EDGE_HZ, TOP_HZ, build_table
 
 FloatArray = NDArray[np.float64]

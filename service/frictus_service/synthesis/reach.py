@@ -1,0 +1,149 @@
+"""What layers ask of the drive: the least and the greatest, at every place and speed."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from frictus_hardware.physics.friction import FrictionLaw, cutoff_hz
+from frictus_service.synthesis import kernel
+from frictus_service.synthesis.layers import Layer
+from frictus_service.synthesis.tables import BAND_EDGE_HZ, FADE_HZ, ROWS_PER_OCTAVE
+
+FloatArray = NDArray[np.float64]
+
+SPEEDS_MM_S = np.concatenate([[0.0], 2.0 ** (np.arange(100) / 12.0)])
+"""Speeds at which the gain is made to fit, both ways: 0, and 1 to 300 mm/s."""
+
+
+def reach_of(
+    layers: list[Layer], arrays: kernel.SceneArrays, law: FrictionLaw, sample_rate_hz: float
+) -> tuple[float, float]:
+    """Return least and greatest drive that the layers ask for, where they overlap together."""
+    reach = np.array(
+        [
+            _layer_reach(layer, arrays, row, law, sample_rate_hz)
+            for row, layer in enumerate(layers)
+        ]
+    ).reshape(-1, 2)
+    reach *= arrays.real[:, kernel.GAIN, None] / law.gain_n
+    low = high = 0.0
+    for row in range(len(layers)):
+        together = [
+            other for other in range(len(layers)) if _overlap(layers[row], layers[other])
+        ]
+        low = min(low, float(reach[together, 0].sum()))
+        high = max(high, float(reach[together, 1].sum()))
+    return low, high
+
+
+def _overlap(a: Layer, b: Layer) -> bool:
+    ax0, ax1, ay0, ay1 = a.rectangle
+    bx0, bx1, by0, by1 = b.rectangle
+    return ax0 < bx1 and bx0 < ax1 and ay0 < by1 and by0 < ay1
+
+
+def _layer_reach(
+    layer: Layer,
+    arrays: kernel.SceneArrays,
+    row: int,
+    law: FrictionLaw,
+    sample_rate_hz: float,
+) -> tuple[float, float]:
+    """Return least and greatest of ``(y[n+1] - a y[n]) / (1 - a)`` over places and speeds."""
+    # While all of a texture is in the band it asks for the more the faster the finger is.
+    telling = SPEEDS_MM_S * (layer.top if layer.kind != kernel.TEMPORAL else 0.0)
+    speeds = SPEEDS_MM_S[(telling > 0.9 * BAND_EDGE_HZ) | (SPEEDS_MM_S == 0.0)]
+    speeds = np.append(speeds, SPEEDS_MM_S[-1])
+    decay = np.exp(-2.0 * np.pi * cutoff_hz(law, speeds) / sample_rate_hz)
+    moved_mm = speeds / sample_rate_hz
+    if layer.kind == kernel.MAP:
+        low, high, size = _map_reach(layer, speeds, moved_mm, decay)
+    else:
+        assert layer.table is not None
+        low, high, size = np.zeros((3, speeds.size))
+        if layer.kind == kernel.SPATIAL:
+            step = moved_mm * arrays.real[row, kernel.PER_STEP]
+            rate = speeds
+        else:
+            per_sample = layer.table.n_points / layer.table.length / sample_rate_hz
+            step = np.full(speeds.size, per_sample)
+            rate = np.zeros(speeds.size)
+        offset = arrays.real[row, kernel.LEVEL_OFFSET]
+        seam = 0 if layer.table.seamless else int(step.max()) + 4
+        _table_reach(
+            arrays.points, arrays.whole[row], step, rate, offset, decay, seam, low, high, size
+        )
+    if layer.fades:
+        # The edge is crossed at the speeds left out above too; the fastest asks for most.
+        step = moved_mm * arrays.real[row, kernel.PER_FADE]
+        low, high = -_at_edge(-low, size, step, decay), _at_edge(high, size, step, decay)
+    return float(low.min()), float(high.max())
+
+
+def _at_edge(
+    high: FloatArray, size: FloatArray, step: FloatArray, decay: FloatArray
+) -> FloatArray:
+    """Return the greatest drive in the fade too; `size` is the largest friction, each speed.
+
+    With the weight w the drive is ``w[n+1] m[n] + a (w[n+1] - w[n]) y[n] / (1 - a)``.
+    """
+    here = np.linspace(0.0, 1.0, 101)[:, None]
+    inward, outward = _smooth(here + step), _smooth(here - step)
+    slew = decay / (1.0 - decay) * size
+    weight = _smooth(here)
+    entering = inward * high + (inward - weight) * slew
+    leaving = outward * high + (weight - outward) * slew
+    greatest: FloatArray = np.maximum(entering, leaving).max(axis=0)
+    return greatest
+
+
+def _smooth(share: FloatArray) -> FloatArray:
+    inside = np.clip(share, 0.0, 1.0)
+    smooth: FloatArray = inside * inside * (3.0 - 2.0 * inside)
+    return smooth
+
+
+@njit(cache=True, nogil=True)
+def _table_reach(points, whole, steps, rates, offset, decays, seam, low, high, size):  # type: ignore[no-untyped-def]
+    for s in range(steps.size):
+        decay = decays[s]
+        for half in range(2 * seam, 2 * (whole[2] - seam)):
+            u = 0.5 * half
+            here = kernel._between_rows(points, whole, u, rates[s], offset)
+            size[s] = max(size[s], abs(here))
+            for way in (-1.0, 1.0):
+                there = kernel._between_rows(
+                    points, whole, u + way * steps[s], rates[s], offset
+                )
+                drive = (there - decay * here) / (1.0 - decay)
+                low[s] = min(low[s], drive)
+                high[s] = max(high[s], drive)
+
+
+def _map_reach(
+    layer: Layer, speeds: FloatArray, moved_mm: FloatArray, decays: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Bound a map by value and steepest slope in any direction; the two need not coincide."""
+    x0, x1, y0, y1 = layer.rectangle
+    low, high, size = np.zeros((3, speeds.size))
+    for s, (speed, moved, decay) in enumerate(zip(speeds, moved_mm, decays, strict=True)):
+        octaves = np.log2(max(speed, 1e-3) * layer.top / FADE_HZ)
+        level = int(np.clip(ROWS_PER_OCTAVE * octaves, 0, len(layer.levels) - 1))
+        image = layer.levels[level].astype(float)
+        rows, columns = image.shape[0] - 3, image.shape[1] - 3
+        slope_y = _steepest(image, 0)[1:-2, 1:-2] * rows / (y1 - y0)
+        slope_x = _steepest(image, 1)[1:-2, 1:-2] * columns / (x1 - x0)
+        image = image[1:-2, 1:-2]
+        step = moved * np.hypot(slope_x, slope_y) / (1.0 - decay)
+        low[s] = min(0.0, float((image - step).min()))
+        high[s] = max(0.0, float((image + step).max()))
+        size[s] = float(np.abs(image).max())
+    return low, high, size
+
+
+def _steepest(image: FloatArray, axis: int) -> FloatArray:
+    """Return the largest slope of the cubic through the pixels, at each and half-way around."""
+    before, after, second = (np.roll(image, shift, axis) for shift in (1, -1, -2))
+    halfway = np.abs(1.375 * (after - image) - 0.125 * (second - before))
+    steepest: FloatArray = np.maximum(0.5 * np.abs(after - before), halfway)
+    return np.maximum(steepest, np.roll(halfway, 1, axis))
