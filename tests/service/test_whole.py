@@ -83,7 +83,7 @@ def test_the_quick_start_of_the_docs_runs(endpoint: str) -> None:
 
 def test_the_demo_runs_and_compensates(tmp_path: Path) -> None:
     picture = tmp_path / "demo.png"
-    done = frictus("demo", "--json", "--seconds", "3", "--plot", str(picture))
+    done = frictus("demo", "--json", "--seconds", "5", "--plot", str(picture))
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)  # one object and nothing else
     assert len(result["band_hz"]) == 16
