@@ -2,7 +2,6 @@
 
 import json
 import re
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -14,6 +13,7 @@ from frictus_hardware import SimulatedConfig
 from frictus_service.config import Config, RouterConfig
 from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.library import SHIPPED
+from frictus_service.ports import free_endpoint
 
 ROOT = Path(__file__).parents[2]
 RECORDINGS = ROOT.parent / "shared" / "data" / "makesense_textures"
@@ -33,11 +33,7 @@ def frictus(*arguments: str) -> "subprocess.CompletedProcess[str]":
 @pytest.fixture(scope="module")
 def endpoint() -> Iterator[str]:
     """A rig that runs for all tests of this file."""
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        port = probe.getsockname()[1]
-    config = Config(
-        router=RouterConfig(endpoint=f"tcp/127.0.0.1:{port}"), backend=SimulatedConfig()
-    )
+    config = Config(router=RouterConfig(endpoint=free_endpoint()), backend=SimulatedConfig())
     said: list[str] = []
     with Supervisor(config, parts=("rig",), say=said.append) as supervisor:
         supervisor.wait_ready(100.0)

@@ -3,6 +3,8 @@
 import re
 from typing import Final
 
+from fastapi import Response
+
 from frictus_service.api.problems import ConflictError, InvalidError, PreconditionRequiredError
 
 _TAG: Final = re.compile(r'\s*(W/)?"([\x21\x23-\x7e\x80-\xff]*)"\s*(?:,|$)')
@@ -13,12 +15,25 @@ def quoted(etag: str) -> str:
     return f'"{etag}"'
 
 
-def unchanged(if_none_match: str | None, etag: str) -> bool:
-    """Return whether the caller's copy is still the current one (then the answer is 304)."""
+def not_modified(if_none_match: str | None, etag: str, response: Response) -> Response | None:
+    """Put the etag on a response; return the 304 that goes instead if the copy is current.
+
+    Parameters
+    ----------
+    if_none_match : str or None
+        The header.
+    etag : str
+        What stands there now.
+    response : Response
+        Of the document itself.
+    """
+    response.headers["ETag"] = quoted(etag)
     if if_none_match is None:
-        return False
+        return None
     tags = _tags(if_none_match, "If-None-Match")
-    return tags is None or any(tag == etag for _, tag in tags)
+    if tags is None or any(tag == etag for _, tag in tags):
+        return Response(status_code=304, headers={"ETag": quoted(etag)})
+    return None
 
 
 def required_match(if_match: str | None, etag: str) -> str:

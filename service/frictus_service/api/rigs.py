@@ -11,7 +11,7 @@ from frictus.textures import Scene
 from frictus_service.api import problems
 from frictus_service.api.access import needs
 from frictus_service.api.bodies import JSON, parse_json, raw_body, require_media
-from frictus_service.api.etags import quoted, required_match, unchanged
+from frictus_service.api.etags import not_modified, quoted, required_match
 from frictus_service.api.services import Services, services
 
 RigName = Annotated[str, Path(pattern=r"^[A-Za-z0-9._-]{1,64}$", description="Name of the rig")]
@@ -102,10 +102,7 @@ def get_scene(
 ) -> Scene | Response:
     """Return the active scene, as PUT takes it."""
     active = given.link.rig(rig).scene()
-    if unchanged(if_none_match, active.etag):
-        return Response(status_code=304, headers={"ETag": quoted(active.etag)})
-    response.headers["ETag"] = quoted(active.etag)
-    return active.scene
+    return not_modified(if_none_match, active.etag, response) or active.scene
 
 
 @router.get(
@@ -158,10 +155,7 @@ def get_model(
 ) -> Model | Response:
     """Return the active friction model, a `model/1` document."""
     active = given.link.rig(rig).model()
-    if unchanged(if_none_match, active.etag):
-        return Response(status_code=304, headers={"ETag": quoted(active.etag)})
-    response.headers["ETag"] = quoted(active.etag)
-    return active.model
+    return not_modified(if_none_match, active.etag, response) or active.model
 
 
 @router.put(

@@ -12,7 +12,7 @@ from frictus.textures import Texture
 from frictus_service.api import problems
 from frictus_service.api.access import needs
 from frictus_service.api.bodies import JSON, parse_json, raw_body, require_media
-from frictus_service.api.etags import quoted, required_match, unchanged
+from frictus_service.api.etags import not_modified, quoted, required_match
 from frictus_service.api.services import Services, services
 from frictus_service.library import (
     DamagedTextureError,
@@ -113,10 +113,7 @@ def get_texture(
 ) -> Texture | Response:
     """Return a texture, as PUT takes it and as a region of a scene holds it."""
     entry = given.library.get(name)
-    if unchanged(if_none_match, entry.etag):
-        return Response(status_code=304, headers={"ETag": quoted(entry.etag)})
-    response.headers["ETag"] = quoted(entry.etag)
-    return entry.texture
+    return not_modified(if_none_match, entry.etag, response) or entry.texture
 
 
 @router.put(

@@ -18,7 +18,7 @@ from frictus_service.library import SHIPPED, TextureLibrary
 from frictus_service.synthesis import kernel
 from frictus_service.synthesis.estimator import Course
 from frictus_service.synthesis.kernel import Motion
-from frictus_service.synthesis.renderer import Renderer
+from frictus_service.synthesis.renderer import RAMP_S, Renderer, law_tuple
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
 
 RATE_HZ: Final = 20_000.0
@@ -28,13 +28,8 @@ SPAN_SAMPLES: Final = 10_000
 TEXTURE: Final = "vinyl"
 SCREEN: Final = Screen()
 LAW: Final = FrictionLaw()
-LAW_TUPLE: Final = (
-    LAW.gain_n,
-    LAW.cutoff_0_hz,
-    LAW.slope_hz_per_mm_s,
-    *LAW.speed_range_mm_s,
-)
-RAMP_STEP: Final = 1.0 / (0.02 * RATE_HZ)
+LAW_TUPLE: Final = law_tuple(LAW)
+RAMP_STEP: Final = 1.0 / (RAMP_S * RATE_HZ)
 AGREEMENT_V: Final = 1e-9
 """Largest difference from C that is accepted, volts at the screen."""
 

@@ -1,6 +1,5 @@
 """The service that is measured: supervisor, rig and API on this machine, at free ports."""
 
-import socket
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -14,23 +13,12 @@ from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
 from frictus_service.daemon.part import PartName
 from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.errors import StartError
+from frictus_service.ports import free_endpoint, free_port
 
 RIG: Final = "rig1"
 QUIET_S: Final = 10.0
 """A rig that says nothing for so long is taken for dead."""
 STEADY: Final = SimulatedConfig(finger=SteadyStrokes())
-
-
-def free_port() -> int:
-    """Return a port of this machine that nobody uses just now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-def free_endpoint() -> str:
-    """Return a Zenoh endpoint of this machine at a free port."""
-    return f"tcp/127.0.0.1:{free_port()}"
 
 
 def config_of(backend: BackendConfig = STEADY, limits: Limits | None = None) -> Config:

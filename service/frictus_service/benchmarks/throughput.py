@@ -20,9 +20,9 @@ from frictus_hardware import SimulatedConfig, open_backend
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_service.benchmarks.figure import Figure, Target, interleaved
 from frictus_service.benchmarks.neighbour import Neighbour, Pipe, await_subscriber, neighbour
-from frictus_service.benchmarks.service import free_endpoint
 from frictus_service.daemon.timebase import Timebase, UtcReading
 from frictus_service.daemon.turn import Turn
+from frictus_service.ports import free_endpoint
 from frictus_service.synthesis.chain import make_chain
 from frictus_service.translate import blocks_of, finger_of, flags_of
 

@@ -12,24 +12,22 @@ from typing import Final
 
 import numpy as np
 import zenoh
-from numpy.typing import NDArray
 from zenoh.handlers import Callback
 
 import frictus
 from frictus.keys import RigKeys, Topics
 from frictus.session import declare_publisher, open_session
-from frictus_hardware.physics.screen import Screen, screen_voltage
+from frictus_hardware.physics.screen import Screen
 from frictus_service.benchmarks.figure import Figure, spread
 from frictus_service.benchmarks.neighbour import Pipe, await_subscriber, neighbour
 from frictus_service.benchmarks.service import QUIET_S, RIG, config_of, serving
 from frictus_service.errors import StartError
+from frictus_service.fidelity.change import changed_samples
 
 PEAK_N: Final = 0.05
 WAVE: Final = np.cos(2.0 * np.pi * np.arange(64) / 64.0)
 PERIOD_S: Final = 0.004
 """250 Hz; over time, not over position, so that the finger does not matter."""
-CHANGED_V: Final = 0.01
-"""Far above the rounding to float32, far below what an update does within a millisecond."""
 TTL_MS: Final = 5_000
 LONGEST_BLOCKS: Final = 200
 ECHO: Final = (RigKeys("bench", "there").of(Topics.TEXTURE), RigKeys("bench", "back"))
@@ -66,7 +64,7 @@ class Watcher:
         """Play next to nothing, and wait until nothing else is played."""
         self._stream.send(1e-6 * WAVE, period_s=PERIOD_S, ttl_ms=TTL_MS)
         for _ in range(LONGEST_BLOCKS):
-            if not self._changed(self._next()).size:
+            if not changed_samples(self._next(), self._screen, self._bias).size:
                 return
         raise StartError("the rig plays something else than the stream that was sent")
 
@@ -79,7 +77,7 @@ class Watcher:
         self._stream.send(PEAK_N * WAVE, period_s=PERIOD_S, ttl_ms=TTL_MS)
         for _ in range(LONGEST_BLOCKS):
             block = self._next()
-            changed = self._changed(block)
+            changed = changed_samples(block, self._screen, self._bias)
             if changed.size:
                 sample_ns = 1e9 / block.sample_rate_hz
                 at_dac_ms = 1e-6 * (block.utc_ns + changed[0] * sample_ns - sent_ns)
@@ -89,12 +87,6 @@ class Watcher:
 
     def _next(self) -> frictus.Block:
         return next(item for item in self._feed if isinstance(item, frictus.Block))
-
-    def _changed(self, block: frictus.Block) -> NDArray[np.intp]:
-        voltage_v = block.data[0].astype(float)
-        drive = np.full(voltage_v.size, self._bias)
-        known_v = screen_voltage(self._screen, drive, block.first_sample, block.sample_rate_hz)
-        return np.flatnonzero(np.abs(voltage_v - known_v) > CHANGED_V)
 
 
 def echo(pipe: Pipe, endpoint: str) -> None:

@@ -1,7 +1,6 @@
 """`frictus demo`: a rig, a texture streamed to it, and what the finger feels."""
 
 import multiprocessing
-import socket
 import sys
 import tempfile
 import time
@@ -28,6 +27,7 @@ from frictus_service.demonstration.explorer import Heard, explore, profile_of
 from frictus_service.demonstration.picture import draw
 from frictus_service.fidelity.bands import JND_DB, NOMINAL_HZ, rms_db
 from frictus_service.library import SHIPPED
+from frictus_service.ports import free_endpoint
 from frictus_service.translate import law_of
 
 TEXTURE = "paper"
@@ -73,29 +73,20 @@ def demo(as_json: bool, plot: Path | None, seconds: float) -> None:
 
 def _config(folder: Path) -> Config:
     """Return a configuration that disturbs nothing else on this machine."""
-    router, api = _free_ports(2)
     return Config(
         site="demo",
         rig="demo",
         textures=folder / "textures",
         # A fresh finger every time: what is shown is not one lucky path.
         backend=SimulatedConfig(seed=time.time_ns() % 2**32),
-        router=RouterConfig(endpoint=f"tcp/127.0.0.1:{router}"),
-        api=ApiConfig(port=api),
+        router=RouterConfig(endpoint=free_endpoint()),
+        api=ApiConfig(port=0),
     )
 
 
 def _backend(config: Config) -> SimulatedConfig:
     assert isinstance(config.backend, SimulatedConfig)
     return config.backend
-
-
-def _free_ports(count: int) -> list[int]:
-    sockets = [socket.create_server(("127.0.0.1", 0)) for _ in range(count)]
-    ports = [int(each.getsockname()[1]) for each in sockets]
-    for each in sockets:
-        each.close()
-    return ports
 
 
 def _explore(

@@ -32,11 +32,9 @@ from frictus_service.daemon.timebase import UtcReading
 from frictus_service.daemon.turn import Turn
 from frictus_service.synthesis.chain import Chain, Step
 from frictus_service.synthesis.estimator import EstimatorTuning, FingerEstimator
-from frictus_service.synthesis.renderer import Renderer
+from frictus_service.synthesis.renderer import RAMP_S, Renderer
 from frictus_service.translate import screen_of
 
-RAMP_S: Final = 0.02
-"""Within which what is queued comes down to zero, at a stop and at a trip."""
 HANDOVER_BLOCKS: Final = 64
 """Blocks that the publisher may lag behind: 320 ms."""
 REOPEN_S: Final = 1.0

@@ -10,9 +10,7 @@ from frictus.stream import StreamFrame
 from frictus.textures import Component, Map, Region, Scene, Spectrum
 from frictus_hardware import SimulatedConfig, open_backend
 from frictus_hardware.simulated.strokes import SteadyStrokes
-from frictus_service.synthesis.chain import Chain
-from frictus_service.synthesis.estimator import FingerEstimator
-from frictus_service.synthesis.renderer import Renderer
+from frictus_service.synthesis.chain import make_chain
 from frictus_service.synthesis.scene import compile_scene
 from frictus_service.synthesis.stream import StreamBudget
 from frictus_service.translate import law_of, placeholder_model
@@ -42,15 +40,12 @@ def warm_up(sample_rate_hz: float, block_samples: int) -> None:
     streamed = budget.compile(frame)
     with open_backend(config) as rig:
         rig.arm()
-        renderer = Renderer(law, screen, sample_rate_hz, block_samples)
-        estimator = FingerEstimator(sample_rate_hz)
-        chain = Chain(rig, estimator, renderer, block_samples)
+        chain = make_chain(rig, law, screen, block_samples)
         coming = [scene, budget.quiet, streamed]
         for block in range(round(WARM_S * sample_rate_hz / block_samples)):
             if coming and block % FADE_BLOCKS == 0:
-                renderer.set_scene(coming.pop(0))
+                chain.renderer.set_scene(coming.pop(0))
             chain.step(True)
-        estimator.estimate(rig.next_play_sample)
 
 
 def _every_kind() -> Scene:

@@ -18,6 +18,8 @@ from frictus.messages import Applied
 from frictus.rig import Rig, StreamName
 from frictus.streaming import TextureStream
 from frictus.textures import Spectrum
+from frictus_hardware.physics.screen import Screen
+from frictus_service.fidelity.change import changed_samples
 
 PERIOD_MM: Final = 32.0
 SAMPLES: Final = 2048
@@ -26,8 +28,6 @@ SEND_S: Final = 0.1
 TTL_MS: Final = 400
 LATENCY_UPDATES: Final = 8
 BLINK_TTL_MS: Final = 60
-CHANGED: Final = 0.003
-"""Drive fraction by which the first changed sample differs from the steady bias."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,6 +180,7 @@ def measure_latency(
     updates : int
     """
     latencies: list[float] = []
+    screen = Screen(peak_v=rig.status().screen_peak_v)
     with rig.blocks("voltage", timeout_s=5.0) as voltage:
         sent_ns: int | None = None
         steady = 0
@@ -187,35 +188,16 @@ def measure_latency(
             if isinstance(item, Gap):
                 steady, sent_ns = 0, None
                 continue
-            changed = first_change(item, bias)
+            changed = changed_samples(item, screen, bias)
             if sent_ns is None:
-                steady = steady + 1 if changed is None else 0
+                steady = 0 if changed.size else steady + 1
                 if steady >= 3:
                     sent_ns = time.time_ns()
                     stream.send(friction_n, period_mm=PERIOD_MM, ttl_ms=BLINK_TTL_MS)
-            elif changed is not None:
-                sample_ns = item.utc_ns + round(1e9 * changed / item.sample_rate_hz)
+            elif changed.size:
+                sample_ns = item.utc_ns + round(1e9 * int(changed[0]) / item.sample_rate_hz)
                 latencies.append((sample_ns - sent_ns) / 1e6)
                 steady, sent_ns = 0, None
                 if len(latencies) == updates:
                     break
     return latencies
-
-
-def first_change(block: Block, bias: float) -> int | None:
-    """Return the first sample of a voltage block whose drive is not the bias, or None.
-
-    Parameters
-    ----------
-    block : Block
-        Monitor volts of a screen of 75 V peak, carrier 7 kHz.
-    bias : float
-        Drive fraction.
-    """
-    sample = block.first_sample + np.arange(block.data.shape[1])
-    carrier = np.cos(2.0 * np.pi * np.mod(sample * 7_000.0 / block.sample_rate_hz, 1.0))
-    seen = np.abs(carrier) > 0.3
-    drive = np.square(block.data[0] / 75.0)
-    expected = bias * np.square(carrier)
-    changed = np.flatnonzero(seen & (np.abs(drive - expected) > CHANGED))
-    return int(changed[0]) if changed.size else None

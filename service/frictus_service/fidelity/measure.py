@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus.textures import Map, Region, Scene, Texture
+from frictus.textures import BAND_HZ, Map, Region, Scene, Texture
 from frictus_hardware.physics.friction import FrictionLaw, cutoff_hz, motion_fade
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.screen import Screen
@@ -23,7 +23,6 @@ FloatArray = NDArray[np.float64]
 
 LARGEST_GAIN = 100.0
 """Asked for, so that a texture is scaled to what is feasible."""
-LOW_EDGE_HZ = 20.0
 
 
 def uncompensated(law: FrictionLaw) -> FrictionLaw:
@@ -230,7 +229,7 @@ def waveform_error(
     for segment in segments:
         window = np.hanning(segment.stop - segment.start)
         frequency = np.fft.rfftfreq(window.size, 1.0 / sample_rate_hz)
-        inside = (frequency >= LOW_EDGE_HZ) & (frequency <= BAND_EDGE_HZ)
+        inside = (frequency >= BAND_HZ[0]) & (frequency <= BAND_EDGE_HZ)
         felt, wanted = (
             np.fft.rfft(window * (part - part.mean()))[inside]
             for part in (felt_n[segment], target_n[segment])

@@ -69,7 +69,7 @@ class Renderer:
     ) -> None:
         self._screen = screen
         self._rate_hz = sample_rate_hz
-        self._law = _law_tuple(law)
+        self._law = law_tuple(law)
         self._scene = scene or compile_scene(Scene(), law, screen, sample_rate_hz)
         self._next_scene: CompiledScene | None = None
         self._waiting: CompiledScene | None = None
@@ -108,7 +108,7 @@ class Renderer:
         """
         if self._level > 0.0:
             raise RuntimeError("the law changes only while the output is zero")
-        self._law = _law_tuple(law)
+        self._law = law_tuple(law)
 
     def render(self, first_sample: int, course: Course, allow: bool) -> Rendered:
         """Render the block that starts to play at `first_sample`.
@@ -186,5 +186,6 @@ def _one_longer(motion: Motion, n_samples: int) -> Motion:
     )
 
 
-def _law_tuple(law: FrictionLaw) -> tuple[float, float, float, float, float]:
+def law_tuple(law: FrictionLaw) -> tuple[float, float, float, float, float]:
+    """Return a law as `kernel.invert` takes it."""
     return (law.gain_n, law.cutoff_0_hz, law.slope_hz_per_mm_s, *law.speed_range_mm_s)

@@ -1,7 +1,6 @@
 """A rig made of real Zenoh sessions that answers every call, and the API beside it."""
 
 import queue
-import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -34,6 +33,7 @@ from frictus.session import open_router, open_session
 from frictus.textures import Component, Region, Scene, Spectrum
 from frictus_service.api.app import build_app
 from frictus_service.config import ApiConfig, Config, RouterConfig, Token
+from frictus_service.ports import free_endpoint
 
 SITE = "lab"
 APPLIED = Applied(
@@ -170,12 +170,6 @@ class FakeRig:
             return Reply(ok=True, etag=etag)
         self.calls.append((call, Request.model_validate_json(payload)))
         return Reply(ok=True, state="stopping" if call == "stop" else "disarmed")
-
-
-def free_endpoint() -> str:
-    """Return an endpoint at which nothing listens."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return f"tcp/127.0.0.1:{server.getsockname()[1]}"
 
 
 @pytest.fixture(scope="session")

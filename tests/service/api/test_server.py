@@ -14,12 +14,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from frictus_service.api.server import listen, run_api
 from frictus_service.config import ApiConfig, Config, RouterConfig
 from frictus_service.errors import StartError
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        port: int = server.getsockname()[1]
-        return port
+from frictus_service.ports import free_port
 
 
 def configuration(router: str, folder: Path, port: int) -> Config:

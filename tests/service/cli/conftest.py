@@ -1,7 +1,6 @@
 """A rig made of a real Zenoh session that can be armed and that publishes what rigs publish."""
 
 import queue
-import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -27,6 +26,7 @@ from frictus.messages import (
     SceneState,
 )
 from frictus.session import open_router, open_session
+from frictus_service.ports import free_endpoint
 
 RATE_HZ = 20_000.0
 BLOCK = 400
@@ -202,8 +202,7 @@ def _finger(sequence: int) -> FingerState:
 
 @pytest.fixture(scope="session")
 def router() -> Iterator[str]:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        endpoint = f"tcp/127.0.0.1:{server.getsockname()[1]}"
+    endpoint = free_endpoint()
     with open_router(endpoint):
         yield endpoint
 

@@ -3,7 +3,6 @@
 import os
 import queue
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -23,6 +22,7 @@ from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
 from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.errors import StartError
+from frictus_service.ports import free_endpoint
 
 posix_signals = pytest.mark.skipif(
     sys.platform == "win32", reason="Windows has neither SIGSTOP nor SIGKILL for others"
@@ -39,14 +39,8 @@ with frictus.connect(sys.argv[1], name="doomed") as client, client.rig("rig1").a
 """
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def config_with(backend: Any) -> Config:
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    endpoint = free_endpoint()
     return Config(
         backend=backend,
         router=RouterConfig(endpoint=endpoint),
@@ -330,7 +324,7 @@ def test_part_that_cannot_start_says_why(tmp_path: Path) -> None:
 def served(tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
     """`serve` in a process group of its own, as a terminal starts it; ready."""
     path = tmp_path / "frictus.toml"
-    path.write_text(f'[router]\nendpoint = "tcp/127.0.0.1:{free_port()}"\n', encoding="utf-8")
+    path.write_text(f'[router]\nendpoint = "{free_endpoint()}"\n', encoding="utf-8")
     code = (
         "import sys; from pathlib import Path; from frictus_service.config import load;"
         "from frictus_service.daemon.supervisor import serve;"

@@ -14,7 +14,7 @@ from frictus_hardware.physics.screen import Screen, drive_fraction_of
 from frictus_service.synthesis import kernel
 from frictus_service.synthesis.estimator import Course
 from frictus_service.synthesis.kernel import Motion
-from frictus_service.synthesis.renderer import RAMP_S, Renderer
+from frictus_service.synthesis.renderer import RAMP_S, Renderer, law_tuple
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
 
 FloatArray = NDArray[np.float64]
@@ -23,7 +23,7 @@ RATE = 20_000.0
 BLOCK = 100
 LAW = FrictionLaw()
 SCREEN = Screen()
-LAW_TUPLE = (LAW.gain_n, LAW.cutoff_0_hz, LAW.slope_hz_per_mm_s, *LAW.speed_range_mm_s)
+LAW_TUPLE = law_tuple(LAW)
 STEEPEST = float(np.sqrt(3.0))  # of sqrt(3 d^2 - 2 d^3), at d = 0
 
 anything = st.floats(allow_nan=True, allow_infinity=True, width=64)
