@@ -75,6 +75,9 @@ class Topics:
     """Every published key of a rig."""
 
     FINGER = Topic("state/finger", "FingerState", "mm, mm/s, N", NEWEST)
+    TOUCH = Topic("state/touch", "TouchState", "mm", STREAM)
+    GUIDANCE = Topic("state/guidance", "GuidanceState", "mm, mm/s, N", NEWEST)
+    RECORDING = Topic("state/recording", "RecordingState", "-", LATEST, latest=True)
     STATUS = Topic("state/status", "RigStatus", "-", LATEST, latest=True)
     SCENE = Topic("state/scene", "SceneState", "mm, N", LATEST, latest=True)
     MODEL = Topic("state/model", "ModelState", "-", LATEST, latest=True)
@@ -106,8 +109,14 @@ CALLS: Final = {
     "open_stream": "OpenStreamRequest",
     "close_stream": "Request",
     "model": "ModelRequest",
+    "excite": "ExciteRequest",
 }
-"""Name of each call below ``@rpc/`` to its request type; every reply is a `Reply`."""
+"""Name of each call of a rig below ``@rpc/`` to its request type; every reply is a `Reply`."""
+RECORDER_CALLS: Final = {
+    "record": "RecordRequest",
+    "end_recording": "Request",
+}
+"""The calls that a rig's recorder answers, likewise."""
 
 
 def _checked(name: str, what: str) -> str:
@@ -162,15 +171,16 @@ class RigKeys:
         Parameters
         ----------
         name : str
-            A key of `CALLS`.
+            A key of `CALLS` or of `RECORDER_CALLS`.
 
         Raises
         ------
         KeyError
-            If there is no such call in `CALLS`.
+            If there is no such call.
         """
-        if name not in CALLS:
-            raise KeyError(f"no call {name!r}; the calls are {', '.join(CALLS)}")
+        calls = CALLS | RECORDER_CALLS
+        if name not in calls:
+            raise KeyError(f"no call {name!r}; the calls are {', '.join(calls)}")
         return f"{self.base}/@rpc/{name}"
 
     @property

@@ -87,6 +87,64 @@ class FingerState(Message):
     """Speed outside the model's validity: the compensation used the nearest valid speed."""
 
 
+class TouchState(Message):
+    """One report of the touch sensor as it came, before any prediction."""
+
+    run: int
+    sample: FiniteFloat
+    """Device sample index at which the finger was there; a report arrives later than that."""
+    x_mm: FiniteFloat
+    y_mm: FiniteFloat
+    in_contact: bool
+    source: Literal["touch", "pointer", "simulated"]
+
+
+class GuidanceState(Message):
+    """What a participant is asked to do, and does; a screen shows it while calibrating.
+
+    The reference moves along x at the target speed, back and forth. Published by whoever
+    calibrates, about 30 times a second.
+    """
+
+    utc_ns: int
+    participant: str
+    phase: Literal["break", "approach", "record", "analyse", "done"]
+    trial: int
+    """Number of the trial, from 1."""
+    trials: int | None = None
+    seconds_left: FiniteFloat
+    """Of this phase."""
+    target_speed_mm_s: FiniteFloat
+    target_force_n: FiniteFloat
+    reference_x_mm: FiniteFloat
+    span_mm: tuple[FiniteFloat, FiniteFloat]
+    """Ends of the strokes."""
+    x_mm: FiniteFloat | None = None
+    speed_mm_s: FiniteFloat | None = None
+    """Actual; None where the finger is not seen."""
+    force_n: FiniteFloat | None = None
+    colour: Literal["green", "yellow", "red", "grey"] = "grey"
+    """Force in the target range, below, above; grey: no contact."""
+    message: str = ""
+
+
+class RecordingState(Message):
+    """What a rig's recorder does."""
+
+    utc_ns: int
+    recording: bool
+    name: str | None = None
+    """Of the recording under way, or of the last one."""
+    path: str | None = None
+    """On the recorder's machine."""
+    bytes_written: int = 0
+    seconds: FiniteFloat = 0.0
+    blocks: int = 0
+    lost_blocks: int = 0
+    problem: str | None = None
+    """Why the last recording ended, where nobody ended it."""
+
+
 class Fault(Message):
     """A typed fault, as `docs/safety.md` lists them."""
 
@@ -181,7 +239,7 @@ class SceneState(Message):
     etag: str
     scene: Scene
     applied: Applied
-    source: Literal["scene", "stream"] = "scene"
+    source: Literal["scene", "stream", "excitation"] = "scene"
 
 
 class ModelState(Message):
@@ -255,6 +313,43 @@ class ModelRequest(Request):
     if_match: str | None = None
 
 
+class Tone(Message):
+    """One component of an excitation."""
+
+    hz: Annotated[FiniteFloat, Field(gt=0.0, le=5_000.0)]
+    amplitude: Annotated[FiniteFloat, Field(gt=0.0, le=0.5)]
+    """Of the drive fraction."""
+    phase_rad: FiniteFloat = 0.0
+
+
+class Excitation(Message):
+    """A drive played as it is, without the inverse of any model: for calibration.
+
+    ``m(t) = bias + sum(amplitude cos(2 pi hz t + phase))``, t = device sample / sample rate.
+    It must stay within [0, 1]: the sum of the amplitudes decides, or, where `period_s` is
+    given, one period of it.
+    """
+
+    tones: Annotated[list[Tone], Field(max_length=1_000)] = []
+    bias: Annotated[FiniteFloat, Field(ge=0.0, le=1.0)] = 0.5
+    period_s: Annotated[FiniteFloat, Field(gt=0.0, le=10.0)] | None = None
+    """Every tone is a multiple of its inverse."""
+
+
+class ExciteRequest(Request):
+    """Play an excitation instead of the scene until the lease or `scene` ends it."""
+
+    excitation: Excitation
+
+
+class RecordRequest(Request):
+    """Start a recording."""
+
+    name: Annotated[str, Field(min_length=1, max_length=100, pattern=r"^[A-Za-z0-9._-]+$")]
+    participant: Annotated[str, Field(max_length=64)] | None = None
+    notes: Annotated[str, Field(max_length=10_000)] = ""
+
+
 class LeaseRenewal(Request):
     """Sent by the owner several times per lease; without it the output ramps to zero."""
 
@@ -285,6 +380,9 @@ MESSAGES: Final[dict[str, type[Message]]] = {
     kind.__name__: kind
     for kind in (
         FingerState,
+        TouchState,
+        GuidanceState,
+        RecordingState,
         RigStatus,
         SceneState,
         ModelState,
@@ -294,6 +392,8 @@ MESSAGES: Final[dict[str, type[Message]]] = {
         SceneRequest,
         OpenStreamRequest,
         ModelRequest,
+        ExciteRequest,
+        RecordRequest,
         LeaseRenewal,
         PointerState,
         Reply,

@@ -117,6 +117,13 @@ class ApiConfig(_Section):
         return self
 
 
+class RegistryConfig(_Section):
+    """Where models and calibrations are kept."""
+
+    url: str = "sqlite:///frictus.db"
+    """SQLAlchemy URL: `sqlite:///FILE`, relative to this file, or `postgresql+psycopg://…`."""
+
+
 class Config(_Section):
     """Everything the service can be told."""
 
@@ -128,10 +135,15 @@ class Config(_Section):
     """A `model/1` document; without one, a placeholder that every message shows."""
     textures: Path = Path("textures")
     """Folder of the texture library."""
+    recordings: Path = Path("recordings")
+    """Folder that the recorder writes to."""
+    studies: Path = Path("studies")
+    """Folder of the study files that calibrations make."""
     backend: BackendConfig = SimulatedConfig()
     router: RouterConfig = RouterConfig()
     limits: Limits = Limits()
     api: ApiConfig = ApiConfig()
+    registry: RegistryConfig = RegistryConfig()
 
     @property
     def keys(self) -> RigKeys:
@@ -213,7 +225,12 @@ def parse(text: str, path: Path) -> Config:
     folder = path.parent
     model_file = config.model_file and folder / config.model_file
     return config.model_copy(
-        update={"model_file": model_file, "textures": folder / config.textures}
+        update={
+            "model_file": model_file,
+            "textures": folder / config.textures,
+            "recordings": folder / config.recordings,
+            "studies": folder / config.studies,
+        }
     )
 
 

@@ -1,0 +1,95 @@
+"""What a calibration is asked to do, how it tells its progress, and what comes of it."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+
+from frictus.model import Model
+
+Pseudonym = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9._-]+$")]
+Phase = Literal["break", "approach", "record", "analyse", "done"]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class PaperProtocol(_Strict):
+    """The paper's: 15 tones, 5 speeds, 5 forces in random order, one tone per trial.
+
+    Smaller lists give a smaller study by the same rules.
+    """
+
+    kind: Literal["paper"] = "paper"
+    tones_hz: tuple[FiniteFloat, ...] | None = None
+    """None: 15, spaced evenly in the logarithm from 30 Hz to 2 kHz."""
+    speeds_mm_s: tuple[FiniteFloat, ...] = (20.0, 40.0, 60.0, 80.0, 100.0)
+    forces_n: tuple[FiniteFloat, ...] = (0.2, 0.3, 0.4, 0.5, 0.6)
+    approach_s: Annotated[FiniteFloat, Field(ge=0.0, le=60.0)] = 7.0
+    record_s: Annotated[FiniteFloat, Field(ge=0.5, le=120.0)] = 10.0
+    trials_per_block: Annotated[int, Field(ge=1)] = 15
+    """A break follows each block."""
+    break_s: Annotated[FiniteFloat, Field(ge=0.0, le=3600.0)] = 10.0
+    max_repeats: Annotated[int, Field(ge=0, le=100)] = 5
+    """How often a rejected trial is asked for again; it is then left out, and listed."""
+
+
+class QuickProtocol(_Strict):
+    """All tones at once, few speeds, a prior from earlier people; ends when it is precise."""
+
+    kind: Literal["quick"] = "quick"
+    speeds_mm_s: tuple[FiniteFloat, ...] = (30.0, 90.0)
+    force_n: FiniteFloat = 0.4
+    approach_s: Annotated[FiniteFloat, Field(ge=0.0, le=60.0)] = 2.0
+    record_s: Annotated[FiniteFloat, Field(ge=0.5, le=120.0)] = 4.0
+    precision: Annotated[FiniteFloat, Field(gt=0.0, le=1.0)] = 0.05
+    """Stop when the 95 % interval of the cutoff, half its width over its value, is within this
+    at every speed of the protocol."""
+    max_recorded_s: Annotated[FiniteFloat, Field(gt=0.0, le=7200.0)] = 120.0
+    """Stop then, precise or not; the result says which."""
+    use_prior: bool = True
+    max_repeats: Annotated[int, Field(ge=0, le=100)] = 5
+
+
+class CalibrationSpec(_Strict):
+    """One calibration."""
+
+    rig: str
+    participant: Pseudonym
+    protocol: Annotated[PaperProtocol | QuickProtocol, Field(discriminator="kind")] = (
+        QuickProtocol()
+    )
+    seed: Annotated[int, Field(ge=0)]
+    """Of the order of trials and the phases of tones."""
+    session: Annotated[int, Field(ge=0)] = 1
+    prior: tuple[Model, ...] = ()
+    """Earlier people's models, with covariances, that the quick protocol learns from."""
+
+
+class Progress(_Strict):
+    """Where a calibration stands; told at every change of phase and at least every second."""
+
+    phase: Phase
+    trials_done: int
+    trials_planned: int | None
+    """None where it depends on the precision that is reached."""
+    trials_rejected: int
+    recorded_s: FiniteFloat
+    precision: FiniteFloat | None = None
+    """Half width of the 95 % interval of the cutoff over its value, the worst speed's."""
+    message: str = ""
+
+
+class CalibrationResult(_Strict):
+    """What came of a calibration."""
+
+    model: Model
+    """With covariance and provenance; not yet published."""
+    study: str
+    """Path of the study file with every trial, the rejected ones too."""
+    recorded_s: FiniteFloat
+    precision: FiniteFloat
+    reached: bool
+    """Whether the precision that was asked for was reached."""
+    notes: tuple[str, ...] = ()
+    details: dict[str, Any] = {}

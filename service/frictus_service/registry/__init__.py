@@ -1,0 +1,1 @@
+"""The registry: published models, who moved which alias, and the calibrations behind them."""

@@ -1,0 +1,1 @@
+"""The paper, simulated and analysed blind."""
