@@ -24,6 +24,8 @@ from frictus_service.errors import ConfigurationError
 Scope = Literal["read", "render", "calibrate", "admin"]
 Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9._-]+$")]
 DEFAULT_FILE = Path("frictus.toml")
+_SQLITE = "sqlite:///"
+_DATABASE = r"^(sqlite:///[^?:]|postgresql\+psycopg://)"
 
 
 class _Section(BaseModel):
@@ -120,8 +122,15 @@ class ApiConfig(_Section):
 class RegistryConfig(_Section):
     """Where models and calibrations are kept."""
 
-    url: str = "sqlite:///frictus.db"
+    url: Annotated[str, Field(pattern=_DATABASE, repr=False)] = f"{_SQLITE}frictus.db"
     """SQLAlchemy URL: `sqlite:///FILE`, relative to this file, or `postgresql+psycopg://…`."""
+
+    def within(self, folder: Path) -> Self:
+        """Return this section with a relative file made relative to `folder`."""
+        scheme, file = self.url[: len(_SQLITE)], self.url[len(_SQLITE) :]
+        if scheme != _SQLITE:
+            return self
+        return self.model_copy(update={"url": f"{_SQLITE}{(folder / file).as_posix()}"})
 
 
 class Config(_Section):
@@ -230,6 +239,7 @@ def parse(text: str, path: Path) -> Config:
             "textures": folder / config.textures,
             "recordings": folder / config.recordings,
             "studies": folder / config.studies,
+            "registry": config.registry.within(folder),
         }
     )
 

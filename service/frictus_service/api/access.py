@@ -12,6 +12,8 @@ from frictus_service.api.services import services
 from frictus_service.config import Scope, Token
 
 _BEARER: Final = HTTPBearer(auto_error=False, description="A token of [[api.tokens]]")
+LOCAL: Final = "local"
+"""Who asks where nobody needs a token."""
 _REALM: Final = 'Bearer realm="frictus"'
 
 
@@ -25,20 +27,20 @@ def is_loopback(name: str) -> bool:
         return False
 
 
-def needs(scope: Scope) -> Callable[..., Awaitable[None]]:
-    """Return the dependency that lets requests with `scope` through.
+def needs(scope: Scope) -> Callable[..., Awaitable[str]]:
+    """Return the dependency that lets requests with `scope` through, and says whose they are.
 
-    Without any token configured (then the server is bound to loopback) every request passes.
-    A scope implies no other.
+    Without any token configured (then the server is bound to loopback) every request passes,
+    as one of `LOCAL`. A scope implies no other.
     """
 
     async def check(
         request: Request,
         given: Annotated[HTTPAuthorizationCredentials | None, Depends(_BEARER)],
-    ) -> None:
+    ) -> str:
         tokens = services(request).config.api.tokens
         if not tokens:
-            return
+            return LOCAL
         if given is None:
             raise UnauthenticatedError(
                 "send the header Authorization: Bearer TOKEN",
@@ -57,6 +59,7 @@ def needs(scope: Scope) -> Callable[..., Awaitable[None]]:
                 f"{', '.join(sorted(token.scopes))}",
                 headers={"WWW-Authenticate": challenge},
             )
+        return token.name
 
     return check
 

@@ -1,22 +1,37 @@
 """The REST API as an ASGI application."""
 
+import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from importlib.metadata import version
-from typing import Any
+from typing import Any, Final
 
 from fastapi import FastAPI
 from fastapi.concurrency import run_in_threadpool
 
-from frictus_service.api import health, metrics, problems, rigs, textures
+from frictus_service.api import (
+    activation,
+    calibrations,
+    health,
+    metrics,
+    models,
+    problems,
+    rigs,
+    textures,
+)
 from frictus_service.api.gate import Gate
 from frictus_service.api.link import RigLink
 from frictus_service.api.services import Services
 from frictus_service.config import Config
+from frictus_service.jobs.jobs import RUN, Jobs
 from frictus_service.library import TextureLibrary
+from frictus_service.registry.errors import RegistryUnavailableError
+from frictus_service.registry.store import Registry
+
+_LOG: Final = logging.getLogger(__name__)
 
 
-def build_app(config: Config) -> FastAPI:
+def build_app(config: Config, run: str = RUN) -> FastAPI:
     """Return the API of one site.
 
     It connects to the router when it is started, or later, when the router is there.
@@ -24,25 +39,43 @@ def build_app(config: Config) -> FastAPI:
     Parameters
     ----------
     config : Config
-        Its site, router, API section, texture folder and size limits are used.
+        Its site, router, registry, API section, folders and size limits are used.
+    run : str
+        ``module:function`` that carries out a calibration in a process of its own.
     """
     link = RigLink(config.router.endpoint, config.site)
+    registry = Registry(config.registry.url)
+    jobs = Jobs(config, registry, run)
+
+    def recover() -> None:
+        try:
+            if registry.database.exists:  # or nothing was ever calibrated
+                jobs.recover()
+        except RegistryUnavailableError as error:
+            # Rigs are served without it; whoever asks for a model is told.
+            _LOG.warning("%s", error)
+
+    def close() -> None:
+        jobs.close()
+        registry.close()
+        link.close()
 
     @asynccontextmanager
     async def linked(_: FastAPI) -> AsyncIterator[None]:
+        await run_in_threadpool(recover)
         yield
-        await run_in_threadpool(link.close)
+        await run_in_threadpool(close)
 
     app = FastAPI(
         title="frictus",
         version=version("frictus"),
-        summary="Rigs for friction-modulated touch: their state, scenes, models and textures",
+        summary="Rigs for friction-modulated touch: scenes, textures, models and calibrations",
         lifespan=linked,
         separate_input_output_schemas=False,  # a scene is read and written in one form
     )
-    app.state.services = Services(config, link, TextureLibrary(config.textures))
+    app.state.services = Services(config, link, TextureLibrary(config.textures), registry, jobs)
     app.state.metrics = metrics.ApiMetrics(link)
-    for part in (rigs, textures, health, metrics):
+    for part in (rigs, activation, textures, models, calibrations, health, metrics):
         app.include_router(part.router)
     problems.install(app)
     app.add_middleware(Gate, loopback_only=config.api.loopback)

@@ -65,12 +65,13 @@ def require_media(request: Request, *accepted: str) -> str:
 
 
 def parse_json(
-    adapter: TypeAdapter[T], body: bytes, extra: Literal["forbid", "allow"] = "forbid"
+    adapter: TypeAdapter[T], body: bytes, extra: Literal["forbid", "allow"] | None = "forbid"
 ) -> T:
     """Return what a JSON body holds.
 
     Types are not converted, numbers must be finite everywhere, and unknown fields are refused
-    unless `extra` allows them (documents that are carried on with what newer writers add).
+    unless `extra` allows them (documents that are carried on with what newer writers add), or
+    is None and the type itself does.
 
     Raises
     ------

@@ -3,7 +3,7 @@
 from typing import Annotated
 
 from fastapi import APIRouter, Depends
-from pydantic import BaseModel
+from pydantic import BaseModel, Field
 
 from frictus_service.api import problems
 from frictus_service.api.services import Services, services
@@ -23,6 +23,7 @@ class Ready(BaseModel):
     ready: bool = True
     site: str
     rigs: int
+    registry: bool = Field(description="Whether the registry of models can be used")
 
 
 @router.get("/health")
@@ -33,5 +34,12 @@ def health() -> Alive:
 
 @router.get("/ready", responses=problems.documented(problems.NoLinkError))
 def ready(given: Annotated[Services, Depends(services)]) -> Ready:
-    """Say whether the router is linked; a site without a rig is ready too."""
-    return Ready(site=given.link.site, rigs=len(given.link.names()))
+    """Say whether the router is linked; a site without a rig is ready too.
+
+    Rigs are served without the registry: `registry` says whether models can be had.
+    """
+    return Ready(
+        site=given.link.site,
+        rigs=len(given.link.names()),
+        registry=given.registry.database.usable,
+    )

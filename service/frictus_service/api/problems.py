@@ -32,6 +32,7 @@ from frictus_service.library import (
     TextureNameError,
     UnknownTextureError,
 )
+from frictus_service.registry import errors as registry
 
 MEDIA_TYPE: Final = "application/problem+json"
 _LOG: Final = logging.getLogger(__name__)
@@ -131,6 +132,18 @@ class TextureNotFoundError(ApiError):
     status, code, title = 404, "no_texture", "No such texture"
 
 
+class ModelNotFoundError(ApiError):
+    """The registry has no such model, version or alias."""
+
+    status, code, title = 404, "no_model", "No such model"
+
+
+class CalibrationNotFoundError(ApiError):
+    """The registry has no such calibration."""
+
+    status, code, title = 404, "no_calibration", "No such calibration"
+
+
 class MethodNotAllowedError(ApiError):
     """The path knows other methods."""
 
@@ -159,6 +172,18 @@ class ReadOnlyError(ApiError):
     """Shipped textures stay as they are."""
 
     status, code, title = 409, "read_only", "The texture is read-only"
+
+
+class RigBusyError(ApiError):
+    """A calibration is under way on the rig."""
+
+    status, code, title = 409, "rig_busy", "The rig is being calibrated"
+
+
+class WrongStateError(ApiError):
+    """The calibration is not in a state that allows this."""
+
+    status, code, title = 409, "wrong_state", "The calibration is in another state"
 
 
 class ConflictError(ApiError):
@@ -197,6 +222,12 @@ class NotFeasibleError(ApiError):
     status, code, title = 422, "not_feasible", "It cannot be rendered"
 
 
+class KeyReusedError(ApiError):
+    """The idempotency key came with another request before."""
+
+    status, code, title = 422, "key_reused", "The idempotency key was used before"
+
+
 class PreconditionRequiredError(ApiError):
     """The request does not say what it replaces."""
 
@@ -225,6 +256,12 @@ class NoLinkError(ApiError):
     """No router can be reached, or the rig does not answer."""
 
     status, code, title = 503, "no_link", "No link to the router or the rig"
+
+
+class NoRegistryError(ApiError):
+    """The registry's database cannot be used."""
+
+    status, code, title = 503, "no_registry", "The registry cannot be reached"
 
 
 class UnavailableError(ApiError):
@@ -267,6 +304,14 @@ _FOREIGN: Final[dict[type[Exception], type[ApiError]]] = {
     ReadOnlyTextureError: ReadOnlyError,
     TextureConflictError: ConflictError,
     DamagedTextureError: DamagedFileError,
+    registry.UnknownModelError: ModelNotFoundError,
+    registry.UnknownCalibrationError: CalibrationNotFoundError,
+    registry.AliasConflictError: ConflictError,
+    registry.KeyReusedError: KeyReusedError,
+    registry.RigBusyError: RigBusyError,
+    registry.CalibrationStateError: WrongStateError,
+    registry.RegistryUnavailableError: NoRegistryError,
+    registry.RegistryError: InvalidError,  # what is left: names, cursors, provenance
 }
 _BY_STATUS: Final = {404: PathNotFoundError, 405: MethodNotAllowedError}
 

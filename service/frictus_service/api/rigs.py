@@ -29,7 +29,7 @@ _RIG: Final[tuple[type[problems.ApiError], ...]] = (
     problems.UnreadableRigError,
     problems.NoLinkError,
 )
-_REPLACE: Final[tuple[type[problems.ApiError], ...]] = (
+REPLACE: Final[tuple[type[problems.ApiError], ...]] = (
     *_RIG,
     *problems.REFUSALS.values(),
     problems.ConflictError,
@@ -119,7 +119,7 @@ def get_applied(rig: RigName, given: Given) -> SceneApplied:
 @router.put(
     "/{rig}/scene",
     dependencies=[Depends(needs("render"))],
-    responses=problems.documented(*_REPLACE),
+    responses=problems.documented(*REPLACE),
     openapi_extra=_body("Scene"),
 )
 def put_scene(
@@ -163,7 +163,7 @@ def get_model(
     dependencies=[Depends(needs("calibrate"))],
     status_code=204,
     response_class=Response,
-    responses=problems.documented(*_REPLACE),
+    responses=problems.documented(*REPLACE),
     openapi_extra=_body("Model"),
 )
 def put_model(

@@ -2,6 +2,7 @@
 
 import contextlib
 import socket
+from collections.abc import Callable
 from typing import Final, Protocol
 
 import uvicorn
@@ -32,8 +33,11 @@ class Ready(Protocol):
 class _Server(uvicorn.Server):
     """Tells when it listens, stops when it is told to, and leaves signals to its caller."""
 
-    def __init__(self, config: uvicorn.Config, stop: Stop, ready: Ready) -> None:
+    def __init__(
+        self, config: uvicorn.Config, stop: Stop, ready: Ready, ending: Callable[[], None]
+    ) -> None:
         super().__init__(config)
+        self._ending = ending
         self._stop = stop
         self._ready = ready
 
@@ -41,6 +45,10 @@ class _Server(uvicorn.Server):
         await super().startup(sockets)
         if self.started:
             self._ready.set()
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._ending()  # streams of events would hold the end up
+        await super().shutdown(sockets)
 
     async def on_tick(self, counter: int) -> bool:
         return await super().on_tick(counter) or self._stop.is_set()
@@ -89,11 +97,12 @@ def run_api(config: Config, stop: Stop, ready: Ready) -> None:
         If nothing can listen at the configured address.
     """
     with listen(config.api.host, config.api.port) as listener:
+        app = build_app(config)
         settings = uvicorn.Config(
-            build_app(config),
+            app,
             log_level="warning",
             access_log=False,
             server_header=False,
             timeout_graceful_shutdown=GRACE_S,
         )
-        _Server(settings, stop, ready).run(sockets=[listener])
+        _Server(settings, stop, ready, app.state.services.jobs.stop).run(sockets=[listener])

@@ -6,16 +6,20 @@ from fastapi import Request
 
 from frictus_service.api.link import RigLink
 from frictus_service.config import Config
+from frictus_service.jobs.jobs import Jobs
 from frictus_service.library import TextureLibrary
+from frictus_service.registry.store import Registry
 
 
 @dataclass(frozen=True, slots=True)
 class Services:
-    """Configuration, link to the rigs and texture library."""
+    """Configuration, link to the rigs, texture library, registry and calibrations."""
 
     config: Config
     link: RigLink
     library: TextureLibrary
+    registry: Registry
+    jobs: Jobs
 
 
 def services(request: Request) -> Services:

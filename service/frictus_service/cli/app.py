@@ -5,7 +5,21 @@ from typing import Annotated
 
 import typer
 
-from frictus_service.cli import api, doctor, play, rig, serve, watch
+from frictus_service.cli import (
+    api,
+    doctor,
+    identify,
+    models,
+    play,
+    record,
+    recorder,
+    recover,
+    rig,
+    serve,
+    study,
+    verify,
+    watch,
+)
 from frictus_service.cli.exits import Commands
 from frictus_service.cli.options import AsJson
 
@@ -35,7 +49,14 @@ app.command()(rig.rig)
 app.command()(api.api)
 app.command()(play.play)
 app.command()(watch.watch)
+app.command()(record.record)
+app.command()(recorder.recorder)
+app.command()(verify.verify)
+app.command()(recover.recover)
 app.command()(doctor.doctor)
+app.command()(identify.identify)
+app.add_typer(study.study, name="study")
+app.add_typer(models.models, name="models")
 
 
 @app.command()
@@ -59,3 +80,27 @@ def bench(as_json: AsJson = False) -> None:
     from frictus_service.cli.bench import bench as run
 
     run(as_json=as_json)
+
+
+@app.command()
+def paper(
+    as_json: AsJson = False,
+    participants: Annotated[
+        int | None, typer.Option("--participants", min=2, help="How many.  [default: 8; 10]")
+    ] = None,
+    full: Annotated[
+        bool, typer.Option("--full", help="All of the paper's conditions, 10 s each.")
+    ] = False,
+    seconds: Annotated[
+        float | None, typer.Option("--seconds", min=1.0, help="Of a trial.  [default: 3; 10]")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Keep study, identification and table."),
+    ] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="[default: fresh]")] = None,
+) -> None:
+    """Simulate the paper's study, analyse it blind, and set its values beside what came out."""
+    from frictus_service.cli.paper import paper as run
+
+    run(participants, full, seconds, out, seed, as_json)

@@ -18,7 +18,7 @@ class Exit(IntEnum):
     """An argument, or a file that one names, cannot be used."""
     CONFIG = 3
     NO_LINK = 4
-    """No router or no rig answers."""
+    """No router, no rig or no registry answers."""
     REFUSED = 5
     """The rig refused, or took the lease away."""
     CHECK_FAILED = 6
@@ -30,14 +30,18 @@ def code_of(error: Exception) -> Exit:
     from frictus.errors import FrictusError, LinkError, NoRigError, RefusedError, SilenceError
     from frictus_service.errors import ConfigurationError
     from frictus_service.library import LibraryError
+    from frictus_service.recording.errors import RecordingError
+    from frictus_service.registry.errors import RegistryError, RegistryUnavailableError
+    from frictus_service.study.errors import StudyError
 
     if isinstance(error, ConfigurationError):
         return Exit.CONFIG
-    if isinstance(error, LinkError | NoRigError | SilenceError):
+    if isinstance(error, LinkError | NoRigError | SilenceError | RegistryUnavailableError):
         return Exit.NO_LINK
     if isinstance(error, RefusedError):
         return Exit.REFUSED
-    if isinstance(error, FrictusError | LibraryError | FileNotFoundError | IsADirectoryError):
+    ours = (FrictusError, LibraryError, RegistryError, RecordingError, StudyError)
+    if isinstance(error, (*ours, FileNotFoundError, IsADirectoryError)):
         return Exit.USAGE  # what is left of the client's errors is about what it was given
     return Exit.UNEXPECTED
 

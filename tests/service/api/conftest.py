@@ -32,7 +32,8 @@ from frictus.model import FirstOrderSpeedLaw, Model
 from frictus.session import open_router, open_session
 from frictus.textures import Component, Region, Scene, Spectrum
 from frictus_service.api.app import build_app
-from frictus_service.config import ApiConfig, Config, RouterConfig, Token
+from frictus_service.config import ApiConfig, Config, RegistryConfig, RouterConfig, Token
+from frictus_service.jobs.jobs import RUN
 from frictus_service.ports import free_endpoint
 
 SITE = "lab"
@@ -209,6 +210,8 @@ def configuration(router: str, folder: Path, **api: Any) -> Config:
     return Config(
         site=SITE,
         textures=folder,
+        studies=folder.parent / "studies",
+        registry=RegistryConfig(url=f"sqlite:///{folder.parent / 'registry.db'}"),
         router=RouterConfig(endpoint=router, host=False),
         api=ApiConfig(**api),
     )
@@ -222,7 +225,9 @@ def serve(router: str, tmp_path: Path) -> Iterator[Serve]:
     """Make a client of an app; without arguments one that is open, on loopback."""
     clients: list[TestClient] = []
 
-    def start(tokens: bool = False, endpoint: str = router, **changes: Any) -> TestClient:
+    def start(
+        tokens: bool = False, endpoint: str = router, run: str = RUN, **changes: Any
+    ) -> TestClient:
         given: dict[str, Any] = {}
         if tokens:
             given["tokens"] = tuple(
@@ -230,7 +235,7 @@ def serve(router: str, tmp_path: Path) -> Iterator[Serve]:
                 for scope, value in TOKENS.items()
             )
         config = configuration(endpoint, tmp_path / "textures", **given)
-        app = build_app(config.model_copy(update=changes))
+        app = build_app(config.model_copy(update=changes), run)
         client = TestClient(
             app, base_url="http://127.0.0.1:8420", raise_server_exceptions=False
         )

@@ -25,6 +25,24 @@ NEEDS = [
     ("GET", "/v1/textures/x", "read"),
     ("PUT", "/v1/textures/x", "render"),
     ("DELETE", "/v1/textures/x", "render"),
+    ("GET", "/v1/models", "read"),
+    ("POST", "/v1/models", "calibrate"),
+    ("GET", "/v1/models/compare", "read"),
+    ("GET", "/v1/models/{reference}", "read"),
+    ("GET", "/v1/models/{reference}/model.json", "read"),
+    ("GET", "/v1/models/{reference}/model.mat", "read"),
+    ("GET", "/v1/models/{name}/audit", "read"),
+    ("GET", "/v1/models/{name}/aliases", "read"),
+    ("GET", "/v1/models/{name}/aliases/{alias}", "read"),
+    ("PUT", "/v1/models/{name}/aliases/{alias}", "admin"),
+    ("POST", "/v1/rigs/{rig}/model/activate", "calibrate"),
+    ("GET", "/v1/calibrations", "read"),
+    ("POST", "/v1/calibrations", "calibrate"),
+    ("GET", "/v1/calibrations/{calibration}", "read"),
+    ("GET", "/v1/calibrations/{calibration}/events", "read"),
+    ("DELETE", "/v1/calibrations/{calibration}", "calibrate"),
+    ("POST", "/v1/calibrations/{calibration}/resume", "calibrate"),
+    ("POST", "/v1/calibrations/{calibration}/publish", "calibrate"),
     ("GET", "/metrics", "read"),
 ]
 OPEN = {"/v1/health", "/v1/ready"}
@@ -44,7 +62,8 @@ def test_the_table_has_every_path(guarded: TestClient) -> None:
 
 @pytest.mark.parametrize(("method", "path", "scope"), NEEDS)
 def test_scopes(guarded: TestClient, rig: Any, method: str, path: str, scope: str) -> None:
-    url = path.format(rig=rig.name)
+    names = {"reference": "x", "name": "x", "alias": "production", "calibration": "0"}
+    url = path.format(rig=rig.name, **names)
     missing = guarded.request(method, url)
     assert missing.status_code == 401
     assert missing.headers["www-authenticate"].startswith("Bearer")
@@ -66,7 +85,12 @@ def test_scopes(guarded: TestClient, rig: Any, method: str, path: str, scope: st
 
 def test_health_needs_no_token(guarded: TestClient, rig: Any) -> None:
     assert guarded.get("/v1/health").json() == {"alive": True}
-    assert guarded.get("/v1/ready").json() == {"ready": True, "site": "lab", "rigs": 1}
+    assert guarded.get("/v1/ready").json() == {
+        "ready": True,
+        "site": "lab",
+        "rigs": 1,
+        "registry": True,
+    }
 
 
 def test_a_body_without_a_token_is_not_read(guarded: TestClient, rig: Any) -> None:

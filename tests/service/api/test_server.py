@@ -12,7 +12,7 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from frictus_service.api.server import listen, run_api
-from frictus_service.config import ApiConfig, Config, RouterConfig
+from frictus_service.config import ApiConfig, Config, RegistryConfig, RouterConfig
 from frictus_service.errors import StartError
 from frictus_service.ports import free_port
 
@@ -21,6 +21,7 @@ def configuration(router: str, folder: Path, port: int) -> Config:
     return Config(
         router=RouterConfig(endpoint=router, host=False),
         textures=folder,
+        registry=RegistryConfig(url=f"sqlite:///{folder / 'registry.db'}"),
         api=ApiConfig(port=port),
     )
 

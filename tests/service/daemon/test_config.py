@@ -24,7 +24,9 @@ def test_what_is_shipped_loads(path: Path) -> None:
 
 def test_shipped_example_states_the_defaults() -> None:
     shipped = load(ROOT / "deploy" / "frictus.toml")
-    assert shipped.model_copy(update={"textures": Config().textures}) == Config()
+    relative = ("textures", "recordings", "studies", "registry")
+    defaults = {name: getattr(Config(), name) for name in relative}
+    assert shipped.model_copy(update=defaults) == Config()
 
 
 def test_no_file_is_a_simulated_rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -49,6 +51,19 @@ def test_paths_are_relative_to_the_file(tmp_path: Path) -> None:
     config = load(path)
     assert config.model_file == tmp_path / "m.json"
     assert config.textures == tmp_path / "t"
+    assert config.registry.url == f"sqlite:///{(tmp_path / 'frictus.db').as_posix()}"
+
+
+@pytest.mark.parametrize(
+    "url", ["sqlite:////var/lib/frictus.db", "postgresql+psycopg://u:p@host/frictus"]
+)
+def test_registries_elsewhere_stay_where_they_are(tmp_path: Path, url: str) -> None:
+    assert parse(f'[registry]\nurl = "{url}"\n', tmp_path / "rig.toml").registry.url == url
+
+
+@pytest.mark.parametrize("url", ["frictus.db", "sqlite://", "sqlite:///:memory:", "mysql://x"])
+def test_registries_that_cannot_be_shared_are_refused(url: str) -> None:
+    assert "registry.url" in fault_of(f'[registry]\nurl = "{url}"\n')
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,71 @@
+"""The path by which a rig is given a published model."""
+
+from typing import Annotated, Final
+
+from fastapi import APIRouter, Depends, Request
+from pydantic import BaseModel, Field, TypeAdapter
+
+from frictus_service.api import problems
+from frictus_service.api.access import needs
+from frictus_service.api.bodies import JSON, parse_json, raw_body, require_media
+from frictus_service.api.etags import required_match
+from frictus_service.api.models import body_of
+from frictus_service.api.rigs import REPLACE, Given, IfMatch, RigName
+from frictus_service.registry.documents import Activation
+
+router = APIRouter(prefix="/v1/rigs", tags=["models"])
+
+
+class Wanted(BaseModel):
+    """Which model a rig shall apply."""
+
+    model: Annotated[str, Field(max_length=200, description="Reference: rig1/P01@production")]
+
+
+class Activated(Activation):
+    """What the rig made of it."""
+
+    as_published: Annotated[
+        bool, Field(description="Whether what the rig applies is what was published")
+    ]
+    message: Annotated[str, Field(description="What the rig has to say of it, or empty")]
+
+
+_WANTED: Final[TypeAdapter[Wanted]] = TypeAdapter(Wanted)
+
+
+@router.post(
+    "/{rig}/model/activate",
+    responses=problems.documented(
+        *REPLACE, problems.ModelNotFoundError, problems.NoRegistryError
+    ),
+    openapi_extra=body_of(Wanted),
+)
+def activate(
+    rig: RigName,
+    given: Given,
+    by: Annotated[str, Depends(needs("calibrate"))],
+    request: Request,
+    body: Annotated[bytes, Depends(raw_body)],
+    if_match: IfMatch = None,
+) -> Activated:
+    """Give a rig a published model, only while it is disarmed, and return what it confirmed.
+
+    `If-Match`, if it is sent, names the model that the rig must have now.
+    """
+    require_media(request, JSON)
+    version = given.registry.get(parse_json(_WANTED, body).model)
+    replaces = "*"
+    if if_match is not None:
+        replaces = required_match(if_match, given.link.rig(rig).model().etag)
+    reply = given.link.replace_model(rig, version.model, None if replaces == "*" else replaces)
+    if reply.etag is None:
+        raise problems.UnreadableRigError(f"rig {rig!r} did not say which model it applies")
+    activation = given.registry.activations.record(
+        version, site=given.link.site, rig=rig, confirmed=reply.etag, by=by
+    )
+    return Activated(
+        **activation.model_dump(),
+        as_published=reply.etag == version.etag,
+        message=reply.message,
+    )

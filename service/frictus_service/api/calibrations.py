@@ -1,0 +1,204 @@
+"""Paths of calibrations: started, followed by events, cancelled, resumed, published."""
+
+from collections.abc import AsyncIterator
+from typing import Annotated, Final
+
+import anyio
+from fastapi import APIRouter, Depends, Header, Path, Query, Request, Response
+from fastapi.concurrency import run_in_threadpool
+from fastapi.sse import EventSourceResponse, ServerSentEvent
+from pydantic import BaseModel, Field, TypeAdapter
+
+from frictus_service.api import problems
+from frictus_service.api.access import needs
+from frictus_service.api.bodies import JSON, parse_json, raw_body, require_media
+from frictus_service.api.models import body_of
+from frictus_service.api.once import IdempotencyKey, once_of
+from frictus_service.api.services import Services, services
+from frictus_service.calibration.job import CalibrationSpec
+from frictus_service.registry.calibrations import ACTIVE
+from frictus_service.registry.documents import (
+    Calibration,
+    CalibrationPage,
+    CalibrationState,
+    Published,
+)
+
+Given = Annotated[Services, Depends(services)]
+Id = Annotated[
+    str, Path(pattern=r"^[0-9a-f-]{1,64}$", description="Id of the calibration, as it was made")
+]
+
+LOOK_S: Final = 0.2
+"""How often a stream of events looks for more."""
+_READ: Final = (
+    problems.UnauthenticatedError,
+    problems.MissingScopeError,
+    problems.InvalidError,
+    problems.CalibrationNotFoundError,
+    problems.NoRegistryError,
+)
+_WRITE: Final = (*_READ, problems.WrongStateError)
+_SPEC: Final[TypeAdapter[CalibrationSpec]] = TypeAdapter(CalibrationSpec)
+router = APIRouter(prefix="/v1/calibrations", tags=["calibrations"])
+
+
+class Publication(BaseModel):
+    """How the model of a calibration is published."""
+
+    name: Annotated[str | None, Field(max_length=200, description="null: RIG/PARTICIPANT")] = (
+        None
+    )
+    comment: Annotated[str, Field(max_length=1_000)] = ""
+
+
+_PUBLICATION: Final[TypeAdapter[Publication]] = TypeAdapter(Publication)
+
+
+@router.post(
+    "",
+    status_code=202,
+    responses=problems.documented(
+        *_READ,
+        problems.RigNotFoundError,
+        problems.NoLinkError,
+        problems.RigBusyError,
+        problems.KeyReusedError,
+        problems.TooLargeError,
+        problems.UnsupportedMediaError,
+    ),
+    openapi_extra=body_of(CalibrationSpec),
+)
+def start_calibration(
+    given: Given,
+    by: Annotated[str, Depends(needs("calibrate"))],
+    request: Request,
+    response: Response,
+    body: Annotated[bytes, Depends(raw_body)],
+    idempotency_key: IdempotencyKey = None,
+) -> Calibration:
+    """Start a calibration; `Location` is where it can be followed, cancelled and published.
+
+    One runs on a rig at a time. The quick protocol learns its prior from the published models
+    of other participants unless `prior` brings some.
+    """
+    require_media(request, JSON)
+    spec = parse_json(_SPEC, body, extra=None)
+    given.link.rig(spec.rig)  # 404 now, rather than a calibration that fails
+    once = once_of(request, idempotency_key, by, body)
+    calibration = given.jobs.start(spec, by=by, once=once)
+    response.headers["Location"] = f"/v1/calibrations/{calibration.id}"
+    return calibration
+
+
+@router.get("", dependencies=[Depends(needs("read"))], responses=problems.documented(*_READ))
+def list_calibrations(
+    given: Given,
+    rig: Annotated[str | None, Query(max_length=64)] = None,
+    participant: Annotated[str | None, Query(max_length=64)] = None,
+    state: CalibrationState | None = None,
+    after: Annotated[str, Query(max_length=200, description="`next` of the page before")] = "",
+    limit: Annotated[int, Query(ge=1, le=1_000)] = 100,
+) -> CalibrationPage:
+    """List calibrations, newest first."""
+    given.jobs.recover()
+    return given.registry.calibrations.find(
+        rig=rig, participant=participant, state=state, after=after, limit=limit
+    )
+
+
+def existing(calibration: Id, given: Given) -> Calibration:
+    """Return the calibration that a path names; a dependency."""
+    given.jobs.recover()
+    return given.registry.calibrations.get(calibration)
+
+
+Existing = Annotated[Calibration, Depends(existing)]
+
+
+@router.get(
+    "/{calibration}",
+    dependencies=[Depends(needs("read"))],
+    responses=problems.documented(*_READ),
+)
+def get_calibration(found: Existing) -> Calibration:
+    """Return where a calibration stands: state, progress, result, published model."""
+    return found
+
+
+@router.get(
+    "/{calibration}/events",
+    dependencies=[Depends(needs("read"))],
+    response_class=EventSourceResponse,
+    responses=problems.documented(*_READ),
+)
+async def follow_calibration(
+    found: Existing,
+    given: Given,
+    last_event_id: Annotated[
+        int, Header(ge=0, le=2**31 - 1, description="Begin behind this event")
+    ] = 0,
+) -> AsyncIterator[ServerSentEvent]:
+    """Follow a calibration: `state` and `progress` events, from the first one on.
+
+    The stream ends when the calibration does not run any more. After a break, `Last-Event-ID`
+    gives what was missed.
+    """
+    after, kept = last_event_id, given.registry.calibrations
+    while not given.jobs.closing:
+        # First the state: what was told before it changed is then among the events.
+        active = (await run_in_threadpool(kept.get, found.id)).state in ACTIVE
+        events = await run_in_threadpool(kept.events, found.id, after)
+        for event in events:
+            yield ServerSentEvent(raw_data=event.data, event=event.kind, id=str(event.number))
+            after = event.number
+        if not events:
+            if not active:
+                return
+            await anyio.sleep(LOOK_S)
+
+
+@router.delete(
+    "/{calibration}",
+    status_code=202,
+    dependencies=[Depends(needs("calibrate"))],
+    responses=problems.documented(*_WRITE),
+)
+def cancel_calibration(calibration: Id, given: Given) -> Calibration:
+    """Cancel a calibration; it ends, the rig disarmed, within moments. Its trials are kept."""
+    return given.jobs.cancel(calibration)
+
+
+@router.post(
+    "/{calibration}/resume",
+    status_code=202,
+    dependencies=[Depends(needs("calibrate"))],
+    responses=problems.documented(*_WRITE, problems.RigBusyError),
+)
+def resume_calibration(calibration: Id, given: Given) -> Calibration:
+    """Go on with a calibration that was interrupted or failed; finished trials are kept."""
+    return given.jobs.resume(calibration)
+
+
+@router.post(
+    "/{calibration}/publish",
+    status_code=201,
+    responses=problems.documented(
+        *_WRITE, problems.TooLargeError, problems.UnsupportedMediaError
+    ),
+    openapi_extra=body_of(Publication),
+)
+def publish_calibration(
+    calibration: Id,
+    given: Given,
+    by: Annotated[str, Depends(needs("calibrate"))],
+    request: Request,
+    response: Response,
+    body: Annotated[bytes, Depends(raw_body)],
+) -> Published:
+    """Publish the model of a calibration. It is published once: again gets the same answer."""
+    require_media(request, JSON)
+    wanted = parse_json(_PUBLICATION, body)
+    published = given.jobs.publish(calibration, name=wanted.name, by=by, comment=wanted.comment)
+    response.headers["Location"] = f"/v1/models/{published.reference}"
+    return published

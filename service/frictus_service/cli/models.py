@@ -1,0 +1,305 @@
+"""`frictus models`: the registry of models, from the command line."""
+
+import contextlib
+import getpass
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from frictus_service.cli.lines import write_line
+from frictus_service.cli.options import (
+    AsJson,
+    ConfigFile,
+    RouterOption,
+    SiteOption,
+    Target,
+    wants_lines,
+)
+
+if TYPE_CHECKING:
+    from frictus.model import Model
+    from frictus_service.registry.documents import VersionSummary
+    from frictus_service.registry.store import Registry
+
+models = typer.Typer(no_args_is_help=True, help="List, publish, compare and activate models.")
+Ref = Annotated[
+    str, typer.Argument(metavar="REF", help="NAME, NAME@VERSION or NAME@ALIAS: rig1/P01@3.")
+]
+
+
+@contextlib.contextmanager
+def registry_of(config: Path | None) -> Iterator["Registry"]:
+    """Open the registry that a configuration file names."""
+    from frictus_service.config import load
+
+    settings = load(config)
+    from frictus_service.registry.store import Registry
+
+    with Registry(settings.registry.url) as registry:
+        yield registry
+
+
+@models.command("list")
+def list_models(
+    name: Annotated[str | None, typer.Option("--name", help="This name only.")] = None,
+    participant: Annotated[str | None, typer.Option("--participant", help="Pseudonym.")] = None,
+    rig: Annotated[str | None, typer.Option("--rig", help="Measured on this rig.")] = None,
+    newest: Annotated[
+        bool, typer.Option("--newest", help="The newest version of each name.")
+    ] = False,
+    limit: Annotated[int, typer.Option("--limit", min=1, max=1_000, help="At most.")] = 50,
+    config: ConfigFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """List published versions, newest first."""
+    with registry_of(config) as registry:
+        page = registry.find(
+            name=name, participant=participant, rig=rig, newest=newest, limit=limit
+        )
+    if wants_lines(as_json):
+        for found in page.models:
+            write_line(**found.model_dump())
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("reference", "response", "participant", "rig", "published", "by", "comment")
+    for found in page.models:
+        whose = found.participant or "population"
+        table.add_row(
+            found.reference,
+            found.response,
+            whose,
+            found.rig or "",
+            _date(found),
+            found.published_by,
+            found.comment,
+        )
+    Console().print(table)
+    if page.next is not None:
+        Console().print(f"more than {limit}: --limit, or narrow it down")
+
+
+@models.command()
+def show(reference: Ref, config: ConfigFile = None, as_json: AsJson = False) -> None:
+    """Show a published version: the model, its origin, its aliases, what became of it."""
+    with registry_of(config) as registry:
+        found = registry.get(reference)
+        aliases = registry.aliases.of(found.name)
+        moves = registry.aliases.moves(found.name, 20)
+        activations = registry.activations.of(found.name, 20)
+    if wants_lines(as_json):
+        write_line(
+            **found.model_dump(mode="json", by_alias=True),
+            aliases=[alias.model_dump() for alias in aliases],
+            moves=[move.model_dump() for move in moves],
+            activations=[activation.model_dump() for activation in activations],
+        )
+        return
+    from rich.console import Console
+
+    console = Console()
+    console.print(f"{found.reference}, published {_date(found)} by {found.published_by}")
+    if found.comment:
+        console.print(found.comment, markup=False)
+    console.print_json(found.model.to_json().decode())
+    for alias in aliases:
+        console.print(f"@{alias.alias} is version {alias.version}")
+    for move in moves:
+        was = f"{move.from_version} → " if move.from_version is not None else ""
+        told = f"@{move.alias}: {was}{move.to_version} by {move.moved_by}: {move.reason}"
+        console.print(told, markup=False)
+    for one in activations:
+        console.print(f"version {one.version} on rig {one.rig}, by {one.activated_by}")
+
+
+@models.command()
+def publish(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A model/1 document.")],
+    name: Annotated[
+        str | None,
+        typer.Option("--name", help="[default: RIG/PARTICIPANT, or population]"),
+    ] = None,
+    rig: Annotated[
+        str | None, typer.Option("--rig", help="Measured on.  [default: as it says itself]")
+    ] = None,
+    comment: Annotated[str, typer.Option("--comment", help="For people.")] = "",
+    config: ConfigFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """Publish a model as the next version of its name; it never changes afterwards."""
+    model = read_model(file)
+    told = model.provenance.get("rig")
+    measured_on = rig or (told if isinstance(told, str) else None)
+    with registry_of(config) as registry:
+        published = registry.publish(
+            model,
+            name or default_name(model, measured_on),
+            by=getpass.getuser(),
+            rig=measured_on,
+            comment=comment,
+        )
+    if wants_lines(as_json):
+        write_line(event="published", reference=published.reference, etag=published.etag)
+    else:
+        typer.echo(f"published as {published.reference}")
+
+
+@models.command()
+def alias(
+    name: Annotated[str, typer.Argument(metavar="NAME@ALIAS", help="rig1/P01@production.")],
+    version: Annotated[int, typer.Argument(metavar="VERSION", min=1, help="To stand for.")],
+    reason: Annotated[str, typer.Option("--reason", help="Kept with the move.")] = "",
+    config: ConfigFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """Let an alias stand for a version; the audit keeps who moved it, and why."""
+    from frictus_service.registry.errors import RegistryNameError
+    from frictus_service.registry.names import parse_reference
+
+    wanted = parse_reference(name)
+    if not isinstance(wanted.which, str):
+        raise RegistryNameError(f"{name}: name the alias, such as {wanted.name}@production")
+    with registry_of(config) as registry:
+        before = registry.aliases.get(wanted.name, wanted.which)
+        moved = registry.aliases.move(
+            wanted.name,
+            wanted.which,
+            version,
+            by=getpass.getuser(),
+            reason=reason,
+            replaces=before.etag if before is not None else None,
+        )
+    was = before.version if before is not None else None
+    if wants_lines(as_json):
+        write_line(event="moved", from_version=was, **moved.model_dump())
+    else:
+        typer.echo(f"{wanted} is version {version}" + (f", was {was}" if was else ""))
+
+
+@models.command()
+def compare(
+    a: Annotated[str, typer.Argument(metavar="A", help="Reference.")],
+    b: Annotated[str, typer.Argument(metavar="B", help="Reference.")],
+    config: ConfigFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """Set two models side by side: parameters, cutoff by speed, 95 % intervals."""
+    from frictus_service.registry.comparison import Difference
+    from frictus_service.registry.comparison import compare as set_side_by_side
+
+    with registry_of(config) as registry:
+        found = set_side_by_side(registry.get(a), registry.get(b))
+    if wants_lines(as_json):
+        write_line(**found.model_dump(mode="json"))
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("", found.a.reference, found.b.reference, "difference", "95 %", "z")
+    rows: dict[str, Difference] = dict(found.parameters)
+    rows |= {f"cutoff at {c.speed_mm_s:g} mm/s, Hz": c for c in found.cutoff_hz}
+    for quantity, one in rows.items():
+        interval = f"{one.ci95[0]:.4g} … {one.ci95[1]:.4g}" if one.ci95 else "not known"
+        z = f"{one.z:.2f}" if one.z is not None else ""
+        table.add_row(
+            quantity, f"{one.a:.5g}", f"{one.b:.5g}", f"{one.difference:.4g}", interval, z
+        )
+    console = Console()
+    console.print(table)
+    for effect, where in found.effects.items():
+        console.print(f"effect {effect}: in {where}", markup=False)
+    for key, (in_a, in_b) in found.provenance.items():
+        console.print(f"{key}: {in_a} | {in_b}", markup=False)
+
+
+@models.command()
+def activate(
+    rig: Annotated[str, typer.Argument(metavar="RIG", help="Name of the rig.")],
+    reference: Ref,
+    site: SiteOption = None,
+    router: RouterOption = None,
+    config: ConfigFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """Give a rig a published model, while it is disarmed, and say what it confirmed."""
+    import frictus
+
+    target = Target.of(config, router, site, rig)
+    with registry_of(config) as registry, frictus.connect(target.router) as client:
+        version = registry.get(reference)
+        confirmed = target.choose(client).set_model(version.model)
+        activation = registry.activations.record(
+            version, site=target.site, rig=rig, confirmed=confirmed, by=getpass.getuser()
+        )
+    as_published = confirmed == version.etag
+    if wants_lines(as_json):
+        write_line(event="activated", as_published=as_published, **activation.model_dump())
+    else:
+        told = "as it was published" if as_published else f"but as another model, {confirmed}"
+        typer.echo(f"rig {rig} applies {version.reference}, {told}")
+
+
+@models.command()
+def export(
+    reference: Ref,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="To write: .json or .mat.")],
+    config: ConfigFile = None,
+) -> None:
+    """Write a published model to a file, a model/1 document or one for MATLAB."""
+    from frictus.errors import ArgumentError
+
+    if file.suffix not in (".json", ".mat"):
+        raise ArgumentError(f"{file}: .json and .mat are accepted")
+    with registry_of(config) as registry:
+        found = registry.get(reference)
+    if file.suffix == ".mat":
+        from frictus_service.registry.matlab import to_mat
+
+        file.write_bytes(to_mat(found))
+    else:
+        file.write_bytes(found.model.to_json())
+
+
+def read_model(file: Path) -> "Model":
+    """Return the model that a file holds.
+
+    Raises
+    ------
+    ArgumentError
+        If it does not hold a `model/1` document.
+    """
+    from pydantic import ValidationError
+
+    from frictus.errors import ArgumentError, explain
+    from frictus.model import Model
+
+    try:
+        return Model.model_validate_json(file.read_bytes())
+    except ValidationError as error:
+        raise ArgumentError(f"{file} holds no model/1 document: {explain(error)}") from error
+
+
+def default_name(model: "Model", rig: str | None) -> str:
+    """Return the name that a model is published under where none is given.
+
+    Raises
+    ------
+    ArgumentError
+        If it is a participant's, and nobody says on which rig it was measured.
+    """
+    from frictus.errors import ArgumentError
+
+    if model.participant is None:
+        return "population"
+    if rig is None:
+        raise ArgumentError("on which rig was it measured? Say --rig, or give a --name")
+    return f"{rig}/{model.participant}"
+
+
+def _date(found: "VersionSummary") -> str:
+    from datetime import UTC, datetime
+
+    return datetime.fromtimestamp(1e-9 * found.published_utc_ns, UTC).strftime("%F %H:%M")

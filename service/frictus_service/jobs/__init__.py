@@ -1,0 +1,1 @@
+"""Calibrations as jobs: each in a process of its own, followed by the API process."""

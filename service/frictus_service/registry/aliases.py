@@ -1,0 +1,151 @@
+"""Aliases: names that stand for one version of a model until somebody moves them."""
+
+from collections.abc import Callable
+from typing import Any
+
+from sqlalchemy import Connection, Row, insert, select, update
+
+from frictus_service.registry.database import Database
+from frictus_service.registry.documents import Alias, AliasMove
+from frictus_service.registry.errors import AliasConflictError, UnknownModelError
+from frictus_service.registry.names import check_alias, check_name
+from frictus_service.registry.tables import alias_moves, aliases, model_names, models
+
+
+class Aliases:
+    """The aliases of a registry, and who moved them.
+
+    Parameters
+    ----------
+    database : Database
+    clock_ns : callable
+        UTC, ns.
+    """
+
+    def __init__(self, database: Database, clock_ns: Callable[[], int]) -> None:
+        self._database = database
+        self._clock_ns = clock_ns
+
+    def of(self, name: str) -> list[Alias]:
+        """Return the aliases of a model, sorted.
+
+        Raises
+        ------
+        RegistryNameError
+        """
+        query = select(aliases).where(aliases.c.name == check_name(name))
+        with self._database.read() as connection:
+            rows = connection.execute(query.order_by(aliases.c.alias)).all()
+        return [_alias(row) for row in rows]
+
+    def get(self, name: str, alias: str) -> Alias | None:
+        """Return an alias; None if it was never made.
+
+        Raises
+        ------
+        RegistryNameError
+        """
+        with self._database.read() as connection:
+            return _alias_of(connection, check_name(name), check_alias(alias))
+
+    def move(
+        self,
+        name: str,
+        alias: str,
+        version: int,
+        *,
+        by: str,
+        reason: str = "",
+        replaces: str | None,
+    ) -> Alias:
+        """Let an alias stand for a version from now on; the move is kept in the audit.
+
+        Parameters
+        ----------
+        name, alias : str
+        version : int
+            A published version of `name`.
+        by, reason : str
+            Who, and why.
+        replaces : str or None
+            Etag of the alias as the caller saw it, ``*`` for any, None where it must be new.
+
+        Raises
+        ------
+        RegistryNameError, UnknownModelError, AliasConflictError
+        """
+        check_name(name)
+        check_alias(alias)
+        with self._database.write() as connection:
+            _hold(connection, name)
+            _check_version(connection, name, version)
+            before = _alias_of(connection, name, alias)
+            _check_replaced(before, f"{name}@{alias}", replaces)
+            row = {
+                "version": version,
+                "revision": before.revision + 1 if before else 1,
+                "moved_utc_ns": self._clock_ns(),
+            }
+            here = {"name": name, "alias": alias}
+            if before is None:
+                connection.execute(insert(aliases).values(**here, **row))
+            else:
+                same = (aliases.c.name == name) & (aliases.c.alias == alias)
+                connection.execute(update(aliases).where(same).values(**row))
+            connection.execute(
+                insert(alias_moves).values(
+                    **here,
+                    revision=row["revision"],
+                    from_version=before.version if before else None,
+                    to_version=version,
+                    moved_utc_ns=row["moved_utc_ns"],
+                    moved_by=by,
+                    reason=reason,
+                )
+            )
+        return Alias(name=name, alias=alias, **row)
+
+    def moves(self, name: str, limit: int) -> list[AliasMove]:
+        """Return the newest moves of a model's aliases, newest first.
+
+        Raises
+        ------
+        RegistryNameError
+        """
+        query = select(alias_moves).where(alias_moves.c.name == check_name(name))
+        with self._database.read() as connection:
+            rows = connection.execute(
+                query.order_by(alias_moves.c.id.desc()).limit(limit)
+            ).all()
+        return [AliasMove.model_validate(row._mapping) for row in rows]
+
+
+def _check_version(connection: Connection, name: str, version: int) -> None:
+    same = (models.c.name == name) & (models.c.version == version)
+    if connection.execute(select(models.c.id).where(same)).one_or_none() is None:
+        raise UnknownModelError(f"no model {name}@{version} was published")
+
+
+def _hold(connection: Connection, name: str) -> None:
+    """Let nobody else move an alias of this name until we are done."""
+    connection.execute(
+        select(model_names.c.name).where(model_names.c.name == name).with_for_update()
+    )
+
+
+def _alias_of(connection: Connection, name: str, alias: str) -> Alias | None:
+    query = select(aliases).where(aliases.c.name == name, aliases.c.alias == alias)
+    row = connection.execute(query).one_or_none()
+    return _alias(row) if row is not None else None
+
+
+def _check_replaced(before: Alias | None, which: str, replaces: str | None) -> None:
+    if replaces is None and before is not None:
+        raise AliasConflictError(f"there is {which} already: its etag is {before.etag}")
+    if replaces not in (None, "*") and (before is None or before.etag != replaces):
+        stands = f"its etag is {before.etag}" if before else "it was never made"
+        raise AliasConflictError(f"{which} does not stand where it was seen: {stands}")
+
+
+def _alias(row: Row[Any]) -> Alias:
+    return Alias.model_validate(row._mapping)

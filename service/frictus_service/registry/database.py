@@ -1,0 +1,197 @@
+"""One database, SQLite or PostgreSQL: opened with its first use, brought up to date, safe.
+
+SQLite writes ahead (WAL) with every commit on the disk (FULL), and a writer takes the lock when
+it begins, so that it never fails half-way because another came first. A relative file name in
+the URL is relative to the working folder.
+"""
+
+import contextlib
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+from alembic import command
+from alembic.config import Config as AlembicConfig
+from alembic.util import CommandError
+from sqlalchemy import URL, Connection, Engine, Table, create_engine, event, make_url, text
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.exc import ArgumentError, IntegrityError, SQLAlchemyError
+
+from frictus_service.registry.errors import RegistryUnavailableError
+
+MIGRATIONS: Final = Path(__file__).parent / "migrations"
+DRIVERS: Final = ("sqlite", "postgresql+psycopg")
+BUSY_MS: Final = 10_000
+"""How long SQLite waits for another writer; a write takes milliseconds."""
+_UPGRADE_LOCK: Final = 0x66726963
+"""Any number; PostgreSQL lets one process at a time bring the tables up to date."""
+
+
+class Database:
+    """A database of the registry; any thread may use it.
+
+    Parameters
+    ----------
+    url : str
+        ``sqlite:///FILE`` or ``postgresql+psycopg://USER:PASSWORD@HOST/NAME``.
+
+    Raises
+    ------
+    RegistryUnavailableError
+        If the URL is not one.
+    """
+
+    def __init__(self, url: str) -> None:
+        try:
+            self._url = make_url(url)
+        except ArgumentError as error:
+            raise RegistryUnavailableError(
+                f"registry.url is no database URL: {error}"
+            ) from error
+        if self._url.drivername not in DRIVERS:
+            raise RegistryUnavailableError(
+                f"registry.url {self}: sqlite:///FILE and postgresql+psycopg://... are accepted"
+            )
+        self._opening = threading.Lock()
+        self._engine: Engine | None = None
+
+    def __str__(self) -> str:
+        """Return the URL without its password."""
+        return self._url.render_as_string(hide_password=True)
+
+    @property
+    def exists(self) -> bool:
+        """Whether there may be anything in it: False only for a file that is not there."""
+        return not self._is_file or Path(self._url.database or "").exists()
+
+    @property
+    def usable(self) -> bool:
+        """Whether it can be reached; a file that is not there yet can be made."""
+        if not self.exists:
+            return True
+        try:
+            with self.read() as connection:
+                connection.execute(text("SELECT 1"))
+        except RegistryUnavailableError:
+            return False
+        return True
+
+    @contextlib.contextmanager
+    def read(self) -> Iterator[Connection]:
+        """Give a connection that sees one state of the database.
+
+        Raises
+        ------
+        RegistryUnavailableError
+        """
+        with self._told(), self._opened().connect() as connection:
+            yield connection
+
+    @contextlib.contextmanager
+    def write(self) -> Iterator[Connection]:
+        """Give a connection whose changes are all kept, on the disk, or none of them.
+
+        Raises
+        ------
+        RegistryUnavailableError
+        """
+        with self._told(), self._opened().connect() as connection:
+            connection = connection.execution_options(frictus_write=True)
+            with connection.begin():
+                yield connection
+
+    def close(self) -> None:
+        """Close every connection. Using the database again opens it again."""
+        with self._opening:
+            engine, self._engine = self._engine, None
+        if engine is not None:
+            engine.dispose()
+
+    def _opened(self) -> Engine:
+        with self._opening:
+            if self._engine is None:
+                engine = _sqlite(self._url) if self._is_file else _server(self._url)
+                try:
+                    self._upgrade(engine)
+                except BaseException:
+                    engine.dispose()
+                    raise
+                self._engine = engine
+            return self._engine
+
+    @property
+    def _is_file(self) -> bool:
+        return self._url.drivername == "sqlite"
+
+    def _upgrade(self, engine: Engine) -> None:
+        alembic = AlembicConfig()
+        alembic.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
+        with engine.connect() as connection:
+            connection = connection.execution_options(frictus_write=True)
+            with connection.begin():
+                if not self._is_file:
+                    connection.execute(
+                        text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _UPGRADE_LOCK}
+                    )
+                alembic.attributes["connection"] = connection
+                try:
+                    command.upgrade(alembic, "head")
+                except CommandError as error:
+                    raise RegistryUnavailableError(
+                        f"the registry {self} was written by another version of frictus, which "
+                        f"this one cannot read ({error}): install that version or a newer one"
+                    ) from error
+
+    @contextlib.contextmanager
+    def _told(self) -> Iterator[None]:
+        try:
+            yield
+        except IntegrityError:
+            raise  # for whoever knows which rule was broken
+        except SQLAlchemyError as error:
+            reason = str(getattr(error, "orig", None) or error).strip().replace("\n", " ")
+            raise RegistryUnavailableError(
+                f"the registry {self} cannot be used: {reason}; see registry.url in the "
+                "configuration"
+            ) from error
+
+
+def insert_or(connection: Connection, table: Table) -> sqlite.Insert | postgresql.Insert:
+    """Return an INSERT that knows ``on_conflict_do_nothing`` and ``on_conflict_do_update``."""
+    if connection.dialect.name == "sqlite":
+        return sqlite.insert(table)
+    return postgresql.insert(table)
+
+
+def _sqlite(url: URL) -> Engine:
+    engine = create_engine(url)
+
+    @event.listens_for(engine, "connect")
+    def prepare(connection: Any, _record: object) -> None:
+        connection.isolation_level = None  # transactions begin below, schema changes included
+        for pragma in (
+            f"busy_timeout = {BUSY_MS}",
+            "journal_mode = WAL",
+            "synchronous = FULL",
+            "foreign_keys = ON",
+        ):
+            connection.execute(f"PRAGMA {pragma}").close()
+
+    @event.listens_for(engine, "begin")
+    def begin(connection: Connection) -> None:
+        writes = connection.get_execution_options().get("frictus_write", False)
+        connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+
+    return engine
+
+
+def _server(url: URL) -> Engine:
+    try:
+        # A connection that the server has closed meanwhile is opened again, not passed on.
+        return create_engine(url, pool_pre_ping=True, connect_args={"connect_timeout": 5})
+    except ModuleNotFoundError as error:
+        raise RegistryUnavailableError(
+            "the registry is on PostgreSQL, whose driver is missing: "
+            "pip install 'frictus[postgres]'"
+        ) from error

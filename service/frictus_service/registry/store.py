@@ -1,0 +1,264 @@
+"""The registry: models under names, in versions that never change."""
+
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any, Final, Literal, Self
+
+from sqlalchemy import Column, Connection, Row, insert, select
+
+from frictus.model import Model
+from frictus_service.etag import etag_of
+from frictus_service.registry.activations import Activations
+from frictus_service.registry.aliases import Aliases
+from frictus_service.registry.calibrations import Calibrations
+from frictus_service.registry.database import Database, insert_or
+from frictus_service.registry.documents import Published, VersionPage, VersionSummary
+from frictus_service.registry.errors import UnknownCalibrationError, UnknownModelError
+from frictus_service.registry.names import Reference, check_name, parse_reference
+from frictus_service.registry.once import Once
+from frictus_service.registry.pages import cursor_of, number_of
+from frictus_service.registry.provenance import check_provenance
+from frictus_service.registry.tables import aliases, calibrations, model_names, models
+
+_SUMMARY: Final[list[Column[Any]]] = [models.c[field] for field in VersionSummary.model_fields]
+
+
+class Registry:
+    """Models by name and version; any thread and any number of processes may use it.
+
+    Nothing is opened, and no file is made, before its first use.
+
+    Parameters
+    ----------
+    url : str
+        ``sqlite:///FILE`` or ``postgresql+psycopg://USER:PASSWORD@HOST/NAME``.
+    clock_ns : callable
+        UTC, ns.
+
+    Attributes
+    ----------
+    database : Database
+        What everything is kept in.
+    aliases : Aliases
+        Names that stand for a version and move.
+    activations : Activations
+        Which rig was given which version.
+    calibrations : Calibrations
+        The calibrations behind the models.
+
+    Raises
+    ------
+    RegistryUnavailableError
+        If the URL is not one; every method raises it when the database cannot be reached.
+    """
+
+    def __init__(self, url: str, clock_ns: Callable[[], int] = time.time_ns) -> None:
+        self.database = Database(url)
+        self.aliases = Aliases(self.database, clock_ns)
+        self.activations = Activations(self.database, clock_ns)
+        self.calibrations = Calibrations(self.database, clock_ns)
+        self._clock_ns = clock_ns
+
+    def __enter__(self) -> Self:
+        """Return self."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the database."""
+        self.database.close()
+
+    def publish(
+        self,
+        model: Model,
+        name: str,
+        *,
+        by: str,
+        rig: str | None = None,
+        comment: str = "",
+        calibration: str | None = None,
+        once: Once | None = None,
+    ) -> Published:
+        """Publish a model as the next version of a name; when this returns, it is on the disk.
+
+        Parameters
+        ----------
+        model : Model
+            With provenance, see `check_provenance`.
+        name : str
+            One or two parts, such as ``population`` or ``rig1/P01``.
+        by : str
+            Who publishes it.
+        rig : str or None
+            On which rig it was measured.
+        comment : str
+            For people.
+        calibration : str or None
+            Id of the calibration that measured it. It is published once: asking again returns
+            the version that it became.
+        once : Once or None
+            Idempotency key: the same request again returns what the first one published.
+
+        Raises
+        ------
+        RegistryNameError, ProvenanceError, KeyReusedError
+        """
+        check_name(name)
+        check_provenance(model)
+        with self.database.write() as connection:
+            now_ns = self._clock_ns()
+            if once is not None and (made := once.begin(connection, now_ns)) is not None:
+                return _published(_find(connection, parse_reference(made)))
+            row = _measured(connection, calibration) if calibration is not None else None
+            row = (
+                row
+                or connection.execute(
+                    insert(models)
+                    .values(
+                        name=name,
+                        version=_next_version(connection, name),
+                        etag=etag_of(model),
+                        response=model.response,
+                        participant=model.participant,
+                        rig=rig,
+                        document=model.to_json().decode(),
+                        published_utc_ns=now_ns,
+                        published_by=by,
+                        comment=comment,
+                        calibration=calibration,
+                    )
+                    .returning(models)
+                ).one()
+            )
+            published = _published(row)
+            if once is not None:
+                once.finish(connection, published.reference)
+        return published
+
+    def get(self, reference: str) -> Published:
+        """Return a published version.
+
+        Parameters
+        ----------
+        reference : str
+            ``NAME@VERSION``, ``NAME@ALIAS``, or ``NAME`` for the newest version.
+
+        Raises
+        ------
+        RegistryNameError, UnknownModelError
+        """
+        wanted = parse_reference(reference)
+        with self.database.read() as connection:
+            return _published(_find(connection, wanted))
+
+    def find(
+        self,
+        *,
+        name: str | None = None,
+        participant: str | None = None,
+        rig: str | None = None,
+        response: Literal["friction", "mobility"] | None = None,
+        population: bool | None = None,
+        newest: bool = False,
+        after: str = "",
+        limit: int = 100,
+    ) -> VersionPage:
+        """Return published versions, newest first.
+
+        Parameters
+        ----------
+        name, participant, rig, response
+            Only those; None: any.
+        population : bool or None
+            True: only models of no participant; False: only of participants.
+        newest : bool
+            Only the newest version of each name.
+        after : str
+            `next` of the page before.
+        limit : int
+            Longest page, 1 or more.
+
+        Raises
+        ------
+        CursorError
+        """
+        query = select(*_SUMMARY, models.c.id).order_by(models.c.id.desc()).limit(limit + 1)
+        wanted = {"name": name, "participant": participant, "rig": rig, "response": response}
+        for field, value in wanted.items():
+            if value is not None:
+                query = query.where(models.c[field] == value)
+        if population is not None:
+            anyone = models.c.participant
+            query = query.where(anyone.is_(None) if population else anyone.is_not(None))
+        if newest:
+            query = query.join(model_names).where(
+                models.c.version == model_names.c.last_version
+            )
+        if after:
+            query = query.where(models.c.id < number_of(after))
+        with self.database.read() as connection:
+            rows = connection.execute(query).all()
+        more = cursor_of(str(rows[limit - 1].id)) if len(rows) > limit else None
+        return VersionPage(models=[_summary(row) for row in rows[:limit]], next=more)
+
+
+def _next_version(connection: Connection, name: str) -> int:
+    # Counted in one statement that locks the name's row: no two writers get the same number,
+    # and a transaction that fails gives its number back.
+    count = insert_or(connection, model_names).values(name=name, last_version=1)
+    count = count.on_conflict_do_update(
+        index_elements=["name"], set_={"last_version": model_names.c.last_version + 1}
+    )
+    return int(connection.execute(count.returning(model_names.c.last_version)).scalar_one())
+
+
+def _measured(connection: Connection, calibration: str) -> Row[Any] | None:
+    """Return what a calibration was published as; its row is locked until we have published."""
+    held = select(calibrations.c.id).where(calibrations.c.id == calibration).with_for_update()
+    if connection.execute(held).one_or_none() is None:
+        raise UnknownCalibrationError(f"no calibration {calibration[:80]!r}")
+    query = select(models).where(models.c.calibration == calibration)
+    return connection.execute(query).one_or_none()
+
+
+def _find(connection: Connection, wanted: Reference) -> Row[Any]:
+    query = select(models).where(models.c.name == wanted.name)
+    if isinstance(wanted.which, int):
+        query = query.where(models.c.version == wanted.which)
+    elif wanted.which is not None:
+        same = (aliases.c.name == models.c.name) & (aliases.c.version == models.c.version)
+        query = query.join(aliases, same).where(aliases.c.alias == wanted.which)
+    else:
+        query = query.order_by(models.c.version.desc()).limit(1)
+    row = connection.execute(query).one_or_none()
+    if row is None:
+        raise UnknownModelError(f"no model {wanted}: {_what_there_is(connection, wanted.name)}")
+    return row
+
+
+def _what_there_is(connection: Connection, name: str) -> str:
+    count = select(model_names.c.last_version).where(model_names.c.name == name)
+    last = connection.execute(count).scalar_one_or_none()
+    if last is None:
+        return f"nothing was published as {name!r}"
+    made = select(aliases.c.alias).where(aliases.c.name == name).order_by(aliases.c.alias)
+    known = ", ".join(connection.execute(made).scalars()) or "none"
+    return f"{name!r} has the versions 1 to {last} and the aliases: {known}"
+
+
+def _summary(row: Row[*tuple[Any, ...]]) -> VersionSummary:
+    return VersionSummary.model_validate(row._mapping)
+
+
+def _published(row: Row[Any]) -> Published:
+    model = Model.model_validate_json(row.document)
+    return Published.model_validate({**row._mapping, "model": model})

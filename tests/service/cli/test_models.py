@@ -1,0 +1,115 @@
+"""`frictus models` on a registry of its own."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from scipy.io import loadmat
+from typer.testing import CliRunner
+
+from frictus.model import Model
+from frictus_service.cli.app import app
+from frictus_service.cli.exits import Exit
+
+MODEL = {
+    "base": {
+        "law": "first_order_speed",
+        "gain_n": 0.4,
+        "cutoff_0_hz": 400.0,
+        "slope_hz_per_mm_s": 12.0,
+    },
+    "participant": "P01",
+    "provenance": {"source": "a test", "rig": "fake"},
+}
+
+
+@pytest.fixture
+def models(tmp_path: Path) -> Any:
+    """Run a command of `frictus models`; return what it writes."""
+    file = tmp_path / "own.toml"
+    file.write_text('[registry]\nurl = "sqlite:///own.db"\n', encoding="utf-8")
+
+    def run(command: str, *args: object, fails: Exit | None = None, config: Path = file) -> Any:
+        words = ["models", command, *map(str, args), "-c", str(config)]
+        result = CliRunner().invoke(app, words)
+        assert result.exit_code == (fails or Exit.OK), result.stderr
+        if fails is not None:
+            return result.stderr
+        return [json.loads(line) for line in result.stdout.splitlines()]
+
+    return run
+
+
+@pytest.fixture
+def document(tmp_path: Path) -> Path:
+    file = tmp_path / "model.json"
+    file.write_text(json.dumps(MODEL), encoding="utf-8")
+    return file
+
+
+def test_publish_list_show(models: Any, document: Path, tmp_path: Path) -> None:
+    for version in (1, 2):
+        (said,) = models("publish", document, "--comment", "by hand")
+        assert said["reference"] == f"fake/P01@{version}"
+    models("publish", document, "--name", "other/P01", "--rig", "other")
+    assert (tmp_path / "own.db").exists()  # beside the configuration
+    listed = models("list")
+    assert [row["rig"] for row in listed] == ["other", "fake", "fake"]
+    assert [row["version"] for row in models("list", "--name", "fake/P01", "--newest")] == [2]
+    (shown,) = models("show", "fake/P01@1")
+    assert shown["model"]["base"] == MODEL["base"]
+    assert shown["comment"] == "by hand"
+
+
+def test_alias_and_compare(models: Any, document: Path) -> None:
+    models("publish", document)
+    models("publish", document)
+    models("alias", "fake/P01@production", 1)
+    (moved,) = models("alias", "fake/P01@production", 2, "--reason", "newer")
+    assert (moved["from_version"], moved["version"], moved["revision"]) == (1, 2, 2)
+    (shown,) = models("show", "fake/P01@production")
+    assert (shown["version"], shown["moves"][0]["reason"]) == (2, "newer")
+    (compared,) = models("compare", "fake/P01@1", "fake/P01@production")
+    assert compared["parameters"]["gain_n"]["difference"] == 0.0
+    assert "production" in models("alias", "fake/P01", 1, fails=Exit.USAGE)
+    assert "no model" in models("alias", "fake/P01@production", 9, fails=Exit.USAGE)
+
+
+def test_activate_tells_what_the_rig_confirmed(
+    models: Any, document: Path, rig: Any, config: Path
+) -> None:
+    models("publish", document, config=config)
+    (said,) = models("activate", "fake", "fake/P01", config=config)
+    assert said["confirmed"] == "s1"  # this rig names whatever it gets so
+    assert said["as_published"] is False
+    (shown,) = models("show", "fake/P01", config=config)
+    assert shown["activations"][0]["rig"] == "fake"
+    rig.refusal = ("conflict", "the model changes only while disarmed")
+    told = models("activate", "fake", "fake/P01", config=config, fails=Exit.REFUSED)
+    assert "disarmed" in told
+
+
+def test_export(models: Any, document: Path, tmp_path: Path) -> None:
+    models("publish", document)
+    as_json, as_mat = tmp_path / "out.json", tmp_path / "out.mat"
+    assert models("export", "fake/P01", as_json) == []
+    assert Model.model_validate_json(as_json.read_bytes()).base.law == "first_order_speed"
+    models("export", "fake/P01", as_mat)
+    assert loadmat(as_mat, simplify_cells=True)["parameters"]["gain_n"] == 0.4
+    assert ".mat" in models("export", "fake/P01", tmp_path / "out.txt", fails=Exit.USAGE)
+
+
+def test_what_cannot_be_published(models: Any, document: Path, tmp_path: Path) -> None:
+    broken = tmp_path / "broken.json"
+    broken.write_text("{}", encoding="utf-8")
+    assert "base" in models("publish", broken, fails=Exit.USAGE)
+    broken.write_text(json.dumps({**MODEL, "provenance": {}}), encoding="utf-8")
+    assert "--rig" in models("publish", broken, fails=Exit.USAGE)
+    assert "study_sha256" in models("publish", broken, "--rig", "fake", fails=Exit.USAGE)
+    assert models("publish", tmp_path / "absent.json", fails=Exit.USAGE)
+    nowhere = tmp_path / "nowhere.toml"
+    nowhere.write_text('[registry]\nurl = "postgresql+psycopg://x@127.0.0.1:1/x"\n', "utf-8")
+    assert "registry.url" in models("list", config=nowhere, fails=Exit.NO_LINK)
+    nowhere.write_text('[registry]\nurl = "mysql://x"\n', encoding="utf-8")
+    assert "registry.url" in models("list", config=nowhere, fails=Exit.CONFIG)

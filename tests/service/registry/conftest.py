@@ -1,0 +1,172 @@
+"""A registry on each database: a SQLite file, and a private PostgreSQL server."""
+
+import contextlib
+import itertools
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sqlalchemy import create_engine, text
+
+from frictus.model import Covariance, FirstOrderSpeedLaw, Model
+from frictus_service.ports import free_port
+from frictus_service.registry.store import Registry
+
+INSTALL_S = 100.0
+USER = "postgres"
+_NUMBER = itertools.count()
+
+
+class NoServerError(RuntimeError):
+    """Why there is no server."""
+
+
+def binaries() -> Path | None:
+    """Return the folder of `initdb` and `pg_ctl`, the newest version's; None if absent."""
+    installed = Path("/usr/lib/postgresql").glob("*/bin/initdb")
+    if found := max(installed, key=lambda path: path.parts[-3].zfill(4), default=None):
+        return found.parent
+    on_path = shutil.which("initdb")
+    return Path(on_path).resolve().parent if on_path else None
+
+
+def install() -> None:
+    """Install the server where that is one quiet command."""
+    if sys.platform == "win32" or not shutil.which("apt-get"):
+        raise NoServerError("initdb is not on the PATH: install PostgreSQL")
+    if os.geteuid() != 0:
+        raise NoServerError("initdb is not on the PATH: sudo apt-get install postgresql")
+    command = ["apt-get", "install", "-y", "-qq", "--no-install-recommends", "postgresql"]
+    try:
+        done = subprocess.run(
+            command,
+            env={**os.environ, "DEBIAN_FRONTEND": "noninteractive"},
+            capture_output=True,
+            text=True,
+            timeout=INSTALL_S,
+        )
+    except subprocess.TimeoutExpired as error:
+        raise NoServerError(f"apt-get did not end within {INSTALL_S:g} s") from error
+    if done.returncode != 0:
+        said = (done.stderr or done.stdout).strip().splitlines() or ["no reason"]
+        raise NoServerError(f"apt-get could not install it: {said[-1]}")
+
+
+def unprivileged(folder: Path) -> list[str]:
+    """Return what runs a command as somebody for whom PostgreSQL runs: never root.
+
+    What it runs ends with the tests, even where they are killed.
+    """
+    setpriv = shutil.which("setpriv")
+    if sys.platform == "win32" or (os.geteuid() != 0 and setpriv is None):
+        return []
+    if setpriv is None:
+        raise NoServerError("PostgreSQL does not run for root, and there is no setpriv")
+    mortal = [setpriv, "--pdeathsig", "QUIT"]
+    if os.geteuid() != 0:
+        return mortal
+    shutil.chown(folder, USER)
+    return [*mortal, "--reuid", USER, "--regid", USER, "--init-groups"]
+
+
+def wait_until_ready(found: Path, port: int, process: "subprocess.Popen[bytes]") -> None:
+    ask = [str(found / "pg_isready"), "-q", "-h", "127.0.0.1", "-p", str(port)]
+    while subprocess.run(ask).returncode != 0:
+        if process.poll() is not None:
+            raise NoServerError(f"PostgreSQL ended with {process.returncode} as it started")
+
+
+@contextlib.contextmanager
+def server() -> Iterator[str]:
+    """Run a cluster of our own; give the URL of its databases."""
+    if binaries() is None:
+        install()
+    found = binaries()
+    if found is None:
+        raise NoServerError("apt-get installed it, but there is no initdb")
+    with tempfile.TemporaryDirectory(prefix="frictus-pg-") as name:
+        as_user = unprivileged(Path(name))
+        data, port, null = str(Path(name) / "data"), free_port(), subprocess.DEVNULL
+        made = [*as_user, str(found / "initdb"), "-D", data, "-U", USER, "-A", "trust", "-N"]
+        if (ended := subprocess.run(made, stdout=null, stderr=null, cwd=name).returncode) != 0:
+            raise NoServerError(f"initdb ended with {ended}")
+        # Clients crash in these tests, the server does not: it need not sync.
+        settings = ["-h", "127.0.0.1", "-p", str(port), "-k", "", "-c", "fsync=off"]
+        begun = [*as_user, str(found / "postgres"), "-D", data, *settings]
+        with subprocess.Popen(begun, stdout=null, stderr=null, cwd=name) as process:
+            try:
+                wait_until_ready(found, port, process)
+                yield f"postgresql+psycopg://{USER}@127.0.0.1:{port}/"
+            finally:
+                process.send_signal(signal.SIGINT)
+
+
+@pytest.fixture(scope="session")
+def postgresql() -> Iterator[Callable[[], str]]:
+    """Make an empty schema on a real server, and return the URL that leads to it."""
+    with contextlib.ExitStack() as undo:
+        try:
+            root = undo.enter_context(server())
+        except NoServerError as error:
+            pytest.skip(f"no PostgreSQL here: {error}")
+        engine = create_engine(f"{root}postgres", isolation_level="AUTOCOMMIT")
+        undo.callback(engine.dispose)
+
+        def make() -> str:
+            name = f"test{next(_NUMBER)}"
+            with engine.connect() as connection:
+                connection.execute(text(f"CREATE SCHEMA {name}"))
+            return f"{root}postgres?options=-csearch_path%3D{name}"
+
+        yield make
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """A database of each kind, empty."""
+    if request.param == "sqlite":
+        return f"sqlite:///{tmp_path / 'registry.db'}"
+    make: Callable[[], str] = request.getfixturevalue("postgresql")
+    return make()
+
+
+@pytest.fixture
+def registry(url: str) -> Iterator[Registry]:
+    with Registry(url) as opened:
+        yield opened
+
+
+MakeModel = Callable[..., Model]
+
+
+@pytest.fixture
+def model() -> MakeModel:
+    """Make a model as identification would."""
+
+    def make(gain_n: float = 0.4, participant: str | None = "P01", **changes: Any) -> Model:
+        fields: dict[str, Any] = {
+            "base": FirstOrderSpeedLaw(
+                gain_n=gain_n, cutoff_0_hz=400.0, slope_hz_per_mm_s=12.0
+            ),
+            "participant": participant,
+            "covariance": Covariance(
+                parameters=["gain_n", "cutoff_0_hz", "slope_hz_per_mm_s"],
+                matrix=[[1e-4, 0.0, 0.0], [0.0, 25.0, -0.3], [0.0, -0.3, 0.01]],
+            ),
+            "provenance": {
+                "study_sha256": "0123456789abcdef" * 4,
+                "code_version": "0.1.0",
+                "settings": {"delay": True},
+                "seed": 7,
+            },
+        }
+        return Model(**(fields | changes))
+
+    return make
