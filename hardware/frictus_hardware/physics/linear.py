@@ -5,7 +5,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 FloatArray = NDArray[np.float64]
 
@@ -71,6 +70,8 @@ class SampledFilter:
         signal_out : ndarray, shape (n_samples, n_channels)
         state : ndarray, shape (order, n_channels)
         """
+        from scipy import signal  # late: it takes a second, and many only need the responses
+
         out, state = signal.lfilter(
             self.numerator, self.denominator, signal_in, axis=0, zi=state
         )
@@ -91,6 +92,8 @@ def sample(transfer: TransferFunction, sample_rate_hz: float) -> SampledFilter:
     ValueError
         If the transfer function is improper or has a pole at s = 0.
     """
+    from scipy import signal
+
     order = len(transfer.denominator) - 1
     if len(transfer.numerator) > order + 1 or transfer.denominator[-1] == 0.0:
         raise ValueError("the transfer function must be proper and without a pole at s = 0")

@@ -8,7 +8,15 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Any
 
-from frictus_service.benchmarks import delivery, kernel, kills, lateness, throughput, update
+from frictus_service.benchmarks import (
+    delivery,
+    identification,
+    kernel,
+    kills,
+    lateness,
+    throughput,
+    update,
+)
 from frictus_service.benchmarks.figure import SCHEMA, Figure
 
 
@@ -47,6 +55,7 @@ MEASUREMENTS: dict[str, Callable[[], list[Figure]]] = {
     "texture update": update.measure,
     "loop lateness": lateness.measure,
     "kills": kills.measure,
+    "identification": identification.measure,
 }
 
 

@@ -1,0 +1,141 @@
+"""`frictus identify`: from a study to models, with a report."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from frictus_service.cli.lines import write_line
+from frictus_service.cli.options import AsJson, wants_lines
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from frictus_service.identification.documents import Estimate, Identification
+
+MOST_SHOWN = 10
+"""Excluded trials that are named on the terminal; the report names all."""
+
+
+def identify(
+    study: Annotated[Path, typer.Argument(metavar="STUDY", help="Study file, or a folder.")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Where to.  [default: STUDY-identification]"),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", min=0, help="Processes.  [default: one per processor]"),
+    ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option("--cluster", metavar="ADDR", help="dask scheduler to work on instead."),
+    ] = None,
+    no_cache: Annotated[
+        bool, typer.Option("--no-cache", help="Neither read nor keep observations.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Identify friction and skin of everyone in STUDY: models, tests, report."""
+    from frictus_service.identification import analysis, outputs
+    from frictus_service.identification.pipeline import observe_study
+    from frictus_service.study.importers import open_study
+
+    folder = out or study.with_name(f"{study.stem}-identification")
+    with open_study(study) as opened:
+        sha256, unreadable = opened.sha256, opened.excluded
+    observations = observe_study(
+        study,
+        workers=workers,
+        cache=None if no_cache else folder / "observations",
+        cluster=cluster,
+        tell=_tell,
+    )
+    _tell("fitting")
+    found = analysis.identify(
+        observations, path=str(study), sha256=sha256, unreadable=unreadable
+    )
+    _tell("writing the report")
+    written = outputs.write(found, observations, folder)
+    if wants_lines(as_json):
+        write_line(**summary(found), files=[str(path) for path in written])
+    else:
+        from rich.console import Console
+
+        show(found, folder, Console())
+
+
+def summary(found: "Identification") -> dict[str, object]:
+    """Return what `--json` prints: the document without conditions and sweeps."""
+    whole = found.model_dump(mode="json", by_alias=True)
+    return {name: whole[name] for name in whole if name not in ("conditions", "sweeps")}
+
+
+def show(found: "Identification", folder: Path, console: "Console") -> None:
+    """Print the speed laws, what was left out, and what to know of them.
+
+    Parameters
+    ----------
+    found : Identification
+    folder : Path
+        Where the report lies.
+    console : Console
+    """
+    from rich.markup import escape
+    from rich.table import Table
+
+    from frictus_service.identification.models import why_no_population
+
+    table = Table(title="friction, 95 % intervals", title_justify="left")
+    for heading in ("", "n", "gain, N", "cutoff at rest, Hz", "Hz per mm/s", "delay, µs"):
+        table.add_column(heading, justify="right" if heading else "left")
+    for person in found.participants:
+        friction = person.friction
+        if friction is None:
+            continue
+        law = friction.law
+        table.add_row(
+            escape(person.participant),
+            str(person.conditions),
+            _shown(friction.gain_n),
+            _shown(law.cutoff_0_hz if law else None),
+            _shown(law.slope_hz_per_mm_s if law else None),
+            _shown(friction.delay_s, 1e6),
+        )
+    if found.population is not None:
+        table.add_section()
+        means = {value.name: value.mean for value in found.population.values}
+        names = ("gain_n", "cutoff_0_hz", "slope_hz_per_mm_s")
+        table.add_row(
+            "all",
+            str(found.population.n),
+            *(_shown(means.get(name)) for name in names),
+            _shown(means.get("skew_s"), 1e6),
+        )
+    console.print(table)
+    excluded = found.study.excluded
+    console.print(f"{found.study.trials_used} of {found.study.trials} trials used")
+    for trial in excluded[:MOST_SHOWN]:
+        console.print(f"  {trial.trial} left out: {'; '.join(trial.reasons)}", markup=False)
+    if len(excluded) > MOST_SHOWN:
+        console.print(f"  and {len(excluded) - MOST_SHOWN} more; the report names all")
+    why_not = why_no_population(found)
+    for note in [*found.notes, *([why_not] if why_not else [])]:
+        console.print(f"- {note}", markup=False)
+    console.print(f"report: {folder / 'report.html'}", markup=False, soft_wrap=True)
+
+
+def _shown(estimate: "Estimate | None", factor: float = 1.0) -> str:
+    if estimate is None:
+        return "-"
+    value = f"{factor * estimate.value:.4g}"
+    if estimate.ci95 is None:
+        return value
+    low, high = (factor * end for end in estimate.ci95)
+    return f"{value} [{low:.4g}, {high:.4g}]"
+
+
+def _tell(line: str) -> None:
+    sys.stderr.write(f"{line}\n")
+    sys.stderr.flush()

@@ -1,0 +1,136 @@
+"""From observations to an identification: fits, laws, statistics."""
+
+from collections.abc import Sequence
+from importlib.metadata import version
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_service.identification import effects, mixed
+from frictus_service.identification.account import account_for
+from frictus_service.identification.conditions import Table
+from frictus_service.identification.correlations import correlations_of
+from frictus_service.identification.documents import (
+    EffectTest,
+    Identification,
+    Parameter,
+    Settings,
+    SweepResult,
+)
+from frictus_service.identification.effects import Centre, number, per_participant
+from frictus_service.identification.estimates import (
+    Measured,
+    cells_of,
+    friction_of,
+    mobility_of,
+    values_of,
+)
+from frictus_service.identification.notes import notes_on
+from frictus_service.identification.observation import TrialObservations
+from frictus_service.identification.outliers import outliers_of
+from frictus_service.identification.pairs import pairs_of
+from frictus_service.identification.population import population_of
+from frictus_service.identification.results import (
+    conditions_of,
+    participants_of,
+    sweeps_of,
+)
+from frictus_service.study.errors import Exclusion
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+def identify(
+    observations: Sequence[TrialObservations],
+    *,
+    path: str = "",
+    sha256: str = "",
+    unreadable: Sequence[Exclusion] = (),
+    settings: Settings | None = None,
+) -> Identification:
+    """Identify friction and mobility of every condition and participant, and test effects.
+
+    Parameters
+    ----------
+    observations : sequence of TrialObservations
+        Of a whole study, in any order; invalid trials are listed, not used.
+    path, sha256 : str
+        Of the study.
+    unreadable : sequence of Exclusion
+        Trials of the study of which there are no observations.
+    settings : Settings or None
+
+    Raises
+    ------
+    NothingToIdentifyError
+        If no trial can be used.
+    """
+    settings = settings or Settings()
+    table = Table.of(observations)
+    measured = Measured.of(table)
+    centre = Centre.of(measured.target_mm_s.tolist(), measured.target_n.tolist())
+    friction = friction_of(table, measured, settings)
+    mobility = mobility_of(table, measured, settings)
+    fits = {"friction": friction, "mobility": mobility}
+    values = values_of(friction, mobility, len(table.conditions))
+    outliers = outliers_of(values, measured, centre, settings.outlier_mads)
+    participants = participants_of(table, measured, fits, outliers)
+    summary = account_for(observations, table, path, sha256, unreadable)
+    conditions = conditions_of(table, measured, fits, outliers, settings)
+    sweeps: tuple[SweepResult, ...] = ()
+    if settings.sweeps and friction is not None:
+        sweeps = sweeps_of(table, measured, friction, settings)
+    cells = {name: cells_of(measured, value) for name, value in values.items()}
+    return Identification(
+        code_version=version("frictus"),
+        settings=settings,
+        study=summary,
+        conditions=conditions,
+        sweeps=sweeps,
+        participants=participants,
+        population=population_of(participants),
+        effects=_effects(values, outliers, measured, centre, settings),
+        spreads=tuple(
+            found
+            for name, own in cells.items()
+            if (found := mixed.people_differ(name, own, centre)) is not None
+        ),
+        pairs=tuple(pairs_of(values, measured)),
+        correlations=tuple(correlations_of(values, measured, table.participants)),
+        notes=notes_on(summary, conditions, participants, centre),
+    )
+
+
+def _effects(
+    values: dict[Parameter, FloatArray],
+    outliers: dict[Parameter, BoolArray],
+    measured: Measured,
+    centre: Centre,
+    settings: Settings,
+) -> tuple[EffectTest, ...]:
+    """Return the tests, beside each its value without outliers and by a mixed model."""
+    n_people = int(measured.person.max()) + 1
+    cells = {name: cells_of(measured, value) for name, value in values.items()}
+    tests = effects.across_participants(
+        cells, centre, n_people, np.random.default_rng(settings.seed)
+    )
+    checks = {}
+    if settings.mixed_models and n_people > 1:
+        checks = {
+            name: mixed.cross_check(own, centre)
+            for name, own in cells.items()
+            if own.value.size > n_people + len(centre.effects)
+        }
+    out = []
+    for test in tests:
+        rest = None
+        far = outliers[test.parameter]
+        if far.any():
+            kept = cells_of(measured, np.where(far, np.nan, values[test.parameter]))
+            column = 1 + centre.effects.index(test.effect)
+            found = per_participant(kept, centre, n_people)[:, column]
+            rest = number(float(np.nanmean(found))) if np.isfinite(found).any() else None
+        check = checks.get(test.parameter, {}).get(test.effect)
+        out.append(test.model_copy(update={"without_outliers": rest, "mixed": check}))
+    return tuple(out)

@@ -1,0 +1,157 @@
+"""Sums over rows whose errors hang together: a gain that varies between trials and stretches.
+
+Each row has a relative residual ``r = z / H - 1``. Its noise is independent; besides, all rows
+of a stretch share one deviation and all rows of a trial another, and these are the larger part:
+every tone of the paper's protocol is a trial of its own, and contact differs from trial to
+trial. With random effects of variances ``a`` (inner) and ``b`` (outer), the inverse of the
+rows' covariance follows from Woodbury's identity, group by group, and is never formed.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Levels:
+    """Which rows deviate together.
+
+    Attributes
+    ----------
+    inner : ndarray of int, shape (n_rows,), or None
+        Number of the inner group of each row, from 0. None: each row is its own.
+    outer_of_inner : ndarray of int, shape (n_inner,)
+        Number of the outer group, from 0.
+    n_outer : int
+    """
+
+    inner: IntArray | None
+    outer_of_inner: IntArray
+    n_outer: int
+
+
+@dataclass(frozen=True, slots=True)
+class Scatter:
+    """Variances of relative deviations that the rows of an inner or outer group share."""
+
+    inner: float
+    outer: float
+
+
+def moments(
+    table: FloatArray, weight: FloatArray, levels: Levels, scatter: Scatter
+) -> FloatArray:
+    """Return ``T' C^-1 T`` of each outer group, shape (n_outer, k, k).
+
+    Parameters
+    ----------
+    table : ndarray, shape (n_rows, k)
+    weight : ndarray, shape (n_rows,)
+        Inverse of the variance of the independent noise.
+    levels : Levels
+    scatter : Scatter
+    """
+    if levels.inner is None:
+        alone = weight / (1.0 + scatter.inner * weight)
+        square = _outer_products(table, alone, levels.outer_of_inner, levels.n_outer)
+        linear = _sums(table, alone, levels.outer_of_inner, levels.n_outer)
+        total = _count(alone, levels.outer_of_inner, levels.n_outer)
+    else:
+        n_inner = levels.outer_of_inner.size
+        square = _outer_products(table, weight, levels.inner, n_inner)
+        linear = _sums(table, weight, levels.inner, n_inner)
+        total = _count(weight, levels.inner, n_inner)
+        square, linear, total = _absorb(square, linear, total, scatter.inner)
+        parent, n = levels.outer_of_inner, levels.n_outer
+        square, linear = _gather(square, parent, n), _gather(linear, parent, n)
+        total = _count(total, parent, n)
+    return _absorb(square, linear, total, scatter.outer)[0]
+
+
+def scatter_of(
+    residual: FloatArray, weight: FloatArray, levels: Levels, fitted: float
+) -> Scatter:
+    """Return the scatter behind residuals, by moments (DerSimonian and Laird).
+
+    The inner one comes from replicates within the outer groups; the outer one from the groups'
+    means around the fit.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n_rows,)
+    weight : ndarray, shape (n_rows,)
+        As in `moments`.
+    levels : Levels
+    fitted : float
+        How many degrees of freedom of the outer means the fit has used up.
+    """
+    value, noise = residual, 1.0 / weight
+    if levels.inner is not None:
+        n_inner = levels.outer_of_inner.size
+        total = np.bincount(levels.inner, weight, n_inner)
+        value = np.bincount(levels.inner, weight * residual, n_inner) / total
+        noise = 1.0 / total
+    parent, n = levels.outer_of_inner, levels.n_outer
+    inner = _within(value, noise, parent, n)
+    certainty = 1.0 / (noise + inner)
+    total = np.bincount(parent, certainty, n)
+    mean = np.bincount(parent, certainty * value, n) / total
+    left = max(n - fitted, 1.0)
+    outer = max(float(np.sum(mean**2) / left - np.mean(1.0 / total)), 0.0)
+    return Scatter(inner, outer)
+
+
+def _within(value: FloatArray, noise: FloatArray, parent: IntArray, n: int) -> float:
+    """Return the variance of values within groups beyond their noise."""
+    count = np.bincount(parent, minlength=n)
+    mean = np.bincount(parent, value, n) / count
+    centred = value - mean[parent]
+    # Unweighted: a few rows with very little noise would decide alone.
+    freedom = float(np.sum(count - 1.0))
+    if freedom < 1.0:
+        return 0.0
+    expected = float(np.sum(noise * (1.0 - 1.0 / count[parent])))
+    return max((float(np.sum(centred**2)) - expected) / freedom, 0.0)
+
+
+def _absorb(
+    square: FloatArray, linear: FloatArray, total: FloatArray, variance: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the sums of groups, each with a random effect of its own."""
+    kept = 1.0 / (1.0 + variance * total)
+    outer = np.einsum("gi,gj->gij", linear, linear)
+    return (
+        square - (variance * kept)[:, np.newaxis, np.newaxis] * outer,
+        kept[:, np.newaxis] * linear,
+        kept * total,
+    )
+
+
+def _outer_products(
+    table: FloatArray, weight: FloatArray, group: IntArray, n: int
+) -> FloatArray:
+    k = table.shape[1]
+    out = np.empty((n, k, k))
+    for i in range(k):
+        weighted = weight * table[:, i]
+        for j in range(i, k):
+            out[:, i, j] = out[:, j, i] = np.bincount(group, weighted * table[:, j], n)
+    return out
+
+
+def _sums(table: FloatArray, weight: FloatArray, group: IntArray, n: int) -> FloatArray:
+    return np.column_stack([np.bincount(group, weight * column, n) for column in table.T])
+
+
+def _count(weight: FloatArray, group: IntArray, n: int) -> FloatArray:
+    return np.bincount(group, weight, n).astype(np.float64)
+
+
+def _gather(values: FloatArray, group: IntArray, n: int) -> FloatArray:
+    out = np.zeros((n, *values.shape[1:]))
+    np.add.at(out, group, values)
+    return out

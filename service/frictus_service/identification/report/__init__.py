@@ -1,0 +1,1 @@
+"""The report of an identification: one HTML file that needs nothing else."""

@@ -1,0 +1,105 @@
+"""What the cache returns is what was put in, or nothing."""
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.service.identification.trials import STUDY, Made, trial
+
+from frictus_hardware.physics.linear import TransferFunction
+from frictus_service.identification import cache as caching
+from frictus_service.identification.cache import Cache, state_of
+from frictus_service.identification.observation import Rows, TrialObservations
+from frictus_service.identification.observe import observe
+
+
+@pytest.fixture
+def seen(rng: np.random.Generator) -> TrialObservations:
+    return replace(observe(trial(Made((100.0, 300.0)), rng), STUDY), sha256="ab12")
+
+
+def same(one: TrialObservations, other: TrialObservations) -> bool:
+    """Return whether two are equal to the last bit."""
+    plain = all(
+        repr(getattr(one, field.name)) == repr(getattr(other, field.name))
+        for field in fields(TrialObservations)
+        if field.name != "rows"
+    )
+    return plain and all(
+        getattr(one.rows, field.name).tobytes() == getattr(other.rows, field.name).tobytes()
+        for field in fields(Rows)
+    )
+
+
+def test_round_trip(tmp_path: Path, seen: TrialObservations) -> None:
+    cache = Cache(tmp_path / "made" / "here")
+    assert cache.find("ab12", seen.info, STUDY) is None
+    cache.keep(seen, STUDY)
+    found = cache.find("ab12", seen.info, STUDY)
+    assert found is not None
+    assert same(found, seen)
+    assert not list(tmp_path.rglob("*.part"))
+
+
+def test_nothing_measured_round_trips(tmp_path: Path, seen: TrialObservations) -> None:
+    empty = Rows(**{f.name: getattr(seen.rows, f.name)[:0] for f in fields(Rows)})
+    unusable = replace(
+        seen,
+        valid=False,
+        reasons=("mean 0.3 N, ±10 %",),
+        mean_speed_mm_s=np.nan,
+        rows=empty,
+    )
+    Cache(tmp_path).keep(unusable, STUDY)
+    found = Cache(tmp_path).find("ab12", seen.info, STUDY)
+    assert found is not None
+    assert same(found, unusable)
+
+
+def test_another_id_is_taken_over(tmp_path: Path, seen: TrialObservations) -> None:
+    Cache(tmp_path).keep(seen, STUDY)
+    found = Cache(tmp_path).find("ab12", replace(seen.info, id="copy"), STUDY)
+    assert found is not None
+    assert found.info.id == "copy"
+
+
+def test_what_matters_is_in_the_key(
+    tmp_path: Path, seen: TrialObservations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cache = Cache(tmp_path)
+    cache.keep(seen, STUDY)
+    assert cache.find("ab13", seen.info, STUDY) is None
+    assert cache.find("ab12", seen.info, replace(STUDY, mount=None)) is None
+    other = TransferFunction((1.0,), (1.0, 2.0))
+    assert cache.find("ab12", seen.info, replace(STUDY, mount=other)) is None
+    assert cache.find("ab12", seen.info, replace(STUDY, screen_peak_v=110.0)) is None
+    assert cache.find("ab12", seen.info, replace(STUDY, rig="elsewhere")) is not None
+    monkeypatch.setattr(caching, "estimator_version", lambda: "another")
+    assert cache.find("ab12", seen.info, STUDY) is None
+
+
+def test_a_damaged_entry_is_none(
+    tmp_path: Path, seen: TrialObservations, rng: np.random.Generator
+) -> None:
+    cache = Cache(tmp_path)
+    cache.keep(seen, STUDY)
+    (entry,) = tmp_path.rglob("*.observations")
+    whole = entry.read_bytes()
+    for at in rng.integers(len(whole), size=20):
+        entry.write_bytes(whole[:at])
+        assert cache.find("ab12", seen.info, STUDY) is None
+        flipped = bytearray(whole)
+        flipped[at] ^= 1 << int(rng.integers(8))
+        entry.write_bytes(flipped)
+        assert cache.find("ab12", seen.info, STUDY) is None
+
+
+def test_contents_hold_for_one_state_of_the_file(tmp_path: Path) -> None:
+    cache, file = Cache(tmp_path / "cache"), tmp_path / "study.h5"
+    file.write_bytes(b"one")
+    before = state_of(file)
+    cache.keep_contents(before, {"t0": "ab12"})
+    assert cache.contents(state_of(file)) == {"t0": "ab12"}
+    file.write_bytes(b"other")
+    assert cache.contents(state_of(file)) == {}

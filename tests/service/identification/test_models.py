@@ -1,0 +1,65 @@
+"""Models from an identification."""
+
+import numpy as np
+import pytest
+from tests.service.identification.observed import Bench, Finger, observations
+
+from frictus.model import FirstOrderSpeedLaw, Model
+from frictus_service.identification.analysis import identify
+from frictus_service.identification.documents import Identification, Settings
+from frictus_service.identification.errors import NoModelError
+from frictus_service.identification.models import participant_models, population_model
+from frictus_service.registry.provenance import check_provenance
+
+SMALL = Bench(
+    tones_hz=(30.0, 120.0, 450.0, 2000.0), speeds=(20.0, 100.0), forces=(0.4,), seconds=3.0
+)
+
+
+def identified(fingers: list[Finger], bench: Bench, rng: np.random.Generator) -> Identification:
+    return identify(
+        observations(fingers, bench, rng),
+        path="a.h5",
+        sha256="ab" * 32,
+        settings=Settings(mixed_models=False, sweeps=False),
+    )
+
+
+def test_models_carry_law_covariance_delay_and_origin(rng: np.random.Generator) -> None:
+    found = identified([Finger(delay_s=80e-6), Finger(gain_n=0.2)], SMALL, rng)
+    models = participant_models(found)
+    assert [(m.participant, m.response) for m in models] == [
+        ("P01", "friction"),
+        ("P01", "mobility"),
+        ("P02", "friction"),
+        ("P02", "mobility"),
+    ]
+    for model in [*models, population_model(found)]:
+        check_provenance(model)
+        assert Model.model_validate_json(model.to_json()) == model
+        assert model.covariance is not None
+        matrix = np.array(model.covariance.matrix)
+        assert np.all(
+            np.linalg.eigvalsh(matrix / np.outer(*2 * [np.diag(matrix) ** 0.5])) > -1e-9
+        )
+        assert model.covariance.parameters[-1] == "skew_s"
+        low, high = model.validity.speed_mm_s
+        assert low == pytest.approx(20.0, rel=0.15)
+        assert high == pytest.approx(100.0, rel=0.15)
+    law = models[0].base
+    assert isinstance(law, FirstOrderSpeedLaw)
+    assert law.slope_hz_per_mm_s == pytest.approx(13.811, rel=0.2)
+    assert models[0].skew_s == pytest.approx(80e-6, abs=10e-6)
+    assert models[0].covariance is not None
+    assert models[0].covariance.parameters[:3] == ["gain_n", "cutoff_0_hz", "slope_hz_per_mm_s"]
+
+
+def test_one_person_is_no_population(rng: np.random.Generator) -> None:
+    with pytest.raises(NoModelError, match="two participants"):
+        population_model(identified([Finger()], SMALL, rng))
+
+
+def test_a_cutoff_below_zero_at_rest_is_said_not_stored(rng: np.random.Generator) -> None:
+    found = identified([Finger(cutoff_0_hz=-150.0, slope=20.0)], SMALL, rng)
+    assert [model.response for model in participant_models(found)] == ["mobility"]
+    assert any("P01" in note and "not positive" in note for note in found.notes)
