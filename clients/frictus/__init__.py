@@ -26,12 +26,16 @@ from frictus.keys import InvalidNameError, Topic, Topics
 from frictus.lease import Lease
 from frictus.messages import (
     Applied,
+    Excitation,
     Fault,
     FingerState,
+    GuidanceState,
     ModelState,
     RigStatus,
     SceneState,
     TimeState,
+    Tone,
+    TouchState,
 )
 from frictus.model import Model
 from frictus.reception import Feed
@@ -60,6 +64,7 @@ __all__ = [
     "BlockFeed",
     "Client",
     "Component",
+    "Excitation",
     "Fault",
     "Feed",
     "FingerState",
@@ -67,6 +72,7 @@ __all__ = [
     "FrameError",
     "FrictusError",
     "Gap",
+    "GuidanceState",
     "InvalidNameError",
     "Lease",
     "LinkError",
@@ -90,8 +96,10 @@ __all__ = [
     "TextureError",
     "TextureStream",
     "TimeState",
+    "Tone",
     "Topic",
     "Topics",
+    "TouchState",
     "connect",
     "load_texture",
 ]

@@ -16,7 +16,7 @@ from frictus.errors import (
     SilenceError,
     explain,
 )
-from frictus.keys import CALLS, RigKeys, any_rig_alive, rig_of
+from frictus.keys import CALLS, RECORDER_CALLS, RigKeys, any_rig_alive, rig_of
 from frictus.messages import MESSAGES, Reply
 from frictus.reception import Mailbox
 
@@ -44,13 +44,13 @@ class Caller:
         self.client = client
         self._timeout_s = timeout_s
 
-    def call(self, name: str, **fields: Any) -> Reply:
+    def call(self, name: str, /, **fields: Any) -> Reply:
         """Send a request and return the reply.
 
         Parameters
         ----------
         name : str
-            A key of `frictus.keys.CALLS`.
+            A key of `frictus.keys.CALLS` or `RECORDER_CALLS`.
         **fields
             What the request type holds beside client, time and time to live.
 
@@ -66,7 +66,7 @@ class Caller:
             If the rig is there but did not answer, or the router is gone.
         """
         try:
-            request = MESSAGES[CALLS[name]].model_validate(
+            request = MESSAGES[(CALLS | RECORDER_CALLS)[name]].model_validate(
                 {
                     "client": self.client,
                     "utc_ns": time.time_ns(),
@@ -98,10 +98,26 @@ class Caller:
         except zenoh.ZError as error:
             raise LinkError(f"{name} was not sent: {error}") from error
         require_present(self.session, self.keys)
+        if name in RECORDER_CALLS:
+            raise LinkError(no_recorder(self.keys))
         raise LinkError(
             f"rig {self.keys.rig} at {self.keys.site} is present but did not answer {name} "
             f"within {self._timeout_s:g} s; it may be starting or overloaded"
         )
+
+
+def no_recorder(keys: RigKeys) -> str:
+    """Return what to tell somebody to whom no recorder answers.
+
+    Parameters
+    ----------
+    keys : RigKeys
+        The rig that was to be recorded.
+    """
+    return (
+        f"no recorder of rig {keys.rig} at {keys.site} answers: `frictus serve` starts one, "
+        "`frictus recorder` starts one alone"
+    )
 
 
 def present_rigs(session: zenoh.Session, site: str = "*", wait_s: float = 1.0) -> list[RigKeys]:

@@ -206,6 +206,8 @@ class RigStatus(Message):
     lead_ms: FiniteFloat
     screen_mm: tuple[FiniteFloat, FiniteFloat]
     screen_peak_v: FiniteFloat
+    converter_steps: dict[str, Annotated[FiniteFloat, Field(gt=0.0)]] = {}
+    """Value of one count of the converter behind a stream, in the stream's unit."""
     model_etag: str
     model_placeholder: bool
     scene_etag: str
@@ -233,6 +235,29 @@ class Applied(Message):
     """What was rounded, cut or left out."""
 
 
+class Tone(Message):
+    """One component of an excitation."""
+
+    hz: Annotated[FiniteFloat, Field(gt=0.0, le=5_000.0)]
+    amplitude: Annotated[FiniteFloat, Field(gt=0.0, le=0.5)]
+    """Of the drive fraction."""
+    phase_rad: FiniteFloat = 0.0
+
+
+class Excitation(Message):
+    """A drive played as it is, without the inverse of any model: for calibration.
+
+    ``m(t) = bias + sum(amplitude cos(2 pi hz t + phase))``, t = device sample / sample rate.
+    It must stay within [0, 1]: the sum of the amplitudes decides, or, where `period_s` is
+    given, one period of it.
+    """
+
+    tones: Annotated[list[Tone], Field(max_length=1_000)] = []
+    bias: Annotated[FiniteFloat, Field(ge=0.0, le=1.0)] = 0.5
+    period_s: Annotated[FiniteFloat, Field(gt=0.0, le=10.0)] | None = None
+    """Every tone is a multiple of its inverse."""
+
+
 class SceneState(Message):
     """The active scene."""
 
@@ -240,6 +265,8 @@ class SceneState(Message):
     scene: Scene
     applied: Applied
     source: Literal["scene", "stream", "excitation"] = "scene"
+    excitation: Excitation | None = None
+    """Where the source is one."""
 
 
 class ModelState(Message):
@@ -311,29 +338,6 @@ class ModelRequest(Request):
 
     model: Model
     if_match: str | None = None
-
-
-class Tone(Message):
-    """One component of an excitation."""
-
-    hz: Annotated[FiniteFloat, Field(gt=0.0, le=5_000.0)]
-    amplitude: Annotated[FiniteFloat, Field(gt=0.0, le=0.5)]
-    """Of the drive fraction."""
-    phase_rad: FiniteFloat = 0.0
-
-
-class Excitation(Message):
-    """A drive played as it is, without the inverse of any model: for calibration.
-
-    ``m(t) = bias + sum(amplitude cos(2 pi hz t + phase))``, t = device sample / sample rate.
-    It must stay within [0, 1]: the sum of the amplitudes decides, or, where `period_s` is
-    given, one period of it.
-    """
-
-    tones: Annotated[list[Tone], Field(max_length=1_000)] = []
-    bias: Annotated[FiniteFloat, Field(ge=0.0, le=1.0)] = 0.5
-    period_s: Annotated[FiniteFloat, Field(gt=0.0, le=10.0)] | None = None
-    """Every tone is a multiple of its inverse."""
 
 
 class ExciteRequest(Request):

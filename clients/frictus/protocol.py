@@ -10,7 +10,7 @@ from typing import Any, Final, get_args
 import numpy as np
 
 from frictus.block import Block, Flag
-from frictus.keys import CALLS, ROOT, STREAMS, TOPICS
+from frictus.keys import CALLS, RECORDER_CALLS, ROOT, STREAMS, TOPICS
 from frictus.messages import MESSAGES, RefusalCode, SafetyState
 from frictus.stream import StreamFrame
 
@@ -63,9 +63,14 @@ def topics_table() -> str:
 
 def calls_table() -> str:
     """Return the table of calls."""
+    answered = (("the rig", CALLS), ("its recorder", RECORDER_CALLS))
     return _table(
-        ("key below the rig", "request"),
-        ((f"`@rpc/{name}`", f"`{request}`") for name, request in CALLS.items()),
+        ("key below the rig", "request", "answered by"),
+        (
+            (f"`@rpc/{name}`", f"`{request}`", who)
+            for who, calls in answered
+            for name, request in calls.items()
+        ),
     )
 
 

@@ -253,6 +253,23 @@ class Feed(Generic[T]):
             self.unreadable += 1
             log.warning("skipped what arrived under %s: %s", arrival.key, error)
 
+    def drain(self) -> list[T]:
+        """Return what is there, without waiting.
+
+        Raises
+        ------
+        RuntimeError
+            If the feed is closed.
+        """
+        try:
+            while (arrival := self._mailbox.take_now()) is not None:
+                self._accept(arrival)
+        except EndedError:
+            raise RuntimeError("this feed is closed") from None
+        found = list(self._ready)
+        self._ready.clear()
+        return found
+
     def __iter__(self) -> Self:
         """Return self."""
         return self

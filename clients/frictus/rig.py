@@ -1,14 +1,14 @@
 """One rig, as its clients see it: watch it, take it, make it feel like something."""
 
 import contextlib
+import functools
 import time
 from collections.abc import Callable
-from typing import Any, Final, Literal, Protocol, TypeVar, cast
+from typing import Any, Final, Literal, Protocol, TypeVar
 
 import zenoh
-import zenoh.ext
 
-from frictus.calls import Caller, present_rigs, require_present
+from frictus.calls import Caller, no_recorder, present_rigs, require_present
 from frictus.errors import ArgumentError, LinkError, SilenceError
 from frictus.gaps import BlockFeed
 from frictus.keys import RigKeys, Topic, Topics
@@ -16,17 +16,21 @@ from frictus.lease import Lease
 from frictus.messages import (
     MESSAGES,
     Applied,
+    Excitation,
     FingerState,
+    GuidanceState,
     Message,
     ModelState,
     PointerState,
+    RecordingState,
     RigStatus,
     SceneState,
     TimeState,
+    TouchState,
 )
 from frictus.model import Model
-from frictus.reception import Arrival, Declare, Declared, Feed, Latest, OnSample
-from frictus.session import declare_publisher
+from frictus.reception import Arrival, Declare, Feed, Latest
+from frictus.session import declare_publisher, declare_reader
 from frictus.streaming import TextureStream
 from frictus.textures import Beta, Map, Profile, Region, Scene, Slope, Spectrum, Texture
 
@@ -35,6 +39,7 @@ M = TypeVar("M", bound=Message)
 
 FINGER_RING: Final = 4
 STATE_RING: Final = 64
+TOUCH_QUEUE: Final = 512
 BLOCK_QUEUE: Final = 1024  # 5 s of 5 ms blocks
 BLOCKS: Final[dict[str, Topic]] = {
     topic.suffix.removeprefix("stream/"): topic
@@ -122,6 +127,13 @@ class Rig:
         """Return the fit of the device's sample counter to UTC."""
         return self._value(Topics.TIME, TimeState)
 
+    def recording(self) -> RecordingState:
+        """Return what the rig's recorder does; `LinkError` where none runs."""
+        try:
+            return self._newest(Topics.RECORDING, RecordingState).value(self._timeout_s)
+        except SilenceError:
+            raise LinkError(no_recorder(self.keys)) from None
+
     def _value(self, topic: Topic, kind: type[M]) -> M:
         try:
             return self._newest(topic, kind).value(self._timeout_s)
@@ -173,6 +185,26 @@ class Rig:
         """
         return self._feed(Topics.FINGER, FingerState, FINGER_RING, timeout_s)
 
+    def touches(self, *, timeout_s: float | None = None) -> Feed[TouchState]:
+        """Follow the touch sensor's reports as they come, before any prediction.
+
+        Parameters
+        ----------
+        timeout_s : float or None
+            Longest silence before `SilenceError`; None waits for ever.
+        """
+        return self._feed(Topics.TOUCH, TouchState, TOUCH_QUEUE, timeout_s)
+
+    def guidance(self, *, timeout_s: float | None = None) -> Feed[GuidanceState]:
+        """Follow what a participant is asked to do while somebody calibrates on this rig.
+
+        Parameters
+        ----------
+        timeout_s : float or None
+            Longest silence before `SilenceError`; None waits for ever.
+        """
+        return self._feed(Topics.GUIDANCE, GuidanceState, FINGER_RING, timeout_s)
+
     def _feed(
         self, topic: Topic, kind: type[M], capacity: int, timeout_s: float | None
     ) -> Feed[M]:
@@ -210,19 +242,7 @@ class Rig:
         return self._keep(BlockFeed(self._declare(topic), topic, capacity, timeout_s))
 
     def _declare(self, topic: Topic) -> Declare:
-        key = self.keys.of(topic)
-
-        def plain(callback: OnSample) -> Declared:
-            return cast(Declared, self._session.declare_subscriber(key, callback))
-
-        def with_history(callback: OnSample) -> Declared:
-            history = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1)
-            subscriber = zenoh.ext.declare_advanced_subscriber(
-                self._session, key, callback, history=history
-            )
-            return cast(Declared, subscriber)
-
-        return with_history if topic.latest else plain
+        return functools.partial(declare_reader, self._session, self.keys.of(topic), topic)
 
     # What one may ask of the rig
 
@@ -271,6 +291,27 @@ class Rig:
         """
         return self._keep(TextureStream(self._caller, peak_n))
 
+    def excite(self, excitation: Excitation) -> Applied:
+        """Play a drive as it is, without the inverse of any model, for calibration.
+
+        The rig must be armed by this client. It ends with the lease, with a scene or a stream.
+
+        Parameters
+        ----------
+        excitation : Excitation
+            Tones around a bias; refused with code `not_feasible` where the drive would leave
+            [0, 1].
+
+        Returns
+        -------
+        Applied
+            The bias, and the friction that it adds by the model in force.
+        """
+        reply = self._caller.call("excite", excitation=excitation)
+        if reply.applied is None:
+            raise LinkError("the rig did not say what it applied: protocol fault")
+        return reply.applied
+
     def set_model(self, model: Model, if_match: str | None = None) -> str:
         """Replace the friction model, while disarmed; return its etag.
 
@@ -285,6 +326,36 @@ class Rig:
         if reply.etag is None:
             raise LinkError("the rig did not name the model's etag: protocol fault")
         return reply.etag
+
+    def record(
+        self, name: str, participant: str | None = None, notes: str = ""
+    ) -> RecordingState:
+        """Have the rig's recorder record everything that the rig publishes.
+
+        Parameters
+        ----------
+        name : str
+            Of the recording: 1 to 100 letters, digits, ``-``, ``_`` and ``.``; refused with
+            code `conflict` where it is taken, or while another recording is under way.
+        participant : str or None
+            Pseudonym, at most 64 characters.
+        notes : str
+            Kept in the recording.
+
+        Returns
+        -------
+        RecordingState
+            With the path on the recorder's machine.
+        """
+        with self.watch(Topics.RECORDING, timeout_s=self._timeout_s) as states:
+            self._caller.call("record", name=name, participant=participant, notes=notes)
+            return _first(states, lambda state: state.name == name)
+
+    def end_recording(self) -> RecordingState:
+        """End the recording; return how long it became and what was lost in it."""
+        with self.watch(Topics.RECORDING, timeout_s=self._timeout_s) as states:
+            self._caller.call("end_recording")
+            return _first(states, lambda state: not state.recording)
 
     def stop(self) -> None:
         """Ramp the output to zero now, whoever owns the rig."""
@@ -339,6 +410,13 @@ class Rig:
                 all_of_them.callback(_quietly, closable.close)
             for lease in leases:
                 all_of_them.callback(_quietly, lease.disarm)
+
+
+def _first(states: Feed[Message], holds: Callable[[RecordingState], bool]) -> RecordingState:
+    for state in states:
+        if isinstance(state, RecordingState) and holds(state):
+            return state
+    raise LinkError("the client was closed while it waited for the recorder")
 
 
 def _quietly(close: Callable[[], None]) -> None:

@@ -1,13 +1,14 @@
 """Zenoh sessions as frictus needs them. A session is a context manager: always close it."""
 
 import json
-from typing import Final
+from typing import Final, cast
 
 import zenoh
 import zenoh.ext
 
 from frictus.errors import LinkError
 from frictus.keys import Topic
+from frictus.reception import Declared, OnSample
 
 DEFAULT_ROUTER: Final = "tcp/127.0.0.1:7447"
 LEASE_MS: Final = 1_000  # a frozen peer's token falls after 0.75 s instead of 9.5 s
@@ -85,6 +86,29 @@ def open_session(router: str = DEFAULT_ROUTER, timeout_s: float = 3.0) -> zenoh.
         session.close()  # type: ignore[no-untyped-call]
         raise LinkError(f"connected to {router}, but it gave no transport: check certificates")
     return session
+
+
+def declare_reader(
+    session: zenoh.Session, key: str, topic: Topic, callback: OnSample
+) -> Declared:
+    """Declare a subscriber; where the topic is cached, the present value comes first.
+
+    Parameters
+    ----------
+    session : zenoh.Session
+        Open session.
+    key : str
+        Full key.
+    topic : Topic
+        Its row in the table of keys.
+    callback : zenoh.handlers.Callback
+        Must only enqueue.
+    """
+    if not topic.latest:
+        return cast(Declared, session.declare_subscriber(key, callback))
+    history = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1)
+    subscriber = zenoh.ext.declare_advanced_subscriber(session, key, callback, history=history)
+    return cast(Declared, subscriber)
 
 
 def declare_publisher(session: zenoh.Session, key: str, topic: Topic) -> zenoh.Publisher:

@@ -5,7 +5,8 @@ all on one sample clock. A backend moves blocks and keeps the output within its 
 nothing of textures.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Protocol, Self
 
@@ -33,6 +34,9 @@ class RigInfo:
     screen_mm: tuple[float, float]
     touch_latency_s: float
     """Declared age of a touch report when it arrives."""
+    converter_steps: Mapping[str, float] = field(default_factory=dict)
+    """Value of one count of the converter behind `force` (N), `accel` (m/s²) or `voltage` (V);
+    absent: not known, or not a whole multiple of one."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,17 +1,13 @@
 """Between what the hardware knows and what the wire says: the one place that knows both."""
 
-import hashlib
-import json
-
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel
 
 from frictus.block import Block, Flag
 from frictus.errors import TextureError
-from frictus.messages import FingerState
+from frictus.messages import FingerState, TouchState
 from frictus.model import FirstOrderSpeedLaw, Model
-from frictus_hardware.base import Exchange, RigInfo
+from frictus_hardware.base import Exchange, RigInfo, TouchReport
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
 from frictus_service.daemon.timebase import Stamp
@@ -19,13 +15,6 @@ from frictus_service.daemon.turn import Turn
 
 FORCE, ACCEL, VOLTAGE, TRUTH = 1, 2, 3, 4
 """Stream ids, as `frictus.keys.STREAMS` lists them."""
-
-
-def etag_of(message: BaseModel) -> str:
-    """Return a short hash of what a message says, whatever the order of its keys."""
-    content = message.model_dump(mode="json", by_alias=True)
-    canonical = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
-    return hashlib.sha256(canonical.encode()).hexdigest()[:16]
 
 
 def law_of(model: Model) -> FrictionLaw:
@@ -142,4 +131,18 @@ def finger_of(turn: Turn, stamp: Stamp, info: RigInfo) -> FingerState:
         age_ms=age_ms,
         stale=step.stale,
         extrapolated=step.rendered.extrapolated_samples > 0,
+    )
+
+
+def touch_of(report: TouchReport, run: int, info: RigInfo) -> TouchState | None:
+    """Return a touch report as it came; None for one that is not finite, which none can use."""
+    if not np.all(np.isfinite((report.measured_sample, report.x_mm, report.y_mm))):
+        return None
+    return TouchState(
+        run=run,
+        sample=report.measured_sample,
+        x_mm=report.x_mm,
+        y_mm=report.y_mm,
+        in_contact=report.in_contact,
+        source=info.finger_source,
     )

@@ -116,6 +116,15 @@ class Device:
                 raise ClosedError("the device is not open")
             self._rig.move_finger(x_mm, y_mm, in_contact, normal_force_n)
 
+    def guide_finger(
+        self, speed_mm_s: float, force_n: float, span_mm: tuple[float, float]
+    ) -> None:
+        """Tell a finger of kind `guided` what to do."""
+        with self._lock:
+            if self._rig is None:
+                raise ClosedError("the device is not open")
+            self._rig.guide_finger(speed_mm_s, force_n, span_mm)
+
     def output(self, seconds: float) -> DeviceOutput:
         """Return what was output during the last seconds, at most `HISTORY_S`."""
         with self._lock:
@@ -138,7 +147,7 @@ class Device:
 
 
 OWNERS_CALLS = frozenset({"open", "arm", "exchange", "close"})
-ANYBODYS_CALLS = frozenset({"stop", "health", "reset", "move_finger", "output"})
+ANYBODYS_CALLS = frozenset({"stop", "health", "reset", "move_finger", "guide_finger", "output"})
 
 
 def serve(endpoint: tuple[str, int], authkey: str, announce: Callable[[str], object]) -> None:

@@ -173,6 +173,17 @@ class SimulatedDeviceRig:
         """Move a finger of kind `client`; from any thread."""
         self._linked(self._control).call("move_finger", x_mm, y_mm, in_contact, normal_force_n)
 
+    @property
+    def follows_guidance(self) -> bool:
+        """Whether the finger is of kind `guided`."""
+        return self.config.rig.finger.kind == "guided"
+
+    def guide_finger(
+        self, speed_mm_s: float, force_n: float, span_mm: tuple[float, float]
+    ) -> None:
+        """Tell a finger of kind `guided` what to do; from any thread."""
+        self._linked(self._control).call("guide_finger", speed_mm_s, force_n, span_mm)
+
     def close(self) -> None:
         """Bring the output to zero and release the device. Closing twice is harmless."""
         blocks, control = self._blocks, self._control

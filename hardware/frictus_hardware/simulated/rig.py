@@ -26,6 +26,7 @@ from frictus_hardware.simulated.faults import (
     LateBlock,
     LostSamples,
 )
+from frictus_hardware.simulated.guided import GuidedFinger
 from frictus_hardware.simulated.motion import Finger, FingerMotion
 from frictus_hardware.simulated.output import OutputQueue
 from frictus_hardware.simulated.pointer import PointerFinger
@@ -59,7 +60,7 @@ class HandedOver:
 class SimulatedRig:
     """See `frictus_hardware.base.Backend`; `truth` of an exchange is always there.
 
-    For one thread, except `move_finger` and `faults.add`.
+    For one thread, except `move_finger`, `guide_finger` and `faults.add`.
 
     Parameters
     ----------
@@ -285,6 +286,28 @@ class SimulatedRig:
         self._finger.push(x_mm, y_mm, in_contact, normal_force_n)
 
     @property
+    def follows_guidance(self) -> bool:
+        """Whether the finger is of kind `guided`."""
+        return self.config.finger.kind == "guided"
+
+    def guide_finger(
+        self, speed_mm_s: float, force_n: float, span_mm: tuple[float, float]
+    ) -> None:
+        """Tell a finger of kind `guided` what to do; from any thread.
+
+        Raises
+        ------
+        ConfigError
+            If the finger is of another kind, or a number out of its range.
+        """
+        if not isinstance(self._finger, GuidedFinger):
+            raise ConfigError(
+                f"the finger is of kind {self.config.finger.kind!r}: "
+                'only one of kind "guided" follows guidance'
+            )
+        self._finger.push(speed_mm_s, force_n, span_mm)
+
+    @property
     def holding(self) -> bool:
         """Whether the output holds a last value other than zero, for want of another."""
         return self._output.end <= self._clock.sample() and self._output.idle_v != 0.0
@@ -351,7 +374,13 @@ def info_of(config: SimulatedConfig) -> RigInfo:
         screen_peak_v=config.screen_peak_v,
         screen_mm=config.screen_mm,
         touch_latency_s=config.touch.declared_s,
+        converter_steps=_steps() if config.quantisation else {},
     )
+
+
+def _steps() -> dict[str, float]:
+    converter = Quantisation()
+    return {"force": converter.force_step_n, "accel": converter.accel_step_m_s2}
 
 
 def make_clock(config: SimulatedConfig) -> Clock:

@@ -16,6 +16,7 @@ from frictus_service.api import (
     metrics,
     models,
     problems,
+    recordings,
     rigs,
     textures,
 )
@@ -75,7 +76,7 @@ def build_app(config: Config, run: str = RUN) -> FastAPI:
     )
     app.state.services = Services(config, link, TextureLibrary(config.textures), registry, jobs)
     app.state.metrics = metrics.ApiMetrics(link)
-    for part in (rigs, activation, textures, models, calibrations, health, metrics):
+    for part in (rigs, recordings, activation, textures, models, calibrations, health, metrics):
         app.include_router(part.router)
     problems.install(app)
     app.add_middleware(Gate, loopback_only=config.api.loopback)

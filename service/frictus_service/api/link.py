@@ -80,6 +80,16 @@ class RigLink:
         )  # at once: do not wait for one
         return client.rig(name, self.site)
 
+    def recorder_of(self, name: str) -> frictus.Rig:
+        """Return a rig, present or not: its recorder outlives it.
+
+        Raises
+        ------
+        LinkError
+        """
+        client = self.client()
+        return frictus.Rig(client.session, RigKeys(self.site, name), client.name, TIMEOUT_S)
+
     def replace_scene(self, name: str, scene: frictus.Scene, replaces: str | None) -> Reply:
         """Replace the scene whose etag is `replaces` (None: any), and return the reply.
 

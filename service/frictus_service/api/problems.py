@@ -174,6 +174,12 @@ class ReadOnlyError(ApiError):
     status, code, title = 409, "read_only", "The texture is read-only"
 
 
+class RecordingConflictError(ApiError):
+    """Another recording is under way or bears the name, or none is under way."""
+
+    status, code, title = 409, "recording_conflict", "Not with what is being recorded"
+
+
 class RigBusyError(ApiError):
     """A calibration is under way on the rig."""
 

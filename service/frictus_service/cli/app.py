@@ -7,7 +7,9 @@ import typer
 
 from frictus_service.cli import (
     api,
+    calibrate,
     doctor,
+    export,
     identify,
     models,
     play,
@@ -53,7 +55,9 @@ app.command()(record.record)
 app.command()(recorder.recorder)
 app.command()(verify.verify)
 app.command()(recover.recover)
+app.command()(export.export)
 app.command()(doctor.doctor)
+app.command()(calibrate.calibrate)
 app.command()(identify.identify)
 app.add_typer(study.study, name="study")
 app.add_typer(models.models, name="models")
@@ -89,7 +93,7 @@ def paper(
         int | None, typer.Option("--participants", min=2, help="How many.  [default: 8; 10]")
     ] = None,
     full: Annotated[
-        bool, typer.Option("--full", help="All of the paper's conditions, 10 s each.")
+        bool, typer.Option("--full", help="All of the paper's conditions: 10 GB.")
     ] = False,
     seconds: Annotated[
         float | None, typer.Option("--seconds", min=1.0, help="Of a trial.  [default: 3; 10]")

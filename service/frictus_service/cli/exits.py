@@ -22,15 +22,17 @@ class Exit(IntEnum):
     REFUSED = 5
     """The rig refused, or took the lease away."""
     CHECK_FAILED = 6
+    """A check failed, or measurements do not determine a model."""
     INTERRUPTED = 130
 
 
 def code_of(error: Exception) -> Exit:
     """Return the exit code that stands for an error."""
     from frictus.errors import FrictusError, LinkError, NoRigError, RefusedError, SilenceError
+    from frictus_service.calibration.errors import CalibrationError, EstimateError, FolderError
     from frictus_service.errors import ConfigurationError
     from frictus_service.library import LibraryError
-    from frictus_service.recording.errors import RecordingError
+    from frictus_service.recording.errors import NotWrittenError, RecordingError
     from frictus_service.registry.errors import RegistryError, RegistryUnavailableError
     from frictus_service.study.errors import StudyError
 
@@ -38,10 +40,15 @@ def code_of(error: Exception) -> Exit:
         return Exit.CONFIG
     if isinstance(error, LinkError | NoRigError | SilenceError | RegistryUnavailableError):
         return Exit.NO_LINK
-    if isinstance(error, RefusedError):
+    if isinstance(error, EstimateError):
+        return Exit.CHECK_FAILED
+    if isinstance(error, RefusedError | CalibrationError) and not isinstance(
+        error, FolderError
+    ):
         return Exit.REFUSED
-    ours = (FrictusError, LibraryError, RegistryError, RecordingError, StudyError)
-    if isinstance(error, (*ours, FileNotFoundError, IsADirectoryError)):
+    ours = (FolderError, FrictusError, LibraryError, RegistryError, RecordingError, StudyError)
+    files = (FileNotFoundError, IsADirectoryError, NotWrittenError)
+    if isinstance(error, (*ours, *files)):
         return Exit.USAGE  # what is left of the client's errors is about what it was given
     return Exit.UNEXPECTED
 

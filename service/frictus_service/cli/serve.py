@@ -9,7 +9,7 @@ from frictus_service.cli.options import AsJson, ConfigFile
 
 
 def serve(config: ConfigFile = None, as_json: AsJson = False) -> None:
-    """Run router, rig and API on this machine until Ctrl-C."""
+    """Run router, rig, recorder and API on this machine until Ctrl-C."""
     from frictus_service.config import load
 
     settings = load(config)
@@ -20,7 +20,7 @@ def serve(config: ConfigFile = None, as_json: AsJson = False) -> None:
         say(f"the API will answer at http://{settings.api.host}:{settings.api.port}/docs")
         supervisor.serve(settings, say=say)
     else:
-        supervisor.serve(settings, ("rig",), say=say)
+        supervisor.serve(settings, ("rig", "recorder"), say=say)
 
 
 def said(as_json: bool) -> Callable[[str], None]:

@@ -33,11 +33,18 @@ from frictus_service.daemon.interlock import Interlock
 from frictus_service.daemon.mailbox import Mailbox
 from frictus_service.daemon.stage import Stage
 
-URGENT: Final = {"stop": 8, "vanished": 16, "lease": 16, "pointer": 1, "call": 32}
+URGENT: Final = {
+    "stop": 8,
+    "vanished": 16,
+    "lease": 16,
+    "pointer": 1,
+    "guidance": 1,
+    "call": 32,
+}
 """Boxes of the thread that keeps the rig safe, most urgent first."""
 RENDERING: Final = {"texture": 1, "call": 16}
 """Boxes of the thread that compiles; of texture updates the newest wins."""
-RENDERING_CALLS: Final = ("scene", "open_stream", "close_stream", "model")
+RENDERING_CALLS: Final = ("scene", "open_stream", "close_stream", "excite", "model")
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,11 +130,13 @@ class Commands:
             key = keys.call(name)
             post = Callback(self._poster_of_call(name, key), indirect=False)
             self._declared.append(session.declare_queryable(key, post, complete=True))
-        listeners: Mapping[str, tuple[Mailbox[Message], str]] = {
+        listeners: dict[str, tuple[Mailbox[Message], str]] = {
             keys.of(Topics.TEXTURE): (self._rendering, "texture"),
             keys.of(Topics.LEASE): (self._urgent, "lease"),
             keys.of(Topics.POINTER): (self._urgent, "pointer"),
         }
+        if self._control.follows_guidance:
+            listeners[keys.of(Topics.GUIDANCE)] = (self._urgent, "guidance")
         for key, (mailbox, box) in listeners.items():
             self._declared.append(
                 session.declare_subscriber(
@@ -178,6 +187,8 @@ class Commands:
             return self._answered(lambda: self._control.stop("anyone"))
         if message.name == "vanished":
             return self._answered(lambda: self._done(self._control.vanish, message))
+        if message.name == "guidance":
+            return self._answered(lambda: self._guide(message.payload))
         handlers: Mapping[str, tuple[type[Request], Callable[[Any], Reply | None]]] = {
             "arm": (MESSAGES["ArmRequest"], self._control.arm),  # type: ignore[dict-item]
             "disarm": (Request, self._control.disarm),
@@ -197,6 +208,7 @@ class Commands:
             "scene": self._stage.set_scene,
             "open_stream": self._stage.open_stream,
             "close_stream": self._stage.close_stream,
+            "excite": self._stage.excite,
             "model": self._stage.set_model,
         }
         handle = handlers[message.name]
@@ -209,6 +221,9 @@ class Commands:
             self.updates_expired += error.code == "stale"
             raise
         self._stage.update(frame, good_for_s)
+
+    def _guide(self, payload: bytes) -> None:
+        self._control.guide(self._gate.read_guidance(payload, self._utc_ns()))
 
     def _read(self, kind: Any, message: Message) -> Any:
         limits = self._limits

@@ -4,9 +4,16 @@ from collections.abc import Callable
 from typing import Protocol, runtime_checkable
 
 from frictus.errors import RefusedError
-from frictus.messages import ArmRequest, LeaseRenewal, PointerState, Reply, Request
+from frictus.messages import (
+    ArmRequest,
+    GuidanceState,
+    LeaseRenewal,
+    PointerState,
+    Reply,
+    Request,
+)
 from frictus_hardware.base import Backend
-from frictus_hardware.errors import HardwareError
+from frictus_hardware.errors import ConfigError, HardwareError
 from frictus_service.config import Limits
 from frictus_service.daemon.interlock import Interlock
 from frictus_service.daemon.safety import (
@@ -29,6 +36,22 @@ class MovesFinger(Protocol):
         self, x_mm: float, y_mm: float, in_contact: bool, normal_force_n: float
     ) -> None:
         """Move it."""
+        ...
+
+
+@runtime_checkable
+class FollowsGuidance(Protocol):
+    """A backend whose virtual finger does what a participant is asked to; from any thread."""
+
+    @property
+    def follows_guidance(self) -> bool:
+        """Whether it is configured to."""
+        ...
+
+    def guide_finger(
+        self, speed_mm_s: float, force_n: float, span_mm: tuple[float, float]
+    ) -> None:
+        """Tell it what to do."""
         ...
 
 
@@ -110,6 +133,32 @@ class Control:
             self._backend.move_finger(
                 request.x_mm, request.y_mm, request.in_contact, request.normal_force_n
             )
+        except HardwareError as error:
+            raise RefusedError("unavailable", str(error)) from error
+
+    @property
+    def follows_guidance(self) -> bool:
+        """Whether the finger is a virtual participant."""
+        backend = self._backend
+        return isinstance(backend, FollowsGuidance) and backend.follows_guidance
+
+    def guide(self, guidance: GuidanceState) -> None:
+        """Show a virtual participant what it is asked to do; it rests outside of trials.
+
+        Raises
+        ------
+        RefusedError
+            `not_feasible` where the finger follows no guidance, or cannot follow this.
+        """
+        backend = self._backend
+        if not isinstance(backend, FollowsGuidance) or not backend.follows_guidance:
+            raise RefusedError("not_feasible", "this finger follows no guidance")
+        moves = guidance.phase in ("approach", "record")
+        speed = guidance.target_speed_mm_s if moves else 0.0
+        try:
+            backend.guide_finger(speed, guidance.target_force_n, guidance.span_mm)
+        except ConfigError as error:
+            raise RefusedError("not_feasible", str(error)) from error
         except HardwareError as error:
             raise RefusedError("unavailable", str(error)) from error
 

@@ -1,14 +1,16 @@
 """What must hold of a command before anything is done with it: size, form, age."""
 
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Final, TypeVar
 
 from frictus.errors import FrameError, RefusedError
-from frictus.messages import Request
+from frictus.messages import GuidanceState, Request
 from frictus.stream import StreamFrame
 from frictus_service.config import Limits
 
 Kind = TypeVar("Kind", bound=Request)
+GUIDANCE_TTL_MS: Final = 500
+"""Guidance comes 30 times a second; what a frozen sender left behind guides nobody."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +65,22 @@ class Gate:
         except FrameError as error:
             raise RefusedError("bad_request", str(error)) from error
         return frame, self.time_left_s(frame.utc_ns, frame.ttl_ms, utc_ns)
+
+    def read_guidance(self, payload: bytes, utc_ns: int) -> GuidanceState:
+        """Return the guidance that `payload` holds.
+
+        Raises
+        ------
+        RefusedError
+            As `read`.
+        """
+        self._check_size(payload, self.limits.max_payload_bytes)
+        try:
+            guidance = GuidanceState.from_json(payload)
+        except FrameError as error:
+            raise RefusedError("bad_request", str(error)) from error
+        self.time_left_s(guidance.utc_ns, GUIDANCE_TTL_MS, utc_ns)
+        return guidance
 
     def time_left_s(self, sent_ns: int, ttl_ms: int, utc_ns: int) -> float:
         """Return how long a command is still good for, s; more than 0.

@@ -5,6 +5,7 @@ slots of one, where the newest wins, and take finished blocks from a bounded que
 not fit is dropped and counted.
 """
 
+import math
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -148,7 +149,7 @@ class BlockLoop:
             now_s = self._now_s()
             safety = self._interlock.tick(now_s)
             self._follow(safety)
-            self._take_orders(now_s)
+            self._take_orders(safety, now_s)
             step = self._chain.step(self._energised and safety.may_render(now_s))
             returned_ns = self._monotonic_ns()
             reading = UtcReading(returned_ns, self._utc_ns(), self._monotonic_ns())
@@ -205,7 +206,11 @@ class BlockLoop:
     def _new_chain(self) -> Chain:
         return Chain(self._backend, self._estimator, self._new_renderer(), self._block_samples)
 
-    def _take_orders(self, now_s: float) -> None:
+    def _take_orders(self, safety: Safety, now_s: float) -> None:
+        if self._order is not None and self._order.ended(safety):
+            # What it was for ended before the device was armed: no ramp is under way.
+            self._order = self._standing
+            self._chain.renderer = self._new_renderer()
         if self._orders.law and not self._energised:
             change = self._orders.law.popleft()
             self._law = change.law
@@ -213,10 +218,12 @@ class BlockLoop:
             self._play(SceneOrder(change.scene))
             change.done.set()
         if self._orders.scene:
-            self._play(self._orders.scene.popleft())
+            coming = self._orders.scene.popleft()
+            if not coming.ended(safety):
+                self._play(coming)
         order = self._order
         if order is not None and now_s > order.until_s and order.afterwards is not None:
-            self._play(SceneOrder(order.afterwards, afterwards=order.afterwards))
+            self._play(SceneOrder(order.afterwards, math.inf, order.afterwards, order.arming))
             self.tally.stream_stale = True
 
     def _play(self, order: SceneOrder) -> None:

@@ -6,30 +6,40 @@ from collections import deque
 from dataclasses import dataclass, field
 
 from frictus_hardware.physics.friction import FrictionLaw
+from frictus_service.daemon.safety import Safety
+from frictus_service.synthesis.renderer import Playable
 from frictus_service.synthesis.scene import CompiledScene
 
 
 @dataclass(frozen=True, slots=True)
 class SceneOrder:
-    """Play this scene from the next block on.
+    """Play this scene, or this excitation, from the next block on.
 
     Attributes
     ----------
-    scene : CompiledScene
+    scene : CompiledScene or CompiledExcitation
     until_s : float
         Monotonic time after which it must not be felt any more; infinite for a standing scene.
     afterwards : CompiledScene or None
         What to fade to then: what a stream feels like without updates.
+    arming : int or None
+        The arming that it ends with, as `Safety.armings` counts; None: it stays when its
+        client goes.
     """
 
-    scene: CompiledScene
+    scene: Playable
     until_s: float = math.inf
     afterwards: CompiledScene | None = None
+    arming: int | None = None
 
     @property
     def standing(self) -> bool:
         """Whether the scene stays when its client goes."""
-        return self.afterwards is None
+        return self.arming is None
+
+    def ended(self, safety: Safety) -> bool:
+        """Return whether the arming that it belongs to is over."""
+        return not (self.standing or (safety.energised and safety.armings == self.arming))
 
 
 @dataclass(frozen=True, slots=True)

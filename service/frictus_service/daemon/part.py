@@ -17,7 +17,7 @@ from frictus_service.config import Config
 from frictus_service.daemon.heartbeat import Heartbeat
 from frictus_service.errors import ServiceError
 
-PartName = Literal["rig", "api"]
+PartName = Literal["rig", "api", "recorder"]
 Word = tuple[Literal["ready", "failed", "say"], str]
 FAILED_EXIT = 3
 """Exit code of a part that could not start or go on, and has said why."""
@@ -54,7 +54,7 @@ def run_part(
 
     Parameters
     ----------
-    name : {'rig', 'api'}
+    name : {'rig', 'api', 'recorder'}
     config : Config
     told : Connection
         Ends when the part shall stop.
@@ -73,6 +73,10 @@ def run_part(
             from frictus_service.daemon.rig import run_rig
 
             run_rig(config, heartbeat, mouth, stop, fault, lambda line: mouth.tell("say", line))
+        elif name == "recorder":
+            from frictus_service.recording.recorder import run_recorder
+
+            run_recorder(config, mouth, stop, lambda line: mouth.tell("say", line))
         else:
             from frictus_service.api import server
 

@@ -20,7 +20,7 @@ from frictus_service.daemon.safety import ACTIONS
 from frictus_service.daemon.stage import Stage
 from frictus_service.daemon.timebase import Timebase
 from frictus_service.daemon.turn import Turn
-from frictus_service.translate import blocks_of, finger_of, flags_of
+from frictus_service.translate import blocks_of, finger_of, flags_of, touch_of
 
 STATUS_S: Final = 0.5
 """A status is published at least so often, and whenever the safety state changes."""
@@ -75,6 +75,7 @@ class Publisher:
             for stream, topic in STREAMS.items()
         }
         self._finger = declare_publisher(session, keys.of(Topics.FINGER), Topics.FINGER)
+        self._touch = declare_publisher(session, keys.of(Topics.TOUCH), Topics.TOUCH)
         self._latest = {
             topic: declare_latest_publisher(session, keys.of(topic), topic) for topic in LATEST
         }
@@ -122,6 +123,11 @@ class Publisher:
             self._streams[block.stream].put(block.pack())
             self._published += 1
         self._finger.put(finger_of(turn, self._timebase.stamp(end), self._info).to_json())
+
+        for report in exchange.touches:
+            touch = touch_of(report, turn.run, self._info)
+            if touch is not None:
+                self._touch.put(touch.to_json())
 
     def _publish_states(self) -> None:
         now_s = self._monotonic_s()
@@ -186,6 +192,7 @@ class Publisher:
             lead_ms=1e3 * info.lead_samples / info.sample_rate_hz,
             screen_mm=info.screen_mm,
             screen_peak_v=info.screen_peak_v,
+            converter_steps=dict(info.converter_steps),
             model_etag=model.etag,
             model_placeholder=model.model.placeholder,
             scene_etag=self._stage.scene.etag,

@@ -1,4 +1,4 @@
-"""What is rendered: the standing scene, a stream over it, and the model that both invert."""
+"""What is rendered: the standing scene, a stream or an excitation over it, and the model."""
 
 import itertools
 import secrets
@@ -6,8 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from frictus.errors import RefusedError, TextureError
+from frictus.errors import ArgumentError, RefusedError, TextureError
 from frictus.messages import (
+    ExciteRequest,
     ModelRequest,
     ModelState,
     OpenStreamRequest,
@@ -23,9 +24,11 @@ from frictus_hardware.physics.screen import Screen
 from frictus_service.daemon.interlock import Interlock
 from frictus_service.daemon.orders import LawOrder, Orders, SceneOrder
 from frictus_service.daemon.safety import refusal
+from frictus_service.etag import etag_of
+from frictus_service.synthesis.excitation import compile_excitation
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
 from frictus_service.synthesis.stream import StreamBudget
-from frictus_service.translate import etag_of, law_of
+from frictus_service.translate import law_of
 
 LAW_CHANGE_S: Final = 1.0
 """Within which the loop must have taken up a new law; it takes one block."""
@@ -37,6 +40,14 @@ class _Stream:
     arming: int
     budget: StreamBudget
     sequence: int = -1
+
+
+@dataclass(frozen=True, slots=True)
+class _Guest:
+    """What is played instead of the standing scene until its arming ends."""
+
+    arming: int
+    state: SceneState
 
 
 class Stage:
@@ -75,7 +86,7 @@ class Stage:
         self._tickets = itertools.count(secrets.randbits(31))
         self.model = ModelState(etag=etag_of(model), model=model)
         self._standing, self._standing_scene = self._compiled(Scene())
-        self._stream_scene: SceneState | None = None
+        self._guest: _Guest | None = None
         self.scaled_scenes = 0
         self.updates = 0
         orders.scene.append(SceneOrder(self._standing_scene))
@@ -88,11 +99,13 @@ class Stage:
     @property
     def scene(self) -> SceneState:
         """What is rendered."""
-        streamed = self._stream_scene
-        return streamed if streamed is not None and self.stream_open else self._standing
+        guest = self._guest
+        if guest is None or not self._holds(guest.arming):
+            return self._standing
+        return guest.state
 
     def set_scene(self, request: SceneRequest) -> Reply:
-        """Replace the standing scene; ends an open stream.
+        """Replace the standing scene; ends an open stream or an excitation.
 
         Raises
         ------
@@ -106,7 +119,7 @@ class Stage:
         except TextureError as error:
             raise RefusedError("not_feasible", str(error)) from error
         self._check_owner(request.client)  # compiling may have outlasted the lease
-        self._stream = None
+        self._stream = self._guest = None
         self._standing, self._standing_scene = state, compiled
         self._orders.scene.append(SceneOrder(compiled))
         self.scaled_scenes += state.applied.scaled
@@ -120,27 +133,48 @@ class Stage:
         RefusedError
             `not_owner`, `not_armed` or `not_feasible`.
         """
-        self._check_owner(request.client)
-        safety = self._interlock.state
-        if safety.state != "armed":
-            raise RefusedError("not_armed", "arm the rig before a texture is streamed to it")
+        arming = self._arming_of(request.client)
         try:
             budget = StreamBudget.open(request.peak_n, self._law)
         except TextureError as error:
             raise RefusedError("not_feasible", str(error)) from error
         ticket = next(self._tickets) & 0x7FFFFFFF
-        self._stream_scene = SceneState(
+        state = SceneState(
             etag=f"stream-{ticket}",
             scene=Scene(name=f"streamed by {request.client}"),
             applied=budget.applied,
             source="stream",
         )
-        self._stream = _Stream(ticket, safety.armings, budget)
-        self._orders.scene.append(SceneOrder(budget.quiet, afterwards=budget.quiet))
+        self._guest = _Guest(arming, state)
+        self._stream = _Stream(ticket, arming, budget)
+        quiet = budget.quiet
+        self._orders.scene.append(SceneOrder(quiet, afterwards=quiet, arming=arming))
         self.scaled_scenes += budget.applied.scaled
-        return Reply(
-            ok=True, ticket=ticket, applied=budget.applied, etag=self._stream_scene.etag
+        return Reply(ok=True, ticket=ticket, applied=state.applied, etag=state.etag)
+
+    def excite(self, request: ExciteRequest) -> Reply:
+        """Play an excitation; only for the owner of an armed rig, until its lease ends.
+
+        Raises
+        ------
+        RefusedError
+            `not_owner`, `not_armed` or `not_feasible`.
+        """
+        arming = self._arming_of(request.client)
+        try:
+            compiled = compile_excitation(request.excitation, self._law, self._rate_hz)
+        except ArgumentError as error:
+            raise RefusedError("not_feasible", str(error)) from error
+        state = SceneState(
+            etag=etag_of(request.excitation),
+            scene=Scene(name=f"excitation by {request.client}"),
+            applied=compiled.applied,
+            source="excitation",
+            excitation=request.excitation,
         )
+        self._stream, self._guest = None, _Guest(arming, state)
+        self._orders.scene.append(SceneOrder(compiled, arming=arming))
+        return Reply(ok=True, etag=state.etag, applied=state.applied)
 
     def close_stream(self, request: Request) -> Reply:
         """End the stream and fade to the standing scene; harmless where none is open.
@@ -152,7 +186,7 @@ class Stage:
         """
         self._check_owner(request.client)
         if self._stream is not None:
-            self._stream = None
+            self._stream = self._guest = None
             self._orders.scene.append(SceneOrder(self._standing_scene))
         return Reply(ok=True, etag=self._standing.etag)
 
@@ -182,7 +216,8 @@ class Stage:
         except TextureError as error:
             raise RefusedError("not_feasible", str(error)) from error
         stream.sequence = frame.sequence
-        self._orders.scene.append(SceneOrder(compiled, until_s, stream.budget.quiet))
+        quiet = stream.budget.quiet
+        self._orders.scene.append(SceneOrder(compiled, until_s, quiet, stream.arming))
         self.updates += 1
 
     def set_model(self, request: ModelRequest) -> Reply:
@@ -218,10 +253,21 @@ class Stage:
         return Reply(ok=True, etag=self.model.etag, message=message, applied=state.applied)
 
     def _live_stream(self) -> _Stream | None:
-        stream, safety = self._stream, self._interlock.state
-        if stream is None or safety.state != "armed" or stream.arming != safety.armings:
-            return None
-        return stream
+        stream = self._stream
+        return stream if stream is not None and self._holds(stream.arming) else None
+
+    def _holds(self, arming: int) -> bool:
+        safety = self._interlock.state
+        return safety.state == "armed" and safety.armings == arming
+
+    def _arming_of(self, client: str) -> int:
+        """Return the present arming, which must be this client's."""
+        refused = refusal(safety := self._interlock.state, client)
+        if refused is not None:
+            raise RefusedError(refused.code, refused.message)
+        if safety.state != "armed":
+            raise RefusedError("not_armed", "arm the rig before anything is played on it")
+        return safety.armings
 
     def _compiled(self, scene: Scene) -> tuple[SceneState, CompiledScene]:
         compiled = compile_scene(scene, self._law, self._screen, self._rate_hz)

@@ -33,6 +33,7 @@ from frictus_service.daemon.part import PartName, run_part
 from frictus_service.daemon.safety import ACTIONS
 from frictus_service.errors import StartError
 
+ALL: Final[tuple[PartName, ...]] = ("rig", "api", "recorder")
 LOOKS: Final = 5
 """A counter must stand still over so many looks: a supervisor that was itself held up has
 looked less often, and does not blame the rig."""
@@ -77,7 +78,7 @@ class Supervisor:
     ----------
     config : Config
     parts : sequence of str
-        Which parts: `rig`, `api`.
+        Which parts: `rig`, `api`, `recorder`.
     host_router : bool or None
         Whether to listen at the router's endpoint; None: as configured.
     say : callable
@@ -87,7 +88,7 @@ class Supervisor:
     def __init__(
         self,
         config: Config,
-        parts: Sequence[PartName] = ("rig", "api"),
+        parts: Sequence[PartName] = ALL,
         host_router: bool | None = None,
         say: Callable[[str], None] = _to_stderr,
     ) -> None:
@@ -355,7 +356,7 @@ def _how_it_ended(exitcode: int | None) -> str:
 
 def serve(
     config: Config,
-    parts: Sequence[PartName] = ("rig", "api"),
+    parts: Sequence[PartName] = ALL,
     host_router: bool | None = None,
     say: Callable[[str], None] = _to_stderr,
 ) -> None:

@@ -2,26 +2,29 @@
 
 import base64
 import io
+from math import ceil
 
 import numpy as np
 from PIL import Image
 
+from frictus.messages import Excitation, Tone
 from frictus.stream import StreamFrame
 from frictus.textures import Component, Map, Region, Scene, Spectrum
 from frictus_hardware import SimulatedConfig, open_backend
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.synthesis.chain import make_chain
+from frictus_service.synthesis.excitation import compile_excitation
+from frictus_service.synthesis.renderer import Playable
 from frictus_service.synthesis.scene import compile_scene
 from frictus_service.synthesis.stream import StreamBudget
 from frictus_service.translate import law_of, placeholder_model
 
-WARM_S = 0.3
-FADE_BLOCKS = 10
-"""Long enough for touch reports to come, and for a scene and a stream to be faded in."""
+FADE_S = 0.06
+"""Long enough for touch reports to come, and for what is next to be faded in."""
 
 
 def warm_up(sample_rate_hz: float, block_samples: int) -> None:
-    """Render a scene and a stream on a simulated rig that runs as fast as it can.
+    """Render whatever can be rendered on a simulated rig that runs as fast as it can.
 
     Parameters
     ----------
@@ -38,14 +41,16 @@ def warm_up(sample_rate_hz: float, block_samples: int) -> None:
     wave = 0.04 * np.sin(2.0 * np.pi * np.arange(64) / 64.0)
     frame = StreamFrame(0, 0, 0, 1, 2.0, True, 0.0, wave.astype(np.float32))
     streamed = budget.compile(frame)
+    tone = Excitation(tones=[Tone(hz=100.0, amplitude=0.5)])
+    excited = compile_excitation(tone, law, sample_rate_hz)
+    coming: tuple[Playable, ...] = (scene, excited, scene, budget.quiet, streamed)
     with open_backend(config) as rig:
         rig.arm()
         chain = make_chain(rig, law, screen, block_samples)
-        coming = [scene, budget.quiet, streamed]
-        for block in range(round(WARM_S * sample_rate_hz / block_samples)):
-            if coming and block % FADE_BLOCKS == 0:
-                chain.renderer.set_scene(coming.pop(0))
-            chain.step(True)
+        for playable in coming:
+            chain.renderer.set_scene(playable)
+            for _ in range(ceil(FADE_S * sample_rate_hz / block_samples)):
+                chain.step(True)
 
 
 def _every_kind() -> Scene:

@@ -239,6 +239,26 @@ def invert(law, motion, sample_rate_hz, friction_n, next_n, out):  # type: ignor
 
 
 @njit(cache=True, nogil=True)
+def excite(table, hz, amplitude, phase_rad, first, sample_rate_hz, out):  # type: ignore[no-untyped-def]
+    """Write the drive of an excitation, in [0, 1]; phases count from the first sample ever."""
+    for n in range(out.size):
+        drive = table[(first + n) % table.size]
+        for k in range(hz.size):
+            cycles = (first + n) * hz[k] % sample_rate_hz / sample_rate_hz
+            drive += amplitude[k] * np.cos(2.0 * np.pi * cycles + phase_rad[k])
+        out[n] = min(max(drive, 0.0), 1.0)
+
+
+@njit(cache=True, nogil=True)
+def mix_drive(old, new, share, share_step):  # type: ignore[no-untyped-def]
+    """Cross-fade drives as `mix` does targets, in [0, 1] whatever the rounding."""
+    share = mix(old, new, share, share_step)
+    for n in range(old.size):
+        old[n] = min(max(old[n], 0.0), 1.0)
+    return share
+
+
+@njit(cache=True, nogil=True)
 def envelope(level, goal, step, drive):  # type: ignore[no-untyped-def]
     """Scale the drive in place by a ramp from `level` to `goal`; return the level after."""
     for n in range(drive.size):

@@ -10,10 +10,12 @@ from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis import kernel
 from frictus_service.synthesis.estimator import Course
+from frictus_service.synthesis.excitation import CompiledExcitation
 from frictus_service.synthesis.kernel import Motion
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
 
 FloatArray = NDArray[np.float64]
+Playable = CompiledScene | CompiledExcitation
 
 RAMP_S = 0.02
 """At contact, arming and stop."""
@@ -29,7 +31,8 @@ class Rendered:
     Attributes
     ----------
     voltage_v, drive, target_n : ndarray, shape (n_samples,)
-        Screen volts; drive fraction, in [0, 1]; friction that was aimed at, bias included, N.
+        Screen volts; drive fraction, in [0, 1]; friction that was aimed at, bias included, N,
+        NaN where an excitation is played, which aims at none.
     clipped_samples, extrapolated_samples : int
         Samples whose drive did not fit, and whose speed lay outside the law's range.
     level : float
@@ -45,7 +48,7 @@ class Rendered:
 
 
 class Renderer:
-    """Renders the scene in force.
+    """Renders the scene or plays the excitation in force.
 
     Parameters
     ----------
@@ -55,8 +58,8 @@ class Renderer:
     sample_rate_hz : float
     block_samples : int
         Samples of every block.
-    scene : CompiledScene, optional
-        To begin with; a smooth one if not given.
+    scene : CompiledScene or CompiledExcitation, optional
+        To begin with; a smooth scene if not given.
     """
 
     def __init__(
@@ -65,29 +68,30 @@ class Renderer:
         screen: Screen,
         sample_rate_hz: float,
         block_samples: int,
-        scene: CompiledScene | None = None,
+        scene: Playable | None = None,
     ) -> None:
         self._screen = screen
         self._rate_hz = sample_rate_hz
         self._law = law_tuple(law)
-        self._scene = scene or compile_scene(Scene(), law, screen, sample_rate_hz)
-        self._next_scene: CompiledScene | None = None
-        self._waiting: CompiledScene | None = None
+        self._scene: Playable = scene or compile_scene(Scene(), law, screen, sample_rate_hz)
+        self._next_scene: Playable | None = None
+        self._waiting: Playable | None = None
         self._share = 0.0
         self._level = 0.0
         self._target = np.zeros(block_samples + 1)
         self._target_next = np.zeros(block_samples + 1)
         self._target_moved = np.zeros(block_samples + 1)
         self._drive = np.zeros(block_samples)
+        self._drive_next = np.zeros(block_samples)
         self._voltage = np.zeros(block_samples)
 
     @property
-    def scene(self) -> CompiledScene:
-        """The scene in force, or the newest that will be."""
+    def scene(self) -> Playable:
+        """What is in force, or the newest that will be."""
         return self._waiting or self._next_scene or self._scene
 
-    def set_scene(self, scene: CompiledScene) -> None:
-        """Cross-fade to a scene, starting with the next block.
+    def set_scene(self, scene: Playable) -> None:
+        """Cross-fade to a scene or an excitation, starting with the next block.
 
         A fade that is under way ends first, within 20 ms; of scenes that come meanwhile the
         newest wins.
@@ -120,10 +124,7 @@ class Renderer:
         allow : bool
             Whether there may be output; the envelope ramps towards it within 20 ms.
         """
-        target = self._aim(first_sample, course)
-        clipped, extrapolated = kernel.invert(
-            self._law, course.motion, self._rate_hz, target[:-1], target[-1], self._drive
-        )
+        clipped, extrapolated = self._compose(first_sample, course)
         active = allow or self._level > 0.0
         # A little steeper, so that rounding does not cost a block more.
         step = (1.0 + 1e-9) / (RAMP_S * self._rate_hz)
@@ -139,27 +140,66 @@ class Renderer:
         return Rendered(
             self._voltage,
             self._drive,
-            target[:-1],
+            self._target[:-1],
             clipped if active else 0,
             extrapolated if active else 0,
             self._level,
         )
 
-    def _aim(self, first_sample: int, course: Course) -> FloatArray:
-        """Return the target at the block's samples and the one after, all fades included."""
-        n = self._drive.size
-        self._trace(self._scene, course, first_sample, self._target)
-        if self._next_scene is not None:
-            self._trace(self._next_scene, course, first_sample, self._target_next)
-            streamed = self._next_scene.source == self._scene.source == "stream"
-            step = 1.0 / ((STREAM_FADE_S if streamed else SCENE_FADE_S) * self._rate_hz)
+    def _compose(self, first_sample: int, course: Course) -> tuple[int, int]:
+        """Write the drive, all fades included; return clipped and extrapolated samples.
+
+        Between scenes the target fades, so that its inverse is exact; an excitation has no
+        target, and to and from it the drive fades.
+        """
+        scene, coming = self._scene, self._next_scene
+        if coming is None:
+            return self._drive_of(scene, first_sample, course, self._drive)
+        streamed = coming.source == scene.source == "stream"
+        step = 1.0 / ((STREAM_FADE_S if streamed else SCENE_FADE_S) * self._rate_hz)
+        if isinstance(scene, CompiledScene) and isinstance(coming, CompiledScene):
+            self._trace(scene, course, first_sample, self._target)
+            self._trace(coming, course, first_sample, self._target_next)
             kernel.mix(self._target, self._target_next, self._share, step)
-            self._share += n * step
-            if self._share >= 1.0:
-                self._scene, self._next_scene = self._next_scene, self._waiting
-                self._waiting = None
-                self._share = 0.0
-        return self._target
+            counts = self._invert(course, self._drive)
+        else:
+            before = self._drive_of(scene, first_sample, course, self._drive)
+            after = self._drive_of(coming, first_sample, course, self._drive_next)
+            kernel.mix_drive(self._drive, self._drive_next, self._share, step)
+            self._target[:] = np.nan
+            counts = (before[0] + after[0], before[1] + after[1])
+        self._share += self._drive.size * step
+        if self._share >= 1.0:
+            self._scene, self._next_scene, self._waiting = coming, self._waiting, None
+            self._share = 0.0
+        return counts
+
+    def _drive_of(
+        self, scene: Playable, first_sample: int, course: Course, out: FloatArray
+    ) -> tuple[int, int]:
+        """Write the drive that one scene or excitation asks for by itself."""
+        if isinstance(scene, CompiledScene):
+            self._trace(scene, course, first_sample, self._target)
+            return self._invert(course, out)
+        kernel.excite(
+            scene.table,
+            scene.hz,
+            scene.amplitude,
+            scene.phase_rad,
+            first_sample,
+            self._rate_hz,
+            out,
+        )
+        self._target[:] = np.nan
+        return 0, 0
+
+    def _invert(self, course: Course, out: FloatArray) -> tuple[int, int]:
+        """Write the drive that makes friction follow the target."""
+        target = self._target
+        clipped, extrapolated = kernel.invert(
+            self._law, course.motion, self._rate_hz, target[:-1], target[-1], out
+        )
+        return clipped, extrapolated
 
     def _trace(
         self, scene: CompiledScene, course: Course, first_sample: int, out: FloatArray

@@ -302,6 +302,103 @@ def test_virtual_finger_follows_its_clients() -> None:
     assert desk.backend.moves == [(1.0, 2.0, True, 0.4)]
 
 
+TONE = {"hz": 100.0, "amplitude": 0.5}
+
+
+def test_only_the_owner_of_an_armed_rig_may_excite(desk: Desk) -> None:
+    assert desk.call("excite", excitation={"tones": [TONE]}).code == "not_armed"
+    desk.call("arm")
+    assert desk.call("excite", "ben", excitation={"tones": [TONE]}).code == "not_owner"
+    reply = desk.call("excite", excitation={"tones": [TONE]})
+    assert reply.ok
+    assert reply.applied is not None
+    assert (reply.applied.gain, reply.applied.bias) == (1.0, 0.5)
+    assert desk.stage.scene.source == "excitation"
+    assert desk.stage.scene.etag == reply.etag
+    assert desk.orders.scene[-1].arming == desk.interlock.state.armings
+
+
+def test_an_excitation_beyond_the_drive_is_refused(desk: Desk) -> None:
+    desk.call("arm")
+    reply = desk.call("excite", excitation={"tones": [TONE, {**TONE, "hz": 130.0}]})
+    assert reply.code == "not_feasible"
+    assert "from -0.5 to 1.5" in reply.message
+    assert desk.stage.scene.source == "scene"
+
+
+@pytest.mark.parametrize("end", ["scene", "open_stream", "disarm"])
+def test_an_excitation_ends_with_what_follows(desk: Desk, end: str) -> None:
+    desk.call("arm")
+    desk.call("excite", excitation={"tones": [TONE]})
+    with_it: dict[str, dict[str, Any]] = {
+        "scene": {"scene": SCENE},
+        "open_stream": {"peak_n": 0.05},
+    }
+    fields = with_it.get(end, {})
+    assert desk.call(end, **fields).ok
+    assert desk.stage.scene.source == ("stream" if end == "open_stream" else "scene")
+
+
+def test_an_excitation_ends_a_stream(desk: Desk) -> None:
+    ticket = desk.streaming()
+    assert desk.call("excite", excitation={"tones": [TONE]}).ok
+    assert not desk.stage.stream_open
+    assert desk.send("texture", desk.frame(ticket)).code == "not_armed"
+    assert desk.call("close_stream").ok
+    assert desk.stage.scene.source == "excitation"
+
+
+class Participant:
+    """A backend whose virtual finger follows guidance."""
+
+    info = Info("simulated")
+    follows_guidance = True
+
+    def __init__(self) -> None:
+        self.told: list[tuple[float, float, tuple[float, float]]] = []
+
+    def guide_finger(
+        self, speed_mm_s: float, force_n: float, span_mm: tuple[float, float]
+    ) -> None:
+        self.told.append((speed_mm_s, force_n, span_mm))
+
+
+def guidance(desk: Desk, **fields: Any) -> bytes:
+    said = {
+        "utc_ns": desk.utc_ns,
+        "participant": "P01",
+        "phase": "record",
+        "trial": 1,
+        "seconds_left": 3.0,
+        "target_speed_mm_s": 40.0,
+        "target_force_n": 0.3,
+        "reference_x_mm": 10.0,
+        "span_mm": [5.0, 65.0],
+    }
+    return json.dumps({**said, **fields}).encode()
+
+
+def test_virtual_participant_follows_guidance_and_rests_in_between() -> None:
+    desk = Desk(backend=Participant())
+    for phase in ("approach", "record", "break", "analyse", "done"):
+        assert desk.send("guidance", guidance(desk, phase=phase)).ok
+    speeds = [speed for speed, _, _ in desk.backend.told]
+    assert speeds == [40.0, 40.0, 0.0, 0.0, 0.0]
+    assert desk.backend.told[0][1:] == (0.3, (5.0, 65.0))
+
+
+def test_guidance_that_is_old_or_garbage_guides_nobody() -> None:
+    desk = Desk(backend=Participant())
+    old = guidance(desk, utc_ns=desk.utc_ns - 2_000_000_000)
+    assert desk.send("guidance", old).code == "stale"
+    assert desk.send("guidance", b"{}").code == "bad_request"
+    assert not desk.backend.told
+
+
+def test_real_finger_follows_no_guidance(desk: Desk) -> None:
+    assert desk.send("guidance", guidance(desk)).code == "not_feasible"
+
+
 json_values = st.recursive(
     st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=8),
     lambda inner: (
@@ -309,7 +406,7 @@ json_values = st.recursive(
     ),
     max_leaves=8,
 )
-NAMES = [name for name in CALLS if name != "stop"] + ["lease", "pointer", "texture"]
+NAMES = [name for name in CALLS if name != "stop"] + ["lease", "pointer", "texture", "guidance"]
 SHARED = Desk()
 assert SHARED.call("arm", "owner", lease_ms=10_000).ok
 

@@ -253,14 +253,14 @@ def test_stream_without_updates_fades_to_its_bias(make_bench: Any, texture: Scen
     wave = 0.08 * np.sin(2.0 * np.pi * np.arange(64) / 64.0)
     frame = StreamFrame(1, 0, 0, 1, 1.0, True, 0.0, wave.astype(np.float32))
     update = budget.compile(frame)
-    bench.orders.scene.append(SceneOrder(update, bench.now_s + 0.2, budget.quiet))
+    bench.orders.scene.append(SceneOrder(update, bench.now_s + 0.2, budget.quiet, 1))
     bench.turn(0.1)
     assert not bench.loop.tally.stream_stale
     bench.turn(0.3)
     assert bench.loop.tally.stream_stale
     target = bench.turns[-1].step.rendered.target_n
     assert np.allclose(target, budget.quiet.applied.bias_n)
-    bench.orders.scene.append(SceneOrder(update, bench.now_s + 0.2, budget.quiet))
+    bench.orders.scene.append(SceneOrder(update, bench.now_s + 0.2, budget.quiet, 1))
     bench.turn(0.05)
     assert not bench.loop.tally.stream_stale
 
@@ -268,7 +268,7 @@ def test_stream_without_updates_fades_to_its_bias(make_bench: Any, texture: Scen
 def test_stream_does_not_outlive_its_lease(make_bench: Any, texture: Scene) -> None:
     bench = driven(make_bench(), texture)
     budget = StreamBudget.open(0.1, FrictionLaw())
-    bench.orders.scene.append(SceneOrder(budget.quiet, afterwards=budget.quiet))
+    bench.orders.scene.append(SceneOrder(budget.quiet, afterwards=budget.quiet, arming=1))
     bench.turn(0.1)
     assert bench.turns[-1].scaled == budget.applied.scaled
     bench.feed(Stop("ben"))

@@ -1,0 +1,145 @@
+"""Paths of recordings: start, end and follow one on a rig; which there are on this machine."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from typing import Annotated, Final
+
+from fastapi import APIRouter, Depends, Request, Response
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+
+from frictus.errors import RefusedError
+from frictus.messages import RecordingState
+from frictus_service.api import problems
+from frictus_service.api.access import needs
+from frictus_service.api.bodies import JSON, parse_json, raw_body, require_media
+from frictus_service.api.rigs import Given, RigName
+
+_RIG: Final[tuple[type[problems.ApiError], ...]] = (
+    problems.UnauthenticatedError,
+    problems.MissingScopeError,
+    problems.RigNotFoundError,
+    problems.InvalidError,
+    problems.UnreadableRigError,
+    problems.NoLinkError,
+)
+_ASK: Final[tuple[type[problems.ApiError], ...]] = (
+    *_RIG,
+    problems.RecordingConflictError,
+    problems.StaleError,
+    problems.UnavailableError,
+)
+router = APIRouter(prefix="/v1", tags=["recordings"])
+
+
+class RecordingAsked(BaseModel):
+    """What to record."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: Annotated[str, Field(min_length=1, max_length=100, pattern=r"^[A-Za-z0-9._-]+$")]
+    participant: Annotated[str, Field(max_length=64)] | None = None
+    notes: Annotated[str, Field(max_length=10_000)] = ""
+
+
+class RecordingFile(BaseModel):
+    """One recording in the folder of this machine."""
+
+    name: str
+    bytes: int
+    modified_utc: str = Field(description="ISO 8601")
+    finished: bool = Field(description="false: being written, or torn")
+
+
+class RecordingList(BaseModel):
+    """The recordings in the folder of this machine, the newest first."""
+
+    folder: str
+    recordings: list[RecordingFile]
+
+
+@contextmanager
+def _conflicts() -> Iterator[None]:
+    """Answer with 409 where the recorder says `conflict`: no ETag is involved."""
+    try:
+        yield
+    except RefusedError as error:
+        if error.code != "conflict":
+            raise
+        raise problems.RecordingConflictError(str(error)) from error
+
+
+_ASKED: Final[TypeAdapter[RecordingAsked]] = TypeAdapter(RecordingAsked)
+
+
+@router.get(
+    "/recordings",
+    dependencies=[Depends(needs("read"))],
+    responses=problems.documented(*_RIG[:2]),
+)
+def list_recordings(given: Given) -> RecordingList:
+    """List the recordings in this machine's folder; a recorder elsewhere has its own."""
+    from frictus_service.recording.shelf import shelved
+
+    folder = given.config.recordings
+    return RecordingList(
+        folder=str(folder.resolve()),
+        recordings=[
+            RecordingFile(
+                name=one.path.stem,
+                bytes=one.size,
+                modified_utc=datetime.fromtimestamp(one.modified_s, UTC).isoformat(),
+                finished=one.finished,
+            )
+            for one in shelved(folder)
+        ],
+    )
+
+
+@router.get(
+    "/rigs/{rig}/recording",
+    dependencies=[Depends(needs("read"))],
+    responses=problems.documented(*_RIG),
+)
+def get_recording(rig: RigName, given: Given) -> RecordingState:
+    """Return what the rig's recorder does: file, length, blocks, and what was lost."""
+    return given.link.rig(rig).recording()
+
+
+@router.post(
+    "/rigs/{rig}/recordings",
+    dependencies=[Depends(needs("calibrate"))],
+    status_code=201,
+    responses=problems.documented(*_ASK, problems.UnsupportedMediaError),
+    openapi_extra={
+        "requestBody": {
+            "required": True,
+            "content": {JSON: {"schema": RecordingAsked.model_json_schema()}},
+        }
+    },
+)
+def start_recording(
+    rig: RigName,
+    given: Given,
+    request: Request,
+    response: Response,
+    body: Annotated[bytes, Depends(raw_body)],
+) -> RecordingState:
+    """Have the rig's recorder record everything that the rig publishes."""
+    require_media(request, JSON)
+    asked = parse_json(_ASKED, body)
+    with _conflicts():
+        state = given.link.rig(rig).record(asked.name, asked.participant, asked.notes)
+    response.headers["Location"] = f"/v1/rigs/{rig}/recording"
+    return state
+
+
+@router.post(
+    "/rigs/{rig}/recording/stop",
+    dependencies=[Depends(needs("calibrate"))],
+    responses=problems.documented(*_ASK),
+)
+def stop_recording(rig: RigName, given: Given) -> RecordingState:
+    """End the recording; return how long it became and what was lost in it."""
+    with _conflicts():
+        return given.link.recorder_of(rig).end_recording()

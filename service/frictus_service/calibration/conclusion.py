@@ -1,0 +1,226 @@
+"""From the trials of a calibration to the model of a finger on a screen."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from frictus.model import FirstOrderSpeedLaw, Model, Validity
+from frictus_service.calibration.errors import EstimateError
+from frictus_service.calibration.job import CalibrationResult, CalibrationSpec
+from frictus_service.calibration.plan import Done
+from frictus_service.calibration.posterior import Posterior, estimate
+from frictus_service.calibration.prior import Prior
+from frictus_service.identification.errors import NothingToIdentifyError
+from frictus_service.identification.observation import TrialObservations
+
+FloatArray = NDArray[np.float64]
+
+
+def prior_of(spec: CalibrationSpec) -> Prior:
+    """Return what is known of a person before anything was measured."""
+    return Prior.learn(spec.prior)
+
+
+def estimate_of(spec: CalibrationSpec, observations: Sequence[TrialObservations]) -> Posterior:
+    """Return the speed law that the observations say; the quick protocol's with the prior.
+
+    Raises
+    ------
+    EstimateError
+        If they do not determine it.
+    """
+    protocol = spec.protocol
+    uses_prior = protocol.kind == "quick" and protocol.use_prior
+    return estimate(observations, prior_of(spec) if uses_prior else None)
+
+
+def precision_at(posterior: Posterior, speeds_mm_s: Sequence[float]) -> float:
+    """Return half of the 95 % interval of the cutoff over its value, the worst speed's.
+
+    Infinite where too few trials tell how they scatter.
+    """
+    return float(np.max(posterior.relative_width(np.array(speeds_mm_s))))
+
+
+def precision_so_far(
+    spec: CalibrationSpec, observations: Sequence[TrialObservations]
+) -> float | None:
+    """Return the precision that was reached; None where nothing can be said yet."""
+    if not any(observed.valid for observed in observations):
+        return None
+    try:
+        posterior = estimate_of(spec, observations)
+    except EstimateError:
+        return None
+    precision = precision_at(posterior, spec.protocol.speeds_mm_s)
+    return precision if np.isfinite(precision) else None
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A model, and the intervals of its cutoff.
+
+    Attributes
+    ----------
+    model : Model
+    cutoff_hz : ndarray, shape (n_speeds,)
+        At the speeds that were measured.
+    half_width : ndarray, shape (n_speeds,)
+        Of the 95 % interval, over the value.
+    """
+
+    model: Model
+    cutoff_hz: FloatArray
+    half_width: FloatArray
+
+
+def conclude(
+    spec: CalibrationSpec,
+    observations: Sequence[TrialObservations],
+    done: Sequence[Done],
+    left_out: Sequence[str],
+    study: Path,
+) -> CalibrationResult:
+    """Return the result of a calibration whose trials are all done.
+
+    Parameters
+    ----------
+    spec : CalibrationSpec
+    observations : sequence of TrialObservations
+    done : sequence of Done
+    left_out : sequence of str
+        What could not be measured.
+    study : Path
+        File of all trials.
+
+    Raises
+    ------
+    EstimateError
+        If the valid trials do not say what the law is, or not how precisely.
+    """
+    valid = [observed.info for observed in observations if observed.valid]
+    if not valid:
+        raise EstimateError(f"none of {len(done)} trials is valid; {study} says why of each")
+    speeds = np.array(sorted({info.speed_mm_s for info in valid}))
+    estimated = _by_analysis if spec.protocol.kind == "paper" else _by_prior
+    found = estimated(spec, observations, speeds, study)
+    precision = float(np.max(found.half_width))
+    if not np.isfinite(precision):
+        raise EstimateError(
+            f"{len(valid)} valid trials do not tell how trials scatter; measure at least two "
+            f"per speed. All of them are kept in {study}"
+        )
+    protocol, rejected = spec.protocol, [trial for trial in done if trial.rejected]
+    reached = not left_out if protocol.kind == "paper" else precision <= protocol.precision
+    return CalibrationResult(
+        model=found.model,
+        study=str(study),
+        recorded_s=sum(trial.record_s for trial in done),
+        precision=precision,
+        reached=reached,
+        notes=(
+            *(f"not measured, rejected too often: {what}" for what in left_out),
+            *(f"trial {trial.id} was rejected: {trial.rejected}" for trial in rejected),
+        ),
+        details={
+            "trials": len(done),
+            "trials_used": len(valid),
+            "cutoff_hz": [
+                {"speed_mm_s": speed, "value": value, "half_width": half}
+                for speed, value, half in zip(
+                    speeds.tolist(),
+                    found.cutoff_hz.tolist(),
+                    found.half_width.tolist(),
+                    strict=True,
+                )
+            ],
+        },
+    )
+
+
+def _by_prior(
+    spec: CalibrationSpec,
+    observations: Sequence[TrialObservations],
+    speeds_mm_s: FloatArray,
+    study: Path,
+) -> Estimate:
+    """Return what the trials and earlier people say together."""
+    posterior = estimate_of(spec, observations)
+    valid = [observed.info for observed in observations if observed.valid]
+    forces, drives = (
+        [getattr(info, name) for info in valid] for name in ("force_n", "drive_vpp")
+    )
+    validity = Validity(
+        speed_mm_s=(float(speeds_mm_s[0]), float(speeds_mm_s[-1])),
+        normal_force_n=(min(forces), max(forces)),
+        drive_vpp=(min(drives), max(drives)),
+    )
+    model = posterior.model(spec.participant, validity, _provenance(spec, study))
+    return Estimate(
+        model, posterior.cutoff_hz(speeds_mm_s), posterior.relative_width(speeds_mm_s)
+    )
+
+
+def _by_analysis(
+    spec: CalibrationSpec,
+    observations: Sequence[TrialObservations],
+    speeds_mm_s: FloatArray,
+    study: Path,
+) -> Estimate:
+    """Return what the analysis of any study makes of the trials, one of one participant too."""
+    from frictus_service.identification.analysis import identify
+    from frictus_service.identification.models import participant_models
+
+    try:
+        identification = identify(observations, path=str(study), sha256=_sha256(study))
+    except NothingToIdentifyError as error:
+        raise EstimateError(str(error)) from error
+    friction = [m for m in participant_models(identification) if m.response == "friction"]
+    if not friction:
+        raise EstimateError(
+            f"the trials in {study} give no speed law: {'; '.join(identification.notes)}"
+        )
+    found = friction[0]
+    told = found.provenance | _provenance(spec, study)
+    model = found.model_copy(update={"provenance": told})
+    return _with_widths(model, speeds_mm_s)
+
+
+def _with_widths(model: Model, speeds_mm_s: FloatArray) -> Estimate:
+    """Return the cutoff of a model with its interval, from its covariance."""
+    law, covariance = model.base, model.covariance
+    assert isinstance(law, FirstOrderSpeedLaw)
+    assert covariance is not None
+    cutoff = law.cutoff_0_hz + law.slope_hz_per_mm_s * speeds_mm_s
+    names = ("cutoff_0_hz", "slope_hz_per_mm_s")
+    at = [covariance.parameters.index(name) for name in names]
+    spread = np.array(covariance.matrix)[np.ix_(at, at)]
+    gradient = np.column_stack([np.ones_like(speeds_mm_s), speeds_mm_s])
+    sd = np.sqrt(np.einsum("vi,ij,vj->v", gradient, spread, gradient))
+    freedom = float(model.provenance["degrees_of_freedom"])
+    return Estimate(model, cutoff, stats.t.ppf(0.975, freedom) * sd / cutoff)
+
+
+def _provenance(spec: CalibrationSpec, study: Path) -> dict[str, Any]:
+    return {
+        "source": f"calibration, {spec.protocol.kind} protocol",
+        "rig": spec.rig,
+        "participant": spec.participant,
+        "study_sha256": _sha256(study),
+        "code_version": version("frictus"),
+        "settings": spec.protocol.model_dump(mode="json"),
+        "seed": spec.seed,
+        "earlier_models": len(spec.prior),
+    }
+
+
+def _sha256(file: Path) -> str:
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

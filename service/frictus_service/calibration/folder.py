@@ -1,0 +1,179 @@
+"""Where a calibration keeps what it has, so that a crash loses the trial under way at most.
+
+``calibration.json`` says what was asked for; each finished trial is a study file of its own,
+with the verdict on it; all of them together become ``study.h5``.
+"""
+
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final, Self
+
+from pydantic import ValidationError
+
+from frictus_service.calibration.errors import FolderError
+from frictus_service.calibration.job import CalibrationSpec
+from frictus_service.calibration.plan import Done
+from frictus_service.study.errors import TrialError
+from frictus_service.study.reader import StudyReader
+from frictus_service.study.trial import StudyInfo, Trial
+from frictus_service.study.writer import StudyWriter
+
+SPEC: Final = "calibration.json"
+STUDY: Final = "study.h5"
+TRIALS: Final = "trials"
+VERDICT: Final = "rejected"
+"""Root attribute of a trial's file: why the trial may not be used, or empty."""
+
+
+class CalibrationFolder:
+    """The trials of one calibration.
+
+    Parameters
+    ----------
+    path : Path
+    spec : CalibrationSpec
+    done : list of Done
+        In order.
+    """
+
+    def __init__(self, path: Path, spec: CalibrationSpec, done: list[Done]) -> None:
+        self.path = path
+        self.spec = spec
+        self._done = done
+
+    @classmethod
+    def open(cls, path: Path, spec: CalibrationSpec) -> Self:
+        """Begin a calibration in a folder, or go on with the one that it holds.
+
+        Only the number of the session may differ from what the folder says.
+
+        Raises
+        ------
+        FolderError
+            If the folder holds another calibration.
+        """
+        (path / TRIALS).mkdir(parents=True, exist_ok=True)
+        begun = read_spec(path)
+        if begun is not None:
+            _require_same(path, begun, spec)
+        elif any((path / TRIALS).glob("*.h5")):
+            raise FolderError(f"{path} holds trials but no {SPEC}; choose another folder")
+        else:
+            _write(path / SPEC, spec.model_dump_json(indent=1).encode())
+        done = [_done(trial) for trial in sorted((path / TRIALS).glob("*.h5"))]
+        return cls(path, spec, done)
+
+    @property
+    def done(self) -> tuple[Done, ...]:
+        """The finished trials, in order."""
+        return tuple(self._done)
+
+    @property
+    def study(self) -> Path:
+        """The study of all trials, once it is made."""
+        return self.path / STUDY
+
+    @property
+    def next_id(self) -> str:
+        """Id of the next trial; ids sort as the trials followed one another."""
+        return f"{self.spec.participant}-{len(self._done):04d}"
+
+    def add(self, trial: Trial, info: StudyInfo, rejected: str) -> Done:
+        """Keep a trial; it is on the disk when this returns.
+
+        Parameters
+        ----------
+        trial : Trial
+            Its id is `next_id`.
+        info : StudyInfo
+        rejected : str
+            Why it may not be used; empty where it may.
+        """
+        file = self._file(trial.info.id)
+        own = StudyInfo(
+            info.rig,
+            info.carrier_hz,
+            info.screen_peak_v,
+            info.mount,
+            info.mount_json,
+            {**info.extras, VERDICT: rejected},
+        )
+        with StudyWriter(file, own) as writer:
+            writer.add(trial)
+        done = _done(file)
+        self._done.append(done)
+        return done
+
+    def trials(self) -> Iterator[Trial]:
+        """Yield the finished trials in order, those that cannot be read left out."""
+        for done in self._done:
+            with StudyReader(self._file(done.id)) as reader:
+                try:
+                    yield reader.read(done.id)
+                except TrialError:
+                    continue  # refused when it was recorded, and its verdict says why
+
+    def merge(self, info: StudyInfo) -> Path:
+        """Write the study of all trials, the rejected ones too, and return its path."""
+        unfinished = self.path / f"{STUDY}.new"
+        unfinished.unlink(missing_ok=True)
+        with StudyWriter(unfinished, info) as writer:
+            for trial in self.trials():
+                writer.add(trial)
+        os.replace(unfinished, self.study)
+        return self.study
+
+    def _file(self, trial_id: str) -> Path:
+        return self.path / TRIALS / f"{trial_id}.h5"
+
+
+def _done(file: Path) -> Done:
+    with StudyReader(file) as reader:
+        (info,) = reader.trials
+        rejected = str(reader.info.extras.get(VERDICT, ""))
+        return Done(
+            info.id,
+            info.speed_mm_s,
+            info.force_n,
+            info.tones_hz,
+            reader.n_samples(info.id) / info.sample_rate_hz,
+            rejected,
+        )
+
+
+def read_spec(path: Path) -> CalibrationSpec | None:
+    """Return what the calibration in a folder was asked to do; None if there is none.
+
+    Raises
+    ------
+    FolderError
+        If it cannot be read.
+    """
+    file = path / SPEC
+    if not file.exists():
+        return None
+    try:
+        return CalibrationSpec.model_validate_json(file.read_bytes())
+    except (OSError, ValidationError) as error:
+        raise FolderError(f"{file} cannot be read: {error}; choose another folder") from error
+
+
+def _require_same(path: Path, begun: CalibrationSpec, spec: CalibrationSpec) -> None:
+    asked, held = (json.loads(one.model_dump_json()) for one in (spec, begun))
+    differing = [name for name in asked if asked[name] != held[name] and name != "session"]
+    if differing:
+        raise FolderError(
+            f"{path} holds a calibration with another {', '.join(differing)}; "
+            "ask for the same again, or choose another folder"
+        )
+
+
+def _write(file: Path, content: bytes) -> None:
+    unfinished = file.with_suffix(".new")
+    with unfinished.open("wb") as stream:
+        stream.write(content)
+        stream.flush()
+        os.fsync(stream.fileno())
+    os.replace(unfinished, file)

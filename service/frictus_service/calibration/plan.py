@@ -1,0 +1,237 @@
+"""Which trial comes next; pure functions of what was done so far."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final, Protocol
+
+import numpy as np
+
+from frictus.messages import Excitation
+from frictus_service.calibration import design
+from frictus_service.calibration.job import PaperProtocol, QuickProtocol
+from frictus_service.calibration.prior import Prior
+
+MULTISINE_TONES: Final = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """What is asked of one trial.
+
+    Attributes
+    ----------
+    speed_mm_s, force_n : float
+        Targets.
+    excitation : Excitation
+    approach_s, record_s : float
+    """
+
+    speed_mm_s: float
+    force_n: float
+    excitation: Excitation
+    approach_s: float
+    record_s: float
+
+    @property
+    def tones_hz(self) -> tuple[float, ...]:
+        """Frequencies of the tones."""
+        return tuple(tone.hz for tone in self.excitation.tones)
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """A trial that was recorded.
+
+    Attributes
+    ----------
+    id : str
+    speed_mm_s, force_n : float
+        As asked for.
+    tones_hz : tuple of float
+    record_s : float
+    rejected : str
+        Why it may not be used; empty where it may.
+    """
+
+    id: str
+    speed_mm_s: float
+    force_n: float
+    tones_hz: tuple[float, ...]
+    record_s: float
+    rejected: str = ""
+
+
+class Plan(Protocol):
+    """What a protocol makes of what was done so far."""
+
+    def ask(self, done: Sequence[Done], precision: float | None) -> Ask | None:
+        """Return the next trial; None at the end.
+
+        Parameters
+        ----------
+        done : sequence of Done
+            In order.
+        precision : float or None
+            What was reached; None where nothing can be said yet.
+        """
+        ...
+
+    def planned(self, done: Sequence[Done]) -> int | None:
+        """Return how many trials there will be, done ones included, if that is known."""
+        ...
+
+    def break_s(self, done: Sequence[Done]) -> float:
+        """Return how long the participant rests before the next trial."""
+        ...
+
+    def left_out(self, done: Sequence[Done]) -> tuple[str, ...]:
+        """Return what will not be measured, since it was rejected too often."""
+        ...
+
+
+Condition = tuple[float, float, float]
+"""Tone in Hz, speed in mm/s, force in N."""
+
+
+@dataclass(frozen=True)
+class PaperPlan:
+    """One tone per trial, all conditions in random order; what is rejected comes again.
+
+    Attributes
+    ----------
+    protocol : PaperProtocol
+    seed : int
+    """
+
+    protocol: PaperProtocol
+    seed: int
+
+    @cached_property
+    def order(self) -> tuple[Condition, ...]:
+        """All conditions, shuffled."""
+        protocol = self.protocol
+        tones = protocol.tones_hz or tuple(design.paper_tones().tolist())
+        every = [
+            (tone, speed, force)
+            for tone in tones
+            for speed in protocol.speeds_mm_s
+            for force in protocol.forces_n
+        ]
+        shuffled = np.random.default_rng(self.seed).permutation(len(every))
+        return tuple(every[place] for place in shuffled)
+
+    def remaining(self, done: Sequence[Done]) -> tuple[Condition, ...]:
+        """Return what is still to be measured, in order; rejected trials at the end."""
+        return tuple(self._all_so_far(done)[len(done) :])
+
+    def _all_so_far(self, done: Sequence[Done]) -> list[Condition]:
+        """Return the conditions in the order of the trials, those to be repeated appended."""
+        asked = list(self.order)
+        times: dict[Condition, int] = {}
+        for place, trial in enumerate(done):
+            condition = asked[place]
+            times[condition] = times.get(condition, 0) + 1
+            if trial.rejected and times[condition] <= self.protocol.max_repeats:
+                asked.append(condition)
+        return asked
+
+    def ask(self, done: Sequence[Done], precision: float | None) -> Ask | None:
+        """See `Plan`."""
+        left = self.remaining(done)
+        if not left:
+            return None
+        tone, speed, force = left[0]
+        protocol = self.protocol
+        return Ask(speed, force, design.single(tone), protocol.approach_s, protocol.record_s)
+
+    def planned(self, done: Sequence[Done]) -> int | None:
+        """See `Plan`."""
+        return len(done) + len(self.remaining(done))
+
+    def break_s(self, done: Sequence[Done]) -> float:
+        """See `Plan`."""
+        due = len(done) > 0 and len(done) % self.protocol.trials_per_block == 0
+        return self.protocol.break_s if due else 0.0
+
+    def left_out(self, done: Sequence[Done]) -> tuple[str, ...]:
+        """See `Plan`."""
+        asked = self._all_so_far(done)
+        good = {asked[place] for place, trial in enumerate(done) if not trial.rejected}
+        still = set(self.remaining(done))
+        return tuple(
+            f"{tone:.4g} Hz at {speed:g} mm/s and {force:g} N"
+            for tone, speed, force in self.order
+            if (tone, speed, force) not in good | still
+        )
+
+
+@dataclass(frozen=True)
+class QuickPlan:
+    """Multisines at the speed that has the fewest valid trials, until it is precise enough.
+
+    Attributes
+    ----------
+    protocol : QuickProtocol
+    seed : int
+    prior : Prior
+        Shares the power among the tones.
+    """
+
+    protocol: QuickProtocol
+    seed: int
+    prior: Prior
+
+    @cached_property
+    def _power(self) -> design.FloatArray:
+        tones = design.lines(MULTISINE_TONES)
+        return design.powers(tones, self.prior, self.protocol.speeds_mm_s)
+
+    def ask(self, done: Sequence[Done], precision: float | None) -> Ask | None:
+        """See `Plan`."""
+        protocol = self.protocol
+        recorded_s = sum(trial.record_s for trial in done)
+        if precision is not None and precision <= protocol.precision:
+            return None
+        if recorded_s + protocol.record_s > protocol.max_recorded_s + 1e-9:
+            return None
+        rng = np.random.default_rng([self.seed, len(done)])
+        open_speeds = [v for v in rng.permutation(protocol.speeds_mm_s) if self._open(done, v)]
+        if not open_speeds:
+            return None
+        speed = min(open_speeds, key=lambda v: sum(not t.rejected for t in _at(done, v)))
+        wave = design.multisine(rng, design.lines(MULTISINE_TONES), self._power)
+        return Ask(float(speed), protocol.force_n, wave, protocol.approach_s, protocol.record_s)
+
+    def _open(self, done: Sequence[Done], speed_mm_s: float) -> bool:
+        """Return whether a speed was not rejected too often in a row."""
+        last = _at(done, speed_mm_s)[-(self.protocol.max_repeats + 1) :]
+        full = len(last) == self.protocol.max_repeats + 1
+        return not (full and all(trial.rejected for trial in last))
+
+    def planned(self, done: Sequence[Done]) -> int | None:
+        """See `Plan`."""
+        return None
+
+    def break_s(self, done: Sequence[Done]) -> float:
+        """See `Plan`."""
+        return 0.0
+
+    def left_out(self, done: Sequence[Done]) -> tuple[str, ...]:
+        """See `Plan`."""
+        return tuple(
+            f"more at {speed:g} mm/s"
+            for speed in self.protocol.speeds_mm_s
+            if not self._open(done, speed)
+        )
+
+
+def _at(done: Sequence[Done], speed_mm_s: float) -> list[Done]:
+    return [trial for trial in done if trial.speed_mm_s == speed_mm_s]
+
+
+def plan_of(protocol: PaperProtocol | QuickProtocol, seed: int, prior: Prior) -> Plan:
+    """Return the plan of a protocol."""
+    if isinstance(protocol, PaperProtocol):
+        return PaperPlan(protocol, seed)
+    return QuickPlan(protocol, seed, prior)

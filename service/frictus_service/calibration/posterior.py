@@ -1,0 +1,223 @@
+"""From trials, whatever tones they play, to one person's speed law with its uncertainty.
+
+Gauss-Newton on the relative residual of every row, in which the gain of a stretch of a stroke
+is a real number added to all its tones: tones that are played together share it and it drops
+out of their ratios, on which the cutoff hangs; tones of different trials do not. Noise
+is judged by the scatter within trials, the wandering of the finger by that between conditions.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from frictus.model import Covariance, FirstOrderSpeedLaw, Model, Validity
+from frictus_service.calibration import coordinates
+from frictus_service.calibration.errors import ContradictionError, EstimateError
+from frictus_service.calibration.prior import Prior
+from frictus_service.calibration.scores import Data, Spread, scores, spread_of, start
+from frictus_service.calibration.wander import (
+    EXPECTED,
+    UNDETERMINED,
+    Mixture,
+    mixture,
+    root_of_inverse,
+    wandered,
+)
+from frictus_service.identification.observation import TrialObservations
+
+FloatArray = NDArray[np.float64]
+
+STRANGE: Final = float(stats.chi2.ppf(0.9999, coordinates.SIZE))
+"""Squared distance from the prior beyond which it is not believed to speak of this person."""
+FEWEST_CONDITIONS: Final = 6
+"""From this many on, the trials of a condition are taken to wander together."""
+UNKNOWN: Final = 1.0
+"""A cutoff whose logarithm is not known better than this is not determined."""
+_STEPS: Final = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Posterior:
+    """One person's law.
+
+    Attributes
+    ----------
+    mixture : Mixture
+        Of the person's `coordinates`. With a prior, its covariances are those of the error for
+        a person whose cutoffs lie two standard deviations from the population.
+    trials_used, trials_left_out : int
+    spread : Spread
+        Of the gain, between trials and within.
+    note : str
+        Of the prior.
+    """
+
+    mixture: Mixture
+    trials_used: int
+    trials_left_out: int
+    spread: Spread
+    note: str
+
+    @property
+    def parameters(self) -> FloatArray:
+        """The estimate, in `coordinates`, shape (4,)."""
+        return self.mixture.mean
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of its error, shape (4, 4)."""
+        return self.mixture.covariance
+
+    def cutoff_hz(self, speed_mm_s: FloatArray) -> FloatArray:
+        """Return the cutoff at each speed, Hz."""
+        return coordinates.cutoff_hz(self.parameters, speed_mm_s)
+
+    def relative_width(self, speed_mm_s: FloatArray) -> FloatArray:
+        """Return half of the 95 % interval of the cutoff over its value, at each speed.
+
+        Parameters
+        ----------
+        speed_mm_s : ndarray, shape (n,)
+        """
+        gradients = coordinates.cutoff_gradient(self.parameters, np.asarray(speed_mm_s, float))
+        return np.array([self.mixture.half_width(gradient) for gradient in gradients])
+
+    def interval_hz(self, speed_mm_s: FloatArray) -> FloatArray:
+        """Return the 95 % interval of the cutoff at each speed, shape (n, 2), Hz."""
+        half = self.relative_width(speed_mm_s)
+        factors: FloatArray = np.exp(np.outer(half, (-1.0, 1.0)))
+        return self.cutoff_hz(speed_mm_s)[:, np.newaxis] * factors
+
+    def model(self, participant: str, validity: Validity, provenance: dict[str, Any]) -> Model:
+        """Return the law as a document, with the covariance of its parameters.
+
+        Parameters
+        ----------
+        participant : str
+            Pseudonym.
+        validity : Validity
+        provenance : dict
+            What is said of it besides what the estimate knows itself.
+
+        Raises
+        ------
+        EstimateError
+            If the cutoff, continued to rest, is not positive: no such model can be stored.
+        """
+        gain, cutoff_0, slope, delay = coordinates.to_law(self.parameters)
+        if not cutoff_0 > 0.0:
+            raise EstimateError(
+                f"the cutoff falls to {cutoff_0:.0f} Hz at rest, and a model needs a positive "
+                "one; measure longer, or at more distant speeds"
+            )
+        jacobian = coordinates.law_jacobian(self.parameters)
+        matrix = jacobian @ self.covariance @ jacobian.T
+        known = {
+            "prior": self.note,
+            "trials": self.trials_used,
+            "trials_left_out": self.trials_left_out,
+            "cutoff_spread_about_law": self.mixture.wandering,
+            "gain_spread_between_trials": self.spread.trial,
+            "gain_spread_within_trials": self.spread.segment,
+        }
+        return Model(
+            base=FirstOrderSpeedLaw(gain_n=gain, cutoff_0_hz=cutoff_0, slope_hz_per_mm_s=slope),
+            skew_s=delay,
+            validity=validity,
+            covariance=Covariance(
+                parameters=list(coordinates.MODEL_PARAMETERS), matrix=matrix.tolist()
+            ),
+            participant=participant,
+            provenance=known | provenance,
+        )
+
+
+def estimate(observations: Sequence[TrialObservations], prior: Prior | None) -> Posterior:
+    """Estimate one person's speed law.
+
+    Parameters
+    ----------
+    observations : sequence of TrialObservations
+        Of one person, one tone per trial or many; the invalid ones are left out and counted.
+    prior : Prior or None
+        None: the trials alone. A prior that the trials contradict is dropped, and `note` says
+        so: that of another rig's delay, say.
+
+    Raises
+    ------
+    EstimateError
+        If no trial is valid, if they are of several people, or do not determine the law.
+    """
+    data = Data.of(observations)
+    left_out = len(observations) - data.n_trials
+    try:
+        return _fit(data, left_out, prior)
+    except ContradictionError:
+        if prior is None:
+            raise
+    note = f"dropped, as the trials contradict it ({prior.note})"
+    return replace(_fit(data, left_out, None), note=note)
+
+
+def _fit(data: Data, left_out: int, prior: Prior | None) -> Posterior:
+    nothing = np.zeros((coordinates.SIZE, coordinates.SIZE))
+    information = nothing if prior is None else prior.information
+    mean = (prior or Prior.weak()).mean
+    at, spread, weights = start(data, mean), Spread(), np.ones(data.tone_hz.size)
+    for _ in range(3):  # scatter from the fit, weights from the scatter: twice is enough
+        at = _settle(data, at, spread, weights, mean, information)
+        spread, weights = spread_of(data, at)
+    at = _settle(data, at, spread, weights, mean, information)
+    pull = information @ (mean - at)
+    if (mean - at) @ pull > STRANGE:
+        raise ContradictionError("the person is too far from what the prior says")
+    score, own = _together(data, *scores(data, at, spread, weights))
+    away = nothing if prior is None else prior.far_away
+    mixed = mixture(at, score, own, pull, information, away)
+    if not np.all(np.diag(mixed.covariance)[:2] < UNKNOWN**2):
+        raise EstimateError(UNDETERMINED)
+    note = "none" if prior is None else prior.note
+    return Posterior(mixed, data.n_trials, left_out, spread, note)
+
+
+def _together(data: Data, score: FloatArray, own: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return score and information of what wanders together: conditions, or else trials."""
+    n = int(data.condition_of_trial.max()) + 1
+    if n < FEWEST_CONDITIONS:
+        return score, own
+    scores_of, own_of = np.zeros((n, *score.shape[1:])), np.zeros((n, *own.shape[1:]))
+    np.add.at(scores_of, data.condition_of_trial, score)
+    np.add.at(own_of, data.condition_of_trial, own)
+    return scores_of, own_of
+
+
+def _settle(
+    data: Data,
+    at: FloatArray,
+    spread: Spread,
+    weights: FloatArray,
+    mean: FloatArray,
+    information: FloatArray,
+) -> FloatArray:
+    """Return where Gauss-Newton ends from `at`, with spread and weights fixed.
+
+    The expected wandering is let in: without it the fit would bend to what is only wandering.
+    """
+    limit = np.array([0.5, 0.5, 0.5, 50e-6])
+    for turn in range(_STEPS):
+        raw = _together(data, *scores(data, at, spread, weights))
+        _, score, own = wandered(*raw, EXPECTED)
+        total = own.sum(axis=0) + information
+        root = root_of_inverse(total)
+        step = root @ (root.T @ (score.sum(axis=0) + information @ (mean - at)))
+        step /= max(1.0, float(np.max(np.abs(step) / limit)))
+        at = at + (step if turn < _STEPS // 3 else 0.5 * step)
+        if step @ total @ step < 1e-4:
+            return at
+    raise ContradictionError(
+        "the fit does not settle: the trials contradict each other; repeat them"
+    )

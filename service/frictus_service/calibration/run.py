@@ -1,0 +1,258 @@
+"""A whole calibration, from the first trial to the model; called again, it goes on."""
+
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+import frictus
+from frictus.errors import NoRigError
+from frictus.keys import Topics
+from frictus.messages import GuidanceState, RigStatus
+from frictus.session import declare_publisher
+from frictus_hardware.physics.friction import FrictionLaw
+from frictus_hardware.physics.linear import TransferFunction
+from frictus_hardware.physics.mount import Mount
+from frictus_hardware.physics.screen import Screen
+from frictus_service.calibration.conclusion import conclude, precision_so_far, prior_of
+from frictus_service.calibration.errors import CaptureError
+from frictus_service.calibration.folder import CalibrationFolder
+from frictus_service.calibration.guidance import Cue, span_of
+from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Phase, Progress
+from frictus_service.calibration.linearity import linearity_of
+from frictus_service.calibration.plan import Ask, plan_of
+from frictus_service.calibration.session import Session, status_of
+from frictus_service.identification.observation import TrialObservations
+from frictus_service.identification.observe import observe
+from frictus_service.study.errors import FieldError
+from frictus_service.study.plausible import check_measured
+from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
+from frictus_service.synthesis.excitation import compile_excitation
+
+TRIES: Final = 3
+"""How often a trial that comes in too incomplete is recorded before the calibration ends."""
+REST_N: Final = 0.4
+"""Shown when nothing is asked for."""
+PAPER_MOUNT: Final = Mount().lateral
+
+
+def run_calibration(
+    spec: CalibrationSpec,
+    folder: Path,
+    client: frictus.Client,
+    tell: Callable[[Progress], None],
+    cancelled: Callable[[], bool],
+    mount: TransferFunction | None = PAPER_MOUNT,
+) -> CalibrationResult:
+    """Calibrate a participant on a rig; blocks until it is done.
+
+    What is finished is kept in the folder: called again with the same specification (another
+    session of it aside), it goes on where it ended, however that was.
+
+    Parameters
+    ----------
+    spec : CalibrationSpec
+    folder : Path
+        Of this calibration alone.
+    client : Client
+        Takes the rig's lease while a trial runs.
+    tell : callable
+        Told at every change of phase, and twice a second.
+    cancelled : callable
+        Asked with every block.
+    mount : TransferFunction or None
+        Between the rig's screen and its force sensor, lateral, force to force.
+
+    Raises
+    ------
+    CancelledError
+        If `cancelled` said so; finished trials are kept.
+    CalibrationError
+        If the rig trips, takes the lease away, falls silent or loses too many samples.
+    FolderError
+        If the folder holds another calibration.
+    EstimateError
+        If the trials, all of them kept, do not determine the law.
+    FrictusError
+        If the rig is not there, or refuses.
+    """
+    rig = _rig(client, spec.rig)
+    status = status_of(rig)
+    calibration = Calibration(spec, CalibrationFolder.open(folder, spec), status, mount, tell)
+    publisher = declare_publisher(client.session, rig.keys.of(Topics.GUIDANCE), Topics.GUIDANCE)
+
+    def show(guidance: GuidanceState) -> None:
+        publisher.put(guidance.to_json())
+
+    try:
+        session = Session(
+            rig, 1e-3 * status.lead_ms, spec.participant, show, calibration.tell, cancelled
+        )
+        calibration.measure(session)
+    finally:
+        publisher.undeclare()  # type: ignore[no-untyped-call]
+    return calibration.conclude()
+
+
+class Calibration:
+    """What is asked for, what was done, and what it says.
+
+    Parameters
+    ----------
+    spec : CalibrationSpec
+    kept : CalibrationFolder
+    status : RigStatus
+    mount : TransferFunction or None
+    tell : callable
+    """
+
+    def __init__(
+        self,
+        spec: CalibrationSpec,
+        kept: CalibrationFolder,
+        status: RigStatus,
+        mount: TransferFunction | None,
+        tell: Callable[[Progress], None],
+    ) -> None:
+        self._spec = spec
+        self._kept = kept
+        self._status = status
+        self._span = span_of(status.screen_mm)
+        self._tell = tell
+        self._plan = plan_of(spec.protocol, spec.seed, prior_of(spec))
+        self._observed: dict[str, TrialObservations] = {}
+        self._precision: float | None = None
+        self._study = StudyInfo(
+            rig=spec.rig,
+            carrier_hz=Screen().carrier_hz,
+            screen_peak_v=status.screen_peak_v,
+            mount=mount,
+            extras={
+                "protocol": spec.protocol.kind,
+                "seed": spec.seed,
+                "software": f"frictus {version('frictus')}",
+            },
+        )
+
+    def measure(self, session: Session) -> None:
+        """Run what is left of the plan."""
+        begun = len(self._kept.done)
+        while (ask := self._next()) is not None:
+            done = self._kept.done
+            cue = Cue(
+                len(done) + 1,
+                self._plan.planned(done),
+                ask.speed_mm_s,
+                ask.force_n,
+                self._span,
+            )
+            pause_s = self._plan.break_s(done) if len(done) > begun else 0.0
+            if pause_s > 0.0:
+                session.rest(pause_s, cue)
+            trial = self._record(session, ask, cue)
+            session.pause("analyse", cue)
+            self._keep(trial)
+        finished = len(self._kept.done)
+        session.pause("done", Cue(finished, finished, 0.0, REST_N, self._span))
+
+    def _next(self) -> Ask | None:
+        if self._spec.protocol.kind == "quick":
+            self._precision = precision_so_far(self._spec, self._observations())
+        return self._plan.ask(self._kept.done, self._precision)
+
+    def _record(self, session: Session, ask: Ask, cue: Cue) -> Trial:
+        asked = self._asked(ask)
+        for _ in range(TRIES - 1):
+            try:
+                return session.record(ask, cue, asked)
+            except CaptureError as error:
+                self.tell("approach", f"recorded again: {error}")
+        return session.record(ask, cue, asked)
+
+    def _asked(self, ask: Ask) -> TrialInfo:
+        """Return the attributes of the next trial; rate and start are known when it begins."""
+        rate_hz = self._status.sample_rate_hz
+        played = compile_excitation(ask.excitation, FrictionLaw(), rate_hz)
+        return TrialInfo(
+            id=self._kept.next_id,
+            participant=self._spec.participant,
+            session=self._spec.session,
+            order=len(self._kept.done),
+            speed_mm_s=ask.speed_mm_s,
+            force_n=ask.force_n,
+            tones_hz=ask.tones_hz,
+            drive_vpp=2.0 * self._status.screen_peak_v * float(np.sqrt(played.peak)),
+            sample_rate_hz=rate_hz,
+            started_utc="",
+        )
+
+    def _keep(self, trial: Trial) -> None:
+        """Judge a trial and put it on the disk."""
+        observed = observe(trial, self._study)
+        rejected = "; ".join(observed.reasons) if not observed.valid else ""
+        try:
+            check_measured(trial, self._study)
+        except FieldError as error:
+            rejected = str(error)
+        done = self._kept.add(trial, self._study, rejected)
+        self._observed[done.id] = observed
+        verdict = f"rejected: {rejected}" if rejected else "accepted"
+        self.tell("analyse", f"trial {done.id} {verdict}")
+
+    def _observations(self) -> list[TrialObservations]:
+        """Return what every trial that can be read says, those of earlier runs included."""
+        if any(done.id not in self._observed for done in self._kept.done):
+            for trial in self._kept.trials():
+                if trial.info.id not in self._observed:
+                    self._observed[trial.info.id] = observe(trial, self._study)
+        return [
+            self._observed[done.id] for done in self._kept.done if done.id in self._observed
+        ]
+
+    def tell(self, phase: Phase, message: str) -> None:
+        """Tell where the calibration stands."""
+        done = self._kept.done
+        self._tell(
+            Progress(
+                phase=phase,
+                trials_done=len(done),
+                trials_planned=self._plan.planned(done),
+                trials_rejected=sum(bool(trial.rejected) for trial in done),
+                recorded_s=sum(trial.record_s for trial in done),
+                precision=self._precision,
+                message=message,
+            )
+        )
+
+    def conclude(self) -> CalibrationResult:
+        """Merge the trials into one study and estimate the model."""
+        self.tell("analyse", "estimating the model")
+        done = self._kept.done
+        study = self._kept.merge(self._study)
+        result = conclude(
+            self._spec, self._observations(), done, self._plan.left_out(done), study
+        )
+        self._precision = result.precision
+        self.tell("done", "")
+        if self._spec.protocol.kind == "paper":
+            return result
+        accepted = {trial.id for trial in done if not trial.rejected}
+        details, notes = linearity_of(
+            trial for trial in self._kept.trials() if trial.info.id in accepted
+        )
+        return result.model_copy(
+            update={
+                "details": result.details | {"linearity": details},
+                "notes": (*result.notes, *notes),
+            }
+        )
+
+
+def _rig(client: frictus.Client, name: str) -> frictus.Rig:
+    """Return the rig of that name, at whichever site it is."""
+    sites = [found.site for found in client.rigs() if found.name == name]
+    if len(sites) > 1:
+        raise NoRigError(f"several sites have a rig {name!r}: {', '.join(sites)}; rename one")
+    return client.rig(name, sites[0]) if sites else client.rig(name)

@@ -1,0 +1,193 @@
+"""One participant at one rig: approaches, recordings and breaks, with the guidance meanwhile.
+
+The drive is on while a trial runs, and at no other time. All phases are measured in samples of
+the device.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import Final
+
+from frictus.lease import Lease
+from frictus.messages import GuidanceState, RigStatus
+from frictus.rig import Rig
+from frictus_service.calibration.capture import BESIDE_S, Capture
+from frictus_service.calibration.errors import CalibrationError, CancelledError
+from frictus_service.calibration.guidance import Cue, guide
+from frictus_service.calibration.job import Phase
+from frictus_service.calibration.listener import Listener
+from frictus_service.calibration.plan import Ask
+from frictus_service.study.trial import Trial, TrialInfo
+
+LEASE_MS: Final = 1_000
+SETTLE_S: Final = 0.25
+"""Least approach beyond the rig's lead: the drive has faded in by then."""
+GUIDANCE_S: Final = 1.0 / 30.0
+TELL_S: Final = 0.5
+REASON_S: Final = 2.0
+"""A rig tells its status, and in it why it was stopped, at least so often."""
+
+Tell = Callable[[Phase, str], None]
+"""Told the phase, and what is worth saying."""
+
+
+class Session:
+    """Runs trials.
+
+    Parameters
+    ----------
+    rig : Rig
+    lead_s : float
+        The rig's, from ordering a drive to its playing.
+    participant : str
+        Pseudonym.
+    show : callable
+        Publishes guidance.
+    tell : callable
+        Told at every change of phase and twice a second.
+    cancelled : callable
+        Asked with every block; true ends the session.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        lead_s: float,
+        participant: str,
+        show: Callable[[GuidanceState], None],
+        tell: Tell,
+        cancelled: Callable[[], bool],
+    ) -> None:
+        self._rig = rig
+        self._lead_s = lead_s
+        self._participant = participant
+        self._show = show
+        self._tell = tell
+        self._cancelled = cancelled
+
+    def rest(self, seconds: float, cue: Cue) -> None:
+        """Let the participant rest, the drive off; what comes next is shown.
+
+        Raises
+        ------
+        CancelledError, CalibrationError
+        """
+        with Listener(self._rig) as heard:
+            self._pass(heard, "break", cue, heard.sample, seconds, None)
+
+    def record(self, ask: Ask, cue: Cue, info: TrialInfo) -> Trial:
+        """Play what is asked for, let the participant get going, and record.
+
+        Parameters
+        ----------
+        ask : Ask
+        cue : Cue
+        info : TrialInfo
+            Its sample rate and start are set from what the rig says.
+
+        Raises
+        ------
+        CancelledError
+        CaptureError
+            If too much of it did not arrive.
+        CalibrationError
+            If the rig took the lease away, or fell silent.
+        RefusedError
+            If the rig does not let itself be armed, or cannot play this.
+        """
+        with self._rig.arm(LEASE_MS) as lease:
+            self._rig.excite(ask.excitation)
+            # Only now: whatever is heard from here on is sensed with the drive ordered.
+            with Listener(self._rig) as heard:
+                return self._listen(heard, lease, ask, cue, info)
+
+    def _listen(
+        self, heard: Listener, lease: Lease, ask: Ask, cue: Cue, info: TrialInfo
+    ) -> Trial:
+        rate_hz, begin = heard.sample_rate_hz, heard.sample
+        approach_s = max(ask.approach_s, self._lead_s + SETTLE_S)
+        capture = Capture(
+            begin + round(approach_s * rate_hz), round(ask.record_s * rate_hz), rate_hz
+        )
+        heard.capture = capture
+        self._pass(heard, "approach", cue, begin, approach_s, lease)
+        if not heard.armed:
+            raise CalibrationError(
+                f"rig {self._rig.name} is not driven {approach_s:g} s after it was armed; see "
+                "its status"
+            )
+        self._pass(heard, "record", cue, begin, approach_s + ask.record_s, lease)
+        # Reports of where the finger was then are still on their way.
+        end_s = approach_s + ask.record_s + BESIDE_S
+        self._pass(heard, "record", cue, begin, end_s, lease)
+        started = datetime.fromtimestamp(1e-9 * capture.utc_ns, UTC).isoformat()
+        return capture.trial(replace(info, sample_rate_hz=rate_hz, started_utc=started))
+
+    def _pass(
+        self,
+        heard: Listener,
+        phase: Phase,
+        cue: Cue,
+        begin: int,
+        until_s: float,
+        lease: Lease | None,
+    ) -> None:
+        """Let device time pass until so long after `begin`, and show guidance meanwhile."""
+        rate_hz = heard.sample_rate_hz
+        shown_s = -GUIDANCE_S
+        told_s = time.monotonic()
+        self._tell(phase, "")
+        while (elapsed_s := (heard.sample - begin) / rate_hz) < until_s:
+            self._check(heard, lease)
+            if elapsed_s - shown_s >= GUIDANCE_S:
+                shown_s = elapsed_s
+                left_s = until_s - elapsed_s
+                self._guide(cue, phase, elapsed_s, left_s, heard)
+            if time.monotonic() - told_s >= TELL_S:
+                told_s = time.monotonic()
+                self._tell(phase, "")
+            heard.advance()
+
+    def _check(self, heard: Listener, lease: Lease | None) -> None:
+        if self._cancelled():
+            raise CancelledError("cancelled; the finished trials are kept")
+        # The blocks tell in which sample the drive went; the lease tells why, a little later.
+        gone = heard.was_armed and not heard.armed
+        if lease is not None and (gone or lease.lost):
+            lease.wait_lost(REASON_S)
+            reason = lease.reason or "it was stopped"
+            raise CalibrationError(
+                f"rig {self._rig.name} took the lease away: {reason}. The finished trials are "
+                "kept; start the calibration again once the cause is gone"
+            )
+
+    def _guide(
+        self, cue: Cue, phase: Phase, elapsed_s: float, left_s: float, heard: Listener | None
+    ) -> None:
+        finger = heard.finger if heard is not None else None
+        self._show(
+            guide(cue, self._participant, phase, elapsed_s, left_s, finger, time.time_ns())
+        )
+
+    def pause(self, phase: Phase, cue: Cue) -> None:
+        """Show that nothing is asked for now: while a trial is judged, and at the end."""
+        self._tell(phase, "")
+        self._guide(cue, phase, 0.0, 0.0, None)
+
+
+def status_of(rig: Rig) -> RigStatus:
+    """Return the rig's status.
+
+    Raises
+    ------
+    CalibrationError
+        If it is tripped: only an operator may reset it.
+    """
+    status = rig.status()
+    if status.state == "tripped":
+        fault = status.fault
+        why = f": {fault.reason} {fault.action}" if fault is not None else ""
+        raise CalibrationError(f"rig {rig.name} is tripped{why}")
+    return status

@@ -1,0 +1,190 @@
+"""A recording under way: what comes from the network goes into the file, beat by beat."""
+
+import platform
+import time
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+import frictus
+from frictus.client import RigName
+from frictus.messages import RecordingState, RecordRequest
+from frictus_service.config import Config
+from frictus_service.recording.errors import NotWrittenError
+from frictus_service.recording.intake import Intake
+from frictus_service.recording.notes import RecordingInfo
+from frictus_service.recording.writer import RecordingWriter
+
+BEAT_S: Final = 0.05
+"""The network's queues are emptied this often."""
+GONE_S: Final = 60.0
+"""A rig that has vanished may come back within this time, as one that is started again does;
+then the recording ends."""
+SUFFIX: Final = ".mcap"
+SECRETS: Final[dict[str, bool | set[str]]] = {
+    "api": {"tokens"},
+    "registry": True,
+    "backend": {"authkey"},
+}
+"""Parts of the configuration that stay out of a file that is passed on."""
+
+
+class Recording:
+    """Records a rig until it is ended, or cannot go on; a context manager. One thread.
+
+    Parameters
+    ----------
+    client : Client
+    rig : Rig
+        Present.
+    request : RecordRequest
+    path : Path
+        Must not exist.
+    config : Config
+        Attached, without what is secret in it.
+    gone_s : float
+        How long the rig may be away.
+    monotonic_s, utc_ns : callable
+        Clocks.
+
+    Raises
+    ------
+    NotWrittenError
+        If the file cannot be made.
+    LinkError
+        If the rig does not say what it is.
+    """
+
+    def __init__(
+        self,
+        client: frictus.Client,
+        rig: frictus.Rig,
+        request: RecordRequest,
+        path: Path,
+        config: Config,
+        gone_s: float = GONE_S,
+        monotonic_s: Callable[[], float] = time.monotonic,
+        utc_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self.name = request.name
+        self.path = path
+        self.problem: str | None = None
+        self._monotonic_s = monotonic_s
+        self._utc_ns = utc_ns
+        self._gone_s = gone_s
+        self._rig = RigName(rig.site, rig.name)
+        self._gone_since_s: float | None = None
+        self._ended = False
+        self._writer = RecordingWriter(
+            path, self._info(rig, request), _attachments(rig, config), monotonic_s
+        )
+        self._begun_s = self._end_s = monotonic_s()
+        self._intake = Intake(client.session, rig.keys)
+        self._presence = client.presence(rig.site)
+
+    def _info(self, rig: frictus.Rig, request: RecordRequest) -> RecordingInfo:
+        return RecordingInfo(
+            name=request.name,
+            site=rig.site,
+            rig=rig.name,
+            participant=request.participant,
+            notes=request.notes,
+            started_utc_ns=self._utc_ns(),
+            software=f"frictus {version('frictus')}",
+            host=platform.node(),
+            converter_steps=rig.status().converter_steps,
+        )
+
+    @property
+    def ended(self) -> bool:
+        """Whether it has ended, for whatever reason."""
+        return self._ended
+
+    def beat(self) -> None:
+        """Write what has come since the last beat; call it every `BEAT_S`.
+
+        What goes wrong ends the recording, and `problem` says what it was.
+        """
+        if self._ended:
+            return
+        try:
+            self._follow_presence()
+            self._intake.drain_into(self._writer, self._utc_ns())
+            self._writer.tick()
+        except NotWrittenError as error:
+            self._finish(str(error))
+            return
+        gone_s = 0.0
+        if self._gone_since_s is not None:
+            gone_s = self._monotonic_s() - self._gone_since_s
+        if gone_s > self._gone_s:
+            problem = f"rig {self._rig.name} vanished and was not back after {gone_s:.0f} s"
+            self.end(problem)
+            self.problem = self.problem or problem
+
+    def end(self, reason: str = "asked for") -> None:
+        """Write what has come, and finish the file. Ending twice is harmless."""
+        if self._ended:
+            return
+        try:
+            self._intake.drain_into(self._writer, self._utc_ns())
+            self._writer.end(reason, self._utc_ns())
+        except NotWrittenError as error:
+            self._finish(str(error))
+        else:
+            self._finish(None)
+
+    def state(self) -> RecordingState:
+        """Return what is to be told of it."""
+        until_s = self._end_s if self._ended else self._monotonic_s()
+        return RecordingState(
+            utc_ns=self._utc_ns(),
+            recording=not self._ended,
+            name=self.name,
+            path=str(self.path),
+            bytes_written=self._writer.bytes_written,
+            seconds=until_s - self._begun_s,
+            blocks=self._intake.received_blocks,
+            lost_blocks=self._intake.lost_blocks,
+            problem=self.problem,
+        )
+
+    def _follow_presence(self) -> None:
+        for change in self._presence.drain():
+            if change.rig != self._rig or change.present == (self._gone_since_s is None):
+                continue
+            self._gone_since_s = None if change.present else self._monotonic_s()
+            self._writer.presence(change.present, self._utc_ns())
+
+    def _finish(self, problem: str | None) -> None:
+        self._ended = True
+        self.problem = problem
+        self._end_s = self._monotonic_s()
+        self._writer.close()
+        self._intake.close()
+        self._presence.close()
+
+    def __enter__(self) -> Self:
+        """Return self."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """End."""
+        self.end("ended with an error" if error else "asked for")
+
+
+def _attachments(rig: frictus.Rig, config: Config) -> dict[str, bytes]:
+    return {
+        "status.json": rig.status().to_json(),
+        "model.json": rig.model().to_json(),
+        "scene.json": rig.scene().to_json(),
+        "time.json": rig.time().to_json(),
+        "configuration.json": config.model_dump_json(exclude=SECRETS).encode(),
+    }

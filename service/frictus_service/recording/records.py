@@ -1,0 +1,183 @@
+"""The records of an MCAP file, in order, each checked before anything is believed.
+
+The `mcap` package's own reader takes short reads for whole ones, steps over records whose kind
+it does not know and leaves attachments unchecked; a torn file needs more distrust than that.
+"""
+
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import BytesIO
+from typing import BinaryIO, Final, TypeVar
+
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Chunk, DataEnd, Footer, Message, Schema
+from mcap.writer import MCAP0_MAGIC
+
+from frictus_service.recording.errors import TornError
+
+HEAD: Final = struct.Struct("<BQ")
+Inner = Schema | Channel | Message
+T = TypeVar("T", DataEnd, Footer)
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A record of the file, or all records of a chunk.
+
+    Attributes
+    ----------
+    end : int
+        First byte after it.
+    attachment : Attachment or None
+    inner : tuple of Schema, Channel or Message
+        What the chunk holds.
+    last : bool
+        The file is finished, and its checksums agree.
+    """
+
+    end: int
+    attachment: Attachment | None = None
+    inner: tuple[Inner, ...] = ()
+    last: bool = False
+
+
+class RecordScanner:
+    """Walks through a file from the beginning.
+
+    Parameters
+    ----------
+    file : binary file
+        At its first byte.
+    size : int
+        Its bytes.
+    """
+
+    def __init__(self, file: BinaryIO, size: int) -> None:
+        self._file = file
+        self._size = size
+        self._offset = 0
+        self._crc = 0
+
+    def pieces(self) -> Iterator[Piece]:
+        """Yield what the file holds.
+
+        Raises
+        ------
+        TornError
+            At the first record that is not whole; all that was yielded before it is right.
+        """
+        if self._take(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+            raise TornError(0, "not an MCAP file: its first bytes are others")
+        first = True
+        while True:
+            start, crc = self._offset, self._crc
+            if start == self._size:
+                raise TornError(start, "it was not ended, or is still being written")
+            opcode, body = self._record()
+            if first != (opcode == Opcode.HEADER):
+                raise TornError(start, "a header belongs at the beginning, and only there")
+            first = False
+            if opcode == Opcode.DATA_END:
+                yield self._finish(start, body, crc)
+                return
+            yield self._piece(start, opcode, body)
+
+    def _take(self, count: int) -> bytes:
+        missing = count - (self._size - self._offset)
+        if missing > 0:  # known before so much memory is asked for
+            raise TornError(self._offset, f"the file ends {missing} bytes early")
+        content = self._file.read(count)
+        self._crc = zlib.crc32(content, self._crc)
+        self._offset += count
+        return content
+
+    def _record(self) -> tuple[int, bytes]:
+        start = self._offset
+        try:
+            opcode, length = HEAD.unpack(self._take(HEAD.size))
+            return opcode, self._take(length)
+        except TornError as error:
+            raise TornError(start, error.reason) from None
+
+    def _piece(self, start: int, opcode: int, body: bytes) -> Piece:
+        if opcode == Opcode.CHUNK:
+            return Piece(self._offset, inner=_records_of(start, body))
+        if opcode == Opcode.ATTACHMENT:
+            return Piece(self._offset, attachment=_attachment(start, body))
+        if opcode in (Opcode.HEADER, Opcode.MESSAGE_INDEX, Opcode.METADATA):
+            return Piece(self._offset)
+        raise TornError(start, f"no record of kind {opcode} belongs here")
+
+    def _finish(self, start: int, body: bytes, crc: int) -> Piece:
+        """Check what only a finished file has: the checksums of the whole, and the index."""
+        end = _parsed(start, DataEnd, body)
+        if end.data_section_crc != crc:
+            raise TornError(start, "the checksum of all data before it does not agree")
+        data_end = self._offset
+        self._crc = 0
+        while True:
+            at, before = self._offset, self._crc
+            opcode, body = self._record()
+            if opcode == Opcode.FOOTER:
+                break
+        footer = _parsed(at, Footer, body)
+        covered = HEAD.pack(Opcode.FOOTER, len(body)) + body[:16]
+        if footer.summary_crc != zlib.crc32(covered, before):
+            raise TornError(data_end, "the checksum of the index does not agree")
+        if self._take(len(MCAP0_MAGIC)) != MCAP0_MAGIC or self._offset < self._size:
+            raise TornError(data_end, "something else follows where the file should end")
+        return Piece(data_end, last=True)
+
+
+def _parsed(start: int, kind: type[T], body: bytes) -> T:
+    try:
+        record: T = kind.read(ReadDataStream(BytesIO(body)))
+    except (McapError, struct.error, ValueError) as error:
+        raise TornError(start, f"{kind.__name__} cannot be read") from error
+    return record
+
+
+def _attachment(start: int, body: bytes) -> Attachment:
+    if len(body) < 4 or zlib.crc32(body[:-4]) != struct.unpack("<I", body[-4:])[0]:
+        raise TornError(start, "an attachment's checksum does not agree")
+    attachment: Attachment = Attachment.read(ReadDataStream(BytesIO(body)))
+    return attachment
+
+
+def _records_of(start: int, body: bytes) -> tuple[Inner, ...]:
+    """Return the records of a chunk whose checksum agrees."""
+    try:
+        chunk = Chunk.read(ReadDataStream(BytesIO(body)))
+    except (McapError, struct.error, ValueError) as error:
+        raise TornError(start, "a chunk's head cannot be read") from error
+    if chunk.compression:
+        raise TornError(start, f"chunks compressed by {chunk.compression!r} are not written")
+    sound = (
+        len(chunk.data) == chunk.uncompressed_size
+        and zlib.crc32(chunk.data) == chunk.uncompressed_crc
+    )
+    if not sound:
+        raise TornError(start, "a chunk's checksum does not agree")
+    # From here on the content is what was written.
+    return tuple(_inner(start, chunk.data))
+
+
+def _inner(start: int, content: bytes) -> Iterator[Inner]:
+    at = 0
+    while at < len(content):
+        opcode, length = HEAD.unpack_from(content, at)
+        at += HEAD.size
+        stream = ReadDataStream(BytesIO(content[at : at + length]))
+        at += length
+        if opcode == Opcode.MESSAGE:
+            yield Message.read(stream, length)
+        elif opcode == Opcode.CHANNEL:
+            yield Channel.read(stream)
+        elif opcode == Opcode.SCHEMA:
+            yield Schema.read(stream)
+        else:
+            raise TornError(start, f"a chunk holds a record of kind {opcode}")

@@ -1,0 +1,104 @@
+"""The paper's study: people drawn, trials simulated to a file, the file analysed blind."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from frictus_service.identification.analysis import identify
+from frictus_service.identification.documents import Identification
+from frictus_service.identification.pipeline import observe_study
+from frictus_service.reproduction import paper
+from frictus_service.reproduction.comparison import compare
+from frictus_service.reproduction.plan import Design, log_tones, plan_study
+from frictus_service.reproduction.population import draw_people
+from frictus_service.reproduction.record import record_study
+from frictus_service.reproduction.table import Row
+from frictus_service.study.importers import open_study
+
+BAD_SHARE: Final = 0.05
+DELAY_S: Final = 1e-4
+"""Of the drive, which no file declares."""
+
+FULL: Final = Design(log_tones(15), bad_share=BAD_SHARE, delay_s=DELAY_S)
+"""The paper's conditions: 375 trials of 10 s for each person."""
+QUICK: Final = Design(
+    log_tones(8), forces_n=(0.2, 0.4, 0.6), seconds=3.0, bad_share=BAD_SHARE, delay_s=DELAY_S
+)
+"""120 trials of 3 s for each person."""
+QUICK_PARTICIPANTS: Final = 8
+FULL_PARTICIPANTS: Final = paper.PARTICIPANTS
+
+
+@dataclass(frozen=True, slots=True)
+class Reproduction:
+    """A simulated study and what came out of it.
+
+    Attributes
+    ----------
+    rows : tuple of Row
+    identification : Identification
+    bad_trials : int
+        So many were simulated with a fault.
+    """
+
+    rows: tuple[Row, ...]
+    identification: Identification
+    bad_trials: int
+
+    @property
+    def account(self) -> str:
+        """One line on the trials."""
+        study = self.identification.study
+        return (
+            f"{study.participants} participants, {study.trials} trials, {study.trials_used} "
+            f"used; {self.bad_trials} were simulated with a fault"
+        )
+
+
+def reproduce(
+    path: Path,
+    design: Design,
+    participants: int,
+    seed: int,
+    workers: int,
+    tell: Callable[[str], None],
+) -> Reproduction:
+    """Simulate a study into a new file, identify it from the file alone, and compare.
+
+    The people who are drawn have the paper's values as their means.
+
+    Parameters
+    ----------
+    path : Path
+        Of the study file.
+    design : Design
+    participants : int
+        At least 2; below 6 no exact test can reach 5 %.
+    seed : int
+    workers : int
+        Processes to spawn; 0: none.
+    tell : callable
+        Told what happens, a line at a time.
+
+    Raises
+    ------
+    StudyError
+        If there is such a file already.
+    WorkerError
+        If workers do not start, or fail.
+    """
+    rng = np.random.default_rng(seed)
+    people = draw_people(participants, rng, centred=True)
+    plans = plan_study(people, design, rng)
+    record_study(path, plans, workers, tell)
+    observations = observe_study(path, workers=workers, tell=tell)
+    tell("identifying")
+    with open_study(path) as study:
+        found = identify(
+            observations, path=path.name, sha256=study.sha256, unreadable=study.excluded
+        )
+    bad = sum(plan.fault is not None for plan in plans)
+    return Reproduction(tuple(compare(found, people, plans)), found, bad)

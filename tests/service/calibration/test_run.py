@@ -1,0 +1,338 @@
+"""A whole calibration on a simulated rig that runs faster than time, over the network."""
+
+import json
+import re
+import threading
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+import frictus
+from frictus.keys import Topics
+from frictus.messages import GuidanceState
+from frictus.recordings import texture_of
+from frictus_hardware import SimulatedConfig
+from frictus_hardware.physics.friction import FrictionLaw, cutoff_hz
+from frictus_hardware.physics.mount import Mount
+from frictus_hardware.physics.screen import Screen
+from frictus_hardware.physics.stages import standard_twin
+from frictus_hardware.simulated.guided import GuidedStrokes
+from frictus_hardware.simulated.participants import Participant
+from frictus_hardware.simulated.press import Press
+from frictus_hardware.simulated.strokes import SteadyStrokes
+from frictus_service.calibration.errors import CalibrationError, CancelledError, FolderError
+from frictus_service.calibration.job import (
+    CalibrationResult,
+    CalibrationSpec,
+    PaperProtocol,
+    Progress,
+    QuickProtocol,
+)
+from frictus_service.calibration.run import run_calibration
+from frictus_service.cli.app import app
+from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
+from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.fidelity.measure import (
+    compare,
+    feel,
+    full_gain,
+    steady_segments,
+    target_along,
+)
+from frictus_service.fidelity.path import walk
+from frictus_service.library import SHIPPED
+from frictus_service.ports import free_endpoint
+from frictus_service.study.reader import StudyReader
+from frictus_service.translate import law_of, placeholder_model
+
+FASTER = 6.0
+STRANGER = Participant(cutoff_0_hz=0.6 * 385.68, slope_hz_per_mm_s=0.6 * 13.811)
+"""40 % off the population."""
+BRIEF = QuickProtocol(approach_s=0.8, record_s=2.0, precision=0.05, max_recorded_s=30.0)
+
+
+@pytest.fixture(scope="module")
+def endpoint() -> Iterator[str]:
+    config = Config(
+        backend=SimulatedConfig(
+            finger=GuidedStrokes(),
+            participant=STRANGER,
+            clock=FASTER,
+            lead_ms=180.0,  # 30 ms for the machine
+        ),
+        block_ms=10.0,
+        router=RouterConfig(endpoint=free_endpoint()),
+        api=ApiConfig(port=0),
+        limits=Limits(freeze_ms=5_000, missed_deadlines=1_000),  # for busy machines
+    )
+    with Supervisor(config, ("rig",), say=lambda _line: None) as supervisor:
+        supervisor.wait_ready(100.0)
+        yield config.router.endpoint
+
+
+@pytest.fixture
+def client(endpoint: str) -> Iterator[frictus.Client]:
+    with frictus.connect(endpoint, name="calibration") as client:
+        yield client
+        until(client.rig("rig1"), lambda status: status.state == "disarmed")
+
+
+def until(rig: frictus.Rig, holds: Callable[[frictus.RigStatus], bool]) -> None:
+    """Wait until the rig's status says something."""
+    with rig.watch(Topics.STATUS, timeout_s=10.0) as states:
+        assert any(isinstance(state, frictus.RigStatus) and holds(state) for state in states)
+
+
+def spec_of(
+    rng: np.random.Generator, protocol: PaperProtocol | QuickProtocol = BRIEF
+) -> CalibrationSpec:
+    seed = int(rng.integers(2**31))
+    return CalibrationSpec(rig="rig1", participant="P01", protocol=protocol, seed=seed)
+
+
+def rendering_error_db(law: FrictionLaw) -> float:
+    """Return the rendering error of the flat texture with true finger state, dB rms."""
+    flat = texture_of((SHIPPED / "flat.json").read_text(encoding="utf-8"))
+    screen = Screen()
+    scene = full_gain(flat, law, screen, 20_000.0)
+    twin = standard_twin(screen=screen, law=STRANGER.law, sensors=())
+    errors = []
+    for speed in (40.0, 80.0):
+        finger = SteadyStrokes(speed_mm_s=speed, press=Press(wander_n=0.0))
+        path = walk(SimulatedConfig(finger=finger), 3.0, known=True)
+        signals, clipped = feel(path, scene, law, screen, twin)
+        segments = steady_segments(path, speed)
+        target = target_along(flat, scene, path)
+        errors.append(compare(signals, clipped, target, Mount().lateral, segments).bands_db)
+    return float(np.sqrt(np.nanmean(np.square(errors))))
+
+
+def test_a_quick_calibration_makes_rendering_right(
+    client: frictus.Client, rng: np.random.Generator, tmp_path: Path
+) -> None:
+    told: list[Progress] = []
+    rig = client.rig("rig1")
+    with rig.guidance(timeout_s=10.0) as feed:
+        shown: list[GuidanceState] = []
+        watching = threading.Thread(target=lambda: shown.extend(_until_done(feed)))
+        watching.start()
+        result = run_calibration(
+            spec_of(rng), tmp_path, client, told.append, cancelled=lambda: False
+        )
+        watching.join()
+    assert result.reached
+    assert result.precision <= BRIEF.precision
+    _expect_model(result)
+    _expect_guidance(shown)
+    assert [p.phase for p in told[-2:]] == ["analyse", "done"]
+    assert {p.phase for p in told} == {"approach", "record", "analyse", "done"}
+    assert told[-1].recorded_s == result.recorded_s == 2.0 * told[-1].trials_done
+    # What the rig then inverts is what was measured.
+    before_db = rendering_error_db(law_of(placeholder_model()))
+    etag = rig.set_model(result.model)
+    until(rig, lambda status: status.model_etag == etag)
+    after_db = rendering_error_db(law_of(rig.model().model))
+    assert after_db <= 0.15
+    assert after_db <= before_db / 4.0
+
+
+def _until_done(feed: frictus.Feed[GuidanceState]) -> list[GuidanceState]:
+    shown = []
+    for state in feed:
+        shown.append(state)
+        if state.phase == "done":
+            break
+    return shown
+
+
+def _expect_model(result: CalibrationResult) -> None:
+    model = result.model
+    law, true = law_of(model), STRANGER.law
+    for speed in (30.0, 90.0):
+        off = float(cutoff_hz(law, speed)) / float(cutoff_hz(true, speed)) - 1.0
+        assert abs(off) < 0.05
+    assert law.gain_n == pytest.approx(true.gain_n, rel=0.05)
+    assert model.participant == "P01"
+    assert not model.placeholder
+    assert model.covariance is not None
+    assert model.validity.speed_mm_s == (30.0, 90.0)
+    assert model.validity.drive_vpp == pytest.approx((150.0, 150.0), rel=0.05)
+    with StudyReader(result.study) as study:
+        assert model.provenance["study_sha256"] == study.sha256
+        assert len(study.trials) == result.details["trials"]
+        assert study.info.rig == "rig1"
+        trial = study.read(study.trials[-1].id)
+        assert trial.voltage_source == "monitor"
+        assert not np.isnan(trial.force_n).any()
+
+
+def _expect_guidance(shown: list[GuidanceState]) -> None:
+    phases = [state.phase for state in shown]
+    assert phases[-1] == "done"
+    assert {"approach", "record", "analyse"} <= set(phases)
+    recording = [state for state in shown if state.phase == "record" and state.x_mm is not None]
+    speeds = {state.target_speed_mm_s for state in recording}
+    assert speeds == {30.0, 90.0}
+    for speed in speeds:
+        actual = [s.speed_mm_s for s in recording if s.target_speed_mm_s == speed]
+        assert np.median(np.array(actual, dtype=float)) == pytest.approx(speed, rel=0.15)
+    colours = [state.colour for state in recording]
+    assert colours.count("green") > 0.5 * len(colours)
+
+
+def test_a_calibration_that_was_cancelled_goes_on(
+    client: frictus.Client, rng: np.random.Generator, tmp_path: Path
+) -> None:
+    protocol = BRIEF.model_copy(update={"precision": 1e-6, "max_recorded_s": 6.0})
+    spec, told = spec_of(rng, protocol), list[Progress]()
+
+    def after_one() -> bool:
+        return told[-1].trials_done == 1 and told[-1].phase == "record"
+
+    with pytest.raises(CancelledError, match="kept"):
+        run_calibration(spec, tmp_path, client, told.append, after_one)
+    until(client.rig("rig1"), lambda status: status.state == "disarmed")
+    (first,) = (tmp_path / "trials").glob("*.h5")
+    written = first.read_bytes()
+    told.clear()
+    result = run_calibration(spec, tmp_path, client, told.append, lambda: False)
+    assert told[0].trials_done == 1
+    assert first.read_bytes() == written
+    assert not result.reached
+    assert result.recorded_s == 6.0
+    with StudyReader(result.study) as study:
+        assert [info.order for info in study.trials] == [0, 1, 2]
+    # Once more: nothing is left to measure, the same comes of it.
+    again = run_calibration(spec, tmp_path, client, told.append, lambda: False)
+    assert again.model.base == result.model.base
+    other = spec.model_copy(update={"seed": spec.seed + 1})
+    with pytest.raises(FolderError, match="seed"):
+        run_calibration(other, tmp_path, client, told.append, lambda: False)
+
+
+def test_losing_the_rig_keeps_what_is_finished(
+    client: frictus.Client, endpoint: str, rng: np.random.Generator, tmp_path: Path
+) -> None:
+    told: list[Progress] = []
+    stopped = threading.Event()
+    with frictus.connect(endpoint, name="somebody") as other:
+        rig = other.rig("rig1")
+
+        def tell(progress: Progress) -> None:
+            told.append(progress)
+            if (progress.phase, progress.trials_done) == ("record", 1) and not stopped.is_set():
+                stopped.set()
+                rig.stop()
+
+        with pytest.raises(CalibrationError, match="took the lease away"):
+            run_calibration(spec_of(rng), tmp_path, client, tell, lambda: False)
+    assert len(list((tmp_path / "trials").glob("*.h5"))) == 1
+
+
+def test_the_papers_protocol_rests_with_the_drive_off(
+    client: frictus.Client, rng: np.random.Generator, tmp_path: Path
+) -> None:
+    protocol = PaperProtocol(
+        tones_hz=(70.0, 250.0, 600.0, 1_500.0),
+        speeds_mm_s=(30.0, 85.0),
+        forces_n=(0.4,),
+        approach_s=0.7,
+        record_s=1.5,
+        trials_per_block=4,
+        break_s=1.0,
+    )
+    rig = client.rig("rig1")
+    states, told = list[str](), list[Progress]()
+
+    def tell(progress: Progress) -> None:
+        told.append(progress)
+        if progress.phase == "break":
+            states.append(rig.status().state)
+
+    result = run_calibration(spec_of(rng, protocol), tmp_path, client, tell, lambda: False)
+    assert set(states) <= {"stopping", "disarmed"}
+    phases = [p.phase for p in told]
+    assert sum(a != "break" == b for a, b in pairwise(phases)) >= 1
+    done = told[-1]
+    assert done.trials_done - done.trials_rejected == 8
+    assert result.reached
+    law = law_of(result.model)
+    for speed in (30.0, 85.0):
+        off = float(cutoff_hz(law, speed)) / float(cutoff_hz(STRANGER.law, speed)) - 1.0
+        assert abs(off) < 0.03
+    assert law.gain_n == pytest.approx(STRANGER.gain_n, rel=0.02)
+    with StudyReader(result.study) as study:
+        assert {len(info.tones_hz) for info in study.trials} == {1}
+
+
+def test_a_trial_that_cannot_be_followed_is_rejected_and_left_out(
+    client: frictus.Client, endpoint: str, rng: np.random.Generator, tmp_path: Path
+) -> None:
+    """No virtual finger strokes at 250 mm/s: it rests, and the trials are refused."""
+    protocol = BRIEF.model_copy(
+        update={
+            "speeds_mm_s": (60.0, 250.0),
+            "precision": 1e-6,
+            "max_repeats": 0,
+            "max_recorded_s": 8.0,
+        }
+    )
+    told: list[Progress] = []
+    drawn: list[tuple[str, float, str]] = []
+    screen = threading.Thread(target=_documented_screen, args=(endpoint, drawn))
+    screen.start()
+    result = run_calibration(
+        spec_of(rng, protocol), tmp_path, client, told.append, lambda: False
+    )
+    screen.join()
+    assert told[-1].trials_rejected == 1
+    assert any("250 mm/s" in note for note in result.notes)
+    assert any("was rejected" in note for note in result.notes)
+    assert result.model.validity.speed_mm_s == (60.0, 60.0)
+    assert result.details["trials"] == 4
+    # The screen that the documentation shows has seen all of it.
+    assert {what for what, _, _ in drawn} >= {"reference", "finger", "done"}
+    assert "green" in {colour for _, _, colour in drawn}
+
+
+def _documented_screen(endpoint: str, drawn: list[tuple[str, float, str]]) -> None:
+    """Run the example of `docs/calibration.md`."""
+    text = (Path(__file__).parents[3] / "docs" / "calibration.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(import frictus\n.*?)```", text, re.DOTALL)
+
+    def draw(what: str, where: float, colour: str) -> None:
+        drawn.append((what, where, colour))
+
+    exec(code, {"ROUTER": endpoint, "draw": draw})
+
+
+def test_the_command_calibrates_publishes_and_goes_on(endpoint: str, tmp_path: Path) -> None:
+    config = tmp_path / "frictus.toml"
+    config.write_text(f'studies = "studies"\n[router]\nendpoint = "{endpoint}"\n', "utf-8")
+
+    def run(*more: str, participant: str = "P07") -> Result:
+        options = ["calibrate", "--participant", participant, "-c", str(config)]
+        return CliRunner().invoke(app, [*options, "--precision", "0.2", *more])
+
+    done = run("--publish", "--seed", "11")
+    assert done.exit_code == 0, done.stderr
+    told = [json.loads(line) for line in done.stdout.splitlines()]
+    assert {line["event"] for line in told} == {"progress", "result"}
+    result = told[-1]
+    assert result["published"] == "rig1/P07@1"
+    folder = tmp_path / "studies" / "rig1-P07-quick"
+    model = frictus.Model.model_validate_json((folder / "model.json").read_bytes())
+    assert model.participant == "P07"
+    assert model.provenance["seed"] == 11
+    # Nothing is left to do: the same model comes of what is there, whatever seed is drawn.
+    again = run()
+    assert again.exit_code == 0, again.stderr
+    assert json.loads(again.stdout.splitlines()[-1])["model"]["base"] == result["model"]["base"]
+    other = run("--seed", "12")
+    assert (other.exit_code, "another seed" in other.stderr) == (2, True)
+    assert run(participant="not a name").exit_code == 2
+    assert run("--protocol", "paper").exit_code == 2

@@ -1,0 +1,317 @@
+"""A real recorder beside a real simulated rig: driven by client, REST and command line."""
+
+import os
+import queue
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fastapi.testclient import TestClient
+from typer.testing import CliRunner
+
+import frictus
+from frictus.keys import STREAMS, Topics
+from frictus.messages import RecordingState, RecordRequest
+from frictus_hardware import SimulatedConfig
+from frictus_hardware.simulated.strokes import SteadyStrokes
+from frictus_service.api.app import build_app
+from frictus_service.cli.app import app
+from frictus_service.config import ApiConfig, Config, Limits, RegistryConfig, RouterConfig
+from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.ports import free_endpoint
+from frictus_service.recording.notes import PresenceNote
+from frictus_service.recording.reader import RecordingReader, State
+from frictus_service.recording.recording import Recording
+from frictus_service.recording.samples import INT16, Samples
+from frictus_service.recording.summary import Summary, summarise
+
+posix_signals = pytest.mark.skipif(
+    sys.platform == "win32", reason="Windows has no SIGKILL for others"
+)
+SECRET = "a-token-that-must-not-leak"
+
+
+def until(
+    rig: frictus.Rig, holds: Callable[[RecordingState], bool], timeout_s: float = 60.0
+) -> RecordingState:
+    """Return the first state of the recorder for which something holds."""
+    with rig.watch(Topics.RECORDING, timeout_s=timeout_s) as states:
+        for state in states:
+            assert isinstance(state, RecordingState)
+            if holds(state):
+                return state
+    raise AssertionError("the feed has ended")
+
+
+def summary_of(path: Path) -> Summary:
+    with RecordingReader(path) as reader:
+        return summarise(reader)
+
+
+@dataclass(frozen=True)
+class Service:
+    config: Config
+    supervisor: Supervisor
+    said: "queue.Queue[str]"
+
+    def wait_for(self, words: str) -> str:
+        while words not in (line := self.said.get(timeout=60.0)):
+            pass
+        return line
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    folder = tmp_path_factory.mktemp("service")
+    token: Any = {"name": "one", "scopes": ("read",), "value": SECRET}
+    config = Config(
+        backend=SimulatedConfig(finger=SteadyStrokes()),
+        router=RouterConfig(endpoint=free_endpoint()),
+        api=ApiConfig(port=0, tokens=(token,)),
+        registry=RegistryConfig(url=f"sqlite:///{folder}/frictus.db"),
+        recordings=folder / "recordings",
+        limits=Limits(freeze_ms=1_000, missed_deadlines=1_000),
+    )
+    said: queue.Queue[str] = queue.Queue()
+    with Supervisor(config, ("rig", "recorder"), say=said.put) as supervisor:
+        supervisor.wait_ready(100.0)
+        yield Service(config, supervisor, said)
+
+
+@pytest.fixture
+def client(service: Service) -> Iterator[frictus.Client]:
+    with frictus.connect(service.config.router.endpoint, timeout_s=10.0) as client:
+        yield client
+
+
+@pytest.fixture
+def rig(client: frictus.Client) -> frictus.Rig:
+    return client.rig("rig1", wait_s=60.0)
+
+
+def test_client_starts_and_ends_and_nothing_is_lost(
+    service: Service, rig: frictus.Rig
+) -> None:
+    seen: dict[int, np.ndarray] = {}
+    begun = rig.record("by-client", participant="p7", notes="a note")
+    assert begun.recording
+    with rig.blocks("force", timeout_s=10.0) as feed:
+        for block in feed:
+            assert isinstance(block, frictus.Block), "this observer lost blocks"
+            seen[block.first_sample] = block.data
+            if len(seen) == 200:
+                break
+    until(rig, lambda state: state.bytes_written > begun.bytes_written)
+    ended = rig.end_recording()
+    assert not ended.recording
+    assert ended.problem is None
+    assert ended.lost_blocks == 0
+    assert ended.name == "by-client"
+    assert ended.path is not None
+    path = Path(ended.path)
+    assert path.parent == service.config.recordings
+    assert path.stat().st_size == ended.bytes_written
+    check_against_observer(path, seen)
+    check_contents(path)
+
+
+def check_against_observer(path: Path, seen: dict[int, np.ndarray]) -> None:
+    """Hold the samples of force to those that somebody else received."""
+    with RecordingReader(path) as reader:
+        force = [item for item in reader.items() if isinstance(item, Samples)]
+    force = [item for item in force if item.stream == 1]
+    first = force[0].first_sample
+    recorded = np.hstack([item.data for item in force])
+    for at, data in seen.items():
+        place = at - first
+        if 0 <= place <= recorded.shape[1] - data.shape[1]:
+            assert np.array_equal(recorded[:, place : place + data.shape[1]], data)
+    assert sum(at >= first for at in seen) >= 190
+
+
+def check_contents(path: Path) -> None:
+    """Look for everything that a recording has to hold."""
+    summary = summary_of(path)
+    assert summary.sound
+    assert summary.info.participant == "p7"
+    assert summary.info.notes == "a note"
+    assert summary.gaps == ()
+    assert set(summary.streams) == {"force", "accel", "voltage", "truth"}
+    for suffix in ("finger", "touch", "status", "scene", "model", "time"):
+        assert summary.states[f"state/{suffix}"] > 0, suffix
+    with RecordingReader(path) as reader:
+        attached = reader.attachments
+        forms = {i.stream: i.pack(_step(reader, i))[6] for i in samples_of(reader)}
+    # Force and acceleration come from a converter, and take two bytes per sample.
+    assert [forms[stream] == INT16 for stream in sorted(STREAMS)] == [True, True, False, False]
+    assert {"model.json", "scene.json", "status.json", "configuration.json"} <= set(attached)
+    assert b"missed_deadlines" in attached["configuration.json"]
+    assert SECRET.encode() not in path.read_bytes()
+
+
+def samples_of(reader: RecordingReader) -> list[Samples]:
+    return [item for item in reader.items() if isinstance(item, Samples)]
+
+
+def _step(reader: RecordingReader, samples: Samples) -> float | None:
+    name = STREAMS[samples.stream].suffix.removeprefix("stream/")
+    return reader.info.converter_steps.get(name)
+
+
+def test_refusals(service: Service, rig: frictus.Rig) -> None:
+    with pytest.raises(frictus.RefusedError, match="nothing is being recorded"):
+        rig.end_recording()
+    with pytest.raises(ValueError, match="name"):
+        rig.record("../escaped")
+    rig.record("refusals")
+    with pytest.raises(frictus.RefusedError, match="end it first") as refused:
+        rig.record("another")
+    assert refused.value.code == "conflict"
+    rig.end_recording()
+    with pytest.raises(frictus.RefusedError, match="already"):
+        rig.record("refusals")
+
+
+def test_rest(service: Service, rig: frictus.Rig) -> None:
+    open_to_all = service.config.model_copy(update={"api": ApiConfig()})
+    with TestClient(build_app(open_to_all), base_url="http://127.0.0.1") as api:
+        base = "/v1/rigs/rig1"
+        started = api.post(f"{base}/recordings", json={"name": "by-rest"})
+        assert started.status_code == 201, started.text
+        assert started.headers["location"] == f"{base}/recording"
+        assert api.get(started.headers["location"]).json()["recording"]
+        again = api.post(f"{base}/recordings", json={"name": "by-rest"})
+        assert (again.status_code, again.json()["code"]) == (409, "recording_conflict")
+        listed = {one["name"]: one for one in api.get("/v1/recordings").json()["recordings"]}
+        assert not listed["by-rest"]["finished"]
+        ended = api.post(f"{base}/recording/stop")
+        assert ended.status_code == 200
+        assert not ended.json()["recording"]
+        assert api.post(f"{base}/recording/stop").status_code == 409
+        listed = {one["name"]: one for one in api.get("/v1/recordings").json()["recordings"]}
+        assert listed["by-rest"]["finished"]
+        assert listed["by-rest"]["bytes"] == ended.json()["bytes_written"]
+        bad = api.post(f"{base}/recordings", json={"name": "a/b", "more": 1})
+        assert bad.status_code == 422
+        assert api.post("/v1/rigs/absent/recordings", json={"name": "a"}).status_code == 404
+        assert api.post("/v1/rigs/absent/recording/stop").status_code == 404
+    assert summary_of(service.config.recordings / "by-rest.mcap").sound
+
+
+def test_command_line(service: Service, rig: frictus.Rig, tmp_path: Path) -> None:
+    runner = CliRunner()
+    at = ["--router", service.config.router.endpoint, "--rig", "rig1", "--json"]
+    started = runner.invoke(app, ["record", "--start", "--name", "by-cli", *at])
+    assert started.exit_code == 0, started.output
+    here = tmp_path / "here.mcap"
+    recorded = runner.invoke(app, ["record", "--out", str(here), "--seconds", "1", *at])
+    assert recorded.exit_code == 0, recorded.output
+    assert runner.invoke(app, ["record", "--stop", *at]).exit_code == 0
+    assert runner.invoke(app, ["record", "--stop", *at]).exit_code == 5
+    assert runner.invoke(app, ["record", "--stop", "--start", *at]).exit_code == 2
+    taken = runner.invoke(app, ["record", "--out", str(here), *at])
+    assert taken.exit_code == 2
+    verified = runner.invoke(app, ["verify", str(here), "--json"])
+    assert verified.exit_code == 0
+    assert '"sound": true' in verified.output
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(here.read_bytes()[:-40_000])
+    assert runner.invoke(app, ["verify", str(torn)]).exit_code == 6
+    mended = tmp_path / "mended.mcap"
+    assert runner.invoke(app, ["recover", str(torn), "--out", str(mended)]).exit_code == 0
+    assert runner.invoke(app, ["verify", str(mended)]).exit_code == 0
+    (tmp_path / "text.mcap").write_text("not a recording", encoding="utf-8")
+    assert runner.invoke(app, ["verify", str(tmp_path / "text.mcap")]).exit_code == 2
+    study = tmp_path / "study.h5"
+    said = ["--participant", "p1", "--speed", "60", "--force", "0.4", "--tone", "0"]
+    exported = runner.invoke(app, ["export", str(here), "--out", str(study), *said])
+    assert exported.exit_code == 0, exported.output
+    assert runner.invoke(app, ["study", "show", "--check", str(study)]).exit_code == 0
+
+
+@posix_signals
+def test_killed_recorder_is_started_again_and_says_what_it_left(
+    service: Service, rig: frictus.Rig
+) -> None:
+    begun = rig.record("killed")
+    until(rig, lambda state: state.seconds > 1.0)
+    os.kill(service.supervisor.pid_of("recorder"), signal.SIGKILL)
+    assert "killed.mcap" in service.wait_for("frictus recover")
+    service.wait_for("recorder is ready")
+    state = until(rig, lambda state: not state.recording)
+    assert state.name == "killed"
+    assert state.problem is not None
+    assert begun.path is not None
+    summary = summary_of(Path(begun.path))
+    assert not summary.ending.complete
+    assert summary.ending.clean_s > 0.5
+    assert summary.faults == ()
+    rig.record("after-the-kill")
+    assert rig.end_recording().problem is None
+
+
+@posix_signals
+def test_a_rig_that_vanishes_and_returns(service: Service, rig: frictus.Rig) -> None:
+    rig.record("vanishing")
+    run = rig.status().run
+    os.kill(service.supervisor.pid_of("rig"), signal.SIGKILL)
+    with rig.watch(Topics.STATUS, timeout_s=60.0) as states:
+        assert next(s for s in states if s.run != run)  # type: ignore[attr-defined]
+    with rig.blocks("force", timeout_s=60.0) as feed:
+        next(feed)
+    before = rig.recording().blocks
+    until(rig, lambda state: state.blocks > before)
+    ended = rig.end_recording()
+    assert ended.problem is None
+    assert ended.path is not None
+    summary = summary_of(Path(ended.path))
+    assert summary.sound
+    assert [note.present for note in summary.presence] == [True, False, True]
+    assert {gap.reason for gap in summary.gaps} == {"restart"}
+    with RecordingReader(Path(ended.path)) as reader:
+        runs = {item.run for item in samples_of(reader)}
+        states_of_rig = [item for item in reader.items() if isinstance(item, State)]
+    assert len(runs) == 2
+    assert any(item.topic == "state/status" for item in states_of_rig)
+
+
+@posix_signals
+def test_a_rig_that_stays_away_ends_the_recording(
+    service: Service, client: frictus.Client, rig: frictus.Rig, tmp_path: Path
+) -> None:
+    request = RecordRequest(client="me", utc_ns=0, name="away")
+    path = tmp_path / "away.mcap"
+    recording = Recording(client, rig, request, path, service.config, gone_s=0.0)
+    with client.presence(timeout_s=60.0) as changes, recording:
+        os.kill(service.supervisor.pid_of("rig"), signal.SIGKILL)
+        assert not next(change for change in changes if not change.present).present
+        while not recording.ended:
+            recording.beat()
+        assert next(change for change in changes if change.present).present
+    assert recording.state().problem is not None
+    assert "vanished" in recording.state().problem
+    with RecordingReader(path) as reader:
+        notes = [item for item in reader.items() if isinstance(item, PresenceNote)]
+        assert [note.present for note in notes] == [True, False]
+        assert reader.ending.complete
+
+
+def test_a_folder_that_cannot_be_written(
+    service: Service, rig: frictus.Rig
+) -> None:
+    folder = service.config.recordings
+    aside = folder.with_name("aside")
+    folder.rename(aside)
+    folder.write_bytes(b"a file where the folder was")
+    try:
+        with pytest.raises(frictus.RefusedError, match="cannot be made") as refused:
+            rig.record("nowhere")
+        assert refused.value.code == "unavailable"
+    finally:
+        folder.unlink()
+        aside.rename(folder)
