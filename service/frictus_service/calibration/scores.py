@@ -174,8 +174,9 @@ def scores(
 def spread_of(data: Data, at: FloatArray) -> tuple[Spread, FloatArray]:
     """Return the spread of gains around a law, and weights of the rows from their scatter.
 
-    A tone whose rows scatter more than their variances say weighs less, and so does a stretch
-    that lies far off (weights of a t distribution).
+    A tone whose rows scatter within trials more than their variances say weighs less, and so
+    does a stretch that lies far from the rest of its trial (weights of a t distribution). How
+    far a whole trial lies from the law does not count against it.
 
     Parameters
     ----------
@@ -183,18 +184,11 @@ def spread_of(data: Data, at: FloatArray) -> tuple[Spread, FloatArray]:
     at : ndarray, shape (4,)
     """
     residual, _, weight = _linearised(data, at)
-    weights = _excess_of_tones(data, residual, weight)
+    weights = _weights(data, residual, weight)
     real = residual.real[:, np.newaxis]
-    within, means, certainty = _centred(real, weight * weights, data.segment, data.n_segments)
-    square = weight * weights * (residual.imag**2 + within[:, 0] ** 2)
-    rows = np.bincount(data.segment, minlength=data.n_segments)
-    scatter = np.bincount(data.segment, square, data.n_segments)
-    freedom = 2.0 * rows - 1.0
-    tamed = (_TAIL + freedom) / (_TAIL + scatter)
-    weights = weights * np.minimum(tamed, 1.0)[data.segment]
-    gains = means[:, 0]
+    _, gains, certainty = _centred(real, weight * weights, data.segment, data.n_segments)
     inner, outer, _ = _centred(
-        gains[:, np.newaxis], np.ones(gains.size), data.trial_of_segment, data.n_trials
+        gains, np.ones(data.n_segments), data.trial_of_segment, data.n_trials
     )
     left = max(data.n_segments - data.n_trials, 1)
     error = float(np.mean(1.0 / certainty))
@@ -277,19 +271,25 @@ def _moments(
     return summed
 
 
-def _excess_of_tones(data: Data, residual: ComplexArray, weight: FloatArray) -> FloatArray:
-    """Return weights of rows: below 1 where a tone scatters within trials beyond its noise."""
-    _, tone = np.unique(data.tone_hz, return_inverse=True)
+def _weights(data: Data, residual: ComplexArray, weight: FloatArray) -> FloatArray:
+    """Return weights of rows, at most 1, from their scatter within trials."""
+    tones, tone = np.unique(data.tone_hz, return_inverse=True)
     trial = data.trial_of_segment[data.segment]
-    _, group = np.unique(trial * (tone.max() + 1) + tone, return_inverse=True)
-    imaginary = residual.imag[:, np.newaxis]
-    inner, _, _ = _centred(imaginary, weight, group, int(group.max()) + 1)
-    count = np.bincount(group)[group]
+    _, replicates = np.unique(trial * tones.size + tone, return_inverse=True)
+    count = np.bincount(replicates)[replicates]
+    freedom = 1.0 - 1.0 / count
+    real = residual.real[:, np.newaxis]
+    within, _, _ = _centred(real, weight, data.segment, data.n_segments)
+    table = np.column_stack([residual.imag, within[:, 0]])
+    inner, _, _ = _centred(table, weight, replicates, int(replicates.max()) + 1)
+    square = weight[:, np.newaxis] * inner**2
     weights = np.ones(weight.size)
-    for number in range(tone.max() + 1):
+    for number in range(tones.size):
         rows = (tone == number) & (count > 1)
-        if np.count_nonzero(rows) < _FEW:
-            continue
-        square = weight[rows] * inner[rows, 0] ** 2 * count[rows] / (count[rows] - 1.0)
-        weights[tone == number] = 1.0 / max(np.median(square) / _CHI_SQUARE_MEDIAN, 1.0)
-    return weights
+        if np.count_nonzero(rows) >= _FEW:
+            middle = np.median(square[rows, 0] / freedom[rows]) / _CHI_SQUARE_MEDIAN
+            weights[tone == number] = 1.0 / max(middle, 1.0)
+    expected = np.bincount(data.segment, 2.0 * freedom, data.n_segments)
+    scatter = np.bincount(data.segment, weights * square.sum(axis=1), data.n_segments)
+    tamed = np.minimum((_TAIL + expected) / (_TAIL + scatter), 1.0)
+    return weights * tamed[data.segment]

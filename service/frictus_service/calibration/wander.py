@@ -18,13 +18,13 @@ FloatArray = NDArray[np.float64]
 
 SIZES: Final = np.concatenate([[0.0], np.geomspace(0.0005, 0.5, 25)])
 """Standard deviations of ln cutoff about the law."""
-EXPECTED: Final = 0.03
+EXPECTED: Final = 0.05
 """Half of the people are taken to wander less (half-Cauchy prior)."""
 UNDETERMINED: Final = (
     "the trials do not determine gain, cutoff at two speeds and delay: measure at two speeds "
     "and three tones at least, or give a prior"
 )
-_ENDS: Final = np.array([[1.0, 0.8], [0.8, 1.0]])
+_ENDS: Final = np.array([[1.0, 0.9], [0.9, 1.0]])
 """Correlation of the wandering of the law's two ends. Below 1, so that the slope is taken from
 far speeds, and not from small changes of speed within a condition."""
 

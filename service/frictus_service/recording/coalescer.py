@@ -31,9 +31,7 @@ class Coalescer:
         finished = []
         samples = block.data.shape[1]
         most = MESSAGE_S * block.sample_rate_hz
-        if self._held and not (
-            self._continues(block) and self.held_samples + samples <= most
-        ):
+        if self._held and not (self._continues(block) and self.held_samples + samples <= most):
             finished += self.flush()
         self._held.append(block)
         self.held_samples += samples

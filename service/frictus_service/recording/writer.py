@@ -269,16 +269,23 @@ def create(path: Path) -> BinaryIO:
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _not_made(path.parent, error) from error
+    try:
         return path.open("xb", buffering=1 << 20)
     except FileExistsError as error:
         raise NotWrittenError(
             f"there is a recording {path} already; give this one another name"
         ) from error
     except OSError as error:
-        raise NotWrittenError(
-            f"{path} cannot be made ({error.strerror or error}): choose a folder that this "
-            "user may write to"
-        ) from error
+        raise _not_made(path, error) from error
+
+
+def _not_made(path: Path, error: OSError) -> NotWrittenError:
+    return NotWrittenError(
+        f"{path} cannot be made ({error.strerror or error}): choose a folder that this user "
+        "may write to"
+    )
 
 
 def _sync_folder(folder: Path) -> None:

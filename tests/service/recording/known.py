@@ -87,7 +87,9 @@ def hand_over(writer: RecordingWriter, sequence: int) -> None:
 
 def run(path: Path) -> None:
     """Record in real time until killed."""
-    with RecordingWriter(path, info(path.stem), {"model.json": b"{}"}, time.monotonic) as writer:
+    with RecordingWriter(
+        path, info(path.stem), {"model.json": b"{}"}, time.monotonic
+    ) as writer:
         os.write(1, f"synced 0 {writer.bytes_written}\n".encode())
         sequence = 0
         while True:

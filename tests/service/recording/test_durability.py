@@ -101,9 +101,7 @@ def check_cuts(whole: Any, cuts: Any, path: Path, read: Any) -> None:
         assert f"after {found.ending.clean_s:.2f} s" in str(found.ending)
         for count in found.samples.values():
             assert count >= due
-            assert found.ending.clean_s == pytest.approx(
-                max(found.samples.values()) / 20_000.0
-            )
+            assert found.ending.clean_s == pytest.approx(max(found.samples.values()) / 20_000.0)
 
 
 def test_killed_recorders_lose_less_than_a_second(
@@ -121,9 +119,7 @@ def test_two_hundred_kills(
     print(f"200 kills: at most {worst_s:.3f} s lost")  # noqa: T201 - what the campaign found
 
 
-def test_cuts(
-    tmp_path: Path, make_whole: Any, read: Any, rng: np.random.Generator
-) -> None:
+def test_cuts(tmp_path: Path, make_whole: Any, read: Any, rng: np.random.Generator) -> None:
     whole = make_whole(400)
     size = len(whole.content)
     cuts = [0, 1, 8, size - 1, size - 8, *rng.integers(0, size, 40)]

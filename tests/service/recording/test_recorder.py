@@ -25,7 +25,7 @@ from frictus_service.config import ApiConfig, Config, Limits, RegistryConfig, Ro
 from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.ports import free_endpoint
 from frictus_service.recording.notes import PresenceNote
-from frictus_service.recording.reader import RecordingReader, State
+from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.recording import Recording
 from frictus_service.recording.samples import INT16, Samples
 from frictus_service.recording.summary import Summary, summarise
@@ -94,9 +94,7 @@ def rig(client: frictus.Client) -> frictus.Rig:
     return client.rig("rig1", wait_s=60.0)
 
 
-def test_client_starts_and_ends_and_nothing_is_lost(
-    service: Service, rig: frictus.Rig
-) -> None:
+def test_client_starts_and_ends_and_nothing_is_lost(service: Service, rig: frictus.Rig) -> None:
     seen: dict[int, np.ndarray] = {}
     begun = rig.record("by-client", participant="p7", notes="a note")
     assert begun.recording
@@ -256,54 +254,51 @@ def test_killed_recorder_is_started_again_and_says_what_it_left(
 
 
 @posix_signals
-def test_a_rig_that_vanishes_and_returns(service: Service, rig: frictus.Rig) -> None:
+def test_a_rig_that_vanishes(
+    service: Service, client: frictus.Client, rig: frictus.Rig, tmp_path: Path
+) -> None:
+    """The recorder waits for it to come back; one that does not wait ends by itself."""
     rig.record("vanishing")
     run = rig.status().run
-    os.kill(service.supervisor.pid_of("rig"), signal.SIGKILL)
-    with rig.watch(Topics.STATUS, timeout_s=60.0) as states:
-        assert next(s for s in states if s.run != run)  # type: ignore[attr-defined]
-    with rig.blocks("force", timeout_s=60.0) as feed:
-        next(feed)
-    before = rig.recording().blocks
-    until(rig, lambda state: state.blocks > before)
+    request = RecordRequest(client="me", utc_ns=0, name="away")
+    away = tmp_path / "away.mcap"
+    recording = Recording(client, rig, request, away, service.config, gone_s=0.0)
+    with recording, client.presence(timeout_s=60.0) as changes:
+        os.kill(service.supervisor.pid_of("rig"), signal.SIGKILL)
+        assert not next(change for change in changes if not change.present).present
+        while not recording.ended:
+            recording.beat()
+        check_away(recording.state(), away)
+        assert next(change for change in changes if change.present).present
+    until(rig, lambda state: state.recording and _came_again(rig, run, state))
     ended = rig.end_recording()
     assert ended.problem is None
     assert ended.path is not None
     summary = summary_of(Path(ended.path))
     assert summary.sound
     assert [note.present for note in summary.presence] == [True, False, True]
-    assert {gap.reason for gap in summary.gaps} == {"restart"}
+    assert {gap.reason for gap in summary.gaps} <= {"restart"}
     with RecordingReader(Path(ended.path)) as reader:
-        runs = {item.run for item in samples_of(reader)}
-        states_of_rig = [item for item in reader.items() if isinstance(item, State)]
-    assert len(runs) == 2
-    assert any(item.topic == "state/status" for item in states_of_rig)
+        assert len({item.run for item in samples_of(reader)}) == 2
 
 
-@posix_signals
-def test_a_rig_that_stays_away_ends_the_recording(
-    service: Service, client: frictus.Client, rig: frictus.Rig, tmp_path: Path
-) -> None:
-    request = RecordRequest(client="me", utc_ns=0, name="away")
-    path = tmp_path / "away.mcap"
-    recording = Recording(client, rig, request, path, service.config, gone_s=0.0)
-    with client.presence(timeout_s=60.0) as changes, recording:
-        os.kill(service.supervisor.pid_of("rig"), signal.SIGKILL)
-        assert not next(change for change in changes if not change.present).present
-        while not recording.ended:
-            recording.beat()
-        assert next(change for change in changes if change.present).present
-    assert recording.state().problem is not None
-    assert "vanished" in recording.state().problem
+def _came_again(rig: frictus.Rig, run: int, _state: RecordingState) -> bool:
+    """Whether samples of another run have been published for a while."""
+    time_fit = rig.time()
+    return time_fit.run != run and time_fit.sample > 10_000
+
+
+def check_away(state: RecordingState, path: Path) -> None:
+    assert not state.recording
+    assert state.problem is not None
+    assert "vanished" in state.problem
     with RecordingReader(path) as reader:
         notes = [item for item in reader.items() if isinstance(item, PresenceNote)]
         assert [note.present for note in notes] == [True, False]
         assert reader.ending.complete
 
 
-def test_a_folder_that_cannot_be_written(
-    service: Service, rig: frictus.Rig
-) -> None:
+def test_a_folder_that_cannot_be_written(service: Service, rig: frictus.Rig) -> None:
     folder = service.config.recordings
     aside = folder.with_name("aside")
     folder.rename(aside)
