@@ -31,7 +31,14 @@ from frictus_service.identification.documents import Settings
 from frictus_service.identification.observation import TrialObservations
 from frictus_service.identification.observe import observe
 from frictus_service.reproduction.plan import Design, TrialPlan, plan_study
-from frictus_service.reproduction.population import POPULATION, Person, Plane
+from frictus_service.reproduction.population import (
+    ALONG,
+    POPULATION,
+    SLOPE_SD,
+    Person,
+    Plane,
+    draw_people,
+)
 from frictus_service.reproduction.simulate import (
     ACCEL_NOISE_M_S2,
     BLOCK_SAMPLES,
@@ -56,8 +63,6 @@ BUDGET = 30
 PAPER_S = 3750.0
 EARLIER = 10
 DELAY_S = 0.0
-SLOPE_ALONG = 0.2
-"""Of the slope, per standard deviation of the person."""
 PICTURE = Path(__file__).parents[1] / "docs" / "quick_calibration.png"
 
 
@@ -65,7 +70,7 @@ def person_at(deviations: float, gain_n: float = 0.39) -> Person:
     """Return somebody so many standard deviations off the paper's population."""
     cutoff = POPULATION["cutoff_hz"]
     planes = {name: population.mean for name, population in POPULATION.items()}
-    slope = cutoff.mean.per_mm_s * (1.0 + SLOPE_ALONG * deviations)
+    slope = cutoff.mean.per_mm_s * (1.0 + ALONG * SLOPE_SD * deviations)
     planes["cutoff_hz"] = Plane(cutoff.mean.middle + deviations * cutoff.between, slope)
     planes["gain_n"] = Plane(gain_n)
     return Person(f"P{round(100 * deviations):+d}", planes)
@@ -81,7 +86,7 @@ def truth_of(person: Person) -> FloatArray:
 
 def anybody(rng: np.random.Generator) -> FloatArray:
     """Return a person of the population."""
-    return truth_of(person_at(rng.standard_normal(), 0.39 * np.exp(0.35 * rng.normal())))
+    return truth_of(draw_people(1, rng)[0])
 
 
 def excitation_for(rng: np.random.Generator, prior: Prior) -> Excitation:
@@ -209,7 +214,7 @@ def coverage(
     inside: dict[str, list[NDArray[np.bool_]]] = {"with prior": [], "without prior": []}
     prior = prior_from(rng, variation)
     for number in range(people):
-        if number % 20 == 19:
+        if number % 10 == 9:
             prior = prior_from(rng, variation)
         excitation = excitation_for(rng, prior)
         truth = truth_of(person_at(2.0 if number % 2 else -2.0))

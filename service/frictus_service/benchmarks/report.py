@@ -14,6 +14,7 @@ from frictus_service.benchmarks import (
     kernel,
     kills,
     lateness,
+    recording,
     throughput,
     update,
 )
@@ -56,6 +57,7 @@ MEASUREMENTS: dict[str, Callable[[], list[Figure]]] = {
     "loop lateness": lateness.measure,
     "kills": kills.measure,
     "identification": identification.measure,
+    "recording": recording.measure,
 }
 
 

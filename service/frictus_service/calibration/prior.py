@@ -19,6 +19,8 @@ FEWEST: Final = 5
 FAR: Final = 2.0
 """Standard deviations from the population for which intervals are made to hold."""
 _WEAK_SD: Final = np.array([0.5, 0.5, 0.6, 200e-6])
+_LEAST_SD: Final = np.array([0.03, 0.03, 0.03, 1e-6])
+"""People differ by this much, whatever few of them say: the line of a population is bent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +69,9 @@ class Prior:
 
         Moments: the covariance of the estimates less the mean of their own covariances, and
         then widened by what is not known: by (1 + 1/n) for the mean, by t against normal for
-        n - 1 degrees of freedom, and by the standard error of what was subtracted, so that
-        people who seem alike by chance are not taken for equal. Below `FEWEST` models: `weak`.
+        n - 1 degrees of freedom, by the standard error of what was subtracted, and by a little
+        more, so that people who seem alike by chance are not taken for equal. Below `FEWEST`
+        models: `weak`.
 
         Parameters
         ----------
@@ -94,6 +97,7 @@ class Prior:
         values = np.array([value for value, _ in known])
         own = np.mean([covariance for _, covariance in known], axis=0)
         between = _positive(np.cov(values.T) - own) + own * np.sqrt(2.0 / (n - 1))
+        between += np.diag(_LEAST_SD**2)
         ratio = stats.t.ppf(0.975, n - 1) / stats.norm.ppf(0.975)
         mean, covariance = values.mean(axis=0), between * (1.0 + 1.0 / n) * ratio**2
         note = f"learned from {n} earlier models"

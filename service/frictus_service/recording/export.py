@@ -9,7 +9,6 @@ from typing import Final
 import numpy as np
 
 from frictus.block import Block
-from frictus.keys import Topics
 from frictus.messages import RigStatus, TouchState
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.screen import Screen
@@ -165,8 +164,7 @@ class _Gathering:
                 self._pending.discard(item.stream)
             else:
                 self._capture.add_block(CAPTURED[item.stream], _block_of(item))
-        elif isinstance(item, State) and item.topic == Topics.TOUCH.suffix:
-            assert isinstance(item.message, TouchState)
+        elif isinstance(item, State) and isinstance(item.message, TouchState):
             if item.message.run == self._segment.place.run:
                 self._capture.add_touch(item.message)
 
@@ -218,11 +216,12 @@ def _block_of(samples: Samples) -> Block:
 def _reaches(item: Item, segment: Segment) -> bool:
     """Return whether a trial is near, so that it has to be followed from now on."""
     place = segment.place
-    return (
-        isinstance(item, Samples)
-        and item.run == place.run
-        and item.end_sample > place.first_sample - AROUND_S * place.sample_rate_hz
-    )
+    near = place.first_sample - AROUND_S * place.sample_rate_hz
+    if isinstance(item, Samples):
+        return item.run == place.run and item.end_sample > near
+    if isinstance(item, State) and isinstance(item.message, TouchState):
+        return item.message.run == place.run and item.message.sample > near
+    return False
 
 
 def _too_long(segment: Segment) -> str:

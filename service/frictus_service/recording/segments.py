@@ -5,7 +5,6 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from frictus.keys import Topics
 from frictus.messages import GuidanceState, SceneState
 from frictus_service.recording.errors import ExportError
 from frictus_service.recording.reader import Item, State
@@ -118,11 +117,9 @@ class Outline:
                         item.sample_rate_hz,
                     )
                 )
-            elif isinstance(item, State) and item.topic == Topics.GUIDANCE.suffix:
-                assert isinstance(item.message, GuidanceState)
+            elif isinstance(item, State) and isinstance(item.message, GuidanceState):
                 outline.guidance.append(item.message)
-            elif isinstance(item, State) and item.topic == Topics.SCENE.suffix:
-                assert isinstance(item.message, SceneState)
+            elif isinstance(item, State) and isinstance(item.message, SceneState):
                 outline.scenes.append((item.utc_ns, item.message))
         if not outline.stretches:
             raise ExportError("it holds no samples of force: there is nothing to export")

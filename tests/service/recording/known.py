@@ -1,4 +1,4 @@
-"""Samples that are a function of their index, and a process that records them until it is killed.
+"""Samples that are a function of their index, and a process that records them until killed.
 
 Run as a script it writes to standard output, line by line, how many samples it has handed to
 the writer, and how many the disk keeps in how many bytes.
@@ -8,6 +8,7 @@ import os
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,10 +32,13 @@ def known(stream: int, first: int, n: int) -> NDArray[np.float32]:
     """What stands at these indices: counts of a converter, or what no converter gives."""
     index = np.arange(first, first + n, dtype=np.int64)
     channel = np.arange(3 if stream == FORCE else 5, dtype=np.int64)[:, np.newaxis]
-    counts = (index * 7_919 + channel * 104_729) % 60_001 - 30_000
+    counts: NDArray[Any] = (index * 7_919 + channel * 104_729) % 60_001 - 30_000
     if stream == FORCE:
-        return (counts * STEP_N).astype(np.float32)
-    return np.sin(counts + 0.1).astype(np.float32)
+        counts = counts * STEP_N
+    else:
+        counts = np.sin(counts + 0.1)
+    values: NDArray[np.float32] = counts.astype(np.float32)
+    return values
 
 
 def block(stream: int, sequence: int) -> Block:

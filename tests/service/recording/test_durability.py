@@ -1,4 +1,4 @@
-"""Kills, cuts and flipped bytes: what is read is what was written, up to a point that is told."""
+"""Kills, cuts, flipped bytes: what is read is what was written, up to a point that is told."""
 
 import subprocess
 import sys
@@ -88,14 +88,11 @@ def check_cuts(whole: Any, cuts: Any, path: Path, read: Any) -> None:
     for cut in cuts:
         path.write_bytes(content[:cut])
         due = max((samples for size, samples in whole.flushed if size <= cut), default=0)
-        if cut < whole.flushed[0][0]:
-            try:
-                found = read(path)
-            except RecordingError as error:
-                assert str(path) in str(error)
-                continue
-        else:
+        try:
             found = read(path)
+        except RecordingError:
+            assert cut < whole.flushed[0][0], "something had been recorded by then"
+            continue
         assert not found.ending.complete
         assert found.ending.clean_bytes <= cut
         assert f"after {found.ending.clean_s:.2f} s" in str(found.ending)
@@ -208,7 +205,7 @@ def test_nothing_to_recover(tmp_path: Path, make_whole: Any) -> None:
     with pytest.raises(RecordingError, match="complete"):
         recover(whole.path, tmp_path / "mended.mcap")
     (tmp_path / "empty.mcap").write_bytes(b"")
-    with pytest.raises(RecordingError, match="empty.mcap"):
+    with pytest.raises(RecordingError, match=r"empty\.mcap"):
         recover(tmp_path / "empty.mcap", tmp_path / "mended.mcap")
     assert not (tmp_path / "mended.mcap").exists()
 
