@@ -35,13 +35,30 @@ class PaperProtocol(_Strict):
 
 
 class QuickProtocol(_Strict):
-    """All tones at once, few speeds, a prior from earlier people; ends when it is precise."""
+    """All tones at once, slow and fast in turn; ends when it is precise.
+
+    Many conditions rather than many repeats: how a finger scatters about its law shows only
+    between conditions, and a law from two of them holds for those two.
+    """
 
     kind: Literal["quick"] = "quick"
-    speeds_mm_s: tuple[FiniteFloat, ...] = (30.0, 90.0)
-    force_n: FiniteFloat = 0.4
+    speeds_mm_s: Annotated[tuple[FiniteFloat, ...], Field(min_length=1)] = (
+        20.0,
+        25.0,
+        30.0,
+        90.0,
+        95.0,
+        100.0,
+    )
+    forces_n: Annotated[tuple[FiniteFloat, ...], Field(min_length=1)] = (
+        0.2,
+        0.3,
+        0.4,
+        0.5,
+        0.6,
+    )
     approach_s: Annotated[FiniteFloat, Field(ge=0.0, le=60.0)] = 2.0
-    record_s: Annotated[FiniteFloat, Field(ge=0.5, le=120.0)] = 4.0
+    record_s: Annotated[FiniteFloat, Field(ge=0.5, le=120.0)] = 2.5
     precision: Annotated[FiniteFloat, Field(gt=0.0, le=1.0)] = 0.05
     """Stop when the 95 % interval of the cutoff, half its width over its value, is within this
     at every speed of the protocol."""

@@ -168,7 +168,7 @@ class PaperPlan:
 
 @dataclass(frozen=True)
 class QuickPlan:
-    """Multisines at the speed that has the fewest valid trials, until it is precise enough.
+    """Multisines, slow and fast in turn, in ever new conditions, until it is precise enough.
 
     Attributes
     ----------
@@ -187,6 +187,17 @@ class QuickPlan:
         tones = design.lines(MULTISINE_TONES)
         return design.powers(tones, self.prior, self.protocol.speeds_mm_s)
 
+    @cached_property
+    def _conditions(self) -> tuple[tuple[float, float], ...]:
+        """Every speed with every force, in random order."""
+        every = [
+            (speed, force)
+            for speed in self.protocol.speeds_mm_s
+            for force in self.protocol.forces_n
+        ]
+        shuffled = np.random.default_rng(self.seed).permutation(len(every))
+        return tuple(every[place] for place in shuffled)
+
     def ask(self, done: Sequence[Done], precision: float | None) -> Ask | None:
         """See `Plan`."""
         protocol = self.protocol
@@ -195,17 +206,25 @@ class QuickPlan:
             return None
         if recorded_s + protocol.record_s > protocol.max_recorded_s + 1e-9:
             return None
-        rng = np.random.default_rng([self.seed, len(done)])
-        open_speeds = [v for v in rng.permutation(protocol.speeds_mm_s) if self._open(done, v)]
-        if not open_speeds:
+        still = [condition for condition in self._conditions if self._open(done, condition)]
+        if not still:
             return None
-        speed = min(open_speeds, key=lambda v: sum(not t.rejected for t in _at(done, v)))
-        wave = design.multisine(rng, design.lines(MULTISINE_TONES), self._power)
-        return Ask(float(speed), protocol.force_n, wave, protocol.approach_s, protocol.record_s)
+        good = [trial for trial in done if not trial.rejected]
+        middle = (min(protocol.speeds_mm_s) + max(protocol.speeds_mm_s)) / 2.0
 
-    def _open(self, done: Sequence[Done], speed_mm_s: float) -> bool:
-        """Return whether a speed was not rejected too often in a row."""
-        last = _at(done, speed_mm_s)[-(self.protocol.max_repeats + 1) :]
+        def had(condition: tuple[float, float]) -> tuple[int, int]:
+            """Return the valid trials at this end of the speeds, and in this condition."""
+            fast = condition[0] > middle
+            return sum((t.speed_mm_s > middle) == fast for t in good), len(_in(good, condition))
+
+        speed, force = min(still, key=had)
+        rng = np.random.default_rng([self.seed, len(done)])
+        wave = design.multisine(rng, design.lines(MULTISINE_TONES), self._power)
+        return Ask(speed, force, wave, protocol.approach_s, protocol.record_s)
+
+    def _open(self, done: Sequence[Done], condition: tuple[float, float]) -> bool:
+        """Return whether a condition was not rejected too often in a row."""
+        last = _in(done, condition)[-(self.protocol.max_repeats + 1) :]
         full = len(last) == self.protocol.max_repeats + 1
         return not (full and all(trial.rejected for trial in last))
 
@@ -220,14 +239,14 @@ class QuickPlan:
     def left_out(self, done: Sequence[Done]) -> tuple[str, ...]:
         """See `Plan`."""
         return tuple(
-            f"more at {speed:g} mm/s"
-            for speed in self.protocol.speeds_mm_s
-            if not self._open(done, speed)
+            f"more at {condition[0]:g} mm/s and {condition[1]:g} N"
+            for condition in self._conditions
+            if not self._open(done, condition)
         )
 
 
-def _at(done: Sequence[Done], speed_mm_s: float) -> list[Done]:
-    return [trial for trial in done if trial.speed_mm_s == speed_mm_s]
+def _in(done: Sequence[Done], condition: tuple[float, float]) -> list[Done]:
+    return [trial for trial in done if (trial.speed_mm_s, trial.force_n) == condition]
 
 
 def plan_of(protocol: PaperProtocol | QuickProtocol, seed: int, prior: Prior) -> Plan:

@@ -236,7 +236,7 @@ def test_what_cannot_be_started(api: TestClient, rig: Any) -> None:
         said = start(api, rig.name, **({"participant": "P01"} | more))
         assert (said.status_code, said.json()["code"]) == (422, "bad_request")
     text = json.dumps({"rig": rig.name, "participant": "P", "seed": 1, "protocol": {}})
-    bad = text.replace("{}", '{"kind": "quick", "force_n": NaN}')
+    bad = text.replace("{}", '{"kind": "quick", "record_s": NaN}')
     headers = {"Content-Type": "application/json"}
     assert api.post("/v1/calibrations", content=bad, headers=headers).status_code == 422
     assert api.get("/v1/calibrations").json()["calibrations"] == []

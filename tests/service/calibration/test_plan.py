@@ -81,13 +81,17 @@ def test_each_condition_is_measured_or_asked_for_often_enough(
     assert (ask.tones_hz, ask.speed_mm_s) == (following.tones_hz, following.speed_mm_s)
 
 
-def quick(**settings: float) -> QuickPlan:
+def quick(**settings: object) -> QuickPlan:
     return QuickPlan(QuickProtocol.model_validate(settings), 3, Prior.weak())
 
 
-def test_quick_balances_the_speeds_and_draws_new_phases() -> None:
-    done = work_off(quick(max_recorded_s=40.0), [])
-    assert Counter(trial.speed_mm_s for trial in done) == {30.0: 5, 90.0: 5}
+def test_quick_balances_slow_and_fast_and_draws_new_phases() -> None:
+    done = work_off(quick(max_recorded_s=75.0), [])
+    ahead = np.cumsum([1 if trial.speed_mm_s > 60.0 else -1 for trial in done])
+    assert np.abs(ahead).max() <= 1, "neither end is ever more than one trial ahead"
+    conditions = Counter((trial.speed_mm_s, trial.force_n) for trial in done)
+    assert len(conditions) == 30
+    assert set(conditions.values()) == {1}
     plan = quick()
     asks = [plan.ask(done[:n], None) for n in range(4)]
     phases = {ask.excitation.tones[0].phase_rad for ask in asks if ask}
@@ -112,12 +116,12 @@ def test_quick_ends_when_it_is_precise(precision: float | None, ends: bool) -> N
 
 
 def test_quick_ends_when_its_time_is_over() -> None:
-    assert len(work_off(quick(max_recorded_s=15.9), [])) == 3
-    assert len(work_off(quick(max_recorded_s=16.0), [])) == 4
+    assert len(work_off(quick(max_recorded_s=9.9), [])) == 3
+    assert len(work_off(quick(max_recorded_s=10.0), [])) == 4
 
 
-def test_quick_asks_again_at_the_speed_that_was_rejected() -> None:
-    plan = quick(max_recorded_s=60.0, max_repeats=2)
+def test_quick_asks_again_in_the_condition_that_was_rejected() -> None:
+    plan = quick(speeds_mm_s=(30.0, 90.0), forces_n=(0.4,), max_recorded_s=37.5, max_repeats=2)
     first = plan.ask([], None)
     assert first is not None
     done = [finished(first, 0, rejected=True)]
@@ -128,6 +132,6 @@ def test_quick_asks_again_at_the_speed_that_was_rejected() -> None:
         done.append(finished(ask, number, rejected=ask.speed_mm_s == first.speed_mm_s))
     rejected = [trial for trial in done if trial.rejected]
     assert len(rejected) == 3
-    assert plan.left_out(done) == (f"more at {first.speed_mm_s:g} mm/s",)
+    assert plan.left_out(done) == (f"more at {first.speed_mm_s:g} mm/s and 0.4 N",)
     assert len(done) == 15, "the other speed goes on"
     assert work_off(plan, [True] * 100) == work_off(plan, [True] * 6)

@@ -52,7 +52,14 @@ from frictus_service.translate import law_of, placeholder_model
 FASTER = 6.0
 STRANGER = Participant(cutoff_0_hz=0.6 * 385.68, slope_hz_per_mm_s=0.6 * 13.811)
 """40 % off the population."""
-BRIEF = QuickProtocol(approach_s=0.8, record_s=2.0, precision=0.05, max_recorded_s=30.0)
+BRIEF = QuickProtocol(
+    speeds_mm_s=(30.0, 90.0),
+    forces_n=(0.4,),
+    approach_s=0.8,
+    record_s=2.0,
+    precision=0.05,
+    max_recorded_s=30.0,
+)
 
 
 @pytest.fixture(scope="module")
