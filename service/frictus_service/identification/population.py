@@ -15,12 +15,18 @@ from frictus_service.identification.documents import (
 from frictus_service.identification.effects import estimate_of
 from frictus_service.identification.results import MOBILITY_NAMES
 from frictus_service.identification.speed_law import NAMES
-from frictus_service.identification.statistics import geometric_mean_of, mean_of
+from frictus_service.identification.statistics import (
+    geometric_mean_of,
+    lognormal_mean_of,
+    mean_of,
+)
 
 FloatArray = NDArray[np.float64]
 
 LAW_UNITS = ("N", "Hz", "Hz per mm/s", "s")
 MOBILITY_UNITS = ("kg", "N s/m", "N/m", "s")
+LOGNORMAL = ("gain_n",)
+"""People differ in these by factors."""
 
 
 def population_of(participants: Sequence[ParticipantResult]) -> Population | None:
@@ -81,11 +87,12 @@ def _covariance(table: FloatArray) -> CovarianceResult | None:
 
 def _value(name: str, unit: str, column: FloatArray, without: float | None) -> PopulationValue:
     geometric = None if name.endswith("skew_s") else geometric_mean_of(column)
+    skewed = lognormal_mean_of(column) if name in LOGNORMAL else None
     return PopulationValue(
         name=name,
         unit=unit,
         n=column.size,
-        mean=estimate_of(mean_of(column)),
+        mean=estimate_of(skewed or mean_of(column)),
         geometric=geometric and estimate_of(geometric),
         between_sd=float(np.std(column, ddof=1)),
         without_outliers=without,
