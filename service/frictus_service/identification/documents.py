@@ -201,8 +201,8 @@ class PopulationValue(_Document):
     unit: str
     n: int
     mean: Estimate
-    """Arithmetic mean; interval by t with n - 1 degrees of freedom. That of the gain is made for
-    lognormal values (Cox), as people differ by factors."""
+    """Arithmetic mean; interval by t with n - 1 degrees of freedom, of the gain for lognormal
+    values (Cox), as people differ in it by factors."""
     geometric: Estimate | None
     """Geometric mean, interval on the logarithm; null where a value is not positive."""
     between_sd: FiniteFloat
