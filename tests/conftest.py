@@ -1,6 +1,8 @@
 """Fixtures that every test may use."""
 
 import secrets
+import signal
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -13,3 +15,14 @@ def rng(request: pytest.FixtureRequest) -> np.random.Generator:
     request.node.add_report_section("setup", "seed", f"np.random.default_rng({seed})")
     print(f"seed: np.random.default_rng({seed})")  # noqa: T201 - shown by pytest on failure
     return np.random.default_rng(seed)
+
+
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """Child processes hear Ctrl-C, even where a shell runs these tests in its background.
+
+    Such a shell has them ignore SIGINT, and what is ignored stays so in every child.
+    """
+    former = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, former)

@@ -274,6 +274,8 @@ class ModelState(Message):
 
     etag: str
     model: Model
+    not_rendered: dict[str, str] = {}
+    """Effects of the model that the output does not make good, and why, by id."""
 
 
 class TimeState(Message):

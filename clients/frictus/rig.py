@@ -1,16 +1,16 @@
 """One rig, as its clients see it: watch it, take it, make it feel like something."""
 
-import contextlib
 import functools
 import time
 from collections.abc import Callable
-from typing import Any, Final, Literal, Protocol, TypeVar
+from typing import Any, Final, Literal, TypeVar
 
 import zenoh
 
 from frictus.calls import Caller, no_recorder, present_rigs, require_present
 from frictus.errors import ArgumentError, LinkError, SilenceError
 from frictus.gaps import BlockFeed
+from frictus.holding import Held, close_all
 from frictus.keys import RigKeys, Topic, Topics
 from frictus.lease import Lease
 from frictus.messages import (
@@ -47,22 +47,6 @@ BLOCKS: Final[dict[str, Topic]] = {
 }
 
 
-class Closable(Protocol):
-    """What a client closes with itself."""
-
-    @property
-    def closed(self) -> bool:
-        """Whether that was done already."""
-        ...
-
-    def close(self) -> None:
-        """Release it."""
-        ...
-
-
-C = TypeVar("C", bound=Closable)
-
-
 class Rig:
     """A rig on the network. Made by `Client.rig`; closed with its client.
 
@@ -90,7 +74,7 @@ class Rig:
         self._timeout_s = timeout_s
         self._caller = Caller(session, keys, client, timeout_s)
         self._latest: dict[str, Latest[Any]] = {}
-        self._closables: list[Closable] = []
+        self._held = Held()
         self._leases: list[Lease] = []
         self._pointer: zenoh.Publisher | None = None
 
@@ -146,7 +130,7 @@ class Rig:
 
     def _newest(self, topic: Topic, kind: type[M]) -> Latest[M]:
         if topic.suffix not in self._latest:
-            self._latest[topic.suffix] = self._keep(
+            self._latest[topic.suffix] = self._held.keep(
                 Latest(self._declare(topic), lambda arrival: kind.from_json(arrival.payload))
             )
         return self._latest[topic.suffix]
@@ -211,7 +195,7 @@ class Rig:
         def decode(arrival: Arrival) -> list[M]:
             return [kind.from_json(arrival.payload)]
 
-        return self._keep(Feed(self._declare(topic), decode, capacity, timeout_s))
+        return self._held.keep(Feed(self._declare(topic), decode, capacity, timeout_s))
 
     def blocks(
         self,
@@ -239,7 +223,7 @@ class Rig:
         if stream not in BLOCKS:
             raise ArgumentError(f"no stream {stream!r}: {', '.join(BLOCKS)} accepted")
         topic = BLOCKS[stream]
-        return self._keep(BlockFeed(self._declare(topic), topic, capacity, timeout_s))
+        return self._held.keep(BlockFeed(self._declare(topic), topic, capacity, timeout_s))
 
     def _declare(self, topic: Topic) -> Declare:
         return functools.partial(declare_reader, self._session, self.keys.of(topic), topic)
@@ -289,7 +273,7 @@ class Rig:
         peak_n : float
             Largest |friction| that will be sent, above 0 and up to 10 N.
         """
-        return self._keep(TextureStream(self._caller, peak_n))
+        return self._held.keep(TextureStream(self._caller, peak_n))
 
     def excite(self, excitation: Excitation) -> Applied:
         """Play a drive as it is, without the inverse of any model, for calibration.
@@ -395,21 +379,11 @@ class Rig:
             raise ArgumentError(str(error)) from error
         self._pointer.put(state.to_json())
 
-    def _keep(self, closable: C) -> C:
-        self._closables = [other for other in self._closables if not other.closed]
-        self._closables.append(closable)
-        return closable
-
     def close(self) -> None:
         """Disarm if armed, end every feed and stream. Closing twice is harmless."""
         leases, self._leases = self._leases, []
-        closables, self._closables = self._closables, []
         self._latest.clear()
-        with contextlib.ExitStack() as all_of_them:
-            for closable in closables:
-                all_of_them.callback(_quietly, closable.close)
-            for lease in leases:
-                all_of_them.callback(_quietly, lease.disarm)
+        close_all([*(lease.disarm for lease in leases), self._held.close])
 
 
 def _first(states: Feed[Message], holds: Callable[[RecordingState], bool]) -> RecordingState:
@@ -417,9 +391,3 @@ def _first(states: Feed[Message], holds: Callable[[RecordingState], bool]) -> Re
         if isinstance(state, RecordingState) and holds(state):
             return state
     raise LinkError("the client was closed while it waited for the recorder")
-
-
-def _quietly(close: Callable[[], None]) -> None:
-    # The session goes next, and with it the lease: the rig ramps to zero by itself.
-    with contextlib.suppress(RuntimeError, LookupError, ConnectionError):
-        close()

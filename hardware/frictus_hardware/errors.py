@@ -19,6 +19,14 @@ class DriverMissingError(ConfigError, ModuleNotFoundError):
     """The vendor package is not installed; the text gives the command that installs it."""
 
 
+class UnknownEffectError(ConfigError, LookupError):
+    """No effect of this id is known; the text names those that are."""
+
+
+class EffectParameterError(ConfigError):
+    """A parameter of an effect is missing, unknown or out of its range."""
+
+
 class UnsafeDriveError(ConfigError):
     """A drive that is not finite; nothing was output."""
 

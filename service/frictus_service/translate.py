@@ -8,10 +8,13 @@ from frictus.errors import TextureError
 from frictus.messages import FingerState, TouchState
 from frictus.model import FirstOrderSpeedLaw, Model
 from frictus_hardware.base import Exchange, RigInfo, TouchReport
+from frictus_hardware.errors import EffectParameterError
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
 from frictus_service.daemon.timebase import Stamp
 from frictus_service.daemon.turn import Turn
+from frictus_service.synthesis.inverse import Inverse, Ranges
+from frictus_service.synthesis.undoing import inverse_of
 
 FORCE, ACCEL, VOLTAGE, TRUTH = 1, 2, 3, 4
 """Stream ids, as `frictus.keys.STREAMS` lists them."""
@@ -34,6 +37,22 @@ def law_of(model: Model) -> FrictionLaw:
     return FrictionLaw(
         model.base.gain_n, model.base.cutoff_0_hz, model.base.slope_hz_per_mm_s, (low, high)
     )
+
+
+def inverse_of_model(model: Model, screen: Screen) -> Inverse:
+    """Return what has to be undone so that a finger on a screen feels what is asked for.
+
+    Raises
+    ------
+    TextureError
+        If the model is not one of friction, or an effect has a parameter out of its range.
+    """
+    low, high = model.validity.normal_force_n
+    effects = [(effect.id, effect.parameters) for effect in model.effects]
+    try:
+        return inverse_of(law_of(model), effects, Ranges((low, high), (0.0, screen.size_mm[0])))
+    except EffectParameterError as error:
+        raise TextureError(str(error)) from error
 
 
 def placeholder_model() -> Model:

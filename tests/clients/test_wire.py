@@ -246,8 +246,8 @@ def test_bad_textures_are_refused_where_they_stand(old: str, new: str) -> None:
         SceneRequest.from_json(scene_request(GOOD.replace(old, new)))
 
 
-def test_a_million_components_are_refused() -> None:
-    many = ",".join(['{"amplitude_n": 0, "hz": 100}'] * 1_000_000)
+def test_a_hundred_thousand_components_are_refused() -> None:
+    many = ",".join(['{"amplitude_n": 0, "hz": 100}'] * 100_000)
     texture = f'{{"kind": "spectrum", "components": [{many}]}}'
     with pytest.raises(FrameError, match="at most 4096"):
         SceneRequest.from_json(scene_request(texture))

@@ -8,8 +8,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from frictus_hardware import SimulatedConfig
+from frictus_service.cli.app import app
 from frictus_service.config import Config, RouterConfig
 from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.library import SHIPPED
@@ -18,16 +20,6 @@ from frictus_service.ports import free_endpoint
 ROOT = Path(__file__).parents[2]
 RECORDINGS = ROOT.parent / "shared" / "data" / "makesense_textures"
 RECORDED = sorted(RECORDINGS.glob("*_filt.csv"))
-
-
-def frictus(*arguments: str) -> "subprocess.CompletedProcess[str]":
-    return subprocess.run(
-        [sys.executable, "-c", "from frictus_service.cli import main; main()", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=110,
-        check=False,
-    )
 
 
 @pytest.fixture(scope="module")
@@ -42,8 +34,9 @@ def endpoint() -> Iterator[str]:
 
 def played(arguments: list[str], endpoint: str) -> None:
     """Play something for a second; it must be applied, and felt."""
-    done = frictus("play", *arguments, "--router", endpoint, "--seconds", "1", "--json")
-    assert done.returncode == 0, done.stderr
+    options = ["--router", endpoint, "--seconds", "1", "--json"]
+    done = CliRunner().invoke(app, ["play", *arguments, *options])
+    assert done.exit_code == 0, done.stderr
     events = [json.loads(line) for line in done.stdout.splitlines()]
     applied = next(event for event in events if event["event"] == "applied")
     assert 0.0 < applied["gain"] <= 1.0
@@ -79,7 +72,14 @@ def test_the_quick_start_of_the_docs_runs(endpoint: str) -> None:
 
 def test_the_demo_runs_and_compensates(tmp_path: Path) -> None:
     picture = tmp_path / "demo.png"
-    done = frictus("demo", "--json", "--seconds", "5", "--plot", str(picture))
+    command = [sys.executable, "-c", "from frictus_service.cli import main; main()"]
+    done = subprocess.run(
+        [*command, "demo", "--json", "--seconds", "3", "--plot", str(picture)],
+        capture_output=True,
+        text=True,
+        timeout=110,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)  # one object and nothing else
     assert len(result["band_hz"]) == 16

@@ -10,6 +10,8 @@ import math
 from dataclasses import dataclass
 from functools import lru_cache
 
+import numpy as np
+
 from frictus_hardware.physics.linear import TransferFunction
 
 
@@ -58,6 +60,31 @@ def _lateral(mount: Mount) -> TransferFunction:
         (1.0, mount.tape_damping_rad_s, _rad_s(mount.tape_pole_hz) ** 2),
     )
     return _resonance(mount.sensor_hz, mount.sensor_damping_ratio) * tape
+
+
+def with_moved_resonance(mount: TransferFunction, share: float) -> TransferFunction:
+    """Return a mount whose highest resonance lies elsewhere.
+
+    The pole pair of highest natural frequency moves to ``1 + share`` times its frequency, with
+    the same damping ratio and the same gain at rest. A mount without resonance stays as it is.
+
+    Parameters
+    ----------
+    mount : TransferFunction
+    share : float
+        Above -1.
+    """
+    poles = np.roots(mount.denominator)
+    resonant = poles[poles.imag > 0.0]
+    if share == 0.0 or not resonant.size:
+        return mount
+    pole = resonant[np.argmax(np.abs(resonant))]
+    natural, damping = abs(pole) ** 2, -2.0 * pole.real
+    rest, _ = np.polydiv(mount.denominator, [1.0, damping, natural])
+    times = 1.0 + share
+    moved = np.polymul(rest, [1.0, damping * times, natural * times**2])
+    numerator = np.asarray(mount.numerator) * times**2
+    return TransferFunction(tuple(numerator.tolist()), tuple(moved.tolist()))
 
 
 def _resonance(natural_hz: float, damping_ratio: float) -> TransferFunction:

@@ -1,6 +1,6 @@
 """The stages of the standard twin, from volts to sensors."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from frictus_hardware.physics import friction, linear
 from frictus_hardware.physics.mobility import Mobility
 from frictus_hardware.physics.mount import Mount
+from frictus_hardware.physics.rolloff import modes
+from frictus_hardware.physics.schedule import Circumstances, Schedule
 from frictus_hardware.physics.screen import Screen, drive_fraction_of
 from frictus_hardware.physics.twin import Signals, Stage, Twin
 
@@ -75,25 +77,58 @@ class Drive:
         return replace(signals, drive_fraction=fraction), None
 
 
+ResponseState = tuple[FloatArray | None, FloatArray]
+"""Drive on its way to the finger (None: not begun), and the response's memory."""
+
+
 @dataclass(frozen=True, slots=True)
 class Response:
-    """Drive fraction to electrostatic friction: Equations 4 and 9, and the fade at rest."""
+    """Drive fraction to electrostatic friction: Equations 4 and 9, and the fade at rest.
+
+    Attributes
+    ----------
+    law : FrictionLaw
+    schedule : Schedule
+        What gain and cutoff depend on besides.
+    excess_order : float
+        By which the response falls faster than with first order.
+    delay_s : float
+        By which the drive reaches the finger too late; any, also parts of a step.
+    minutes : float
+        Since the session began.
+    """
 
     law: friction.FrictionLaw
+    schedule: Schedule = field(default_factory=Schedule)
+    excess_order: float = 0.0
+    delay_s: float = 0.0
+    minutes: float = 0.0
 
-    def initial(self) -> float:
-        """Return the friction before the first step, N."""
-        return 0.0
+    def initial(self) -> ResponseState:
+        """Return no drive on its way, and no friction."""
+        return None, modes(self.excess_order).at_rest()
 
-    def run(self, signals: Signals, state: float) -> tuple[Signals, float]:
+    def run(self, signals: Signals, state: ResponseState) -> tuple[Signals, ResponseState]:
         """Set `friction_n`."""
-        speed = _speed(signals)
-        began, after = friction.respond(
-            self.law, signals.drive_fraction, speed, signals.sample_rate_hz, state
+        waiting, memory = state
+        rate_hz = signals.sample_rate_hz
+        # A held drive that comes later is one whose effect is looked at earlier: whole steps
+        # wait, and the rest is where within its step the friction is read.
+        whole, early = divmod(self.delay_s * rate_hz, 1.0)
+        waiting = np.zeros(int(whole)) if waiting is None else waiting
+        drive = signals.drive_fraction
+        if waiting.size:
+            drive, waiting = np.split(np.concatenate([waiting, drive]), [drive.size])
+        around = circumstances_of(signals, self.minutes)
+        ended, memory = modes(self.excess_order).respond(
+            self.schedule.gain_n(self.law, around) * drive,
+            self.schedule.cutoff_hz(self.law, around),
+            rate_hz,
+            early,
+            memory,
         )
-        ended = np.append(began[1:], after)  # friction at the end of each step
-        felt = ended * friction.motion_fade(speed) * signals.in_contact
-        return replace(signals, friction_n=felt), after
+        felt = ended * friction.motion_fade(around.speed_mm_s) * signals.in_contact
+        return replace(signals, friction_n=felt), (waiting, memory)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,22 +163,42 @@ class Contact:
 
 @dataclass(frozen=True, slots=True)
 class Underneath:
-    """Force on the finger to what the sensor under the screen feels, through the mount."""
+    """Force on the finger to what the sensor under the screen feels, through the mount.
 
-    mount: Mount
+    Attributes
+    ----------
+    lateral, normal : TransferFunction or None
+        Force to force, along and into the screen; None: the sensor feels what the screen does.
+    """
 
-    def initial(self) -> None:
-        """Return None: at rest and unloaded."""
+    lateral: linear.TransferFunction | None
+    normal: linear.TransferFunction | None
+
+    def initial(self) -> tuple[None, None]:
+        """Return None for both: at rest and unloaded."""
+        return None, None
 
     def run(self, signals: Signals, state: Any) -> tuple[Signals, Any]:
         """Set `force_n`."""
-        lateral = linear.sample(self.mount.lateral, signals.sample_rate_hz)
-        normal = linear.sample(self.mount.normal, signals.sample_rate_hz)
-        along, into = state or (lateral.at_rest(2), normal.at_rest(1))
-        force = np.empty_like(signals.finger_force_n)
-        force[:, :2], along = lateral.run(-signals.finger_force_n[:, :2], along)
-        force[:, 2:], into = normal.run(-signals.finger_force_n[:, 2:], into)
+        on_screen = -signals.finger_force_n
+        along, into = state
+        force = np.empty_like(on_screen)
+        rate_hz = signals.sample_rate_hz
+        force[:, :2], along = _pass_on(self.lateral, on_screen[:, :2], rate_hz, along)
+        force[:, 2:], into = _pass_on(self.normal, on_screen[:, 2:], rate_hz, into)
         return replace(signals, force_n=force), (along, into)
+
+
+def _pass_on(
+    mount: linear.TransferFunction | None,
+    force_n: FloatArray,
+    rate_hz: float,
+    state: FloatArray | None,
+) -> tuple[FloatArray, FloatArray | None]:
+    if mount is None:
+        return force_n, None
+    sampled = linear.sample(mount, rate_hz)
+    return sampled.run(force_n, sampled.at_rest(force_n.shape[1]) if state is None else state)
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,11 +327,29 @@ def standard_twin(
             Drive(screen),
             Response(law),
             Contact(friction_coefficient),
-            Underneath(mount),
+            Underneath(mount.lateral, mount.normal),
             Skin(mobility),
             Decimate(),
             *sensors,
         )
+    )
+
+
+def circumstances_of(signals: Signals, minutes: float) -> Circumstances:
+    """Return the circumstances of a finger at each step.
+
+    Parameters
+    ----------
+    signals : Signals
+    minutes : float
+        Since the session began.
+    """
+    return Circumstances(
+        speed_mm_s=_speed(signals),
+        normal_force_n=signals.normal_force_n,
+        position_mm=signals.position_mm[:, 0],
+        direction=np.sign(signals.velocity_mm_s[:, 0]),
+        minutes=np.array(minutes),
     )
 
 

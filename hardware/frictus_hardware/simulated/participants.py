@@ -1,6 +1,6 @@
 """Participants: finger and skin of one person, and a population to draw them from."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from pydantic import Field
@@ -10,6 +10,22 @@ from frictus_hardware.simulated.strict import NonNegative, Positive, StrictModel
 if TYPE_CHECKING:
     from frictus_hardware.physics.friction import FrictionLaw
     from frictus_hardware.physics.mobility import Mobility
+    from frictus_hardware.physics.simulator import Simulator
+
+
+class ParticipantEffect(StrictModel):
+    """An effect that a finger, or the rig under it, has beyond the law.
+
+    Attributes
+    ----------
+    id : str
+        One of `frictus_hardware.physics.effects.EFFECTS`.
+    parameters : dict
+        By name, in the units that the effect states.
+    """
+
+    id: str = Field(min_length=1, max_length=100)
+    parameters: dict[str, float] = Field(default_factory=dict)
 
 
 class Participant(StrictModel):
@@ -23,6 +39,8 @@ class Participant(StrictModel):
         The skin.
     friction_coefficient : float
         Of finger and glass without drive.
+    effects : tuple of ParticipantEffect
+        In the order in which they are added.
     """
 
     gain_n: Positive = 0.39
@@ -32,6 +50,7 @@ class Participant(StrictModel):
     damping_n_s_m: Positive = 1.3
     stiffness_n_m: Positive = 444.0
     friction_coefficient: float = Field(default=0.5, ge=0.0, le=5.0)
+    effects: Annotated[tuple[ParticipantEffect, ...], Field(strict=False)] = ()
 
     @property
     def law(self) -> "FrictionLaw":
@@ -47,6 +66,21 @@ class Participant(StrictModel):
         from frictus_hardware.physics.mobility import Mobility
 
         return Mobility(self.mass_kg, self.damping_n_s_m, self.stiffness_n_m)
+
+    @property
+    def simulator(self) -> "Simulator":
+        """Law and skin, with the effects in them.
+
+        Raises
+        ------
+        UnknownEffectError, EffectParameterError
+            If an effect is not known, or a parameter missing, unknown or out of its range.
+        """
+        from frictus_hardware.physics.effects import extended
+        from frictus_hardware.physics.simulator import Simulator
+
+        bare = Simulator(law=self.law, mobility=self.mobility)
+        return extended(bare, [(effect.id, effect.parameters) for effect in self.effects])
 
 
 SPREAD = {

@@ -15,7 +15,7 @@ from frictus_hardware.errors import (
     NotArmedError,
     StreamLostError,
 )
-from frictus_hardware.physics.stages import Noise, Quantisation, standard_twin
+from frictus_hardware.physics.stages import Noise, Quantisation
 from frictus_hardware.physics.twin import Signals, Stage, Twin
 from frictus_hardware.simulated.clock import Clock, RealClock, VirtualClock
 from frictus_hardware.simulated.config import SimulatedConfig
@@ -91,6 +91,7 @@ class SimulatedRig:
         self.faults = FaultPlan(config.faults)
         self._clock = make_clock(config) if clock is None else clock
         self._twin = make_twin(config) if twin is None else twin
+        self._drifts = twin is None and bool(config.participant.effects)
         self._holds_output = holds_output
         self._history_s = history_s
         self._past_v = past_v
@@ -113,6 +114,7 @@ class SimulatedRig:
         )
         self._states = self._twin.initial()
         self._sensed = 0
+        self._twin_until = 0.0
         self._lasting = None
 
     @property
@@ -331,6 +333,10 @@ class SimulatedRig:
             motion.normal_force_n,
             motion.in_contact,
         )
+        if self._drifts and first >= self._twin_until:
+            # To a twin the session's time stands still; its states outlast it.
+            self._twin = make_twin(self.config, first / rate / 60.0)
+            self._twin_until = first + rate
         signals, self._states = self._twin.run(signals, self._states)
         return signals, motion, self._touch.step(first, motion)
 
@@ -391,19 +397,31 @@ def make_clock(config: SimulatedConfig) -> Clock:
     return RealClock(config.sample_rate_hz, scale, config.clock_skew_ppm)
 
 
-def make_twin(config: SimulatedConfig) -> Twin:
-    """Return the standard twin with the configured participant and sensors."""
+def make_twin(config: SimulatedConfig, minutes: float = 0.0) -> Twin:
+    """Return the twin of the configured participant and sensors.
+
+    Parameters
+    ----------
+    config : SimulatedConfig
+    minutes : float
+        Since the finger's session began.
+
+    Raises
+    ------
+    ConfigError
+        If the participant has an effect that is not known or out of its range.
+    """
     sensors: tuple[Stage, ...] = ()
     if config.force_noise_n or config.accel_noise_m_s2:
         sensors = (Noise(config.force_noise_n, config.accel_noise_m_s2, config.seed),)
     if config.quantisation:
         sensors = (*sensors, Quantisation())
-    return standard_twin(
-        screen=config.screen,
-        law=config.participant.law,
-        mobility=config.participant.mobility,
-        friction_coefficient=config.participant.friction_coefficient,
-        sensors=sensors,
+    return config.participant.simulator.twin(
+        config.screen,
+        config.participant.friction_coefficient,
+        sensors,
+        minutes=minutes,
+        seed=config.seed,
     )
 
 

@@ -12,6 +12,7 @@ from fastapi.concurrency import run_in_threadpool
 from frictus_service.api import (
     activation,
     calibrations,
+    discoveries,
     health,
     metrics,
     models,
@@ -24,15 +25,27 @@ from frictus_service.api.gate import Gate
 from frictus_service.api.link import RigLink
 from frictus_service.api.services import Services
 from frictus_service.config import Config
+from frictus_service.jobs.discoveries import DISCOVER, Discoveries
 from frictus_service.jobs.jobs import RUN, Jobs
 from frictus_service.library import TextureLibrary
 from frictus_service.registry.errors import RegistryUnavailableError
 from frictus_service.registry.store import Registry
 
 _LOG: Final = logging.getLogger(__name__)
+_PARTS: Final = (
+    rigs,
+    recordings,
+    activation,
+    textures,
+    models,
+    calibrations,
+    discoveries,
+    health,
+    metrics,
+)
 
 
-def build_app(config: Config, run: str = RUN) -> FastAPI:
+def build_app(config: Config, run: str = RUN, discover: str = DISCOVER) -> FastAPI:
     """Return the API of one site.
 
     It connects to the router when it is started, or later, when the router is there.
@@ -43,12 +56,16 @@ def build_app(config: Config, run: str = RUN) -> FastAPI:
         Its site, router, registry, API section, folders and size limits are used.
     run : str
         ``module:function`` that carries out a calibration in a process of its own.
+    discover : str
+        The same for a discovery.
     """
     link = RigLink(config.router.endpoint, config.site)
     registry = Registry(config.registry.url)
     jobs = Jobs(config, registry, run)
+    analyses = Discoveries(config, discover)
 
     def recover() -> None:
+        analyses.shelf.interrupt()
         try:
             if registry.database.exists:  # or nothing was ever calibrated
                 jobs.recover()
@@ -57,6 +74,7 @@ def build_app(config: Config, run: str = RUN) -> FastAPI:
             _LOG.warning("%s", error)
 
     def close() -> None:
+        analyses.close()
         jobs.close()
         registry.close()
         link.close()
@@ -74,9 +92,10 @@ def build_app(config: Config, run: str = RUN) -> FastAPI:
         lifespan=linked,
         separate_input_output_schemas=False,  # a scene is read and written in one form
     )
-    app.state.services = Services(config, link, TextureLibrary(config.textures), registry, jobs)
+    library = TextureLibrary(config.textures)
+    app.state.services = Services(config, link, library, registry, jobs, analyses)
     app.state.metrics = metrics.ApiMetrics(link)
-    for part in (rigs, recordings, activation, textures, models, calibrations, health, metrics):
+    for part in _PARTS:
         app.include_router(part.router)
     problems.install(app)
     app.add_middleware(Gate, loopback_only=config.api.loopback)

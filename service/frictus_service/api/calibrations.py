@@ -3,15 +3,14 @@
 from collections.abc import AsyncIterator
 from typing import Annotated, Final
 
-import anyio
 from fastapi import APIRouter, Depends, Header, Path, Query, Request, Response
-from fastapi.concurrency import run_in_threadpool
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from pydantic import BaseModel, Field, TypeAdapter
 
 from frictus_service.api import problems
 from frictus_service.api.access import needs
 from frictus_service.api.bodies import JSON, parse_json, raw_body, require_media
+from frictus_service.api.following import follow
 from frictus_service.api.models import body_of
 from frictus_service.api.once import IdempotencyKey, once_of
 from frictus_service.api.services import Services, services
@@ -19,6 +18,7 @@ from frictus_service.calibration.job import CalibrationSpec
 from frictus_service.registry.calibrations import ACTIVE
 from frictus_service.registry.documents import (
     Calibration,
+    CalibrationEvent,
     CalibrationPage,
     CalibrationState,
     Published,
@@ -29,8 +29,6 @@ Id = Annotated[
     str, Path(pattern=r"^[0-9a-f-]{1,64}$", description="Id of the calibration, as it was made")
 ]
 
-LOOK_S: Final = 0.2
-"""How often a stream of events looks for more."""
 _READ: Final = (
     problems.UnauthenticatedError,
     problems.MissingScopeError,
@@ -144,18 +142,16 @@ async def follow_calibration(
     The stream ends when the calibration does not run any more. After a break, `Last-Event-ID`
     gives what was missed.
     """
-    after, kept = last_event_id, given.registry.calibrations
-    while not given.jobs.closing:
-        # First the state: what was told before it changed is then among the events.
-        active = (await run_in_threadpool(kept.get, found.id)).state in ACTIVE
-        events = await run_in_threadpool(kept.events, found.id, after)
-        for event in events:
-            yield ServerSentEvent(raw_data=event.data, event=event.kind, id=str(event.number))
-            after = event.number
-        if not events:
-            if not active:
-                return
-            await anyio.sleep(LOOK_S)
+    kept = given.registry.calibrations
+
+    def active() -> bool:
+        return kept.get(found.id).state in ACTIVE
+
+    def events(after: int) -> list[CalibrationEvent]:
+        return kept.events(found.id, after)
+
+    async for event in follow(active, events, lambda: given.jobs.closing, last_event_id):
+        yield event
 
 
 @router.delete(

@@ -25,6 +25,7 @@ from frictus.errors import (
     TextureError,
 )
 from frictus.messages import RefusalCode
+from frictus_service.discovery import errors as discovery
 from frictus_service.library import (
     DamagedTextureError,
     ReadOnlyTextureError,
@@ -144,6 +145,18 @@ class CalibrationNotFoundError(ApiError):
     status, code, title = 404, "no_calibration", "No such calibration"
 
 
+class StudyNotFoundError(ApiError):
+    """The folder of studies has no such file."""
+
+    status, code, title = 404, "no_study", "No such study"
+
+
+class DiscoveryNotFoundError(ApiError):
+    """There is no discovery of this id."""
+
+    status, code, title = 404, "no_discovery", "No such discovery"
+
+
 class MethodNotAllowedError(ApiError):
     """The path knows other methods."""
 
@@ -187,9 +200,9 @@ class RigBusyError(ApiError):
 
 
 class WrongStateError(ApiError):
-    """The calibration is not in a state that allows this."""
+    """The calibration or discovery is not in a state that allows this."""
 
-    status, code, title = 409, "wrong_state", "The calibration is in another state"
+    status, code, title = 409, "wrong_state", "It is in another state"
 
 
 class ConflictError(ApiError):
@@ -310,6 +323,9 @@ _FOREIGN: Final[dict[type[Exception], type[ApiError]]] = {
     ReadOnlyTextureError: ReadOnlyError,
     TextureConflictError: ConflictError,
     DamagedTextureError: DamagedFileError,
+    discovery.UnknownStudyError: StudyNotFoundError,
+    discovery.UnknownDiscoveryError: DiscoveryNotFoundError,
+    discovery.DiscoveryStateError: WrongStateError,
     registry.UnknownModelError: ModelNotFoundError,
     registry.UnknownCalibrationError: CalibrationNotFoundError,
     registry.AliasConflictError: ConflictError,

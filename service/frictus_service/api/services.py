@@ -6,6 +6,7 @@ from fastapi import Request
 
 from frictus_service.api.link import RigLink
 from frictus_service.config import Config
+from frictus_service.jobs.discoveries import Discoveries
 from frictus_service.jobs.jobs import Jobs
 from frictus_service.library import TextureLibrary
 from frictus_service.registry.store import Registry
@@ -13,13 +14,14 @@ from frictus_service.registry.store import Registry
 
 @dataclass(frozen=True, slots=True)
 class Services:
-    """Configuration, link to the rigs, texture library, registry and calibrations."""
+    """Configuration, link to the rigs, texture library, registry, calibrations, discoveries."""
 
     config: Config
     link: RigLink
     library: TextureLibrary
     registry: Registry
     jobs: Jobs
+    discoveries: Discoveries
 
 
 def services(request: Request) -> Services:

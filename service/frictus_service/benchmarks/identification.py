@@ -14,7 +14,7 @@ import numpy as np
 
 from frictus_service.benchmarks import obvious
 from frictus_service.benchmarks.figure import Figure, Target, interleaved, skipped
-from frictus_service.identification.pipeline import Task, observe_study, observe_task
+from frictus_service.identification.pipeline import Task, observe_study, read_task
 from frictus_service.identification.workers import work_through
 from frictus_service.reproduction.plan import Design, plan_study
 from frictus_service.reproduction.population import draw_people
@@ -148,8 +148,7 @@ def _workers(path: Path, repeats: int) -> Figure:
 def _rate(tasks: list[Task], workers: int) -> float:
     """Return trials per second over the second half, when every worker has long begun."""
     done_s = [
-        time.perf_counter()
-        for _ in work_through(observe_task, tasks, workers, lambda line: None)
+        time.perf_counter() for _ in work_through(read_task, tasks, workers, lambda line: None)
     ]
     half = len(done_s) // 2
     return (len(done_s) - half) / (done_s[-1] - done_s[half - 1])

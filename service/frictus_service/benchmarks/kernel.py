@@ -17,8 +17,9 @@ from frictus_service.errors import ServiceError
 from frictus_service.library import SHIPPED, TextureLibrary
 from frictus_service.synthesis import kernel
 from frictus_service.synthesis.estimator import Course
+from frictus_service.synthesis.inverter import law_tuple
 from frictus_service.synthesis.kernel import Motion
-from frictus_service.synthesis.renderer import RAMP_S, Renderer, law_tuple
+from frictus_service.synthesis.renderer import RAMP_S, Renderer
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
 
 RATE_HZ: Final = 20_000.0

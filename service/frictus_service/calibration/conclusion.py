@@ -19,6 +19,7 @@ from frictus_service.calibration.posterior import Posterior, estimate
 from frictus_service.calibration.prior import Prior
 from frictus_service.identification.errors import NothingToIdentifyError
 from frictus_service.identification.observation import TrialObservations
+from frictus_service.study.errors import Exclusion
 
 FloatArray = NDArray[np.float64]
 
@@ -87,6 +88,7 @@ def conclude(
     done: Sequence[Done],
     left_out: Sequence[str],
     study: Path,
+    excluded: Sequence[Exclusion],
 ) -> CalibrationResult:
     """Return the result of a calibration whose trials are all done.
 
@@ -99,6 +101,8 @@ def conclude(
         What could not be measured.
     study : Path
         File of all trials.
+    excluded : sequence of Exclusion
+        Trials that it does not hold, since they cannot be read.
 
     Raises
     ------
@@ -128,6 +132,10 @@ def conclude(
         notes=(
             *(f"not measured, rejected too often: {what}" for what in left_out),
             *(f"trial {trial.id} was rejected: {trial.rejected}" for trial in rejected),
+            *(
+                f"trial {lost.trial} is not in the study: {lost.field} {lost.reason}"
+                for lost in excluded
+            ),
         ),
         details={
             "trials": len(done),

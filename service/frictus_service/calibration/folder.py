@@ -6,7 +6,7 @@ with the verdict on it; all of them together become ``study.h5``.
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final, Self
 
@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from frictus_service.calibration.errors import FolderError
 from frictus_service.calibration.job import CalibrationSpec
 from frictus_service.calibration.plan import Done
-from frictus_service.study.errors import TrialError
+from frictus_service.study.errors import Exclusion, TrialError
 from frictus_service.study.reader import StudyReader
 from frictus_service.study.trial import StudyInfo, Trial
 from frictus_service.study.writer import StudyWriter
@@ -106,24 +106,31 @@ class CalibrationFolder:
         self._done.append(done)
         return done
 
-    def trials(self) -> Iterator[Trial]:
-        """Yield the finished trials in order, those that cannot be read left out."""
+    def trials(self, left_out: Callable[[Exclusion], None]) -> Iterator[Trial]:
+        """Yield the finished trials in order.
+
+        Parameters
+        ----------
+        left_out : callable
+            Told of each that cannot be read: refused when it was recorded, or damaged since.
+        """
         for done in self._done:
             with StudyReader(self._file(done.id)) as reader:
                 try:
                     yield reader.read(done.id)
-                except TrialError:
-                    continue  # refused when it was recorded, and its verdict says why
+                except TrialError as error:
+                    left_out(error.exclusion)
 
-    def merge(self, info: StudyInfo) -> Path:
-        """Write the study of all trials, the rejected ones too, and return its path."""
+    def merge(self, info: StudyInfo) -> tuple[Exclusion, ...]:
+        """Write `study`, of all trials, the rejected ones too; return what is not in it."""
+        left_out: list[Exclusion] = []
         unfinished = self.path / f"{STUDY}.new"
         unfinished.unlink(missing_ok=True)
         with StudyWriter(unfinished, info) as writer:
-            for trial in self.trials():
+            for trial in self.trials(left_out.append):
                 writer.add(trial)
         os.replace(unfinished, self.study)
-        return self.study
+        return tuple(left_out)
 
     def _file(self, trial_id: str) -> Path:
         return self.path / TRIALS / f"{trial_id}.h5"

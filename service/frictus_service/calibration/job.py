@@ -103,7 +103,8 @@ class CalibrationResult(_Strict):
     model: Model
     """With covariance and provenance; not yet published."""
     study: str
-    """Path of the study file with every trial, the rejected ones too."""
+    """Path of the study file with every trial, the rejected ones too; `notes` name those that
+    cannot be read and are not in it."""
     recorded_s: FiniteFloat
     precision: FiniteFloat
     reached: bool

@@ -27,6 +27,7 @@ FAST_MM_S: Final = (90.0, 95.0, 100.0)
 """Near the ends of the range, where a line is best held; several, as every condition lies a
 little off the line and only new ones average that out."""
 STROKE_MM: Final = 60.0
+MIDDLE_MM: Final = 35.0
 STROKES: Final = 2
 """At least so many in a trial: they are shorter where it is short."""
 TURN_S: Final = 0.15
@@ -171,6 +172,7 @@ def _trial(
         third=third.ravel(),
         speed_mm_s=np.broadcast_to(speed, shape).ravel(),
         normal_force_n=np.full(every.size, ask.force_n),
+        position_mm=(MIDDLE_MM + (third.ravel() - 1) * stroke_mm / 3.0),
         tone_hz=every,
         message=np.broadcast_to(amplitude, shape).ravel().astype(np.complex128),
         friction_response=(response + np.sqrt(variance) * noise).ravel(),

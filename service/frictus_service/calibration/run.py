@@ -26,8 +26,9 @@ from frictus_service.calibration.plan import Ask, plan_of
 from frictus_service.calibration.session import Session, status_of
 from frictus_service.identification.observation import TrialObservations
 from frictus_service.identification.observe import observe
-from frictus_service.study.errors import FieldError
+from frictus_service.study.errors import Exclusion, FieldError
 from frictus_service.study.plausible import check_measured
+from frictus_service.study.reader import StudyReader
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 from frictus_service.synthesis.excitation import compile_excitation
 
@@ -123,6 +124,7 @@ class Calibration:
         self._tell = tell
         self._plan = plan_of(spec.protocol, spec.seed, prior_of(spec))
         self._observed: dict[str, TrialObservations] = {}
+        self._earlier = bool(kept.done)
         self._precision: float | None = None
         self._study = StudyInfo(
             rig=spec.rig,
@@ -203,13 +205,17 @@ class Calibration:
 
     def _observations(self) -> list[TrialObservations]:
         """Return what every trial that can be read says, those of earlier runs included."""
-        if any(done.id not in self._observed for done in self._kept.done):
-            for trial in self._kept.trials():
+        if self._earlier:
+            self._earlier = False
+            for trial in self._kept.trials(self._tell_left_out):
                 if trial.info.id not in self._observed:
                     self._observed[trial.info.id] = observe(trial, self._study)
         return [
             self._observed[done.id] for done in self._kept.done if done.id in self._observed
         ]
+
+    def _tell_left_out(self, lost: Exclusion) -> None:
+        self.tell("analyse", f"trial {lost.trial} is left out: {lost.field} {lost.reason}")
 
     def tell(self, phase: Phase, message: str) -> None:
         """Tell where the calibration stands."""
@@ -230,18 +236,24 @@ class Calibration:
         """Merge the trials into one study and estimate the model."""
         self.tell("analyse", "estimating the model")
         done = self._kept.done
-        study = self._kept.merge(self._study)
+        excluded = self._kept.merge(self._study)
         result = conclude(
-            self._spec, self._observations(), done, self._plan.left_out(done), study
+            self._spec,
+            self._observations(),
+            done,
+            self._plan.left_out(done),
+            self._kept.study,
+            excluded,
         )
         self._precision = result.precision
         self.tell("done", "")
         if self._spec.protocol.kind == "paper":
             return result
         accepted = {trial.id for trial in done if not trial.rejected}
-        details, notes = linearity_of(
-            trial for trial in self._kept.trials() if trial.info.id in accepted
-        )
+        with StudyReader(self._kept.study) as study:
+            details, notes = linearity_of(
+                study.read(info.id) for info in study.trials if info.id in accepted
+            )
         return result.model_copy(
             update={
                 "details": result.details | {"linearity": details},

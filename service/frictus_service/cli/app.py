@@ -8,10 +8,12 @@ import typer
 from frictus_service.cli import (
     api,
     calibrate,
+    discover,
     doctor,
     export,
     identify,
     models,
+    mount,
     play,
     record,
     recorder,
@@ -59,6 +61,8 @@ app.command()(export.export)
 app.command()(doctor.doctor)
 app.command()(calibrate.calibrate)
 app.command()(identify.identify)
+app.command()(mount.mount)
+app.command()(discover.discover)
 app.add_typer(study.study, name="study")
 app.add_typer(models.models, name="models")
 
@@ -103,8 +107,12 @@ def paper(
         typer.Option("--out", metavar="DIR", help="Keep study, identification and table."),
     ] = None,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="[default: fresh]")] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", min=0, help="Processes.  [default: one per processor]"),
+    ] = None,
 ) -> None:
     """Simulate the paper's study, analyse it blind, and set its values beside what came out."""
     from frictus_service.cli.paper import paper as run
 
-    run(participants, full, seconds, out, seed, as_json)
+    run(participants, full, seconds, out, seed, workers, as_json)

@@ -30,6 +30,8 @@ def code_of(error: Exception) -> Exit:
     """Return the exit code that stands for an error."""
     from frictus.errors import FrictusError, LinkError, NoRigError, RefusedError, SilenceError
     from frictus_service.calibration.errors import CalibrationError, EstimateError, FolderError
+    from frictus_service.discovery.blows import BlowsError
+    from frictus_service.discovery.ringdown import RingdownError
     from frictus_service.errors import ConfigurationError
     from frictus_service.library import LibraryError
     from frictus_service.recording.errors import NotWrittenError, RecordingError
@@ -40,13 +42,21 @@ def code_of(error: Exception) -> Exit:
         return Exit.CONFIG
     if isinstance(error, LinkError | NoRigError | SilenceError | RegistryUnavailableError):
         return Exit.NO_LINK
-    if isinstance(error, EstimateError):
+    if isinstance(error, EstimateError | RingdownError):
         return Exit.CHECK_FAILED
     if isinstance(error, RefusedError | CalibrationError) and not isinstance(
         error, FolderError
     ):
         return Exit.REFUSED
-    ours = (FolderError, FrictusError, LibraryError, RegistryError, RecordingError, StudyError)
+    ours = (
+        BlowsError,
+        FolderError,
+        FrictusError,
+        LibraryError,
+        RegistryError,
+        RecordingError,
+        StudyError,
+    )
     files = (FileNotFoundError, IsADirectoryError, NotWrittenError)
     if isinstance(error, (*ours, *files)):
         return Exit.USAGE  # what is left of the client's errors is about what it was given

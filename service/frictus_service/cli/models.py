@@ -117,7 +117,12 @@ def show(reference: Ref, config: ConfigFile = None, as_json: AsJson = False) -> 
 
 @models.command()
 def publish(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A model/1 document.")],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE", help="A model/1 document, or a discovery's report.json."
+        ),
+    ],
     name: Annotated[
         str | None,
         typer.Option("--name", help="[default: RIG/PARTICIPANT, or population]"),
@@ -264,22 +269,61 @@ def export(
 
 
 def read_model(file: Path) -> "Model":
-    """Return the model that a file holds.
+    """Return the model that a file holds; of a discovery's report, the extended one.
 
     Raises
     ------
     ArgumentError
-        If it does not hold a `model/1` document.
+        If it holds neither a `model/1` nor a `discovery/1` document, or the discovery names no
+        cause.
     """
     from pydantic import ValidationError
 
     from frictus.errors import ArgumentError, explain
     from frictus.model import Model
 
+    text = file.read_bytes()
+    schema = _schema_of(text)
     try:
-        return Model.model_validate_json(file.read_bytes())
+        if schema == "discovery/1":
+            return _extended_model(file, text)
+        return Model.model_validate_json(text)
     except ValidationError as error:
-        raise ArgumentError(f"{file} holds no model/1 document: {explain(error)}") from error
+        raise ArgumentError(
+            f"{file} holds no {schema or 'model/1'} document: {explain(error)}"
+        ) from error
+
+
+def _schema_of(text: bytes) -> str | None:
+    import json
+
+    try:
+        document = json.loads(text)
+    except ValueError:
+        return None  # the model's own error says what is wrong with it
+    told = document.get("schema") if isinstance(document, dict) else None
+    return told if told in ("model/1", "discovery/1") else None
+
+
+def _extended_model(file: Path, text: bytes) -> "Model":
+    """Return a report's extended model, with the study and the causes as its origin."""
+    from frictus.errors import ArgumentError
+    from frictus_service.discovery.document import Discovery
+
+    report = Discovery.model_validate_json(text)
+    if not report.causes:
+        raise ArgumentError(
+            f"{file} names no cause, so there is no model to publish that says more than the "
+            "one it criticised; publish that one"
+        )
+    told = report.extended_model.provenance | {
+        "study_sha256": report.study.sha256,
+        "code_version": report.code_version,
+        "settings": {"response": report.response, "seed": report.seed},
+        "discovered": {cause.id: cause.verdict for cause in report.causes},
+        "trials_used": report.study.trials_used,
+    }
+    return report.extended_model.model_copy(update={"provenance": told})
 
 
 def default_name(model: "Model", rig: str | None) -> str:

@@ -30,6 +30,7 @@ def paper(
     seconds: float | None,
     out: Path | None,
     seed: int | None,
+    workers: int | None,
     as_json: bool,
 ) -> None:
     """Simulate, analyse and show, with progress on standard error.
@@ -45,16 +46,19 @@ def paper(
         Folder that keeps the study, the identification and the table.
     seed : int or None
         None: a fresh one, which is told.
+    workers : int or None
+        Processes; 0: none but this one. None: one per processor.
     as_json : bool
     """
     design = FULL if full else QUICK
     design = design if seconds is None else replace(design, seconds=seconds)
     people = participants or (FULL_PARTICIPANTS if full else QUICK_PARTICIPANTS)
     seed = secrets.randbits(32) if seed is None else seed
+    workers = (os.cpu_count() or 1) if workers is None else workers
     _tell(f"seed {seed}")
     with tempfile.TemporaryDirectory() if out is None else nullcontext(out) as folder:
         path = Path(folder) / "study.h5"
-        found = reproduce(path, design, people, seed, os.cpu_count() or 1, _tell)
+        found = reproduce(path, design, people, seed, workers, _tell)
     if out is not None:
         (out / "identification.json").write_bytes(found.identification.to_json())
         (out / "table.md").write_text(markdown(found.rows), encoding="utf-8")

@@ -1,8 +1,10 @@
 """`frictus record`: record a rig here, or have its recorder do it."""
 
+import contextlib
 import signal
 import sys
 import time
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -111,9 +113,10 @@ def _record_here(
     from frictus_service.recording.recording import BEAT_S, Recording
 
     shown_s = 0.0
-    interrupted: list[int] = []
-    former = signal.signal(signal.SIGINT, lambda number, _frame: interrupted.append(number))
-    with Recording(client, rig, request, path, target.config) as recording:
+    with (
+        _interruption() as interrupted,
+        Recording(client, rig, request, path, target.config) as recording,
+    ):
         begun_s = time.monotonic()
         _note(f"records {path}; Ctrl-C ends it")
         while not recording.ended and not interrupted:
@@ -125,11 +128,21 @@ def _record_here(
                 shown_s = now_s
             time.sleep(BEAT_S)
             recording.beat()
-    signal.signal(signal.SIGINT, former)
     state = recording.state()
     _tell(state, as_json)
     if state.problem is not None:
         raise NotWrittenError(state.problem)
+
+
+@contextlib.contextmanager
+def _interruption() -> Iterator[list[int]]:
+    """Give a list that Ctrl-C fills, instead of ending what goes on."""
+    interrupted: list[int] = []
+    former = signal.signal(signal.SIGINT, lambda number, _frame: interrupted.append(number))
+    try:
+        yield interrupted
+    finally:
+        signal.signal(signal.SIGINT, former)
 
 
 def _note(line: str) -> None:

@@ -15,7 +15,6 @@ from typing import Final
 from frictus.messages import FaultKind
 from frictus_hardware.base import Backend
 from frictus_hardware.errors import HardwareError
-from frictus_hardware.physics.friction import FrictionLaw
 from frictus_service.config import Config
 from frictus_service.daemon.heartbeat import Heartbeat
 from frictus_service.daemon.interlock import Interlock
@@ -33,6 +32,7 @@ from frictus_service.daemon.timebase import UtcReading
 from frictus_service.daemon.turn import Turn
 from frictus_service.synthesis.chain import Chain, Step
 from frictus_service.synthesis.estimator import EstimatorTuning, FingerEstimator
+from frictus_service.synthesis.inverse import Invertible
 from frictus_service.synthesis.renderer import RAMP_S, Renderer
 from frictus_service.translate import screen_of
 
@@ -69,7 +69,7 @@ class BlockLoop:
     backend : Backend
         Open.
     config : Config
-    law : FrictionLaw
+    law : FrictionLaw or Inverse
         To begin with.
     interlock : Interlock
     orders : Orders
@@ -85,7 +85,7 @@ class BlockLoop:
         self,
         backend: Backend,
         config: Config,
-        law: FrictionLaw,
+        law: Invertible,
         interlock: Interlock,
         orders: Orders,
         heartbeat: Heartbeat,
@@ -95,6 +95,7 @@ class BlockLoop:
     ) -> None:
         self._backend = backend
         self._law = law
+        self._law_since_s = 1e-9 * monotonic_ns()
         self._interlock = interlock
         self._orders = orders
         self._heartbeat = heartbeat
@@ -201,7 +202,22 @@ class BlockLoop:
 
     def _new_renderer(self) -> Renderer:
         scene = self._standing.scene if self._standing is not None else None
-        return Renderer(self._law, self._screen, self._rate_hz, self._block_samples, scene)
+        return Renderer(
+            self._law,
+            self._screen,
+            self._rate_hz,
+            self._block_samples,
+            scene,
+            self._law_began_sample(),
+        )
+
+    def _law_began_sample(self) -> float:
+        """Return when the law came into force, in samples of the device's present run.
+
+        A drift counts from there: through armings, and through a device lost and found.
+        """
+        in_force_s = self._now_s() - self._law_since_s
+        return self._backend.next_play_sample - in_force_s * self._rate_hz
 
     def _new_chain(self) -> Chain:
         return Chain(self._backend, self._estimator, self._new_renderer(), self._block_samples)
@@ -213,8 +229,8 @@ class BlockLoop:
             self._chain.renderer = self._new_renderer()
         if self._orders.law and not self._energised:
             change = self._orders.law.popleft()
-            self._law = change.law
-            self._chain.renderer.set_law(change.law)
+            self._law, self._law_since_s = change.law, now_s
+            self._chain.renderer.set_law(change.law, self._law_began_sample())
             self._play(SceneOrder(change.scene))
             change.done.set()
         if self._orders.scene:

@@ -5,8 +5,8 @@ import threading
 from collections import deque
 from dataclasses import dataclass, field
 
-from frictus_hardware.physics.friction import FrictionLaw
 from frictus_service.daemon.safety import Safety
+from frictus_service.synthesis.inverse import Invertible
 from frictus_service.synthesis.renderer import Playable
 from frictus_service.synthesis.scene import CompiledScene
 
@@ -48,13 +48,13 @@ class LawOrder:
 
     Attributes
     ----------
-    law : FrictionLaw
+    law : FrictionLaw or Inverse
     scene : CompiledScene
     done : threading.Event
         Set once it is in force.
     """
 
-    law: FrictionLaw
+    law: Invertible
     scene: CompiledScene
     done: threading.Event = field(default_factory=threading.Event)
 

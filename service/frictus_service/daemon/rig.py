@@ -15,6 +15,7 @@ from frictus.messages import FaultKind
 from frictus.model import Model
 from frictus.session import open_session
 from frictus_hardware import open_backend
+from frictus_hardware.physics.screen import Screen
 from frictus_service.config import Config
 from frictus_service.daemon.commands import Commands
 from frictus_service.daemon.control import Control
@@ -28,7 +29,7 @@ from frictus_service.daemon.safety import Safety
 from frictus_service.daemon.stage import Stage
 from frictus_service.daemon.warmup import warm_up
 from frictus_service.errors import ConfigurationError, StartError
-from frictus_service.translate import law_of, placeholder_model, screen_of
+from frictus_service.translate import inverse_of_model, placeholder_model, screen_of
 
 JOIN_S: Final = 5.0
 LOOP_PRIORITY: Final = 20
@@ -100,7 +101,7 @@ def read_model(path: Path | None) -> Model:
         return placeholder_model()
     try:
         model = Model.model_validate_json(path.read_bytes())
-        law_of(model)
+        inverse_of_model(model, Screen())
     except (OSError, ValueError, FrameError, TextureError) as error:
         raise ConfigurationError(f"model_file {path}: {error}") from error
     return model
@@ -153,7 +154,7 @@ class _Parts:
         self.loop = BlockLoop(
             backend,
             config,
-            law_of(model),
+            inverse_of_model(model, screen_of(info)),
             self.interlock,
             self.orders,
             heartbeat,

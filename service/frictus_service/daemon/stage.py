@@ -26,9 +26,10 @@ from frictus_service.daemon.orders import LawOrder, Orders, SceneOrder
 from frictus_service.daemon.safety import refusal
 from frictus_service.etag import etag_of
 from frictus_service.synthesis.excitation import compile_excitation
+from frictus_service.synthesis.inverse import Inverse
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
 from frictus_service.synthesis.stream import StreamBudget
-from frictus_service.translate import law_of
+from frictus_service.translate import inverse_of_model
 
 LAW_CHANGE_S: Final = 1.0
 """Within which the loop must have taken up a new law; it takes one block."""
@@ -81,10 +82,10 @@ class Stage:
         self._interlock = interlock
         self._orders = orders
         self._monotonic_s = monotonic_s
-        self._law = law_of(model)
+        self._inverse = inverse_of_model(model, screen)
         self._stream: _Stream | None = None
         self._tickets = itertools.count(secrets.randbits(31))
-        self.model = ModelState(etag=etag_of(model), model=model)
+        self.model = self._model_state(model)
         self._standing, self._standing_scene = self._compiled(Scene())
         self._guest: _Guest | None = None
         self.scaled_scenes = 0
@@ -135,7 +136,7 @@ class Stage:
         """
         arming = self._arming_of(request.client)
         try:
-            budget = StreamBudget.open(request.peak_n, self._law)
+            budget = StreamBudget.open(request.peak_n, self._inverse)
         except TextureError as error:
             raise RefusedError("not_feasible", str(error)) from error
         ticket = next(self._tickets) & 0x7FFFFFFF
@@ -162,7 +163,7 @@ class Stage:
         """
         arming = self._arming_of(request.client)
         try:
-            compiled = compile_excitation(request.excitation, self._law, self._rate_hz)
+            compiled = compile_excitation(request.excitation, self._inverse.law, self._rate_hz)
         except ArgumentError as error:
             raise RefusedError("not_feasible", str(error)) from error
         state = SceneState(
@@ -232,25 +233,29 @@ class Stage:
         self._check_match(request.if_match, self.model.etag, "model")
         if self._interlock.state.state != "disarmed":
             raise RefusedError("conflict", "the model changes only while disarmed")
-        former = self._law
+        former = self._inverse
         try:
-            self._law = law_of(request.model)
+            self._inverse = inverse_of_model(request.model, self._screen)
             state, compiled = self._compiled(self._standing.scene)
         except TextureError as error:
-            self._law = former
+            self._inverse = former
             raise RefusedError("not_feasible", str(error)) from error
-        order = LawOrder(self._law, compiled)
+        order = LawOrder(self._inverse, compiled)
         self._orders.law.append(order)
         if not order.done.wait(LAW_CHANGE_S):
             self._orders.law.clear()
             if not order.done.is_set():
-                self._law = former
+                self._inverse = former
                 raise RefusedError("conflict", "the rig is armed or stands still; try again")
         self._standing, self._standing_scene = state, compiled
-        self.model = ModelState(etag=etag_of(request.model), model=request.model)
-        ignored = ", ".join(effect.id for effect in request.model.effects)
-        message = f"effects that are not rendered: {ignored}" if ignored else ""
+        self.model = self._model_state(request.model)
+        message = remarks_on(self._inverse)
         return Reply(ok=True, etag=self.model.etag, message=message, applied=state.applied)
+
+    def _model_state(self, model: Model) -> ModelState:
+        return ModelState(
+            etag=etag_of(model), model=model, not_rendered=self._inverse.not_rendered
+        )
 
     def _live_stream(self) -> _Stream | None:
         stream = self._stream
@@ -270,7 +275,7 @@ class Stage:
         return safety.armings
 
     def _compiled(self, scene: Scene) -> tuple[SceneState, CompiledScene]:
-        compiled = compile_scene(scene, self._law, self._screen, self._rate_hz)
+        compiled = compile_scene(scene, self._inverse, self._screen, self._rate_hz)
         return SceneState(etag=etag_of(scene), scene=scene, applied=compiled.applied), compiled
 
     def _check_owner(self, client: str) -> None:
@@ -283,3 +288,16 @@ class Stage:
             raise RefusedError(
                 "conflict", f"the {what} is {present!r} now, not {wanted!r}: read it again"
             )
+
+
+def remarks_on(inverse: Inverse) -> str:
+    """Return in words which effects of a model are not undone, or only within limits."""
+    said = {
+        "effects that are not rendered": "; ".join(
+            f"{effect}, because {why}" for effect, why in inverse.not_rendered.items()
+        ),
+        "effects that are rendered within limits": "; ".join(
+            f"{effect}: {limit}" for effect, limit in inverse.limits.items()
+        ),
+    }
+    return ". ".join(f"{heading}: {text}" for heading, text in said.items() if text)

@@ -3,6 +3,7 @@
 import base64
 import io
 from math import ceil
+from typing import Final
 
 import numpy as np
 from PIL import Image
@@ -12,13 +13,20 @@ from frictus.stream import StreamFrame
 from frictus.textures import Component, Map, Region, Scene, Spectrum
 from frictus_hardware import SimulatedConfig, open_backend
 from frictus_hardware.simulated.strokes import SteadyStrokes
-from frictus_service.synthesis.chain import make_chain
+from frictus_service.synthesis.chain import Chain, make_chain
 from frictus_service.synthesis.excitation import compile_excitation
-from frictus_service.synthesis.renderer import Playable
+from frictus_service.synthesis.renderer import Playable, Renderer
 from frictus_service.synthesis.scene import compile_scene
 from frictus_service.synthesis.stream import StreamBudget
+from frictus_service.synthesis.undoing import inverse_of
 from frictus_service.translate import law_of, placeholder_model
 
+EVERY_CORRECTION: Final = (
+    ("fractional_rolloff", {"excess_order": 0.1}),
+    ("charge_leakage", {"corner_hz": 1.0}),
+    ("residual_quadratic", {"share": 0.01}),
+)
+"""Between them they need every compiled part of the inverse."""
 FADE_S = 0.06
 """Long enough for touch reports to come, and for what is next to be faded in."""
 
@@ -49,8 +57,15 @@ def warm_up(sample_rate_hz: float, block_samples: int) -> None:
         chain = make_chain(rig, law, screen, block_samples)
         for playable in coming:
             chain.renderer.set_scene(playable)
-            for _ in range(ceil(FADE_S * sample_rate_hz / block_samples)):
-                chain.step(True)
+            _play(chain, sample_rate_hz, block_samples)
+        inverse = inverse_of(law, EVERY_CORRECTION)
+        chain.renderer = Renderer(inverse, screen, sample_rate_hz, block_samples, scene)
+        _play(chain, sample_rate_hz, block_samples)
+
+
+def _play(chain: Chain, sample_rate_hz: float, block_samples: int) -> None:
+    for _ in range(ceil(FADE_S * sample_rate_hz / block_samples)):
+        chain.step(True)
 
 
 def _every_kind() -> Scene:

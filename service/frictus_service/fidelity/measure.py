@@ -15,6 +15,7 @@ from frictus_service.fidelity.bands import band_power, error_db, rms_db
 from frictus_service.fidelity.path import BLOCK_SAMPLES, Path
 from frictus_service.fidelity.reference import exact_friction
 from frictus_service.synthesis.components import Components, components_of
+from frictus_service.synthesis.inverse import Invertible
 from frictus_service.synthesis.renderer import Renderer
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
 from frictus_service.synthesis.tables import BAND_EDGE_HZ
@@ -37,7 +38,7 @@ def fixed_at(law: FrictionLaw, speed_mm_s: float) -> FrictionLaw:
 
 
 def full_gain(
-    texture: Texture, law: FrictionLaw, screen: Screen, rate_hz: float
+    texture: Texture, law: Invertible, screen: Screen, rate_hz: float
 ) -> CompiledScene:
     """Return a texture over the whole screen, as strong as the drive allows."""
     scene = Scene(regions=[Region(texture=texture, gain=LARGEST_GAIN)])
@@ -65,7 +66,12 @@ def target_along(texture: Texture, scene: CompiledScene, path: Path) -> FloatArr
 
 
 def feel(
-    path: Path, scene: CompiledScene, law: FrictionLaw, screen: Screen, twin: Twin
+    path: Path,
+    scene: CompiledScene,
+    law: Invertible,
+    screen: Screen,
+    twin: Twin,
+    minutes: float = 0.0,
 ) -> tuple[Signals, int]:
     """Return what the twin's finger feels and its sensors report, and the clipped samples.
 
@@ -73,12 +79,16 @@ def feel(
     ----------
     path : Path
     scene : CompiledScene
-    law : FrictionLaw
-        Whose inverse is played.
+    law : FrictionLaw or Inverse
+        What is undone.
     screen : Screen
     twin : Twin
+    minutes : float
+        How long the session has lasted when the path begins.
     """
-    renderer = Renderer(law, screen, path.sample_rate_hz, BLOCK_SAMPLES, scene)
+    rate_hz = path.sample_rate_hz
+    began = -60.0 * minutes * rate_hz
+    renderer = Renderer(law, screen, rate_hz, BLOCK_SAMPLES, scene, began)
     voltage = np.zeros(path.lead_samples + BLOCK_SAMPLES * len(path.courses))
     clipped = 0
     for block, course in enumerate(path.courses):
@@ -87,7 +97,7 @@ def feel(
         voltage[at : at + BLOCK_SAMPLES] = rendered.voltage_v
         clipped += rendered.clipped_samples
     signals = Signals.driven(
-        path.sample_rate_hz,
+        rate_hz,
         voltage[: path.position_mm.shape[0]],
         path.position_mm,
         path.velocity_mm_s,

@@ -40,6 +40,9 @@ class KnownFinger:
     def observe(self, report: TouchReport) -> None:
         """Ignore a report."""
 
+    def press(self, normal_force_n: float) -> None:
+        """Ignore a measurement."""
+
     def stale(self, sample: float) -> bool:
         """Return False: what is known does not age."""
         return False
@@ -51,7 +54,8 @@ class KnownFinger:
         (x, y), _ = true.position_mm
         (vx_0, vy_0), (vx_1, vy_1) = true.velocity_mm_s
         speeds = np.hypot(vx_0, vy_0), np.hypot(vx_1, vy_1)
-        return Course(Motion(x, y, vx_0, vy_0, vx_1, vy_1, *speeds))
+        pressed = float(true.normal_force_n[0]), float(true.normal_force_n[1])
+        return Course(Motion(x, y, vx_0, vy_0, vx_1, vy_1, *speeds), normal_force_n=pressed)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,77 +1,65 @@
-"""Observations on disk, by the content they were made from.
+"""Readings of trials on disk, by the content they were made from.
 
 The key of a trial is the hash of its content, of what of the study enters its observations, and
-of the estimator's own source, so that nothing can be out of date. Beside them stands, per study
-file, which content its trials had when it was last read: as long as the file's size and time
-stay the same, its trials need not even be read.
+of the source of all that read it, so that nothing can be out of date. Beside them stands, per
+study file, which content its trials had when it was last read: as long as the file's size and
+time stay the same, its trials need not even be read.
 """
 
 import hashlib
 import json
 import os
 import tempfile
-from dataclasses import dataclass, fields
-from functools import lru_cache
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from frictus_hardware.physics import linear
-from frictus_service.identification import (
-    blocks,
-    clipping,
-    least_squares,
-    message,
-    observe,
-    response,
-    sweeps,
-    tones,
-    validity,
-)
 from frictus_service.identification.observation import Rows, TrialObservations
+from frictus_service.identification.reading import Reader, Reading, version_of
+from frictus_service.identification.tables import Table, columns_of, table_of
 from frictus_service.study.trial import StudyInfo, TrialInfo
 
 _ESTIMATOR: Final = (
-    blocks,
-    clipping,
-    least_squares,
-    linear,
-    message,
-    observe,
-    response,
-    sweeps,
-    tones,
-    validity,
-)
-_ROW: Final = np.dtype(
-    [(each.name, getattr(response.NO_ROWS, each.name).dtype) for each in fields(Rows)]
+    "frictus_hardware.physics.linear",
+    "frictus_service.identification.blocks",
+    "frictus_service.identification.clipping",
+    "frictus_service.identification.least_squares",
+    "frictus_service.identification.message",
+    "frictus_service.identification.observation",
+    "frictus_service.identification.observe",
+    "frictus_service.identification.response",
+    "frictus_service.identification.sweeps",
+    "frictus_service.identification.tables",
+    "frictus_service.identification.tones",
+    "frictus_service.identification.validity",
 )
 
 
-@lru_cache(maxsize=1)
 def estimator_version() -> str:
     """Return the hash of the source of all that turns a trial into observations."""
-    hashed = hashlib.sha256()
-    for module in _ESTIMATOR:
-        hashed.update(Path(str(module.__file__)).read_bytes())
-    return hashed.hexdigest()
+    return version_of(_ESTIMATOR)
 
 
 @dataclass(frozen=True, slots=True)
 class Cache:
-    """A folder of observations; several processes may use it at once.
+    """A folder of readings; several processes may use it at once.
 
     Attributes
     ----------
     folder : Path
         Made where it is missing.
+    reader : Reader
+        Whose readings are kept and found.
     """
 
     folder: Path
+    reader: Reader
 
-    def find(self, sha256: str, asked: TrialInfo, study: StudyInfo) -> TrialObservations | None:
-        """Return the observations of a trial; None where there are none, or damaged ones.
+    def find(self, sha256: str, asked: TrialInfo, study: StudyInfo) -> Reading | None:
+        """Return the reading of a trial; None where there is none, or a damaged one.
 
         Parameters
         ----------
@@ -84,9 +72,9 @@ class Cache:
         held = _unsealed(self._place(sha256, study))
         return None if held is None else _decoded(held, sha256, asked)
 
-    def keep(self, observed: TrialObservations, study: StudyInfo) -> None:
-        """Store the observations of a trial."""
-        _seal(self._place(observed.sha256, study), _encoded(observed))
+    def keep(self, reading: Reading, study: StudyInfo) -> None:
+        """Store the reading of a trial."""
+        _seal(self._place(reading.observed.sha256, study), _encoded(reading))
 
     def contents(self, state: str) -> dict[str, str]:
         """Return the hashes of a file's trials by id, as far as they are known.
@@ -113,9 +101,10 @@ class Cache:
 
     def _place(self, sha256: str, study: StudyInfo) -> Path:
         mount = study.mount and (study.mount.numerator, study.mount.denominator)
-        asked = [sha256, estimator_version(), study.screen_peak_v, mount]
+        version = [estimator_version(), self.reader.name, self.reader.version]
+        asked = [sha256, *version, study.screen_peak_v, mount]
         key = hashlib.sha256(json.dumps(asked).encode()).hexdigest()
-        return self.folder / key[:2] / f"{key}.observations"
+        return self.folder / key[:2] / f"{key}.{self.reader.name}"
 
     def _index(self, state: str) -> Path:
         return self.folder / "studies" / f"{state}.contents"
@@ -133,25 +122,25 @@ def state_of(file: Path) -> str:
     return hashlib.sha256(json.dumps(asked).encode()).hexdigest()
 
 
-def _encoded(observed: TrialObservations) -> bytes:
-    rows = np.empty(observed.rows.sweep.size, dtype=_ROW)
-    for name in rows.dtype.names or ():
-        rows[name] = getattr(observed.rows, name)
+def _encoded(reading: Reading) -> bytes:
+    observed = reading.observed
+    tables = {"rows": table_of(observed.rows), **reading.more}
     said = {
         "valid": observed.valid,
         "reasons": observed.reasons,
         "notes": observed.notes,
         "mean_speed_mm_s": observed.mean_speed_mm_s,
         "mean_force_n": observed.mean_force_n,
+        "tables": [(name, table.dtype.descr, table.size) for name, table in tables.items()],
     }
-    return json.dumps(said).encode() + b"\n" + rows.tobytes()
+    return json.dumps(said).encode() + b"\n" + b"".join(t.tobytes() for t in tables.values())
 
 
-def _decoded(held: bytes, sha256: str, asked: TrialInfo) -> TrialObservations:
+def _decoded(held: bytes, sha256: str, asked: TrialInfo) -> Reading:
     head, _, body = held.partition(b"\n")
     said: dict[str, Any] = json.loads(head)
-    rows = np.frombuffer(body, dtype=_ROW)
-    return TrialObservations(
+    tables = dict(_tables(said["tables"], body))
+    observed = TrialObservations(
         info=asked,
         sha256=sha256,
         valid=said["valid"],
@@ -159,8 +148,19 @@ def _decoded(held: bytes, sha256: str, asked: TrialInfo) -> TrialObservations:
         notes=tuple(said["notes"]),
         mean_speed_mm_s=said["mean_speed_mm_s"],
         mean_force_n=said["mean_force_n"],
-        rows=Rows(**{name: rows[name].copy() for name in rows.dtype.names or ()}),
+        rows=columns_of(Rows, tables.pop("rows")),
     )
+    return Reading(observed, tables)
+
+
+def _tables(
+    listed: list[tuple[str, list[list[str]], int]], body: bytes
+) -> Iterator[tuple[str, Table]]:
+    first = 0
+    for name, columns, count in listed:
+        kind = np.dtype([(column, code) for column, code in columns])
+        yield name, np.frombuffer(body, kind, count, first)
+        first += count * kind.itemsize
 
 
 def _seal(place: Path, content: bytes) -> None:

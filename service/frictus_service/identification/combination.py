@@ -64,17 +64,17 @@ class Combination:
     value : ndarray, shape (q + 1,)
     covariance : ndarray, shape (q + 1, q + 1)
         Sampling error clustered by trial, plus what conditions differ by.
-    degrees_of_freedom : float
+    degrees_of_freedom : ndarray, shape (q + 1,)
     """
 
     value: FloatArray
     covariance: FloatArray
-    degrees_of_freedom: float
+    degrees_of_freedom: FloatArray
 
     @property
     def half_width(self) -> FloatArray:
         """Half of the 95 % intervals, by t."""
-        factor = float(stats.t.ppf(0.975, self.degrees_of_freedom))
+        factor = stats.t.ppf(0.975, self.degrees_of_freedom)
         half: FloatArray = factor * np.sqrt(np.diag(self.covariance))
         return half
 
@@ -114,7 +114,7 @@ def combine(evidence: Evidence, maps: FloatArray, excess: FloatArray) -> Combina
     covariance = pulls.T @ pulls
     covariance[:-1, :-1] += np.einsum("qci,rci,i->qr", maps, maps, excess)
     value = np.append(relative.sum(axis=(1, 2)), evidence.delay_s)
-    return Combination(value, covariance, evidence.degrees_of_freedom)
+    return Combination(value, covariance, np.full(value.size, evidence.degrees_of_freedom))
 
 
 def levels(evidence: Evidence) -> Combination:

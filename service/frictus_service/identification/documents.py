@@ -167,6 +167,7 @@ class FrictionResult(_Document):
     law_without_outliers: LawResult | None = None
     """The same without the conditions that are listed as outliers; null: there are none."""
     degrees_of_freedom: FiniteFloat | None = None
+    """Of the intervals of a law, the gain's aside: every trial tells that, and it has more."""
     excess_hz: FiniteFloat | None = None
     """How much the conditions' cutoffs scatter around the law beyond sampling error."""
 

@@ -262,8 +262,7 @@ def _noise_power(residual, amplitude, omega):  # type: ignore[no-untyped-def]
     samples = blocks * BLOCK
     power = np.zeros((channels, tones))
     for tone in range(tones):
-        within = omega[tone] * samples / (4.0 * np.pi)
-        reach = int(min(max(within, 2.0), float(NOISE_BINS)))
+        reach = noise_reach(omega[tone], samples)
         offs = np.array([_off(number, reach) for number in range(2 * reach)])
         turns = np.exp(1j * np.pi * offs / blocks)
         total = _around(residual, tone, reach)
@@ -278,6 +277,21 @@ def _noise_power(residual, amplitude, omega):  # type: ignore[no-untyped-def]
             strength = np.sum(total[channel].real ** 2 + total[channel].imag ** 2)
             power[channel, tone] = strength / (2 * reach * samples)
     return power
+
+
+@njit(cache=True, nogil=True)
+def noise_reach(omega, samples):  # type: ignore[no-untyped-def]
+    """Return at how many frequencies on either side the noise around a tone is measured.
+
+    Parameters
+    ----------
+    omega : float
+        Radians per sample.
+    samples : int
+        Length of the segment.
+    """
+    within = omega * samples / (4.0 * np.pi)
+    return int(min(max(within, 2.0), float(NOISE_BINS)))
 
 
 @njit(cache=True, nogil=True)

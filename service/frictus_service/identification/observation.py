@@ -26,6 +26,8 @@ class Rows:
         0, 1, 2 from the left of the screen to the right.
     speed_mm_s, normal_force_n : ndarray
         Measured means over the segment; the speed without sign.
+    position_mm : ndarray
+        Middle of the segment on the screen, x.
     tone_hz : ndarray
     message : ndarray of complex
         Amplitude of the drive fraction at the tone, by least squares on 2 V² / V_pk².
@@ -45,6 +47,7 @@ class Rows:
     third: IntArray
     speed_mm_s: FloatArray
     normal_force_n: FloatArray
+    position_mm: FloatArray
     tone_hz: FloatArray
     message: ComplexArray
     friction_response: ComplexArray

@@ -1,6 +1,7 @@
 """From one trial to its observations."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from frictus_service.identification.response import rows_of
 from frictus_service.identification.sweeps import (
     Motion,
     Segment,
+    Sweep,
     cut_thirds,
     find_sweeps,
     smooth,
@@ -24,6 +26,39 @@ PRESSED_SHARE = 0.25
 """The finger is on the screen where it presses with this share of its median force."""
 
 
+@dataclass(frozen=True, slots=True)
+class Course:
+    """How the finger moved and pressed in a trial.
+
+    Attributes
+    ----------
+    motion : Motion
+    normal_n : ndarray, shape (n_blocks,)
+        Mean normal force of each block of samples; NaN where one is missing.
+    sweeps : list of Sweep
+    segments : list of Segment
+        Thirds of the sweeps.
+    """
+
+    motion: Motion
+    normal_n: FloatArray
+    sweeps: list[Sweep]
+    segments: list[Segment]
+
+
+def course_of(trial: Trial) -> Course:
+    """Return how the finger moved and pressed.
+
+    Parameters
+    ----------
+    trial : Trial
+    """
+    motion = smooth(trial.position_mm, trial.position_t_s)
+    normal_n = _normal_force(trial)
+    sweeps = find_sweeps(motion, _pressed(motion, normal_n, trial.info.sample_rate_hz))
+    return Course(motion, normal_n, sweeps, cut_thirds(motion, sweeps))
+
+
 def observe(trial: Trial, study: StudyInfo) -> TrialObservations:
     """Return what a trial says: sweeps, responses, and whether it may be used.
 
@@ -33,12 +68,22 @@ def observe(trial: Trial, study: StudyInfo) -> TrialObservations:
     study : StudyInfo
         Its mount and its screen voltage are used.
     """
-    motion = smooth(trial.position_mm, trial.position_t_s)
-    normal_n = _normal_force(trial)
-    sweeps = find_sweeps(motion, _pressed(motion, normal_n, trial.info.sample_rate_hz))
-    segments = cut_thirds(motion, sweeps)
-    means = _means(segments, normal_n, trial.info.sample_rate_hz)
-    rows, left_out = rows_of(trial, study, segments, normal_n)
+    return observe_along(course_of(trial), trial, study)
+
+
+def observe_along(course: Course, trial: Trial, study: StudyInfo) -> TrialObservations:
+    """Return the observations of a trial whose course is known.
+
+    Parameters
+    ----------
+    course : Course
+        From `course_of`.
+    trial : Trial
+    study : StudyInfo
+    """
+    motion, normal_n, sweeps = course.motion, course.normal_n, course.sweeps
+    means = _means(course.segments, normal_n, trial.info.sample_rate_hz)
+    rows, left_out = rows_of(trial, study, course.segments, normal_n)
     reasons = judge(trial, study, motion, sweeps, means)
     return TrialObservations(
         info=trial.info,

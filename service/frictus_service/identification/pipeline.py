@@ -1,4 +1,4 @@
-"""The observations of a whole study: trials go through workers, known ones from a cache."""
+"""What all trials of a study say: they go through workers, known ones come from a cache."""
 
 import os
 import threading
@@ -12,21 +12,30 @@ import numpy as np
 from frictus_service.identification.cache import Cache, state_of
 from frictus_service.identification.observation import TrialObservations
 from frictus_service.identification.observe import observe
+from frictus_service.identification.reading import Reader, Reading
 from frictus_service.identification.response import NO_ROWS
 from frictus_service.identification.workers import Crash, work_through
 from frictus_service.study.digest import duplicates
 from frictus_service.study.errors import TrialError
 from frictus_service.study.importers import open_study
 from frictus_service.study.study import Study
-from frictus_service.study.trial import TrialInfo
+from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 
 TRIALS_PER_WORKER: Final = 30
 """A process takes longer to start than so many trials take."""
 
 
+def read_observations(trial: Trial, study: StudyInfo) -> Reading:
+    """Return the observations of a trial, and nothing else."""
+    return Reading(observe(trial, study))
+
+
+OBSERVER: Final = Reader("observations", read_observations)
+
+
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One trial to be observed by a process that opens the study itself.
+    """One trial to be read by a process that opens the study itself.
 
     Attributes
     ----------
@@ -34,12 +43,14 @@ class Task:
         The study, at a place that the process reaches too.
     trial : TrialInfo
     cache : Path or None
-        Folder of observations; likewise.
+        Folder of readings; likewise.
+    reader : Reader
     """
 
     path: Path
     trial: TrialInfo
     cache: Path | None
+    reader: Reader = OBSERVER
 
 
 def observe_study(
@@ -79,28 +90,54 @@ def observe_study(
     ClusterError
         If the cluster cannot be used.
     """
+    readings = read_study(
+        path, OBSERVER, workers=workers, cache=cache, cluster=cluster, tell=tell
+    )
+    return [reading.observed for reading in readings]
+
+
+def read_study(
+    path: Path | str,
+    reader: Reader,
+    *,
+    workers: int | None = None,
+    cache: Path | str | None = None,
+    cluster: str | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> list[Reading]:
+    """Return the readings of all trials of a study, in the order of its trials.
+
+    As `observe_study`, of which the observations are one reading.
+
+    Parameters
+    ----------
+    path : Path or str
+    reader : Reader
+    workers, cache, cluster, tell
+        As for `observe_study`.
+    """
     tell = tell or (lambda line: None)
     path = Path(path).resolve()
-    kept = None if cache is None else Cache(Path(cache).resolve())
+    kept = None if cache is None else Cache(Path(cache).resolve(), reader)
     with open_study(path) as study:
         for left_out in study.excluded:
             tell(f"trial {left_out.trial} is left out: {left_out.field} {left_out.reason}")
         contents = _Contents.of(path, kept)
         found = {trial.id: contents.find(trial, study) for trial in study.trials}
         tasks = [
-            Task(path, trial, None if kept is None else kept.folder)
+            Task(path, trial, None if kept is None else kept.folder, reader)
             for trial in study.trials
             if found[trial.id] is None
         ]
         tell(f"{len(found)} trials, {len(found) - len(tasks)} of them known already")
         for count, (task, outcome) in enumerate(_each(study, tasks, workers, cluster, tell), 1):
-            found[task.trial.id] = _observed(task.trial, outcome)
+            found[task.trial.id] = _reading_of(task.trial, outcome)
             if count * 20 // len(tasks) > (count - 1) * 20 // len(tasks):
                 tell(f"{count} of {len(tasks)} trials observed")
-    observations = [each for each in found.values() if each is not None]
+    readings = [each for each in found.values() if each is not None]
     if tasks:
-        contents.keep(observations)
-    return _without_copies(observations)
+        contents.keep(readings)
+    return _without_copies(readings)
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,15 +156,16 @@ class _Contents:
         state = state_of(path)
         return cls(kept, state, kept.contents(state))
 
-    def find(self, trial: TrialInfo, study: Study) -> TrialObservations | None:
+    def find(self, trial: TrialInfo, study: Study) -> Reading | None:
         sha256 = self.hashes.get(trial.id)
         if self.kept is None or sha256 is None:
             return None
         return self.kept.find(sha256, trial, study.info)
 
-    def keep(self, observations: Sequence[TrialObservations]) -> None:
+    def keep(self, readings: Sequence[Reading]) -> None:
         if self.kept is not None:
-            hashes = {each.info.id: each.sha256 for each in observations if each.sha256}
+            observed = [reading.observed for reading in readings]
+            hashes = {each.info.id: each.sha256 for each in observed if each.sha256}
             self.kept.keep_contents(self.state, hashes)
 
 
@@ -137,7 +175,7 @@ def _each(
     workers: int | None,
     cluster: str | None,
     tell: Callable[[str], None],
-) -> Iterator[tuple[Task, TrialObservations | Crash]]:
+) -> Iterator[tuple[Task, Reading | Crash]]:
     """Yield each task with its outcome, as they are done."""
     if workers is None:
         workers = min(os.cpu_count() or 1, len(tasks) // TRIALS_PER_WORKER)
@@ -146,16 +184,16 @@ def _each(
     if cluster is not None:
         from frictus_service.identification.cluster import work_on_cluster
 
-        done = work_on_cluster(cluster, observe_task, tasks, tell, after=release)
+        done = work_on_cluster(cluster, read_task, tasks, tell, after=release)
     elif workers == 0:
-        done = ((n, _read_and_observe(study, task)) for n, task in enumerate(tasks))
+        done = ((n, _read(study, task)) for n, task in enumerate(tasks))
     else:
-        done = work_through(observe_task, tasks, workers, tell)
+        done = work_through(read_task, tasks, workers, tell)
     for number, outcome in done:
         yield tasks[number], outcome
 
 
-def observe_task(task: Task) -> TrialObservations:
+def read_task(task: Task) -> Reading:
     """Do one task in whatever process; it keeps the study open for the next.
 
     Parameters
@@ -163,7 +201,7 @@ def observe_task(task: Task) -> TrialObservations:
     task : Task
     """
     with _HELD.lock:
-        return _read_and_observe(_HELD.opened(task.path), task)
+        return _read(_HELD.opened(task.path), task)
 
 
 def release() -> None:
@@ -196,20 +234,20 @@ class _Held:
 _HELD: Final = _Held()
 
 
-def _read_and_observe(study: Study, task: Task) -> TrialObservations:
+def _read(study: Study, task: Task) -> Reading:
     try:
         trial = study.read(task.trial.id)
     except TrialError as error:
         fault = error.exclusion
-        return unusable(task.trial, f"{fault.field} {fault.reason}")
-    cache = None if task.cache is None else Cache(task.cache)
-    if cache is None:
-        return observe(trial, study.info)
-    observed = cache.find(trial.sha256, task.trial, study.info)
-    if observed is None:
-        observed = observe(trial, study.info)
-        cache.keep(observed, study.info)
-    return observed
+        return Reading(unusable(task.trial, f"{fault.field} {fault.reason}"))
+    if task.cache is None:
+        return task.reader.read(trial, study.info)
+    cache = Cache(task.cache, task.reader)
+    reading = cache.find(trial.sha256, task.trial, study.info)
+    if reading is None:
+        reading = task.reader.read(trial, study.info)
+        cache.keep(reading, study.info)
+    return reading
 
 
 def unusable(trial: TrialInfo, reason: str) -> TrialObservations:
@@ -223,23 +261,25 @@ def unusable(trial: TrialInfo, reason: str) -> TrialObservations:
     return TrialObservations(trial, "", False, (reason,), (), np.nan, np.nan, NO_ROWS)
 
 
-def _observed(trial: TrialInfo, outcome: TrialObservations | Crash) -> TrialObservations:
+def _reading_of(trial: TrialInfo, outcome: Reading | Crash) -> Reading:
     if not isinstance(outcome, Crash):
         return outcome
-    return unusable(
-        trial,
+    reason = (
         f"{outcome.workers} worker processes ended while they observed it, the last one "
-        f"{outcome.how}",
+        f"{outcome.how}"
     )
+    return Reading(unusable(trial, reason))
 
 
-def _without_copies(observations: list[TrialObservations]) -> list[TrialObservations]:
+def _without_copies(readings: list[Reading]) -> list[Reading]:
     """Return the same trials; of several with the same content only the first is valid."""
-    hashes = [(each.info.id, each.sha256) for each in observations if each.sha256]
-    copies = {copy.trial: copy.reason for copy in duplicates(hashes)}
-    return [
-        replace(each, valid=False, reasons=(*each.reasons, copies[each.info.id]))
-        if each.info.id in copies
-        else each
-        for each in observations
-    ]
+    hashes = [(each.observed.info.id, each.observed.sha256) for each in readings]
+    copies = {copy.trial: copy.reason for copy in duplicates(h for h in hashes if h[1])}
+    return [_marked(each, copies.get(each.observed.info.id)) for each in readings]
+
+
+def _marked(reading: Reading, reason: str | None) -> Reading:
+    if reason is None:
+        return reading
+    reasons = (*reading.observed.reasons, reason)
+    return replace(reading, observed=replace(reading.observed, valid=False, reasons=reasons))

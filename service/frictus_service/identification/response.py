@@ -44,7 +44,7 @@ def channels_of(trial: Trial, study: StudyInfo) -> list[FloatArray]:
 
 @dataclass(frozen=True, slots=True)
 class Instrument:
-    """What stands between physics and samples at each tone; arrays of shape (n_tones,).
+    """What stands between physics and samples at some frequencies; arrays of shape (n,).
 
     Attributes
     ----------
@@ -62,16 +62,22 @@ class Instrument:
     skin: ComplexArray
 
     @classmethod
-    def of(cls, trial: Trial, study: StudyInfo) -> "Instrument":
-        """Return the instrument that a trial was measured with."""
-        tone = np.array(trial.info.tones_hz)
-        force = advance(tone, trial.force_skew_s)
+    def of(cls, trial: Trial, study: StudyInfo, frequency_hz: FloatArray) -> "Instrument":
+        """Return the instrument that a trial was measured with.
+
+        Parameters
+        ----------
+        trial : Trial
+        study : StudyInfo
+        frequency_hz : ndarray, shape (n,)
+        """
+        force = advance(frequency_hz, trial.force_skew_s)
         if study.mount is not None:
-            force = force * study.mount.frequency_response(tone)
-        skin = advance(tone, trial.skin_skew_s)
+            force = force * study.mount.frequency_response(frequency_hz)
+        skin = advance(frequency_hz, trial.skin_skew_s)
         if trial.accel_m_s2 is not None:
-            skin = skin * 2j * np.pi * tone
-        return cls(hold(tone, trial.info.sample_rate_hz), force, skin)
+            skin = skin * 2j * np.pi * frequency_hz
+        return cls(hold(frequency_hz, trial.info.sample_rate_hz), force, skin)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +106,7 @@ def rows_of(
     if trial.voltage_v is None or not trial.info.tones_hz:
         return NO_ROWS, []
     tones = Tones(trial.info.tones_hz, rate_hz)
-    pieces = [_piece(segment, rate_hz, normal_n.size) for segment in segments]
+    pieces = [whole_blocks(segment, rate_hz, normal_n.size) for segment in segments]
     least = tones.least_s * rate_hz / BLOCK
     short = [piece.segment for piece in pieces if piece.last - piece.first < least]
     pieces = [piece for piece in pieces if piece.last - piece.first >= least]
@@ -122,13 +128,24 @@ def rows_of(
         )
     kept = [piece for piece, used in zip(pieces, usable, strict=True) if used]
     normal = [_mean(normal_n[piece.first : piece.last]) for piece in kept]
-    instrument = Instrument.of(trial, study)
+    instrument = Instrument.of(trial, study, np.array(tones.tones_hz))
     return _rows(kept, normal, tones, instrument, amplitude[usable], variance[usable]), notes
 
 
-def _piece(segment: Segment, rate_hz: float, blocks: int) -> Piece:
+def whole_blocks(segment: Segment, rate_hz: float, blocks: int) -> Piece:
+    """Return a segment's blocks.
+
+    Parameters
+    ----------
+    segment : Segment
+    rate_hz : float
+        Of samples.
+    blocks : int
+        In the trial.
+    """
     first = math.ceil(segment.begin_s * rate_hz / BLOCK)
-    return Piece(segment, first, min(int(segment.end_s * rate_hz / BLOCK), blocks))
+    last = min(int(segment.end_s * rate_hz / BLOCK), blocks)
+    return Piece(segment, first, max(first, last))
 
 
 def _fit_all(
@@ -136,15 +153,22 @@ def _fit_all(
 ) -> tuple[ComplexArray, FloatArray]:
     """Return amplitudes and their variances, (n_pieces, n_channels, n_tones)."""
     channels = tones.reduce(channels_of(trial, study))
-    found = [
-        fit(tones, channels, _weights(piece.segment, channels.columns), piece.first, piece.last)
-        for piece in pieces
-    ]
+    found = []
+    for piece in pieces:
+        weights = projections(piece.segment, channels.columns)
+        found.append(fit(tones, channels, weights, piece.first, piece.last))
     return np.stack([f.amplitude for f in found]), np.stack([f.variance for f in found])
 
 
-def _weights(segment: Segment, columns: tuple[int, ...]) -> list[tuple[float, ...]]:
-    """Return the projection on the motion of each channel."""
+def projections(segment: Segment, columns: tuple[int, ...]) -> list[tuple[float, ...]]:
+    """Return the projection on the motion of each channel that `channels_of` gives.
+
+    Parameters
+    ----------
+    segment : Segment
+    columns : tuple of int
+        How many columns each channel has; those at the end may be left out.
+    """
     along = segment.along
     of_skin = along if columns[2:] == (2,) else (1.0 / along[0],)
     return [(1.0,), along, of_skin][: len(columns)]
@@ -182,6 +206,7 @@ def _rows(
         third=np.repeat(np.array([s.third for s in segments], dtype=np.int64), count),
         speed_mm_s=np.repeat(np.array([s.speed_mm_s for s in segments]), count),
         normal_force_n=np.repeat(np.array(normal_n), count),
+        position_mm=np.repeat(np.array([s.position_mm for s in segments]), count),
         tone_hz=np.tile(np.array(tones.tones_hz), len(kept)),
         message=amplitude[:, 0].ravel(),
         friction_response=(friction / driven).ravel(),
@@ -206,6 +231,7 @@ NO_ROWS = Rows(
     third=np.empty(0, dtype=np.int64),
     speed_mm_s=np.empty(0),
     normal_force_n=np.empty(0),
+    position_mm=np.empty(0),
     tone_hz=np.empty(0),
     message=np.empty(0, dtype=np.complex128),
     friction_response=np.empty(0, dtype=np.complex128),

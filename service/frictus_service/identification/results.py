@@ -247,7 +247,7 @@ def _friction(
         law=law and law_result(law),
         without_law=None if law else f"one speed only ({at[0][0]:g} mm/s): no speed law",
         law_without_outliers=rest and law_result(rest),
-        degrees_of_freedom=mean.degrees_of_freedom,
+        degrees_of_freedom=evidence.degrees_of_freedom,
         excess_hz=law.excess_hz if law else None,
     )
 

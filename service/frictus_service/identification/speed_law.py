@@ -1,6 +1,6 @@
 """One participant's speed law: ``cutoff = cutoff_0 + slope |v|`` (paper, Equation 9)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,11 +58,28 @@ def estimate(evidence: Evidence) -> SpeedLaw:
     centre = float(np.mean(evidence.speed_mm_s))
     design = np.column_stack([np.ones(n), evidence.speed_mm_s - centre])
     line = settle(design, evidence, CUTOFF)
-    gain = settle(np.ones((n, 1)), evidence, GAIN)
+    # A gain that leans with speed has its mean at the mean speed, and does not scatter for it.
+    gain = settle(design[:, : 2 if n > 2 else 1], evidence, GAIN)
     maps = np.zeros((3, n, 2))
     maps[0, :, GAIN] = gain.linear[0]
     maps[1:, :, CUTOFF] = np.array([[1.0, -centre], [0.0, 1.0]]) @ line.linear
-    return SpeedLaw(
-        combine(evidence, maps, np.array([gain.excess, line.excess])),
-        float(np.sqrt(line.excess)),
-    )
+    found = combine(evidence, maps, np.array([gain.excess, line.excess]))
+    between = gain.excess * float(np.square(gain.linear[0]).sum())
+    freedom = found.degrees_of_freedom.copy()
+    freedom[0] = _freedom_of_gain(evidence, found.covariance[0, 0], between)
+    return SpeedLaw(replace(found, degrees_of_freedom=freedom), float(np.sqrt(line.excess)))
+
+
+def _freedom_of_gain(evidence: Evidence, variance: float, between: float) -> float:
+    """Return the degrees of freedom of a variance made of two (Satterthwaite).
+
+    Every trial says how large the response is, and they scatter alike: there are as many as
+    trials are left after the fit. Of how conditions differ, the conditions alone tell.
+    """
+    if not variance > 0.0:
+        return evidence.degrees_of_freedom
+    n, p = evidence.value.shape
+    trials = max(evidence.condition_of_trial.size - n * p, 1)
+    sampling = variance - between
+    spread = sampling**2 / trials + between**2 / evidence.degrees_of_freedom
+    return float(variance**2 / spread)

@@ -99,6 +99,8 @@ class Segment:
         Mean along `along`.
     along : tuple of float
         Unit vector of the motion.
+    position_mm : float
+        Middle of its path, x.
     """
 
     sweep: int
@@ -108,6 +110,7 @@ class Segment:
     end_s: float
     speed_mm_s: float
     along: tuple[float, float]
+    position_mm: float
 
 
 def smooth(position_mm: FloatArray, position_t_s: FloatArray) -> Motion:
@@ -232,7 +235,8 @@ def cut_thirds(motion: Motion, sweeps: list[Sweep]) -> list[Segment]:
     begins = motion.position_at(np.array([cut.begin_s for cut in cuts]))
     travels = motion.position_at(np.array([cut.end_s for cut in cuts])) - begins
     return [
-        _segment(cut, float(x), float(y)) for cut, (x, y) in zip(cuts, travels, strict=True)
+        _segment(cut, float(at), float(x), float(y))
+        for cut, at, (x, y) in zip(cuts, begins[:, 0], travels, strict=True)
     ]
 
 
@@ -259,7 +263,7 @@ def _cuts(motion: Motion, number: int, sweep: Sweep, walls: FloatArray) -> Itera
             yield _Cut(number, sweep.direction, third, begin, end)
 
 
-def _segment(cut: _Cut, x_mm: float, y_mm: float) -> Segment:
+def _segment(cut: _Cut, begin_mm: float, x_mm: float, y_mm: float) -> Segment:
     travel = math.hypot(x_mm, y_mm)
     return Segment(
         cut.sweep,
@@ -269,4 +273,5 @@ def _segment(cut: _Cut, x_mm: float, y_mm: float) -> Segment:
         cut.end_s,
         travel / (cut.end_s - cut.begin_s),
         (x_mm / travel, y_mm / travel),
+        begin_mm + x_mm / 2.0,
     )

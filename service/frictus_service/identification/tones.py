@@ -118,7 +118,7 @@ def fit(
         np.array(channels.columns),
         np.concatenate([np.asarray(each, dtype=np.float64) for each in weights]),
         omega,
-        int(np.ceil(np.pi * TREND_HZ * count / tones.sample_rate_hz)) + 2,
+        trend_degree(count / tones.sample_rate_hz),
         np.concatenate(lacking) - middle,
         np.array([each.size for each in lacking]),
     )
@@ -126,6 +126,17 @@ def fit(
     amplitude[useless] = complex(np.nan, np.nan)
     variance[useless] = np.nan
     return Amplitudes(amplitude, variance)
+
+
+def trend_degree(seconds: float) -> int:
+    """Return the degree of the polynomial that follows what wanders up to `TREND_HZ`.
+
+    Parameters
+    ----------
+    seconds : float
+        Length of the segment.
+    """
+    return int(np.ceil(np.pi * TREND_HZ * seconds)) + 2
 
 
 def _within(missing: NDArray[np.int64], first: int, last: int) -> NDArray[np.int64]:

@@ -32,7 +32,13 @@ REVERSAL_S: Final = 0.15
 LEAST_DRIVE: Final = 0.02
 """Amplitude of the drive fraction below which there is none."""
 
+LINE_SHARE: Final = 0.05
+"""Of the drive's power, in an undeclared tone; noise has less in any line."""
+
 SPECTRUM_SAMPLES: Final = 32_768
+HANN_LINES: Final = 1.5
+"""As many lines of the spectrum hold the power of one tone."""
+
 HIGHEST_SHARE: Final = 0.15
 """Lines are looked for up to this share of the sample rate: above lie the carrier's images."""
 
@@ -158,7 +164,7 @@ def _drive(trial: Trial, study: StudyInfo) -> Iterator[str]:
         if declared:
             yield f"a tone of {_listed(declared)} Hz is declared, but there is no voltage_v"
         return
-    line_hz, amplitude, resolution_hz = _strongest(trial, study)
+    line_hz, amplitude, share, resolution_hz = _strongest(trial, study)
     if declared and amplitude < LEAST_DRIVE / len(declared):
         yield (
             f"a tone of {_listed(declared)} Hz is declared, but the voltage drives with an "
@@ -169,7 +175,7 @@ def _drive(trial: Trial, study: StudyInfo) -> Iterator[str]:
             f"a tone of {_listed(declared)} Hz is declared, but the voltage drives at "
             f"{line_hz:.1f} Hz"
         )
-    elif not declared and amplitude >= LEAST_DRIVE:
+    elif not declared and amplitude >= LEAST_DRIVE and share >= LINE_SHARE:
         yield f"no tone is declared, but the voltage drives at {line_hz:.1f} Hz"
 
 
@@ -177,8 +183,8 @@ def _listed(tones_hz: tuple[float, ...]) -> str:
     return ", ".join(f"{tone:g}" for tone in tones_hz)
 
 
-def _strongest(trial: Trial, study: StudyInfo) -> tuple[float, float, float]:
-    """Return frequency and amplitude of the strongest line of the drive, and the resolution."""
+def _strongest(trial: Trial, study: StudyInfo) -> tuple[float, float, float, float]:
+    """Return frequency, amplitude, share of power of the strongest line; the resolution."""
     assert trial.voltage_v is not None
     voltage = np.nan_to_num(trial.voltage_v[:SPECTRUM_SAMPLES])
     drive = drive_fraction(voltage, study.screen_peak_v)
@@ -188,7 +194,9 @@ def _strongest(trial: Trial, study: StudyInfo) -> tuple[float, float, float]:
     highest = int(HIGHEST_SHARE * drive.size)
     strongest = 2 + int(np.argmax(spectrum[2:highest]))
     amplitude = float(spectrum[strongest])
-    return strongest * resolution_hz, amplitude, resolution_hz
+    whole = float(np.square(spectrum[2:highest]).sum()) / HANN_LINES
+    share = amplitude**2 / whole if whole > 0.0 else 0.0
+    return strongest * resolution_hz, amplitude, share, resolution_hz
 
 
 @lru_cache(maxsize=8)

@@ -1,1 +1,1 @@
-"""Calibrations as jobs: each in a process of its own, followed by the API process."""
+"""Calibrations and discoveries as jobs: each in a process of its own, followed by the API."""

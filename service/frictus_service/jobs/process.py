@@ -1,4 +1,4 @@
-"""The process of one calibration, as whoever started it sees it."""
+"""The process of one job, as whoever started it sees it."""
 
 import subprocess
 import sys
@@ -7,18 +7,18 @@ from collections.abc import Iterator
 from types import TracebackType
 from typing import Self
 
-from frictus_service.jobs.words import SAID, Order, Said
+from frictus_service.jobs.words import SAID, AnyOrder, Said
 
 
 class JobProcess:
-    """A calibration under way, entered while it runs.
+    """A job under way, entered while it runs.
 
     Parameters
     ----------
-    order : Order
+    order : Order or DiscoveryOrder
     """
 
-    def __init__(self, order: Order) -> None:
+    def __init__(self, order: AnyOrder) -> None:
         # Not of multiprocessing: the API process is itself a daemon, which may have no children
         # there. Both ends close with either process, however it ends.
         self._process = subprocess.Popen(

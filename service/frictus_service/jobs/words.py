@@ -1,4 +1,4 @@
-"""What the API process and the process of a calibration say to one another: JSON lines."""
+"""What the API process and the process of a job say to one another: JSON lines."""
 
 from pathlib import Path
 from typing import Annotated, Final, Literal
@@ -6,6 +6,7 @@ from typing import Annotated, Final, Literal
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Progress
+from frictus_service.discovery.job import DiscoveryProgress, DiscoveryResult, DiscoverySpec
 
 
 class _Word(BaseModel):
@@ -13,8 +14,9 @@ class _Word(BaseModel):
 
 
 class Order(_Word):
-    """The one line that a process is given; when its input ends, it shall stop."""
+    """The one line that the process of a calibration is given."""
 
+    kind: Literal["calibration"] = "calibration"
     run: str
     """``module:function``, called as `frictus_service.calibration.run.run_calibration` is."""
     router: str
@@ -23,18 +25,49 @@ class Order(_Word):
     """Of this calibration alone."""
 
 
+class DiscoveryOrder(_Word):
+    """The one line that the process of a discovery is given."""
+
+    kind: Literal["discovery"] = "discovery"
+    run: str
+    """``module:function``, called as `frictus_service.discovery.carry_out.carry_out` is."""
+    spec: DiscoverySpec
+    study: Path
+    folder: Path
+    """Of this discovery alone."""
+
+
+AnyOrder = Annotated[Order | DiscoveryOrder, Field(discriminator="kind")]
+"""When the input of a process ends behind it, it shall stop."""
+ORDER: Final[TypeAdapter[AnyOrder]] = TypeAdapter(AnyOrder)
+
+
 class Moved(_Word):
-    """It goes on."""
+    """A calibration goes on."""
 
     kind: Literal["moved"] = "moved"
     progress: Progress
 
 
 class Done(_Word):
-    """It has ended well."""
+    """A calibration has ended well."""
 
     kind: Literal["done"] = "done"
     result: CalibrationResult
+
+
+class Looked(_Word):
+    """A discovery goes on."""
+
+    kind: Literal["looked"] = "looked"
+    progress: DiscoveryProgress
+
+
+class Found(_Word):
+    """A discovery has ended well."""
+
+    kind: Literal["found"] = "found"
+    result: DiscoveryResult
 
 
 class Failed(_Word):
@@ -50,5 +83,5 @@ class Stopped(_Word):
     kind: Literal["stopped"] = "stopped"
 
 
-Said = Annotated[Moved | Done | Failed | Stopped, Field(discriminator="kind")]
+Said = Annotated[Moved | Done | Looked | Found | Failed | Stopped, Field(discriminator="kind")]
 SAID: Final[TypeAdapter[Said]] = TypeAdapter(Said)

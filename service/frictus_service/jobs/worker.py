@@ -1,7 +1,8 @@
-"""The process of one calibration: ``python -m frictus_service.jobs.worker``.
+"""The process of one job: ``python -m frictus_service.jobs.worker``.
 
-It reads an `Order` from its input and says on its output how it goes. The input ends when the
-calibration is cancelled, and when whoever started it is gone: then it stops, the rig disarmed.
+It reads its order from its input and says on its output how it goes. The input ends when the
+job is cancelled, and when whoever started it is gone: then it stops, a calibration's rig
+disarmed.
 """
 
 import importlib
@@ -17,8 +18,22 @@ import frictus
 from frictus.errors import FrictusError
 from frictus_service.calibration.errors import CancelledError
 from frictus_service.calibration.job import CalibrationResult, Progress
+from frictus_service.discovery.errors import DiscoveryCancelledError
+from frictus_service.discovery.job import DiscoveryProgress, DiscoveryResult
 from frictus_service.errors import ServiceError
-from frictus_service.jobs.words import Done, Failed, Moved, Order, Said, Stopped
+from frictus_service.jobs.words import (
+    ORDER,
+    AnyOrder,
+    DiscoveryOrder,
+    Done,
+    Failed,
+    Found,
+    Looked,
+    Moved,
+    Order,
+    Said,
+    Stopped,
+)
 
 GRACE_S: Final = 3.0
 """Whoever does not stop within this is ended; the rig then disarms, as its lease runs out."""
@@ -28,7 +43,7 @@ def main() -> None:
     """Carry out the order."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for whoever started us
     output = _take_output()
-    order = Order.model_validate_json(_read_line())
+    order = ORDER.validate_json(_read_line())
     stop = threading.Event()
     threading.Thread(target=_stop_with_input, args=(stop,), daemon=True).start()
 
@@ -36,24 +51,22 @@ def main() -> None:
         output.write(word.model_dump_json(by_alias=True).encode() + b"\n")
         output.flush()
 
-    def tell(progress: Progress) -> None:
-        say(Moved(progress=progress))
-
     try:
-        say(_carry_out(order, tell, stop.is_set))
+        say(_carry_out(order, say, stop.is_set))
     except BrokenPipeError:
         pass  # nobody is left to be told; what is finished stands in the folder
 
 
 def _carry_out(
-    order: Order, tell: Callable[[Progress], None], cancelled: Callable[[], bool]
+    order: AnyOrder, say: Callable[[Said], None], cancelled: Callable[[], bool]
 ) -> Said:
     module, _, function = order.run.partition(":")
     try:
         run = getattr(importlib.import_module(module), function)
-        with frictus.connect(order.router) as client:
-            result: CalibrationResult = run(order.spec, order.folder, client, tell, cancelled)
-    except CancelledError:
+        if isinstance(order, DiscoveryOrder):
+            return _discover(run, order, say, cancelled)
+        return _calibrate(run, order, say, cancelled)
+    except (CancelledError, DiscoveryCancelledError):
         return Stopped()
     except (ServiceError, FrictusError) as error:
         return Failed(reason=str(error))
@@ -62,7 +75,31 @@ def _carry_out(
     except Exception as error:
         traceback.print_exc()
         return Failed(reason=f"unexpected {type(error).__name__}: {error}")
-    return Done(result=result)
+
+
+def _calibrate(
+    run: Callable[..., CalibrationResult],
+    order: Order,
+    say: Callable[[Said], None],
+    cancelled: Callable[[], bool],
+) -> Said:
+    def tell(progress: Progress) -> None:
+        say(Moved(progress=progress))
+
+    with frictus.connect(order.router) as client:
+        return Done(result=run(order.spec, order.folder, client, tell, cancelled))
+
+
+def _discover(
+    run: Callable[..., DiscoveryResult],
+    order: DiscoveryOrder,
+    say: Callable[[Said], None],
+    cancelled: Callable[[], bool],
+) -> Said:
+    def tell(progress: DiscoveryProgress) -> None:
+        say(Looked(progress=progress))
+
+    return Found(result=run(order.spec, order.study, order.folder, tell, cancelled))
 
 
 def _take_output() -> IO[bytes]:

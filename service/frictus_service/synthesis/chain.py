@@ -20,6 +20,10 @@ class Follower(Protocol):
         """Take a report."""
         ...
 
+    def press(self, normal_force_n: float) -> None:
+        """Take a measured normal force."""
+        ...
+
     def stale(self, sample: float) -> bool:
         """Return whether reports have stopped coming."""
         ...
@@ -106,6 +110,7 @@ class Chain:
         exchange = self.backend.exchange(rendered.voltage_v)
         for report in exchange.touches:
             self.estimator.observe(report)
+        self.estimator.press(float(exchange.force_n[:, 2].mean()))
         return Step(exchange, course, rendered, in_contact, stale)
 
 

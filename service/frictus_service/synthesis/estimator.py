@@ -25,6 +25,8 @@ from frictus_service.synthesis.kernel import Motion
 FloatArray = NDArray[np.float64]
 
 STEADY, CHANGING = 0, 1
+USUAL_FORCE_N: Final = 0.4
+"""How hard a finger presses until that is measured."""
 
 
 class EstimatorTuning(NamedTuple):
@@ -67,10 +69,13 @@ class Course(NamedTuple):
     motion : Motion
     left : Motion or None
         The motion that is left for `motion` by a cross-fade over the block.
+    normal_force_n : tuple of float
+        How hard the finger presses at the first sample and at the one after the last.
     """
 
     motion: Motion
     left: Motion | None = None
+    normal_force_n: tuple[float, float] = (USUAL_FORCE_N, USUAL_FORCE_N)
 
 
 class FingerEstimator:
@@ -96,7 +101,16 @@ class FingerEstimator:
         self._position = np.zeros(2)
         self._velocity = np.zeros(2)
         self._before = np.zeros(2)
+        self._force_n = self._force_before_n = USUAL_FORCE_N
         self.in_contact = False
+
+    def press(self, normal_force_n: float) -> None:
+        """Take the measured normal force of a block; one without contact is ignored.
+
+        It changes slowly beside the time from measuring to playing, and is not foretold.
+        """
+        if self.in_contact and 0.0 < normal_force_n < np.inf:
+            self._force_n = normal_force_n
 
     def observe(self, report: TouchReport) -> None:
         """Take a report; one older than the last, or not finite, is ignored."""
@@ -166,7 +180,9 @@ class FingerEstimator:
         self._position += 0.5 * (self._velocity + velocity) * block_s
         self._velocity[:] = velocity
         self._before[:] = after[:, 1]
-        return Course(motion, left)
+        pressed = self._force_before_n, self._force_n
+        self._force_before_n = self._force_n
+        return Course(motion, left, pressed)
 
     def _motion(
         self, position: FloatArray, velocity: FloatArray, later: FloatArray, after: FloatArray

@@ -6,11 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus.textures import Scene
-from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis import kernel
 from frictus_service.synthesis.estimator import Course
 from frictus_service.synthesis.excitation import CompiledExcitation
+from frictus_service.synthesis.inverse import Invertible, as_inverse
+from frictus_service.synthesis.inverter import Inverter
 from frictus_service.synthesis.kernel import Motion
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
 
@@ -52,28 +53,32 @@ class Renderer:
 
     Parameters
     ----------
-    law : FrictionLaw
-        Whose inverse is played.
+    law : FrictionLaw or Inverse
+        What is undone; a law alone where it has no effects.
     screen : Screen
     sample_rate_hz : float
     block_samples : int
         Samples of every block.
     scene : CompiledScene or CompiledExcitation, optional
         To begin with; a smooth scene if not given.
+    began_sample : float
+        Device sample at which the law came into force: a drift counts from there.
     """
 
     def __init__(
         self,
-        law: FrictionLaw,
+        law: Invertible,
         screen: Screen,
         sample_rate_hz: float,
         block_samples: int,
         scene: Playable | None = None,
+        began_sample: float = 0.0,
     ) -> None:
+        inverse = as_inverse(law)
         self._screen = screen
         self._rate_hz = sample_rate_hz
-        self._law = law_tuple(law)
-        self._scene: Playable = scene or compile_scene(Scene(), law, screen, sample_rate_hz)
+        self._inverter = Inverter(inverse, sample_rate_hz, block_samples, began_sample)
+        self._scene: Playable = scene or compile_scene(Scene(), inverse, screen, sample_rate_hz)
         self._next_scene: Playable | None = None
         self._waiting: Playable | None = None
         self._share = 0.0
@@ -102,8 +107,14 @@ class Renderer:
         self._next_scene = scene
         self._share = 0.0
 
-    def set_law(self, law: FrictionLaw) -> None:
+    def set_law(self, law: Invertible, began_sample: float = 0.0) -> None:
         """Invert another law from now on; only while the output is zero.
+
+        Parameters
+        ----------
+        law : FrictionLaw or Inverse
+        began_sample : float
+            Device sample from which a drift counts.
 
         Raises
         ------
@@ -112,7 +123,9 @@ class Renderer:
         """
         if self._level > 0.0:
             raise RuntimeError("the law changes only while the output is zero")
-        self._law = law_tuple(law)
+        self._inverter = Inverter(
+            as_inverse(law), self._rate_hz, self._drive.size, began_sample
+        )
 
     def render(self, first_sample: int, course: Course, allow: bool) -> Rendered:
         """Render the block that starts to play at `first_sample`.
@@ -124,6 +137,8 @@ class Renderer:
         allow : bool
             Whether there may be output; the envelope ramps towards it within 20 ms.
         """
+        if self._level == 0.0:
+            self._inverter.settle()
         clipped, extrapolated = self._compose(first_sample, course)
         active = allow or self._level > 0.0
         # A little steeper, so that rounding does not cost a block more.
@@ -161,7 +176,10 @@ class Renderer:
             self._trace(scene, course, first_sample, self._target)
             self._trace(coming, course, first_sample, self._target_next)
             kernel.mix(self._target, self._target_next, self._share, step)
-            counts = self._invert(course, self._drive)
+            bias_n = self._bias_n(scene, coming, step)
+            counts = self._inverter.drive(
+                first_sample, course, bias_n, self._target, self._drive
+            )
         else:
             before = self._drive_of(scene, first_sample, course, self._drive)
             after = self._drive_of(coming, first_sample, course, self._drive_next)
@@ -180,7 +198,8 @@ class Renderer:
         """Write the drive that one scene or excitation asks for by itself."""
         if isinstance(scene, CompiledScene):
             self._trace(scene, course, first_sample, self._target)
-            return self._invert(course, out)
+            steady = scene.arrays.bias_n, scene.arrays.bias_n
+            return self._inverter.drive(first_sample, course, steady, self._target, out)
         kernel.excite(
             scene.table,
             scene.hz,
@@ -193,13 +212,14 @@ class Renderer:
         self._target[:] = np.nan
         return 0, 0
 
-    def _invert(self, course: Course, out: FloatArray) -> tuple[int, int]:
-        """Write the drive that makes friction follow the target."""
-        target = self._target
-        clipped, extrapolated = kernel.invert(
-            self._law, course.motion, self._rate_hz, target[:-1], target[-1], out
-        )
-        return clipped, extrapolated
+    def _bias_n(
+        self, scene: CompiledScene, coming: CompiledScene, step: float
+    ) -> tuple[float, float]:
+        """Return the bias while one scene fades into another, at both ends of the block."""
+        before, after = scene.arrays.bias_n, coming.arrays.bias_n
+        end = min(self._share + self._drive.size * step, 1.0)
+        first, last = (d * d * (3.0 - 2.0 * d) for d in (self._share, end))
+        return before + first * (after - before), before + last * (after - before)
 
     def _trace(
         self, scene: CompiledScene, course: Course, first_sample: int, out: FloatArray
@@ -224,8 +244,3 @@ def _one_longer(motion: Motion, n_samples: int) -> Motion:
         vx_1=motion.vx_0 + longer * (motion.vx_1 - motion.vx_0),
         vy_1=motion.vy_0 + longer * (motion.vy_1 - motion.vy_0),
     )
-
-
-def law_tuple(law: FrictionLaw) -> tuple[float, float, float, float, float]:
-    """Return a law as `kernel.invert` takes it."""
-    return (law.gain_n, law.cutoff_0_hz, law.slope_hz_per_mm_s, *law.speed_range_mm_s)

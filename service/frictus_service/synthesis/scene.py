@@ -12,9 +12,9 @@ import numpy as np
 from frictus.errors import TextureError
 from frictus.messages import Applied
 from frictus.textures import Scene
-from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis import kernel
+from frictus_service.synthesis.inverse import Inverse, Invertible, as_inverse
 from frictus_service.synthesis.layers import Layer, arrays_of, layers_of
 from frictus_service.synthesis.reach import SPEEDS_MM_S, reach_of
 
@@ -42,15 +42,15 @@ class CompiledScene:
 
 
 def compile_scene(
-    scene: Scene, law: FrictionLaw, screen: Screen, sample_rate_hz: float
+    scene: Scene, law: Invertible, screen: Screen, sample_rate_hz: float
 ) -> CompiledScene:
     """Compile a scene for a screen and a friction law.
 
     Parameters
     ----------
     scene : Scene
-    law : FrictionLaw
-        Whose inverse will be played: it sets what the drive can reach.
+    law : FrictionLaw or Inverse
+        What will be undone: it sets what the drive can reach.
     screen : Screen
     sample_rate_hz : float
 
@@ -72,19 +72,21 @@ def compile_scene(
             named = f"regions.{number} {region.name}".rstrip()
             raise TextureError(f"{named}: {error}") from error
     arrays = arrays_of(layers)
-    low, high = reach_of(layers, arrays, law, sample_rate_hz)
-    return fit(arrays, low, high, law, [note for layer in layers for note in layer.notes])
+    inverse = as_inverse(law)
+    low, high = reach_of(layers, arrays, inverse.bounding, sample_rate_hz)
+    return fit(arrays, low, high, inverse, [note for layer in layers for note in layer.notes])
 
 
 def fit(
     arrays: kernel.SceneArrays,
     low: float,
     high: float,
-    law: FrictionLaw,
+    inverse: Inverse,
     notes: list[str],
     source: str = "scene",
 ) -> CompiledScene:
-    """Scale layers so that the drive they ask for, `low` to `high`, fits with the bias."""
+    """Scale layers so that what they ask of the bounding law, `low` to `high`, fits."""
+    law, low, high = inverse.bounding, inverse.swing * low, inverse.swing * high
     swing = high - low
     feasible = 1.0 / swing if swing > 0.0 else np.inf
     gain = min(1.0, (1.0 - HEADROOM) * feasible)

@@ -9,6 +9,7 @@ from frictus.messages import Applied
 from frictus.stream import StreamFrame
 from frictus_hardware.physics.friction import FrictionLaw, cutoff_hz
 from frictus_service.synthesis.components import periodic
+from frictus_service.synthesis.inverse import Inverse, Invertible, as_inverse
 from frictus_service.synthesis.layers import single_table
 from frictus_service.synthesis.scene import CompiledScene, fit
 from frictus_service.synthesis.tables import TOP_HZ, build_table
@@ -26,23 +27,24 @@ class StreamBudget:
     ----------
     peak_n : float
         Declared peak of every update, its mean taken off, N.
-    law : FrictionLaw
+    inverse : Inverse
     quiet : CompiledScene
         What is felt before the first update and when updates stop: the bias alone.
     """
 
     peak_n: float
-    law: FrictionLaw
+    inverse: Inverse
     quiet: CompiledScene
 
     @classmethod
-    def open(cls, peak_n: float, law: FrictionLaw) -> "StreamBudget":
+    def open(cls, peak_n: float, law: Invertible) -> "StreamBudget":
         """Return the budget of a stream with the declared peak, N."""
         nothing = single_table(
             build_table(periodic(np.array([0.0, 1e-12]), 1.0, True, 0.0), (0.0, 1.0)), True, 0.0
         )
-        reach = _reach(peak_n, law)
-        return cls(peak_n, law, fit(nothing, -reach, reach, law, [], "stream"))
+        inverse = as_inverse(law)
+        reach = _reach(peak_n, inverse.bounding)
+        return cls(peak_n, inverse, fit(nothing, -reach, reach, inverse, [], "stream"))
 
     @property
     def applied(self) -> Applied:
@@ -70,8 +72,8 @@ class StreamBudget:
                 f"the stream declared {self.peak_n:.4g} N; open it with a larger peak"
             )
         arrays = single_table(table, frame.spatial, frame.angle_deg)
-        reach = _reach(self.peak_n, self.law)
-        return fit(arrays, -reach, reach, self.law, [], "stream")
+        reach = _reach(self.peak_n, self.inverse.bounding)
+        return fit(arrays, -reach, reach, self.inverse, [], "stream")
 
 
 def _reach(peak_n: float, law: FrictionLaw) -> float:

@@ -8,7 +8,7 @@ import pytest
 from frictus_hardware.physics import linear
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.mobility import Mobility
-from frictus_hardware.physics.mount import Mount
+from frictus_hardware.physics.mount import Mount, with_moved_resonance
 
 BAND_HZ = np.geomspace(30.0, 2000.0, 15)
 
@@ -112,3 +112,31 @@ def test_state_carries_over_any_split(rng: np.random.Generator) -> None:
 def test_what_cannot_be_sampled_is_refused(transfer: TransferFunction) -> None:
     with pytest.raises(ValueError, match="proper"):
         linear.sample(transfer, 20_000.0)
+
+
+@pytest.mark.parametrize("share", [-0.3, -0.0467, 0.0048, 0.2])
+def test_a_moved_resonance_keeps_damping_ratio_gain_at_rest_and_the_other_pair(
+    share: float,
+) -> None:
+    nominal = Mount().lateral
+    moved = with_moved_resonance(nominal, share)
+
+    def resonances(mount: TransferFunction) -> list[complex]:
+        poles = np.roots(mount.denominator)
+        return sorted(poles[poles.imag > 0.0], key=abs)
+
+    tape, sensor = resonances(nominal)
+    tape_now, sensor_now = sorted(resonances(moved), key=lambda pole: abs(pole - tape))
+    assert tape_now == pytest.approx(tape, rel=1e-9)
+    assert sensor_now == pytest.approx((1.0 + share) * sensor, rel=1e-9)
+    low_hz = np.array([1e-3])
+    np.testing.assert_allclose(
+        moved.frequency_response(low_hz), nominal.frequency_response(low_hz), rtol=1e-6
+    )
+    zeros, zeros_now = np.roots(nominal.numerator), np.roots(moved.numerator)
+    np.testing.assert_allclose(zeros_now, zeros, rtol=1e-9)
+
+
+def test_without_a_resonance_nothing_moves() -> None:
+    stiff = TransferFunction((1.0,), (1e-4, 1.0))
+    assert with_moved_resonance(stiff, 0.1) == stiff

@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
+from frictus_hardware.errors import ConfigError
+from frictus_hardware.physics.screen import Screen, screen_voltage
+from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.participants import SPREAD, Participant, draw_participant
+from frictus_hardware.simulated.rig import SimulatedRig
+from frictus_hardware.simulated.strokes import SteadyStrokes
 
 
 def test_medians_and_spread(rng: np.random.Generator) -> None:
@@ -28,3 +33,48 @@ def test_a_participant_is_a_law_and_a_skin() -> None:
     assert person.mobility.mass_kg == 0.002
     with pytest.raises(ValueError, match="greater than 0"):
         Participant(gain_n=-1.0)
+
+
+def friction_n(*effects: dict[str, object], seconds: float = 1.0) -> np.ndarray:
+    """What a finger with effects feels of a constant half drive, stroking evenly."""
+    config = SimulatedConfig.model_validate(
+        {
+            "clock": "virtual",
+            "finger": SteadyStrokes(),
+            "participant": {"effects": effects},
+        }
+    )
+    felt = []
+    with SimulatedRig(config) as rig:
+        rig.arm()
+        for _ in range(round(seconds / 0.05)):
+            drive = np.full(1_000, 0.5)
+            got = rig.exchange(screen_voltage(Screen(), drive, rig.next_play_sample, 20_000.0))
+            assert got.truth is not None
+            felt.append(got.truth.friction_n)
+    return np.concatenate(felt)
+
+
+def test_a_participant_may_have_effects() -> None:
+    bare = friction_n()
+    faster = friction_n({"id": "speed_dependent_gain", "parameters": {"exponent": 1.0}})
+    uneven = friction_n({"id": "direction_asymmetry", "parameters": {"share": 0.2}})
+    steady = slice(2_000, 15_000)  # at 60 mm/s, left to right
+    np.testing.assert_allclose(faster[steady], bare[steady], rtol=1e-6)
+    np.testing.assert_allclose(uneven[steady], 1.2 * bare[steady], rtol=1e-6)
+
+
+def test_a_drift_goes_on_while_the_rig_is_open() -> None:
+    drifting = friction_n({"id": "gain_drift", "parameters": {"per_minute": 1.0}}, seconds=4.0)
+    ratio = drifting[65_000:70_000].mean() / friction_n(seconds=4.0)[65_000:70_000].mean()
+    assert ratio == pytest.approx(np.exp(3.0 / 60.0), rel=1e-3)
+
+
+def test_an_effect_that_is_unknown_or_out_of_range_is_refused() -> None:
+    refused: list[dict[str, object]] = [
+        {"id": "of_tomorrow"},
+        {"id": "direction_asymmetry", "parameters": {"share": 2.0}},
+    ]
+    for effect in refused:
+        with pytest.raises(ConfigError, match=r"of_tomorrow|share"):
+            friction_n(effect)

@@ -33,6 +33,7 @@ from frictus.session import open_router, open_session
 from frictus.textures import Component, Region, Scene, Spectrum
 from frictus_service.api.app import build_app
 from frictus_service.config import ApiConfig, Config, RegistryConfig, RouterConfig, Token
+from frictus_service.jobs.discoveries import DISCOVER
 from frictus_service.jobs.jobs import RUN
 from frictus_service.ports import free_endpoint
 
@@ -226,7 +227,11 @@ def serve(router: str, tmp_path: Path) -> Iterator[Serve]:
     clients: list[TestClient] = []
 
     def start(
-        tokens: bool = False, endpoint: str = router, run: str = RUN, **changes: Any
+        tokens: bool = False,
+        endpoint: str = router,
+        run: str = RUN,
+        discover: str = DISCOVER,
+        **changes: Any,
     ) -> TestClient:
         given: dict[str, Any] = {}
         if tokens:
@@ -235,7 +240,7 @@ def serve(router: str, tmp_path: Path) -> Iterator[Serve]:
                 for scope, value in TOKENS.items()
             )
         config = configuration(endpoint, tmp_path / "textures", **given)
-        app = build_app(config.model_copy(update=changes), run)
+        app = build_app(config.model_copy(update=changes), run, discover)
         client = TestClient(
             app, base_url="http://127.0.0.1:8420", raise_server_exceptions=False
         )

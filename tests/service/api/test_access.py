@@ -47,6 +47,13 @@ NEEDS = [
     ("DELETE", "/v1/calibrations/{calibration}", "calibrate"),
     ("POST", "/v1/calibrations/{calibration}/resume", "calibrate"),
     ("POST", "/v1/calibrations/{calibration}/publish", "calibrate"),
+    ("GET", "/v1/discoveries", "read"),
+    ("POST", "/v1/discoveries", "calibrate"),
+    ("GET", "/v1/discoveries/{discovery}", "read"),
+    ("GET", "/v1/discoveries/{discovery}/events", "read"),
+    ("GET", "/v1/discoveries/{discovery}/report", "read"),
+    ("GET", "/v1/discoveries/{discovery}/report.html", "read"),
+    ("DELETE", "/v1/discoveries/{discovery}", "calibrate"),
     ("GET", "/metrics", "read"),
 ]
 OPEN = {"/v1/health", "/v1/ready"}
@@ -66,8 +73,8 @@ def test_the_table_has_every_path(guarded: TestClient) -> None:
 
 @pytest.mark.parametrize(("method", "path", "scope"), NEEDS)
 def test_scopes(guarded: TestClient, rig: Any, method: str, path: str, scope: str) -> None:
-    names = {"reference": "x", "name": "x", "alias": "production", "calibration": "0"}
-    url = path.format(rig=rig.name, **names)
+    names = {"reference": "x", "name": "x", "alias": "production"}
+    url = path.format(rig=rig.name, calibration="0", discovery="0", **names)
     missing = guarded.request(method, url)
     assert missing.status_code == 401
     assert missing.headers["www-authenticate"].startswith("Bearer")

@@ -9,6 +9,7 @@ import pytest
 from frictus_service.calibration.errors import FolderError
 from frictus_service.calibration.folder import CalibrationFolder
 from frictus_service.calibration.job import CalibrationSpec
+from frictus_service.study.errors import Exclusion
 from frictus_service.study.reader import StudyReader
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 
@@ -58,9 +59,11 @@ def test_trials_are_there_when_the_folder_is_opened_again(
     assert [done.rejected for done in again.done] == ["", "mean speed 20 % off"]
     assert again.done[0].record_s == pytest.approx(0.5)
     assert again.next_id == "P01-0002"
-    for held, written in zip(again.trials(), kept, strict=True):
+    left_out: list[Exclusion] = []
+    for held, written in zip(again.trials(left_out.append), kept, strict=True):
         assert held.info == written.info
         np.testing.assert_array_equal(held.force_n, written.force_n)
+    assert not left_out
 
 
 def test_all_trials_become_one_study_as_often_as_asked(
@@ -69,11 +72,11 @@ def test_all_trials_become_one_study_as_often_as_asked(
     folder = CalibrationFolder.open(tmp_path, SPEC)
     for verdict in ("", "rejected for a reason", ""):
         folder.add(trial(folder, rng), STUDY, verdict)
-        path = folder.merge(STUDY)
-        with StudyReader(path) as reader:
+        assert folder.merge(STUDY) == ()
+        with StudyReader(folder.study) as reader:
             assert len(reader.trials) == len(folder.done)
             assert reader.info.extras == STUDY.extras
-    assert path == tmp_path / "study.h5"
+    assert folder.study == tmp_path / "study.h5"
 
 
 def test_a_torn_trial_is_as_if_it_never_was(tmp_path: Path, rng: np.random.Generator) -> None:
@@ -91,10 +94,9 @@ def test_another_session_may_go_on(tmp_path: Path, rng: np.random.Generator) -> 
     folder.add(trial(folder, rng), STUDY, "")
     second = CalibrationFolder.open(tmp_path, SPEC.model_copy(update={"session": 2}))
     second.add(trial(second, rng), STUDY, "")
-    sessions = [held.info.session for held in second.trials()]
-    assert sessions == [1, 2]
-    with StudyReader(second.merge(STUDY)) as reader:
-        assert len(reader.trials) == 2
+    second.merge(STUDY)
+    with StudyReader(second.study) as reader:
+        assert [info.session for info in reader.trials] == [1, 2]
 
 
 @pytest.mark.parametrize("change", [{"seed": 6}, {"participant": "P02"}, {"rig": "rig2"}])
@@ -117,7 +119,7 @@ def test_a_folder_that_says_nothing_readable_is_refused(
         CalibrationFolder.open(tmp_path, SPEC)
 
 
-def test_what_no_reader_accepts_is_left_out_of_the_study(
+def test_what_no_reader_accepts_is_left_out_of_the_study_and_said(
     tmp_path: Path, rng: np.random.Generator
 ) -> None:
     folder = CalibrationFolder.open(tmp_path, SPEC)
@@ -125,6 +127,9 @@ def test_what_no_reader_accepts_is_left_out_of_the_study(
     still = trial(folder, rng)
     at_rest = np.full_like(still.position_mm, 17.0)
     folder.add(replace(still, position_mm=at_rest), STUDY, "the finger did not move")
-    assert len(list(folder.trials())) == 1
-    with StudyReader(folder.merge(STUDY)) as reader:
+    said: list[Exclusion] = []
+    assert [held.info.id for held in folder.trials(said.append)] == ["P01-0000"]
+    assert [(one.trial, one.field) for one in said] == [(still.info.id, "position_mm")]
+    assert folder.merge(STUDY) == tuple(said)
+    with StudyReader(folder.study) as reader:
         assert len(reader.trials) == 1

@@ -44,6 +44,7 @@ from frictus_service.fidelity.measure import (
     target_along,
 )
 from frictus_service.fidelity.path import walk
+from frictus_service.identification.validity import REVERSAL_S
 from frictus_service.library import SHIPPED
 from frictus_service.ports import free_endpoint
 from frictus_service.study.reader import StudyReader
@@ -134,7 +135,7 @@ def test_a_quick_calibration_makes_rendering_right(
     assert result.reached
     assert result.precision <= BRIEF.precision
     _expect_model(result)
-    _expect_guidance(shown)
+    _expect_guidance(shown, told)
     assert [p.phase for p in told[-2:]] == ["analyse", "done"]
     assert {p.phase for p in told} == {"approach", "record", "analyse", "done"}
     assert told[-1].recorded_s == result.recorded_s == 2.0 * told[-1].trials_done
@@ -177,18 +178,32 @@ def _expect_model(result: CalibrationResult) -> None:
         assert not np.isnan(trial.force_n).any()
 
 
-def _expect_guidance(shown: list[GuidanceState]) -> None:
+def _expect_guidance(shown: list[GuidanceState], told: list[Progress]) -> None:
     phases = [state.phase for state in shown]
     assert phases[-1] == "done"
     assert {"approach", "record", "analyse"} <= set(phases)
     recording = [state for state in shown if state.phase == "record" and state.x_mm is not None]
+    accepted = {p.trials_done for p in told if p.message.endswith("accepted")}
     speeds = {state.target_speed_mm_s for state in recording}
     assert speeds == {30.0, 90.0}
     for speed in speeds:
-        actual = [s.speed_mm_s for s in recording if s.target_speed_mm_s == speed]
+        # A late machine tells the finger late what to do, and such a trial is rejected.
+        actual = [
+            s.speed_mm_s
+            for s in recording
+            if s.target_speed_mm_s == speed and s.trial in accepted and not _turns(s)
+        ]
         assert np.median(np.array(actual, dtype=float)) == pytest.approx(speed, rel=0.15)
     colours = [state.colour for state in recording]
     assert colours.count("green") > 0.5 * len(colours)
+
+
+def _turns(state: GuidanceState) -> bool:
+    """Whether the finger is so close to the end of a stroke that its speed is not judged."""
+    assert state.x_mm is not None
+    low, high = state.span_mm
+    way = REVERSAL_S * state.target_speed_mm_s
+    return not low + way < state.x_mm < high - way
 
 
 def test_a_calibration_that_was_cancelled_goes_on(
@@ -299,6 +314,7 @@ def test_a_trial_that_cannot_be_followed_is_rejected_and_left_out(
     assert told[-1].trials_rejected == 1
     assert any("250 mm/s" in note for note in result.notes)
     assert any("was rejected" in note for note in result.notes)
+    assert any("is not in the study: position_mm" in note for note in result.notes)
     assert result.model.validity.speed_mm_s == (60.0, 60.0)
     assert result.details["trials"] == 4
     # The screen that the documentation shows has seen all of it.
@@ -323,7 +339,7 @@ def test_the_command_calibrates_publishes_and_goes_on(endpoint: str, tmp_path: P
 
     def run(*more: str, participant: str = "P07") -> Result:
         options = ["calibrate", "--participant", participant, "-c", str(config)]
-        return CliRunner().invoke(app, [*options, "--precision", "0.2", *more])
+        return CliRunner().invoke(app, [*options, "--precision", "0.5", *more])
 
     done = run("--publish", "--seed", "11")
     assert done.exit_code == 0, done.stderr

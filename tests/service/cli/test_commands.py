@@ -246,6 +246,7 @@ def test_several_rigs_need_a_name(rig: Any, config: Path) -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT for one process")
+@pytest.mark.usefixtures("interruptible")
 def test_ctrl_c_disarms_and_is_130(rig: Any, config: Path, sine: Path) -> None:
     process = subprocess.Popen(
         command("play", sine, "-c", config), stdout=subprocess.PIPE, stderr=subprocess.PIPE

@@ -11,6 +11,13 @@ from typer.testing import CliRunner
 from frictus.model import Model
 from frictus_service.cli.app import app
 from frictus_service.cli.exits import Exit
+from frictus_service.discovery.document import (
+    Discovery,
+    Gain,
+    NamedCause,
+    ParameterEstimate,
+    StudyFacts,
+)
 
 MODEL = {
     "base": {
@@ -60,6 +67,56 @@ def test_publish_list_show(models: Any, document: Path, tmp_path: Path) -> None:
     (shown,) = models("show", "fake/P01@1")
     assert shown["model"]["base"] == MODEL["base"]
     assert shown["comment"] == "by hand"
+
+
+def test_the_extended_model_of_a_discovery_is_published_with_its_origin(
+    models: Any, tmp_path: Path
+) -> None:
+    base = Model.model_validate({**MODEL, "participant": None})
+    effect = {"id": "direction_asymmetry", "parameters": {"share": 0.06}}
+    extended = Model.model_validate({**base.model_dump(by_alias=True), "effects": [effect]})
+    gain = Gain(heldout_loglik=30.0, ci95=None, residual_db=(1.0, 0.5), residual_deg=(2.0, 1.0))
+    cause = NamedCause(
+        id="direction_asymmetry",
+        statement="It feels otherwise from right to left.",
+        verdict="confirmed",
+        parameters={"share": ParameterEstimate(value=0.06, ci95=(0.05, 0.07), unit="1")},
+        p_value=0.01,
+        gain=gain,
+        alternatives=(),
+        next_experiment="Turn the screen round.",
+    )
+    report = Discovery(
+        code_version="1.2.3",
+        seed=7,
+        study=StudyFacts(
+            path="s.h5", sha256="ab" * 32, participants=8, trials=9, trials_used=8
+        ),
+        response="friction",
+        base_model=base,
+        extended_model=extended,
+        verdict="explained",
+        causes=(cause,),
+        cannot_tell=(),
+        unexplained=(),
+        explained_share=0.9,
+        gain=gain,
+    )
+    file = tmp_path / "report.json"
+    file.write_bytes(report.to_json())
+    models("publish", file)
+    (shown,) = models("show", "population@1")
+    assert shown["model"]["effects"] == [effect]
+    told = shown["model"]["provenance"]
+    assert told["study_sha256"] == "ab" * 32
+    assert told["discovered"] == {"direction_asymmetry": "confirmed"}
+    assert told["settings"]["seed"] == 7
+    assert told["source"] == "a test"  # what the base model said is kept
+    clean = report.model_copy(update={"causes": (), "verdict": "clean"})
+    file.write_bytes(clean.to_json())
+    assert "names no cause" in models("publish", file, fails=Exit.USAGE)
+    file.write_text('{"schema": "discovery/1"}', encoding="utf-8")
+    assert "discovery/1" in models("publish", file, fails=Exit.USAGE)
 
 
 def test_alias_and_compare(models: Any, document: Path) -> None:

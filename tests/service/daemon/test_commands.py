@@ -23,6 +23,7 @@ from frictus_service.daemon.mailbox import Mailbox
 from frictus_service.daemon.orders import LawOrder, Orders
 from frictus_service.daemon.safety import FaultRaised, OutputQuiet
 from frictus_service.daemon.stage import Stage
+from frictus_service.synthesis.inverse import as_inverse
 from frictus_service.translate import placeholder_model
 
 UTC_NS = 1_795_000_000_000_000_000
@@ -234,7 +235,7 @@ def test_model_changes_only_while_disarmed_and_matching(desk: Desk) -> None:
     reply = desk.call("model", model=model, if_match=desk.stage.model.etag)
     assert reply.ok
     assert reply.etag == desk.stage.model.etag
-    assert desk.orders.law[-1].law.gain_n == 0.5
+    assert as_inverse(desk.orders.law[-1].law).law.gain_n == 0.5
 
 
 def test_mobility_model_cannot_be_rendered(desk: Desk) -> None:
@@ -252,10 +253,42 @@ def test_mobility_model_cannot_be_rendered(desk: Desk) -> None:
     assert "friction" in reply.message
 
 
-def test_effects_that_are_not_rendered_are_named(desk: Desk) -> None:
+def test_effects_that_are_not_rendered_are_named_with_the_reason(desk: Desk) -> None:
     model = placeholder_model().model_dump(mode="json", by_alias=True)
-    model["effects"] = [{"id": "charge_leakage", "parameters": {"corner_hz": 2.0}}]
-    assert "charge_leakage" in desk.call("model", model=model).message
+    model["effects"] = [
+        {"id": "channel_delay", "parameters": {"delay_s": 1e-4}},
+        {"id": "from_a_newer_version", "parameters": {"size": 1.0}},
+        {"id": "charge_leakage", "parameters": {"corner_hz": 2.0}},
+        {"id": "direction_asymmetry", "parameters": {"share": 0.1}},
+    ]
+    said = desk.call("model", model=model).message
+    not_rendered, limited = said.split("rendered within limits")
+    assert "channel_delay, because" in not_rendered
+    assert "from_a_newer_version, because this version does not know it" in not_rendered
+    assert "charge_leakage: " in limited
+    assert "direction_asymmetry" not in said
+    told = desk.stage.model.not_rendered
+    assert set(told) == {"channel_delay", "from_a_newer_version"}
+
+
+def test_a_model_with_an_effect_out_of_its_range_is_refused(desk: Desk) -> None:
+    model = placeholder_model().model_dump(mode="json", by_alias=True)
+    model["effects"] = [{"id": "direction_asymmetry", "parameters": {"share": 3.0}}]
+    reply = desk.call("model", model=model)
+    assert reply.code == "not_feasible"
+    assert "share" in reply.message
+    assert desk.stage.model.model.effects == []
+
+
+def test_scenes_are_compiled_for_where_the_gain_is_least(desk: Desk) -> None:
+    model = placeholder_model().model_dump(mode="json", by_alias=True)
+    strong = {"regions": [{"texture": TEXTURE, "gain": 100.0}]}
+    before = desk.call("scene", scene=strong).applied
+    model["effects"] = [{"id": "direction_asymmetry", "parameters": {"share": 0.25}}]
+    after = desk.call("model", model=model).applied
+    assert before is not None
+    assert after is not None
+    assert after.gain == pytest.approx(0.75 * before.gain)
 
 
 def test_stream_needs_an_armed_rig_and_its_ticket(desk: Desk) -> None:

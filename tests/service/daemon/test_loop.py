@@ -8,10 +8,11 @@ import pytest
 
 from frictus.messages import FaultKind
 from frictus.stream import StreamFrame
-from frictus.textures import Scene
+from frictus.textures import Component, Region, Scene, Spectrum
 from frictus_hardware.base import Exchange, FloatArray
 from frictus_hardware.errors import StreamLostError, TransientError
 from frictus_hardware.physics.friction import FrictionLaw
+from frictus_hardware.physics.screen import drive_fraction_of
 from frictus_hardware.simulated.faults import (
     EmptyOutput,
     LostSamples,
@@ -26,6 +27,7 @@ from frictus_service.daemon.patience import PatientBackend
 from frictus_service.daemon.safety import ClientVanished, Disarm, FaultRaised, Reset, Stop
 from frictus_service.synthesis.scene import compile_scene
 from frictus_service.synthesis.stream import StreamBudget
+from frictus_service.synthesis.undoing import inverse_of
 
 SETTLED_S = 0.5
 
@@ -290,6 +292,34 @@ def test_law_changes_only_without_output(make_bench: Any, texture: Scene) -> Non
     bench.feed(Stop("ben"))
     bench.turn(0.2)
     assert order.done.is_set()
+
+
+def test_a_drift_counts_from_when_the_law_came_and_through_armings(
+    make_bench: Any,
+) -> None:
+    hum = Spectrum(components=[Component(amplitude_n=0.05, hz=100.0)])
+    texture = Scene(regions=[Region(texture=hum)])
+    bench = make_bench()
+    bench.turn(1.0)
+    inverse = inverse_of(FrictionLaw(), [("gain_drift", {"per_minute": 1.0})])
+    screen = bench.rig.config.screen
+    scene = compile_scene(texture, inverse, screen, bench.rate_hz)
+    bench.orders.law.append(LawOrder(inverse, scene))
+    bench.turn(0.005)
+    came_s = bench.now_s
+    levels = []
+    for _ in range(2):
+        bench.turn(1.5)
+        bench.arm()
+        bench.turn(0.5)
+        turns = bench.turn(0.5)
+        voltage = np.concatenate([turn.step.exchange.voltage_v for turn in turns])
+        since_min = (bench.now_s - 0.25 - came_s) / 60.0
+        levels.append(drive_fraction_of(screen, voltage).mean() * np.exp(since_min))
+        bench.feed(Stop("ann"))
+        bench.turn(0.2)
+    assert levels[1] == pytest.approx(levels[0], rel=2e-3)
+    assert levels[0] * FrictionLaw().gain_n == pytest.approx(scene.applied.bias_n, rel=5e-3)
 
 
 def test_stopping_plays_the_ramp_out(make_bench: Any, texture: Scene) -> None:

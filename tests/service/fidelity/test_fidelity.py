@@ -129,7 +129,7 @@ def test_a_participant_with_a_model_of_their_own(
 
 
 def test_free_strokes_stay_below_the_difference_threshold(rng: np.random.Generator) -> None:
-    seeds = rng.integers(2**31, size=4).tolist()
+    seeds = rng.integers(2**31, size=2).tolist()
     errors: dict[str, list[float]] = {"flat": [], "vinyl": []}
     for seed in seeds:
         path = walk(SimulatedConfig(finger=HumanStrokes(), seed=seed), 8.0)
@@ -140,7 +140,7 @@ def test_free_strokes_stay_below_the_difference_threshold(rng: np.random.Generat
         for name, found in errors.items():
             found.append(judge(path, shipped(name), scene_of(name, LAW), segments).rms_db)
     for name, found in errors.items():
-        assert np.mean(found) <= JND_DB, (name, found)
+        assert max(found) <= JND_DB, (name, found)
 
 
 @pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the recordings are not beside the project")

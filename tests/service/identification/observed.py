@@ -130,6 +130,7 @@ def trial(
         third=third.ravel(),
         speed_mm_s=speed.ravel(),
         normal_force_n=force.ravel(),
+        position_mm=35.0 + (third.ravel() - 1) * 70.0 / 3.0,
         tone_hz=tone.ravel(),
         message=np.full(tone.size, 0.5 + 0j),
         friction_response=(clean + noise(error)).ravel(),

@@ -224,11 +224,11 @@ def test_correlations_say_what_makes_them_weak(seen: list[TrialObservations]) ->
     found = identify(seen, settings=QUICK)
     assert len(found.correlations) == 6
     one = next(c for c in found.correlations if (c.first, c.second) == ("cutoff", "stiffness"))
-    # Both follow the speed; at equal speed nothing is left.
+    # Both follow the speed; what is left at equal speed is chance, among six people.
     assert one.pooled.r > 0.5
     assert one.pooled.p < 1e-3
     assert one.at_equal_speed is not None
-    assert abs(one.at_equal_speed.r) < 0.6
+    assert abs(one.at_equal_speed.r) < one.pooled.r
     assert len(one.per_participant) == 6
     text = " ".join(one.cautions)
     for reason in ("not independent", "Speed drives both", "common error", "6 participants"):

@@ -12,6 +12,8 @@ from frictus_service.identification import cache as caching
 from frictus_service.identification.cache import Cache, state_of
 from frictus_service.identification.observation import Rows, TrialObservations
 from frictus_service.identification.observe import observe
+from frictus_service.identification.pipeline import OBSERVER
+from frictus_service.identification.reading import Reader, Reading
 
 
 @pytest.fixture
@@ -33,12 +35,12 @@ def same(one: TrialObservations, other: TrialObservations) -> bool:
 
 
 def test_round_trip(tmp_path: Path, seen: TrialObservations) -> None:
-    cache = Cache(tmp_path / "made" / "here")
+    cache = Cache(tmp_path / "made" / "here", OBSERVER)
     assert cache.find("ab12", seen.info, STUDY) is None
-    cache.keep(seen, STUDY)
+    cache.keep(Reading(seen), STUDY)
     found = cache.find("ab12", seen.info, STUDY)
     assert found is not None
-    assert same(found, seen)
+    assert same(found.observed, seen)
     assert not list(tmp_path.rglob("*.part"))
 
 
@@ -51,24 +53,24 @@ def test_nothing_measured_round_trips(tmp_path: Path, seen: TrialObservations) -
         mean_speed_mm_s=np.nan,
         rows=empty,
     )
-    Cache(tmp_path).keep(unusable, STUDY)
-    found = Cache(tmp_path).find("ab12", seen.info, STUDY)
+    Cache(tmp_path, OBSERVER).keep(Reading(unusable), STUDY)
+    found = Cache(tmp_path, OBSERVER).find("ab12", seen.info, STUDY)
     assert found is not None
-    assert same(found, unusable)
+    assert same(found.observed, unusable)
 
 
 def test_another_id_is_taken_over(tmp_path: Path, seen: TrialObservations) -> None:
-    Cache(tmp_path).keep(seen, STUDY)
-    found = Cache(tmp_path).find("ab12", replace(seen.info, id="copy"), STUDY)
+    Cache(tmp_path, OBSERVER).keep(Reading(seen), STUDY)
+    found = Cache(tmp_path, OBSERVER).find("ab12", replace(seen.info, id="copy"), STUDY)
     assert found is not None
-    assert found.info.id == "copy"
+    assert found.observed.info.id == "copy"
 
 
 def test_what_matters_is_in_the_key(
     tmp_path: Path, seen: TrialObservations, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    cache = Cache(tmp_path)
-    cache.keep(seen, STUDY)
+    cache = Cache(tmp_path, OBSERVER)
+    cache.keep(Reading(seen), STUDY)
     assert cache.find("ab13", seen.info, STUDY) is None
     assert cache.find("ab12", seen.info, replace(STUDY, mount=None)) is None
     other = TransferFunction((1.0,), (1.0, 2.0))
@@ -79,11 +81,33 @@ def test_what_matters_is_in_the_key(
     assert cache.find("ab12", seen.info, STUDY) is None
 
 
+def test_readers_do_not_share_entries(tmp_path: Path, seen: TrialObservations) -> None:
+    Cache(tmp_path, OBSERVER).keep(Reading(seen), STUDY)
+    other = Reader("others", OBSERVER.read, (__name__,))
+    assert Cache(tmp_path, other).find("ab12", seen.info, STUDY) is None
+
+
+def test_tables_round_trip(
+    tmp_path: Path, seen: TrialObservations, rng: np.random.Generator
+) -> None:
+    few = np.zeros(3, dtype=[("number", np.int64), ("ratio", np.complex128)])
+    few["number"], few["ratio"] = rng.integers(9, size=3), rng.standard_normal(3) + 1j
+    more = {"none": few[:0], "few": few}
+    Cache(tmp_path, OBSERVER).keep(Reading(seen, more), STUDY)
+    found = Cache(tmp_path, OBSERVER).find("ab12", seen.info, STUDY)
+    assert found is not None
+    assert same(found.observed, seen)
+    assert list(found.more) == ["none", "few"]
+    for name, table in more.items():
+        assert found.more[name].dtype == table.dtype
+        np.testing.assert_array_equal(found.more[name], table)
+
+
 def test_a_damaged_entry_is_none(
     tmp_path: Path, seen: TrialObservations, rng: np.random.Generator
 ) -> None:
-    cache = Cache(tmp_path)
-    cache.keep(seen, STUDY)
+    cache = Cache(tmp_path, OBSERVER)
+    cache.keep(Reading(seen), STUDY)
     (entry,) = tmp_path.rglob("*.observations")
     whole = entry.read_bytes()
     for at in rng.integers(len(whole), size=20):
@@ -96,7 +120,7 @@ def test_a_damaged_entry_is_none(
 
 
 def test_contents_hold_for_one_state_of_the_file(tmp_path: Path) -> None:
-    cache, file = Cache(tmp_path / "cache"), tmp_path / "study.h5"
+    cache, file = Cache(tmp_path / "cache", OBSERVER), tmp_path / "study.h5"
     file.write_bytes(b"one")
     before = state_of(file)
     cache.keep_contents(before, {"t0": "ab12"})

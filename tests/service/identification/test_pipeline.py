@@ -15,6 +15,7 @@ from frictus_service.identification import pipeline
 from frictus_service.identification.observation import Rows, TrialObservations
 from frictus_service.identification.observe import observe
 from frictus_service.identification.pipeline import Task, observe_study
+from frictus_service.identification.reading import Reading
 from frictus_service.identification.workers import Crash
 from frictus_service.study.reader import StudyReader
 from frictus_service.study.trial import Trial
@@ -131,8 +132,8 @@ def test_a_trial_that_ends_its_workers_is_reported(
     study: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def crashing(
-        work: Callable[[Task], TrialObservations], tasks: Sequence[Task], *_: object
-    ) -> Iterator[tuple[int, TrialObservations | Crash]]:
+        work: Callable[[Task], Reading], tasks: Sequence[Task], *_: object
+    ) -> Iterator[tuple[int, Reading | Crash]]:
         for number, task in enumerate(tasks):
             crash = Crash(3, "with exit code 5")
             yield number, crash if task.trial.id == "t3" else work(task)

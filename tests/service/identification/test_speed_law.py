@@ -69,6 +69,21 @@ def test_conditions_that_differ_are_in_the_interval(rng: np.random.Generator) ->
     assert np.median(excess) == pytest.approx(0.1 * 1200.0, rel=0.6)
 
 
+def test_a_gain_that_leans_with_speed_is_known_as_well_as_its_trials_say(
+    rng: np.random.Generator,
+) -> None:
+    """As if conditions alone told it, or as if it scattered, it is half as certain."""
+    seen = []
+    for item in observations([Finger()] * 100, SMALL, rng):
+        lean = Finger(gain_n=0.39 * (1.0 + 0.001 * (item.info.speed_mm_s - 60.0)))
+        seen.append(trial(lean, item.info, SMALL, rng))
+    found = [law.estimates for law in laws(seen) if law is not None]
+    error = np.array([estimates.value[0] for estimates in found]) - 0.39
+    half = np.median([estimates.half_width[0] for estimates in found])
+    assert abs(error.mean()) < 4.0 * error.std() / np.sqrt(error.size)
+    assert half / error.std() == pytest.approx(2.3, abs=0.6)
+
+
 def _by_condition(
     seen: list[TrialObservations],
 ) -> list[tuple[tuple[str, float, float], list[TrialObservations]]]:

@@ -8,7 +8,14 @@ from tests.service.identification.trials import PAPER_TONES_HZ, RATE_HZ, message
 
 from frictus_service.identification.blocks import BLOCK
 from frictus_service.identification.message import drive_fraction
-from frictus_service.identification.tones import MOST_MISSING, Amplitudes, Tones, fit
+from frictus_service.identification.tones import (
+    LEAST_BLOCKS,
+    MOST_MISSING,
+    TREND_HZ,
+    Amplitudes,
+    Tones,
+    fit,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -52,6 +59,23 @@ def test_nearest_bin_loses_a_third_where_least_squares_loses_nothing(
         worst = max(worst, abs(abs(nearest) / abs(true[0]) - 1.0))
         assert abs(fitted(samples, (tone,)).amplitude[0, 0] / true[0] - 1.0) < 1e-9
     assert worst > 0.25
+
+
+@pytest.mark.parametrize("rate_hz", [2_000.0, 20_000.0, 500_000.0])
+@pytest.mark.parametrize("share", [0.02, 0.1, 0.45])
+def test_shortest_segment_tells_a_tone_from_the_trend(
+    rate_hz: float, share: float, rng: np.random.Generator
+) -> None:
+    tones = Tones((share * rate_hz,), rate_hz)
+    blocks = int(np.ceil(round(tones.least_s * rate_hz / BLOCK, 6)))
+    assert blocks >= LEAST_BLOCKS
+    n = np.arange(blocks * BLOCK)
+    turned = 2.0 * np.pi * share * n
+    trend = np.sin(2.0 * np.pi * TREND_HZ * n / rate_hz + rng.uniform(0.0, 2.0 * np.pi))
+    samples = 0.3 + 0.1 * trend + 0.1 * np.cos(turned + 0.3)
+    found = fit(tones, tones.reduce([samples[:, np.newaxis]]), [(1.0,)], 0, blocks)
+    assert found.amplitude[0, 0] == pytest.approx(0.1 * np.exp(0.3j), rel=1e-3)
+    assert np.isfinite(found.variance).all()
 
 
 @pytest.mark.parametrize("seconds", [0.2, 0.35, 1.0])

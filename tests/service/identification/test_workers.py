@@ -90,15 +90,19 @@ if __name__ == "__main__":
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Ctrl-C is sent by a signal of POSIX")
+@pytest.mark.usefixtures("interruptible")
 def test_ctrl_c_ends_the_workers_too(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(SCRIPT.format(root=str(ROOT), folder=str(tmp_path)))
     with subprocess.Popen(
         [sys.executable, str(script)], stderr=subprocess.PIPE, text=True, start_new_session=True
     ) as parent:
-        until(lambda: len(list(tmp_path.glob("at-work-*"))) == 2)
-        os.killpg(parent.pid, signal.SIGINT)
-        _, said = parent.communicate(timeout=30.0)
+        try:
+            until(lambda: len(list(tmp_path.glob("at-work-*"))) == 2)
+            os.killpg(parent.pid, signal.SIGINT)
+            _, said = parent.communicate(timeout=30.0)
+        finally:
+            parent.kill()
     assert "KeyboardInterrupt" in said
     workers = [int(file.name.rpartition("-")[2]) for file in tmp_path.glob("at-work-*")]
     assert len(workers) == 2

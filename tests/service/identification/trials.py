@@ -1,5 +1,6 @@
 """Trials of the standard twin, with the truth at hand."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,8 +44,18 @@ class Made:
     position_noise_mm: float = 0.0
 
 
-def trial(made: Made, rng: np.random.Generator) -> Trial:
-    """Simulate a trial."""
+def trial(
+    made: Made,
+    rng: np.random.Generator,
+    drawn: Callable[[tuple[float, ...], FloatArray, np.random.Generator], FloatArray]
+    | None = None,
+    screen: Callable[[FloatArray], FloatArray] = lambda drive: drive,
+) -> Trial:
+    """Simulate a trial.
+
+    `drawn` gives another drive than tones of equal size; `screen` is what the screen makes of
+    the drive fraction, of which the voltage that is kept knows nothing.
+    """
     time_s = np.arange(round(made.seconds * RATE_HZ)) / RATE_HZ
     strokes = SteadyStrokes(
         speed_mm_s=made.speed_mm_s,
@@ -56,13 +67,14 @@ def trial(made: Made, rng: np.random.Generator) -> Trial:
     turned = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     middle = np.array([35.0, 17.5])
     position = (motion.position_mm - middle) @ turned + middle
-    voltage = volts(message(made.tones_hz, time_s, rng))
+    drive = (drawn or message)(made.tones_hz, time_s, rng)
+    voltage = volts(drive)
     sensors = (Noise(made.noise_n, made.noise_m_s2, int(rng.integers(2**31))),)
     felt = simulate(
         standard_twin(law=LAW, mobility=MOBILITY, sensors=sensors),
         Signals.driven(
             RATE_HZ,
-            voltage,
+            volts(screen(drive)),
             position,
             motion.velocity_mm_s @ turned,
             motion.normal_force_n,

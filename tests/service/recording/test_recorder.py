@@ -212,8 +212,10 @@ def test_command_line(service: Service, rig: frictus.Rig, tmp_path: Path) -> Non
     assert runner.invoke(app, ["record", "--stop", *at]).exit_code == 0
     assert runner.invoke(app, ["record", "--stop", *at]).exit_code == 5
     assert runner.invoke(app, ["record", "--stop", "--start", *at]).exit_code == 2
+    handler = signal.getsignal(signal.SIGINT)
     taken = runner.invoke(app, ["record", "--out", str(here), *at])
     assert taken.exit_code == 2
+    assert signal.getsignal(signal.SIGINT) is handler
     verified = runner.invoke(app, ["verify", str(here), "--json"])
     assert verified.exit_code == 0
     assert '"sound": true' in verified.output

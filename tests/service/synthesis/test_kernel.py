@@ -13,8 +13,9 @@ from frictus_hardware.physics.friction import FrictionLaw, cutoff_hz, respond
 from frictus_hardware.physics.screen import Screen, drive_fraction_of
 from frictus_service.synthesis import kernel
 from frictus_service.synthesis.estimator import Course
+from frictus_service.synthesis.inverter import law_tuple
 from frictus_service.synthesis.kernel import Motion
-from frictus_service.synthesis.renderer import RAMP_S, Renderer, law_tuple
+from frictus_service.synthesis.renderer import RAMP_S, Renderer
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
 
 FloatArray = NDArray[np.float64]

@@ -1,11 +1,8 @@
 """The page: figures and tables of an identification in one HTML file."""
 
-import base64
-import io
 from collections.abc import Sequence
 from importlib import resources
 
-import jinja2
 from matplotlib.figure import Figure
 
 from frictus_service.identification.documents import (
@@ -16,6 +13,7 @@ from frictus_service.identification.documents import (
 )
 from frictus_service.identification.observation import TrialObservations
 from frictus_service.identification.report.bode import bode, points_of
+from frictus_service.identification.report.html import fill, number, picture
 from frictus_service.identification.report.overview import (
     boxes,
     correlation,
@@ -25,7 +23,6 @@ from frictus_service.identification.report.overview import (
 
 EXAMPLE_SPEED_MM_S, EXAMPLE_FORCE_N = 40.0, 0.2
 """The paper's example; of each participant the condition next to it is drawn."""
-_DPI = 110
 
 
 def render(found: Identification, observations: Sequence[TrialObservations]) -> str:
@@ -37,19 +34,13 @@ def render(found: Identification, observations: Sequence[TrialObservations]) -> 
     observations : sequence of TrialObservations
         From which it was identified.
     """
-    environment = jinja2.Environment(
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"number": number, "interval": interval, "p": p_value}
-    text = resources.files(__package__).joinpath("page.html.j2").read_text(encoding="utf-8")
     with_law = [p for p in found.participants if p.friction and p.friction.law]
     stiffness = [
         one for one in found.correlations if (one.first, one.second) == ("cutoff", "stiffness")
     ]
-    return environment.from_string(text).render(
+    return fill(
+        resources.files(__package__).joinpath("page.html.j2"),
+        {"interval": interval},
         found=found,
         study=found.study,
         with_law=with_law,
@@ -94,22 +85,8 @@ def _bodes(
     return out
 
 
-def picture(figure: Figure) -> str:
-    """Return a figure as a data URI."""
-    stored = io.BytesIO()
-    figure.savefig(stored, format="png", dpi=_DPI)
-    return "data:image/png;base64," + base64.b64encode(stored.getvalue()).decode("ascii")
-
-
 def _maybe(figure: Figure | None) -> str | None:
     return None if figure is None else picture(figure)
-
-
-def number(value: float | None, digits: int = 4) -> str:
-    """Return a number for reading; a dash where it is not known."""
-    if value is None:
-        return "-"
-    return f"{value:.{digits}g}"
 
 
 def interval(estimate: Estimate | None, factor: float = 1.0) -> str:
@@ -121,10 +98,3 @@ def interval(estimate: Estimate | None, factor: float = 1.0) -> str:
         return value
     low, high = (number(factor * end) for end in estimate.ci95)
     return f"{value} [{low}, {high}]"
-
-
-def p_value(value: float | None) -> str:
-    """Return a p value for reading."""
-    if value is None:
-        return "-"
-    return "<0.001" if value < 0.001 else f"{value:.3f}"

@@ -1,0 +1,56 @@
+"""An effect: an extension of the simulator with a name, bounds and units."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from frictus_hardware.physics.simulator import Simulator
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One number of an effect.
+
+    Attributes
+    ----------
+    name, unit : str
+    low, high : float
+        Accepted, both included.
+    step : float
+        A small change, at which a derivative may be taken.
+    default : float or None
+        Of a parameter that may be left out. The first of an effect has none: it is the dose,
+        and 0 of it is no effect.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    step: float
+    default: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """What an effect does to the simulator.
+
+    Attributes
+    ----------
+    id : str
+    response : {'friction', 'mobility', 'both'}
+        In which it shows.
+    scope : {'participant', 'instrument'}
+        Whose parameters they are: each finger's own, or the rig's.
+    parameters : tuple of Parameter
+        The dose first.
+    extend : callable
+        ``extend(simulator, parameters)`` returns the simulator with the effect. It does not
+        check bounds; `effects.extended` does.
+    """
+
+    id: str
+    response: Literal["friction", "mobility", "both"]
+    scope: Literal["participant", "instrument"]
+    parameters: tuple[Parameter, ...]
+    extend: Callable[[Simulator, Mapping[str, float]], Simulator]

@@ -1,0 +1,80 @@
+"""The catalogue of effects: one file each, found by walking this package."""
+
+from collections.abc import Iterable, Mapping
+from importlib import import_module
+from pkgutil import iter_modules
+from types import MappingProxyType
+from typing import Final
+
+from frictus_hardware.errors import EffectParameterError, UnknownEffectError
+from frictus_hardware.physics.effect import Effect, Parameter
+from frictus_hardware.physics.simulator import Simulator
+
+__all__ = ["EFFECTS", "Effect", "Parameter", "extended"]
+
+
+def _found() -> dict[str, Effect]:
+    names = sorted(module.name for module in iter_modules(__path__))
+    effects: list[Effect] = [import_module(f"{__name__}.{name}").EFFECT for name in names]
+    return {effect.id: effect for effect in effects}
+
+
+EFFECTS: Final[Mapping[str, Effect]] = MappingProxyType(_found())
+"""Every effect by its id."""
+
+
+def extended(
+    simulator: Simulator, effects: Iterable[tuple[str, Mapping[str, float]]]
+) -> Simulator:
+    """Return a simulator with effects in it, as a `model/1` lists them.
+
+    Parameters
+    ----------
+    simulator : Simulator
+    effects : iterable of (id, parameters)
+        An effect of which the dose, its first parameter, is 0 changes nothing.
+
+    Raises
+    ------
+    UnknownEffectError
+        If no effect has that id.
+    EffectParameterError
+        If a parameter is missing, unknown, not finite or out of its range.
+    """
+    for id_, parameters in effects:
+        if id_ not in EFFECTS:
+            raise UnknownEffectError(
+                f"no effect {id_!r} is known; known are: {', '.join(EFFECTS)}"
+            )
+        effect = EFFECTS[id_]
+        values = _checked(effect, parameters)
+        if values[effect.parameters[0].name] != 0.0:
+            simulator = effect.extend(simulator, values)
+    return simulator
+
+
+def _checked(effect: Effect, given: Mapping[str, float]) -> dict[str, float]:
+    """Return the value of every parameter of an effect."""
+    known = {parameter.name: parameter for parameter in effect.parameters}
+    for name in given:
+        if name not in known:
+            raise EffectParameterError(
+                f"{effect.id} has no parameter {name!r}; it has: {', '.join(known)}"
+            )
+    values = {}
+    for name, parameter in known.items():
+        value = given.get(name, parameter.default)
+        if value is None:
+            raise EffectParameterError(
+                f"{effect.id} lacks its parameter {name} ({_accepted(parameter)})"
+            )
+        if not parameter.low <= value <= parameter.high:
+            raise EffectParameterError(
+                f"{effect.id}: {name} is {value:g}; {_accepted(parameter)}"
+            )
+        values[name] = float(value)
+    return values
+
+
+def _accepted(parameter: Parameter) -> str:
+    return f"accepted: {parameter.low:g} to {parameter.high:g} {parameter.unit}"

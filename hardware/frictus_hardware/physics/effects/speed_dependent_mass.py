@@ -1,0 +1,23 @@
+"""The moving mass follows the speed: ``m (v / v0)^a``, v0 = 60 mm/s."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from frictus_hardware.physics.effect import Effect, Parameter
+from frictus_hardware.physics.schedule import REFERENCE_SPEED_MM_S, Power
+from frictus_hardware.physics.simulator import Simulator
+
+
+def _extend(simulator: Simulator, parameters: Mapping[str, float]) -> Simulator:
+    factor = Power("speed_mm_s", REFERENCE_SPEED_MM_S, parameters["exponent"])
+    factors = (*simulator.skin.mass_factors, factor)
+    return replace(simulator, skin=replace(simulator.skin, mass_factors=factors))
+
+
+EFFECT = Effect(
+    id="speed_dependent_mass",
+    response="mobility",
+    scope="participant",
+    parameters=(Parameter("exponent", "1", -2.0, 2.0, 0.01),),
+    extend=_extend,
+)

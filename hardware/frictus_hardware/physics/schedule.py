@@ -1,0 +1,170 @@
+"""How gain and cutoff vary with the circumstances of a moving finger."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_hardware.physics.friction import FrictionLaw, cutoff_hz
+
+FloatArray = NDArray[np.float64]
+Quantity = Literal["speed_mm_s", "normal_force_n", "position_mm", "direction", "minutes"]
+
+REFERENCE_SPEED_MM_S: Final = 60.0
+REFERENCE_FORCE_N: Final = 0.4
+REFERENCE_POSITION_MM: Final = 35.0
+"""Middle of the screen."""
+
+LEAST_SPEED_MM_S: Final = 1.0
+LEAST_FORCE_N: Final = 0.02
+"""Powers of speed and force hold still below these: at rest they would have no end."""
+LEAST_CUTOFF_HZ: Final = 1.0
+"""A cutoff that falls with the speed stays positive."""
+
+
+@dataclass(frozen=True, slots=True)
+class Circumstances:
+    """Where, how and when a finger slides; arrays of one shape, or that broadcast.
+
+    Attributes
+    ----------
+    speed_mm_s : ndarray
+        Without sign.
+    normal_force_n : ndarray
+    position_mm : ndarray
+        Along x, from the left edge of the screen.
+    direction : ndarray
+        +1 left to right, -1 right to left.
+    minutes : ndarray
+        Since the session began.
+    """
+
+    speed_mm_s: FloatArray
+    normal_force_n: FloatArray
+    position_mm: FloatArray
+    direction: FloatArray
+    minutes: FloatArray
+
+    def within(self, law: FrictionLaw) -> "Circumstances":
+        """Return the same with speed and force where effects follow them.
+
+        Parameters
+        ----------
+        law : FrictionLaw
+            Effects follow the speed no further than the law does.
+        """
+        low, high = law.speed_range_mm_s
+        return replace(
+            self,
+            speed_mm_s=np.clip(self.speed_mm_s, max(low, LEAST_SPEED_MM_S), high),
+            normal_force_n=np.maximum(self.normal_force_n, LEAST_FORCE_N),
+        )
+
+
+class Term(Protocol):
+    """A number that varies with the circumstances."""
+
+    def at(self, circumstances: Circumstances) -> FloatArray:
+        """Return it."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Power:
+    """``(x / reference)^exponent``."""
+
+    quantity: Quantity
+    reference: float
+    exponent: float
+
+    def at(self, circumstances: Circumstances) -> FloatArray:
+        """Return it in given circumstances."""
+        x: FloatArray = getattr(circumstances, self.quantity) / self.reference
+        return x**self.exponent
+
+
+@dataclass(frozen=True, slots=True)
+class Exponential:
+    """``exp(rate (x - reference))``."""
+
+    quantity: Quantity
+    reference: float
+    rate: float
+
+    def at(self, circumstances: Circumstances) -> FloatArray:
+        """Return it in given circumstances."""
+        x: FloatArray = getattr(circumstances, self.quantity) - self.reference
+        return np.exp(self.rate * x)
+
+
+@dataclass(frozen=True, slots=True)
+class Linear:
+    """``at_reference + slope (x - reference)``."""
+
+    quantity: Quantity
+    reference: float
+    slope: float
+    at_reference: float = 0.0
+
+    def at(self, circumstances: Circumstances) -> FloatArray:
+        """Return it in given circumstances."""
+        x: FloatArray = getattr(circumstances, self.quantity) - self.reference
+        return self.at_reference + self.slope * x
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """What gain and cutoff of a law are multiplied with, and what is added to the cutoff.
+
+    Attributes
+    ----------
+    gain_factors, cutoff_terms_hz, cutoff_factors : tuple of Term
+        ``gain = g product``, ``cutoff = (c(v) + sum) product``.
+    """
+
+    gain_factors: tuple[Term, ...] = ()
+    cutoff_terms_hz: tuple[Term, ...] = ()
+    cutoff_factors: tuple[Term, ...] = ()
+
+    def gain_n(self, law: FrictionLaw, circumstances: Circumstances) -> FloatArray:
+        """Return the friction per unit of drive fraction, N.
+
+        Parameters
+        ----------
+        law : FrictionLaw
+        circumstances : Circumstances
+        """
+        return law.gain_n * product(self.gain_factors, circumstances.within(law))
+
+    def cutoff_hz(self, law: FrictionLaw, circumstances: Circumstances) -> FloatArray:
+        """Return the cutoff, 1 Hz at least.
+
+        Parameters
+        ----------
+        law : FrictionLaw
+        circumstances : Circumstances
+        """
+        own = cutoff_hz(law, circumstances.speed_mm_s)
+        if not self.cutoff_terms_hz and not self.cutoff_factors:
+            return own
+        within = circumstances.within(law)
+        for term in self.cutoff_terms_hz:
+            own = own + term.at(within)
+        return np.maximum(own * product(self.cutoff_factors, within), LEAST_CUTOFF_HZ)
+
+
+def product(factors: Sequence[Term], circumstances: Circumstances) -> FloatArray:
+    """Return the product of terms, 1 if there are none.
+
+    Parameters
+    ----------
+    factors : sequence of Term
+    circumstances : Circumstances
+        `Circumstances.within` a law.
+    """
+    total: FloatArray = np.ones(())
+    for factor in factors:
+        total = total * factor.at(circumstances)
+    return total

@@ -1,0 +1,59 @@
+"""The events of a job as a stream, until it runs no more."""
+
+from collections.abc import AsyncIterator, Callable, Sequence
+from typing import Final, Protocol
+
+import anyio
+from fastapi.concurrency import run_in_threadpool
+from fastapi.sse import ServerSentEvent
+
+LOOK_S: Final = 0.2
+"""How often a stream of events looks for more."""
+
+
+class Event(Protocol):
+    """One thing that a job told."""
+
+    @property
+    def number(self) -> int:
+        """From 1, without gaps."""
+
+    @property
+    def kind(self) -> str:
+        """``state`` or ``progress``."""
+
+    @property
+    def data(self) -> str:
+        """JSON."""
+
+
+async def follow(
+    active: Callable[[], bool],
+    events: Callable[[int], Sequence[Event]],
+    closing: Callable[[], bool],
+    after: int,
+) -> AsyncIterator[ServerSentEvent]:
+    """Yield what a job tells, from the event behind `after` until it runs no more.
+
+    Parameters
+    ----------
+    active : callable
+        Whether the job is queued or runs.
+    events : callable
+        What it told after an event.
+    closing : callable
+        Whether the API is about to end.
+    after : int
+        Number of the last event that is known; 0: from the beginning.
+    """
+    while not closing():
+        # First the state: what was told before it changed is then among the events.
+        still = await run_in_threadpool(active)
+        told = await run_in_threadpool(events, after)
+        for event in told:
+            yield ServerSentEvent(raw_data=event.data, event=event.kind, id=str(event.number))
+            after = event.number
+        if not told:
+            if not still:
+                return
+            await anyio.sleep(LOOK_S)

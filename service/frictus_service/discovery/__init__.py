@@ -1,0 +1,1 @@
+"""What a simulation gets wrong: criticism, named causes, the extended model, and its gain."""

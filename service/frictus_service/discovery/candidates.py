@@ -1,0 +1,67 @@
+"""Which parameters of which effects are tried: all of the catalogue that the base has not."""
+
+from collections.abc import Collection
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from frictus_hardware.physics.effect import Effect
+from frictus_hardware.physics.effects import EFFECTS
+from frictus_hardware.physics.schedule import Circumstances
+from frictus_hardware.physics.simulator import Probe, Simulator
+from frictus_service.discovery.linearised import Candidate, ResponseName
+from frictus_service.discovery.lines import MAINS_HZ
+
+MODE_HZ: Final = tuple(float(round(f)) for f in np.geomspace(80.0, 800.0, 7))
+"""Where a further mode of the skin is looked for."""
+
+
+def candidates_of(response: ResponseName, present: Collection[str] = ()) -> list[Candidate]:
+    """Return the candidates, by id.
+
+    Parameters
+    ----------
+    response : {'friction', 'mobility'}
+    present : collection of str
+        Effects that the base model has already.
+    """
+    found = []
+    for name in sorted(EFFECTS):
+        effect = EFFECTS[name]
+        if effect.response in (response, "both") and name not in present:
+            found.extend(_of(effect))
+    return found
+
+
+def _of(effect: Effect) -> list[Candidate]:
+    dose = effect.parameters[0]
+    one = Candidate(
+        effect.id,
+        dose.name,
+        dose.step,
+        squared=_goes_with_square(effect),
+        positive=dose.low >= 0.0,
+    )
+    if effect.id == "mains_interference":
+        return [replace(one, line_hz=line) for line in MAINS_HZ]
+    if any(parameter.name == "frequency_hz" for parameter in effect.parameters):
+        return [replace(one, held=(("frequency_hz", f),)) for f in MODE_HZ]
+    return [one]
+
+
+def _goes_with_square(effect: Effect) -> bool:
+    """Return whether data follow the square of the dose: twice the dose, four times as much."""
+    once, twice = (_shown(effect, times) for times in (1.0, 2.0))
+    return bool(once > 0.0 and twice > 3.0 * once)
+
+
+def _shown(effect: Effect, times: float) -> float:
+    """Return the power that a dose puts into a slow stroke without drive."""
+    dose = effect.parameters[0]
+    one = np.ones(1)
+    at = Circumstances(10.0 * one, 0.4 * one, 35.0 * one, one, 0.0 * one)
+    probe = Probe(100.0 * one, np.zeros(1, dtype=np.complex128), 0.0 * one, 0.0 * one, at)
+    simulator = effect.extend(Simulator(), {dose.name: times * dose.step})
+    seen = simulator.predict(probe, Simulator().mount)
+    return float(np.square(seen.line_n[0]) + seen.low_n2[0])

@@ -1,0 +1,385 @@
+"""From evidence to what a base model gets wrong, why, and what extending it gains."""
+
+from collections.abc import ItemsView, Sequence
+from importlib.metadata import version
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from frictus.model import Effect, FirstOrderSpeedLaw, MassSpringDamper, Model
+from frictus_hardware.physics.effects import EFFECTS
+from frictus_hardware.physics.linear import TransferFunction
+from frictus_service.discovery.bases import simulator_of
+from frictus_service.discovery.candidates import candidates_of
+from frictus_service.discovery.causes import CAUSES, cause_of, separating_experiment
+from frictus_service.discovery.document import (
+    Alternative,
+    CannotTell,
+    CauseTest,
+    Discovery,
+    Evidence,
+    NamedCause,
+    ParameterEstimate,
+    ParticipantValue,
+    StudyFacts,
+    Unexplained,
+    Verdict,
+)
+from frictus_service.discovery.evidence import TrialEvidence
+from frictus_service.discovery.findings import Findings, Named, Residue, find
+from frictus_service.discovery.gains import gain_of, unseen
+from frictus_service.discovery.generic import patterns_of
+from frictus_service.discovery.linearised import (
+    OWN,
+    Candidate,
+    Ground,
+    Linearised,
+    ResponseName,
+)
+from frictus_service.discovery.notes import notes_on
+from frictus_service.discovery.pictures import level_bins, residual_bins, rests_of
+from frictus_service.discovery.significance import LEAST_UNITS, signs
+from frictus_service.discovery.subjects import Rows, subjects_of
+from frictus_service.discovery.table import Units, rows_of, units_of, used
+from frictus_service.discovery.units import leave
+
+FloatArray = NDArray[np.float64]
+
+POWER: Final = 0.84
+"""Quantile of the normal distribution: four of five studies."""
+
+
+def discover(
+    evidence: Sequence[TrialEvidence],
+    study: StudyFacts,
+    mount: TransferFunction | None,
+    base: Model,
+    *,
+    seed: int = 0,
+) -> Discovery:
+    """Criticise a base model, name causes, extend it, and measure the gain.
+
+    Parameters
+    ----------
+    evidence : sequence of TrialEvidence
+        Of a whole study, in any order.
+    study : StudyFacts
+    mount : TransferFunction or None
+        The study's.
+    base : Model
+        What is criticised; everybody's own gain and cutoff (mass, damping and stiffness of the
+        skin) are fitted in any case.
+    seed : int
+        Of random sign flips, where there are too many units to try all.
+    """
+    response: ResponseName = base.response
+    trials = used(evidence)
+    units = units_of(trials)
+    told = notes_on(evidence, trials, units)
+    study = study.model_copy(update={"trials_used": len(trials)})
+    if len(units.names) < LEAST_UNITS:
+        return _nothing(study, base, seed, told)
+    rows = rows_of(trials, units, response)
+    ground = Ground(
+        simulator_of(base, mount),
+        mount,
+        response,
+        tuple(subjects_of(rows, len(units.names))),
+        tuple(candidates_of(response, [effect.id for effect in base.effects])),
+        tuple(patterns_of(rows.tones_hz.size, skin=response == "mobility")),
+    )
+    flips = signs(len(units.names), np.random.default_rng(seed))
+    found = find(ground, flips)
+    return _Report(ground, units, rows, found, flips, base, study, seed, told).document()
+
+
+def _nothing(study: StudyFacts, base: Model, seed: int, notes: tuple[str, ...]) -> Discovery:
+    """Return the document where nothing could be tested."""
+    return Discovery(
+        code_version=version("frictus"),
+        seed=seed,
+        study=study,
+        response=base.response,
+        base_model=base,
+        extended_model=base,
+        verdict=None,
+        causes=(),
+        cannot_tell=(),
+        unexplained=(),
+        explained_share=None,
+        gain=None,
+        tests=tuple(
+            CauseTest(id=name, not_tested="too few participants and trials")
+            for name, cause in CAUSES.items()
+            if cause.response in (base.response, "both")
+        ),
+        notes=notes,
+    )
+
+
+class _Report:
+    """Puts findings into the document's words."""
+
+    def __init__(
+        self,
+        ground: Ground,
+        units: Units,
+        rows: Rows,
+        found: Findings,
+        flips: FloatArray,
+        base: Model,
+        study: StudyFacts,
+        seed: int,
+        notes: tuple[str, ...],
+    ) -> None:
+        self._ground, self._units, self._rows = ground, units, rows
+        self._found, self._flips, self._base = found, flips, base
+        self._study, self._seed, self._notes = study, seed, notes
+        self._sure = [each for each in found.named if not each.alike]
+        self._unsure = [each for each in found.named if each.alike]
+        self._chosen = [each.candidate for each in self._sure]
+
+    def document(self) -> Discovery:
+        """Return the document."""
+        found, ground = self._found, self._ground
+        base = (found.base, ())
+        extended = (self._model_of(self._chosen), tuple(self._chosen))
+        before, after = rests_of(ground, *base), rests_of(ground, *extended)
+        gain = None
+        if self._chosen:
+            per_unit = np.sum([each.gain for each in self._sure], axis=0)
+            gain = gain_of(ground, per_unit, base, extended)
+        return Discovery(
+            code_version=version("frictus"),
+            seed=self._seed,
+            study=self._study,
+            response=ground.response,
+            base_model=self._base,
+            extended_model=self._extended(extended[0]),
+            verdict=self._verdict(),
+            causes=tuple(self._cause(each) for each in self._sure),
+            cannot_tell=tuple(pair for each in self._unsure for pair in self._pairs(each)),
+            unexplained=tuple(self._unexplained(each) for each in found.residues),
+            explained_share=found.explained_share if found.named or found.residues else None,
+            gain=gain,
+            evidence=self._evidence(),
+            tests=tuple(self._tests()),
+            unseen=tuple(unseen(ground, self._chosen)) if self._chosen else (),
+            residuals=tuple(residual_bins(ground, self._rows.tones_hz, before, after)),
+            levels=tuple(level_bins(ground, base, extended)),
+            notes=self._notes,
+        )
+
+    def _model_of(self, effects: Sequence[int]) -> Linearised:
+        if tuple(effects) == self._found.effects:
+            return self._found.extended
+        return self._ground.linearise(effects) if effects else self._found.base
+
+    def _verdict(self) -> Verdict:
+        found = self._found
+        if not found.named:
+            return "unexplained" if found.residues else "clean"
+        wrong_shape = any(each.verdict == "family" for each in found.named)
+        return "partly_explained" if found.residues or wrong_shape else "explained"
+
+    def _cause(self, each: Named) -> NamedCause:
+        candidate = self._ground.candidates[each.candidate]
+        others = [other for other in self._chosen if other != each.candidate]
+        cause = cause_of(candidate.effect)
+        return NamedCause(
+            id=cause.id,
+            statement=cause.statement,
+            verdict=each.verdict,
+            parameters=self._parameters(each),
+            p_value=each.p_value,
+            gain=gain_of(
+                self._ground,
+                each.gain,
+                (self._model_of(others), others),
+                (self._model_of(self._chosen), self._chosen),
+            ),
+            alternatives=tuple(
+                Alternative(
+                    id=name,
+                    similarity=cosine,
+                    separating_experiment=separating_experiment(cause.id, name),
+                )
+                for name, cosine in self._others(each.near)
+            ),
+            next_experiment=cause.next_experiment,
+            evidence=self._evidence(),
+        )
+
+    def _others(self, near: Sequence[tuple[int, float]]) -> ItemsView[str, float]:
+        """Return other causes with their cosines, each once."""
+        names: dict[str, float] = {}
+        for candidate, cosine in near:
+            names.setdefault(self._ground.candidates[candidate].effect, cosine)
+        return names.items()
+
+    def _pairs(self, each: Named) -> list[CannotTell]:
+        name = self._ground.candidates[each.candidate].effect
+        return [
+            CannotTell(
+                between=(name, other),
+                separating_experiment=separating_experiment(name, other),
+                similarity=cosine,
+                p_value=each.p_value,
+            )
+            for other, cosine in self._others(each.alike)
+        ]
+
+    def _parameters(self, each: Named) -> dict[str, ParameterEstimate]:
+        candidate = self._ground.candidates[each.candidate]
+        effect = EFFECTS[candidate.effect]
+        units = {parameter.name: parameter.unit for parameter in effect.parameters}
+        values = each.coefficients[np.isfinite(each.coefficients)]
+        mean, n = float(values.mean()), values.size
+        error = float(values.std(ddof=1) / np.sqrt(n))
+        # What measuring is wrong by is the same for all: no mean takes it away.
+        best = self._found.accuracy[each.candidate]
+        half = float(np.hypot(stats.t.ppf(0.975, n - 1) * error, best / 2.0))
+        ends = [_dose(candidate, mean + sign * half) for sign in (-1.0, 1.0)]
+        value = _dose(candidate, mean)
+        if candidate.squared and value > 0.0:
+            error = error / (2.0 * value)
+        estimate = ParameterEstimate(
+            value=value,
+            ci95=(ends[0], ends[1]),
+            unit=units[candidate.parameter],
+            standard_error=error,
+            per_participant=tuple(
+                ParticipantValue(participant=unit, value=_dose(candidate, coefficient))
+                for unit, coefficient in zip(self._units.names, each.coefficients, strict=True)
+                if np.isfinite(coefficient)
+            ),
+        )
+        found = {candidate.parameter: estimate}
+        for name, held in candidate.held:
+            found[name] = ParameterEstimate(value=held, ci95=None, unit=units[name])
+        return found
+
+    def _unexplained(self, each: Residue) -> Unexplained:
+        tones = self._rows.tones_hz[list(each.tones)]
+        band = (
+            (float(tones.min()), float(tones.max()))
+            if tones.size
+            else _BANDS[each.pattern.channel]
+        )
+        covariate = each.pattern.covariate
+        return Unexplained(
+            channel=each.pattern.channel,
+            band_hz=band,
+            covariate=None if covariate == "none" else covariate,
+            p_value=each.p_value,
+        )
+
+    def _extended(self, model: Linearised) -> Model:
+        """Return the base model with the population's own values and the named effects."""
+        if not self._chosen:
+            return self._base
+        scale = dict(
+            zip(OWN[self._ground.response], np.exp(model.own.mean(axis=0)), strict=True)
+        )
+        base = self._base.base
+        law: FirstOrderSpeedLaw | MassSpringDamper
+        if isinstance(base, FirstOrderSpeedLaw):
+            law = base.model_copy(
+                update={
+                    "gain_n": base.gain_n * scale["gain_n"],
+                    "cutoff_0_hz": base.cutoff_0_hz * scale["cutoff_hz"],
+                    "slope_hz_per_mm_s": base.slope_hz_per_mm_s * scale["cutoff_hz"],
+                }
+            )
+        else:
+            law = base.model_copy(
+                update={name: getattr(base, name) * value for name, value in scale.items()}
+            )
+        effects = [
+            Effect(
+                id=self._ground.candidates[each.candidate].effect,
+                parameters={
+                    name: estimate.value for name, estimate in self._parameters(each).items()
+                },
+            )
+            for each in self._sure
+        ]
+        return self._base.model_copy(
+            update={
+                "base": law,
+                "effects": [*self._base.effects, *effects],
+                "covariance": None,
+                "provenance": {
+                    **self._base.provenance,
+                    "source": "discovery",
+                    "study_sha256": self._study.sha256,
+                    "code_version": version("frictus"),
+                    "settings": {"response": self._ground.response},
+                    "seed": self._seed,
+                    "participants": self._study.participants,
+                },
+            }
+        )
+
+    def _evidence(self) -> Evidence:
+        people = len(set(self._units.participant))
+        count = len(self._units.names)
+        if self._units.held_out == "participants":
+            statement = (
+                f"{people} participants, each of whom counts once; each was predicted from the "
+                "others."
+            )
+        else:
+            statement = (
+                f"{people} participant{'s' if people > 1 else ''}, in {count} blocks of "
+                "trials, each predicted from the others: it holds for these people, and says "
+                "nothing of others."
+            )
+        return Evidence(
+            participants=people,
+            trials=self._study.trials_used,
+            rows=int(self._rows.tone.size),
+            held_out=self._units.held_out,
+            statement=statement,
+        )
+
+    def _tests(self) -> list[CauseTest]:
+        """Return what came of every cause about the base model."""
+        ground, first = self._ground, self._found.first
+        left = leave(self._found.base.units)
+        critical = left.critical(self._flips, 0.05)
+        tests = {}
+        for name in {candidate.effect for candidate in ground.candidates}:
+            own = [k for k, each in enumerate(ground.candidates) if each.effect == name]
+            seen = [k for k in own if np.isfinite(first.t[k])]
+            if not seen:
+                reason = (
+                    f"this design does not show it; it needs: {cause_of(name).visible_with}"
+                )
+                tests[name] = CauseTest(id=name, not_tested=reason)
+                continue
+            best = max(seen, key=lambda k: float(abs(first.t[k])))
+            candidate = ground.candidates[best]
+            size = float(left.detectable(critical, POWER)[best])
+            tests[name] = CauseTest(
+                id=name,
+                statistic=float(first.t[best]),
+                p_value=float(first.p[best]),
+                detectable={candidate.parameter: _dose(candidate, size)},
+            )
+        return [tests[name] for name in sorted(tests)]
+
+
+def _dose(candidate: Candidate, coefficient: float) -> float:
+    """Return the parameter itself; 0 where a square came out negative."""
+    return float(np.sqrt(max(coefficient, 0.0))) if candidate.squared else float(coefficient)
+
+
+_BANDS: Final = {
+    "line50": (50.0, 50.0),
+    "line60": (60.0, 60.0),
+    "low": (4.0, 30.0),
+}
+"""Where what no tone says is looked for."""

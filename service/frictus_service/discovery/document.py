@@ -1,0 +1,216 @@
+"""`discovery/1`: what a discovery says. JSON; null where something is not known."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
+
+from frictus.model import Model
+
+Interval = tuple[FiniteFloat, FiniteFloat]
+Probability = Annotated[FiniteFloat, Field(ge=0.0, le=1.0)]
+Response = Literal["friction", "mobility"]
+Verdict = Literal["clean", "explained", "partly_explained", "unexplained"]
+Covariate = Literal["speed", "force", "minutes", "direction", "position"]
+COVARIATES: dict[Covariate, str] = {
+    "speed": "mm/s",
+    "force": "N",
+    "minutes": "min",
+    "direction": "+1: left to right",
+    "position": "mm",
+}
+"""What the figures are drawn over, and the unit."""
+
+
+class _Document(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+
+
+class StudyFacts(_Document):
+    """The study, and how much of it is used."""
+
+    path: str
+    sha256: str
+    participants: int
+    trials: int
+    trials_used: int
+
+
+class ParticipantValue(_Document):
+    """A parameter in one participant, estimated from their trials alone."""
+
+    participant: str
+    value: FiniteFloat
+    standard_error: FiniteFloat | None = None
+
+
+class ParameterEstimate(_Document):
+    """A parameter of a cause; across participants where there are several."""
+
+    value: FiniteFloat
+    ci95: Interval | None
+    unit: str
+    standard_error: FiniteFloat | None = None
+    per_participant: tuple[ParticipantValue, ...] = ()
+
+
+class Alternative(_Document):
+    """Another cause that looks much like it in this design."""
+
+    id: str
+    similarity: Annotated[FiniteFloat, Field(ge=-1.0, le=1.0)]
+    """Cosine between the two signatures, own gain and cutoff taken out."""
+    separating_experiment: str
+
+
+class Gain(_Document):
+    """How much better data are predicted that were not used to fit."""
+
+    heldout_loglik: FiniteFloat
+    """Increase of the log-likelihood, nats, all of the held-out data together."""
+    ci95: Interval | None
+    residual_db: tuple[FiniteFloat, FiniteFloat]
+    """RMS of what is left in size, dB: before, after."""
+    residual_deg: tuple[FiniteFloat, FiniteFloat]
+    """The same in phase, degrees."""
+
+
+class Evidence(_Document):
+    """What a finding rests on."""
+
+    participants: int
+    trials: int
+    rows: int
+    held_out: Literal["participants", "blocks"]
+    """What was left out in turn; blocks where there is one participant."""
+    statement: str
+    """How strong that is, in a sentence."""
+
+
+class NamedCause(_Document):
+    """A cause that the data name."""
+
+    id: str
+    statement: str
+    verdict: Literal["confirmed", "family"]
+    """`family`: the cause is of this kind, but its shape is not the catalogue's."""
+    parameters: dict[str, ParameterEstimate]
+    p_value: Probability
+    """Corrected for all causes that were tested together."""
+    gain: Gain
+    alternatives: tuple[Alternative, ...]
+    next_experiment: str
+    evidence: Evidence | None = None
+
+
+class CannotTell(_Document):
+    """Two causes of which this design cannot say which it is."""
+
+    between: tuple[str, str]
+    separating_experiment: str
+    similarity: FiniteFloat | None = None
+    p_value: Probability | None = None
+    """That it is either."""
+
+    @model_validator(mode="after")
+    def _two(self) -> Self:
+        if self.between[0] == self.between[1]:
+            raise ValueError("between: two different causes, not one twice")
+        return self
+
+
+class Unexplained(_Document):
+    """Something reproducible that no cause accounts for, and where it is."""
+
+    channel: str
+    band_hz: Interval
+    covariate: str | None
+    """None: it is the same in all conditions."""
+    p_value: Probability
+
+
+class CauseTest(_Document):
+    """What came of one cause of the catalogue, named or not."""
+
+    id: str
+    statistic: FiniteFloat | None = None
+    p_value: Probability | None = None
+    detectable: dict[str, FiniteFloat] = {}
+    """By parameter: the smallest size that this design shows in four of five studies."""
+    not_tested: str | None = None
+    """Why not; None where it was tested."""
+
+
+class ResidualBin(_Document):
+    """Measured over predicted response at one tone and one level of a covariate.
+
+    Means over participants, as dB and degrees, with the base model (before) and the extended
+    one (after); each participant's own gain and cutoff are fitted in both.
+    """
+
+    covariate: Covariate
+    level: FiniteFloat
+    tone_hz: FiniteFloat
+    before_db: FiniteFloat
+    before_deg: FiniteFloat
+    after_db: FiniteFloat
+    after_deg: FiniteFloat
+    error_db: FiniteFloat
+    """Standard error of the mean, the same before and after."""
+    error_deg: FiniteFloat
+
+
+class LevelBin(_Document):
+    """What was measured besides the response, and what the models expect, at one level."""
+
+    channel: Literal["second", "third", "line", "low"]
+    covariate: Covariate
+    level: FiniteFloat
+    measured: FiniteFloat
+    before: FiniteFloat
+    after: FiniteFloat
+    standard_error: FiniteFloat
+    unit: str
+
+
+class UnseenCondition(_Document):
+    """Prediction of a speed or a force that was never used to fit."""
+
+    covariate: Covariate
+    level: FiniteFloat
+    residual_db: tuple[FiniteFloat, FiniteFloat]
+    """RMS: before, after."""
+    residual_deg: tuple[FiniteFloat, FiniteFloat]
+
+
+class Discovery(_Document):
+    """A `discovery/1` document."""
+
+    schema_: Annotated[Literal["discovery/1"], Field(alias="schema")] = "discovery/1"
+    code_version: str
+    seed: Annotated[int, Field(ge=0)]
+    """Of everything random in it."""
+    study: StudyFacts
+    response: Response
+    base_model: Model
+    extended_model: Model
+    verdict: Verdict | None
+    """Null: nothing could be tested; the notes say why."""
+    causes: tuple[NamedCause, ...]
+    cannot_tell: tuple[CannotTell, ...]
+    unexplained: tuple[Unexplained, ...]
+    explained_share: FiniteFloat | None
+    """Share of what is reproducibly wrong with the base model that the causes account for."""
+    gain: Gain | None
+    """All causes together; null where none is named."""
+    evidence: Evidence | None = None
+    tests: tuple[CauseTest, ...] = ()
+    """Every cause of the catalogue."""
+    unseen: tuple[UnseenCondition, ...] = ()
+    residuals: tuple[ResidualBin, ...] = ()
+    levels: tuple[LevelBin, ...] = ()
+    notes: tuple[str, ...] = ()
+    """What a reader must know first."""
+
+    def to_json(self) -> bytes:
+        """Return the document as JSON bytes, indented for reading."""
+        return self.model_dump_json(by_alias=True, indent=2).encode()

@@ -1,0 +1,385 @@
+"""The model about which everything is linear: fitted to each unit, and its derivatives.
+
+Signatures are differences of the simulator's predictions: nobody writes one by hand.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_hardware.physics.effects import EFFECTS
+from frictus_hardware.physics.linear import TransferFunction
+from frictus_hardware.physics.mobility import Mobility
+from frictus_hardware.physics.simulator import Simulator
+from frictus_service.discovery.generic import Pattern
+from frictus_service.discovery.readings import Compared, Layout, accuracy_of, reduce, trials_of
+from frictus_service.discovery.subjects import Subject
+from frictus_service.discovery.units import Unit, joint
+from frictus_service.discovery.whitening import Raw, Whitening, whiten
+
+FloatArray = NDArray[np.float64]
+ResponseName = Literal["friction", "mobility"]
+Whiten = Callable[[Sequence[Layout], Sequence[Raw]], list[Whitening]]
+
+ROUNDS: Final = 12
+"""Of Gauss-Newton at most; without a power that outgrows its background, three do."""
+SETTLED: Final = 1e-3
+OWN_STEP: Final = 1e-3
+MOST_CHANGE: Final = 0.7
+"""Of the logarithm of an own parameter in one round."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One parameter of an effect, the others held.
+
+    Attributes
+    ----------
+    effect : str
+    parameter : str
+    step : float
+        At which the derivative is taken.
+    held : tuple of (str, float)
+        The effect's other parameters.
+    squared : bool
+        Data follow the square of the parameter (a power), and so the signature is per square.
+    line_hz : float or None
+        Mains line that a line in the prediction is.
+    positive : bool
+        It cannot be negative.
+    """
+
+    effect: str
+    parameter: str
+    step: float
+    held: tuple[tuple[str, float], ...] = ()
+    squared: bool = False
+    line_hz: float | None = None
+    positive: bool = False
+
+    def extend(self, simulator: Simulator, coefficient: float) -> Simulator:
+        """Return the simulator with the effect in it.
+
+        Parameters
+        ----------
+        simulator : Simulator
+        coefficient : float
+            The parameter, or its square where data follow that. Limited to its bounds.
+        """
+        if coefficient == 0.0:
+            return simulator
+        value = np.sqrt(max(coefficient, 0.0)) if self.squared else coefficient
+        effect = EFFECTS[self.effect]
+        bounds = next(p for p in effect.parameters if p.name == self.parameter)
+        limited = float(np.clip(value, bounds.low, bounds.high))
+        return effect.extend(simulator, {**dict(self.held), self.parameter: limited})
+
+
+@dataclass(frozen=True, slots=True)
+class Linearised:
+    """The units about the model, and the model.
+
+    Attributes
+    ----------
+    units : tuple of Unit
+        The chosen effects are back in the readings: their coefficients are the whole ones.
+    own : ndarray, shape (n_units, n_own)
+        Logarithms of what everybody has of their own, less the base model's.
+    coefficients : ndarray, shape (n_chosen,)
+        Of the chosen effects: means over units.
+    """
+
+    units: tuple[Unit, ...]
+    own: FloatArray
+    coefficients: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """What a discovery stands on.
+
+    Attributes
+    ----------
+    base : Simulator
+    nominal_mount : TransferFunction or None
+        The study's.
+    response : {'friction', 'mobility'}
+    subjects : tuple of Subject
+    candidates : tuple of Candidate
+    patterns : tuple of Pattern
+    whiten : callable
+        From layouts and raw units to whitenings; by what the readings themselves say of their
+        scatter, unless it is known.
+    """
+
+    base: Simulator
+    nominal_mount: TransferFunction | None
+    response: ResponseName
+    subjects: tuple[Subject, ...]
+    candidates: tuple[Candidate, ...]
+    patterns: tuple[Pattern, ...]
+    whiten: Whiten = whiten
+
+    def linearise(
+        self,
+        chosen: Sequence[int],
+        wanted: Sequence[int] | None = None,
+        patterns: Sequence[Pattern] | None = None,
+    ) -> Linearised:
+        """Fit own parameters and chosen effects, and return the units about that.
+
+        Parameters
+        ----------
+        chosen : sequence of int
+            Candidates.
+        wanted : sequence of int or None
+            Candidates whose signatures the units have; None: all.
+        patterns : sequence of Pattern or None
+            Likewise.
+        """
+        own = np.zeros((len(self.subjects), len(OWN[self.response])))
+        coefficients = np.zeros(len(chosen))
+        for _ in range(ROUNDS):
+            before = coefficients
+            units = self._about(own, chosen, coefficients, chosen, ())
+            if chosen:
+                found = joint(units, range(len(chosen)))
+                coefficients = np.nan_to_num(np.nanmean(found, axis=0))
+                coefficients = np.where(
+                    self._positive(chosen), np.maximum(coefficients, 0.0), coefficients
+                )
+            steps = np.array([_own_step(unit, coefficients, own.shape[1]) for unit in units])
+            own = own + np.clip(steps, -MOST_CHANGE, MOST_CHANGE)
+            change = np.abs(coefficients - before) <= SETTLED * np.abs(coefficients)
+            if np.all(change) and np.all(np.abs(steps) < SETTLED):
+                break
+        wanted = range(len(self.candidates)) if wanted is None else wanted
+        patterns = self.patterns if patterns is None else patterns
+        units = self._about(own, chosen, coefficients, wanted, patterns)
+        return Linearised(units, own, coefficients)
+
+    def _positive(self, chosen: Sequence[int]) -> NDArray[np.bool_]:
+        return np.array([self.candidates[effect].positive for effect in chosen], dtype=np.bool_)
+
+    def simulator(
+        self, own: FloatArray, chosen: Sequence[int], coefficients: FloatArray
+    ) -> Simulator:
+        """Return the base model with own parameters and effects.
+
+        Parameters
+        ----------
+        own : ndarray, shape (n_own,)
+        chosen : sequence of int
+        coefficients : ndarray, shape (n_chosen,)
+        """
+        simulator = OWN_SCALED[self.response](self.base, own)
+        for effect, coefficient in zip(chosen, coefficients, strict=True):
+            simulator = self.candidates[effect].extend(simulator, float(coefficient))
+        return simulator
+
+    def predicted(
+        self,
+        subject: Subject,
+        own: FloatArray,
+        chosen: Sequence[int],
+        coefficients: FloatArray,
+    ) -> Compared:
+        """Return what the model with these parameters predicts for a subject."""
+        lines = [self.candidates[effect].line_hz for effect in chosen]
+        simulator = self.simulator(own, chosen, coefficients)
+        return self._compared(subject, simulator, own, lines)
+
+    def rest(
+        self,
+        subject: Subject,
+        own: FloatArray,
+        chosen: Sequence[int],
+        coefficients: FloatArray,
+    ) -> Compared:
+        """Return what was measured less what the model predicts."""
+        return subject.measured - self.predicted(subject, own, chosen, coefficients)
+
+    def _about(
+        self,
+        own: FloatArray,
+        chosen: Sequence[int],
+        coefficients: FloatArray,
+        wanted: Sequence[int],
+        patterns: Sequence[Pattern],
+    ) -> tuple[Unit, ...]:
+        """Return the units about given parameters; their effects are the wanted candidates."""
+        raw = [
+            self._signatures(subject, values, chosen, coefficients, wanted)
+            for subject, values in zip(self.subjects, own, strict=True)
+        ]
+        whitenings = self.whiten([s.layout for s in self.subjects], [each for each, _ in raw])
+        positive = self._positive(wanted)
+        # Where a power is in the model already, its signature levels off: it was seen before.
+        passed = [each in chosen and self.candidates[each].squared for each in wanted]
+        units = []
+        for subject, (each, effects), whitening in zip(
+            self.subjects, raw, whitenings, strict=True
+        ):
+            generic = [reduce(subject.layout, pattern.of(subject)) for pattern in patterns]
+            columns = np.array(generic).reshape(len(generic), each.readings.size).T
+            units.append(
+                Unit(
+                    whitening(each.readings),
+                    whitening(each.own),
+                    whitening(effects),
+                    whitening(columns),
+                    np.where(passed, 0.0, _as_accurate(effects, each.accuracy)),
+                    _as_accurate(columns, each.accuracy),
+                    positive,
+                )
+            )
+        return tuple(units)
+
+    def _signatures(
+        self,
+        subject: Subject,
+        own: FloatArray,
+        chosen: Sequence[int],
+        coefficients: FloatArray,
+        wanted: Sequence[int],
+    ) -> tuple[Raw, FloatArray]:
+        """Return readings with all that is fitted to them, and signatures of wanted effects.
+
+        The chosen effects are in the readings; nothing is whitened.
+        """
+        lines = [self.candidates[effect].line_hz for effect in chosen]
+        here = self.simulator(own, chosen, coefficients)
+        seen = self._compared(subject, here, own, lines)
+
+        def change(
+            simulator: Simulator, own: FloatArray, step: float, line_hz: float | None = None
+        ) -> FloatArray:
+            moved = self._compared(subject, simulator, own, [*lines, line_hz])
+            return reduce(subject.layout, (moved - seen) / step)
+
+        mine = []
+        for k in range(own.size):
+            moved = own.copy()
+            moved[k] += OWN_STEP
+            mine.append(change(self.simulator(moved, chosen, coefficients), moved, OWN_STEP))
+        mine.extend(reduce(subject.layout, each) for each in _background(subject))
+        signatures = {}
+        for effect in {*wanted, *chosen}:
+            candidate = self.candidates[effect]
+            step = candidate.step**2 if candidate.squared else candidate.step
+            if effect in chosen:
+                moved = coefficients.copy()
+                moved[list(chosen).index(effect)] += step
+                simulator = self.simulator(own, chosen, moved)
+            else:
+                simulator = candidate.extend(here, step)
+            signatures[effect] = change(simulator, own, step, candidate.line_hz)
+        readings = reduce(subject.layout, subject.measured - seen)
+        blank = np.zeros((readings.size, 0))
+        ours = np.column_stack([blank, *(signatures[effect] for effect in chosen)])
+        asked = np.column_stack([blank, *(signatures[effect] for effect in wanted)])
+        raw = Raw(
+            readings + ours @ coefficients,
+            np.column_stack(mine),
+            ours,
+            _by_condition(subject, mine[: DEVIATING[self.response]]),
+            DEVIATING[self.response],
+            accuracy_of(subject.layout),
+        )
+        return raw, asked
+
+    def _compared(
+        self,
+        subject: Subject,
+        simulator: Simulator,
+        own: FloatArray,
+        lines: Sequence[float | None],
+    ) -> Compared:
+        """Return what a simulator predicts, in the form of the data."""
+        at_rows = simulator.predict(subject.rows, self.nominal_mount)
+        at_trials = simulator.predict(subject.trials, self.nominal_mount)
+        response = at_rows.friction if self.response == "friction" else at_rows.mobility
+        line = np.square(at_trials.line_n) / 2.0
+        quiet = subject.quiet_n2
+        if self.response == "friction":
+            quiet = quiet * float(np.exp(own[QUIET]))
+        return Compared(
+            size=np.log(np.abs(response)),
+            phase=np.angle(response),
+            second=np.column_stack([at_rows.second.real, at_rows.second.imag]),
+            third=np.column_stack([at_rows.third.real, at_rows.third.imag]),
+            line50=line * (50.0 in lines),
+            line60=line * (60.0 in lines),
+            low=np.log(quiet + at_trials.low_n2),
+        )
+
+
+def _background(subject: Subject) -> list[Compared]:
+    """Return what the low frequencies of every finger do: more when it presses."""
+    force = np.log(np.maximum(subject.trials.circumstances.normal_force_n, 1e-3) / 0.4)
+    return [replace(Compared.zeros(subject.tone.size, force.size), low=force)]
+
+
+def _by_condition(subject: Subject, signatures: Sequence[FloatArray]) -> FloatArray:
+    """Return the signatures of each condition alone, kinds alternating, (n, n_conditions k)."""
+    condition = subject.condition[trials_of(subject.layout)]
+    columns = [
+        np.where(condition == each, signature, 0.0)
+        for each in np.unique(condition)
+        for signature in signatures
+    ]
+    return np.column_stack(columns)
+
+
+def _as_accurate(columns: FloatArray, accuracy: FloatArray) -> FloatArray:
+    """Return the coefficient at which the largest change of a column is as accuracy is."""
+    largest = np.max(np.abs(columns) / accuracy[:, np.newaxis], axis=0, initial=0.0)
+    coefficient: FloatArray = 1.0 / np.maximum(largest, np.finfo(float).tiny)
+    return coefficient
+
+
+def _own_step(unit: Unit, coefficients: FloatArray, n_own: int) -> FloatArray:
+    """Return by how much the own parameters of a unit are off."""
+    readings = unit.readings - unit.effects @ coefficients
+    found = np.linalg.lstsq(unit.own, readings, rcond=None)[0]
+    return np.asarray(found[:n_own], dtype=np.float64)
+
+
+def _own_friction(base: Simulator, own: FloatArray) -> Simulator:
+    gain, cutoff = np.exp(own[:QUIET])
+    law = replace(
+        base.law,
+        gain_n=base.law.gain_n * gain,
+        cutoff_0_hz=base.law.cutoff_0_hz * cutoff,
+        slope_hz_per_mm_s=base.law.slope_hz_per_mm_s * cutoff,
+    )
+    return replace(base, law=law)
+
+
+def _own_skin(base: Simulator, own: FloatArray) -> Simulator:
+    mass, damping, stiffness = np.exp(own)
+    skin = base.mobility
+    return replace(
+        base,
+        mobility=Mobility(
+            skin.mass_kg * mass, skin.damping_n_s_m * damping, skin.stiffness_n_m * stiffness
+        ),
+    )
+
+
+OWN: Final[dict[ResponseName, tuple[str, ...]]] = {
+    "friction": ("gain_n", "cutoff_hz", "quiet_n2"),
+    "mobility": ("mass_kg", "damping_n_s_m", "stiffness_n_m"),
+}
+"""What everybody has of their own, as a multiple of the base model's."""
+
+QUIET: Final = 2
+"""Which of a friction response's is the power from 4 to 30 Hz that is there anyway."""
+
+DEVIATING: Final[dict[ResponseName, int]] = {"friction": 2, "mobility": 3}
+"""How many of these, from the first, deviate from condition to condition."""
+
+OWN_SCALED: Final = {"friction": _own_friction, "mobility": _own_skin}

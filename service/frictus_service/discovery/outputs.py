@@ -1,0 +1,37 @@
+"""What a discovery leaves behind: report, document, and the extended model."""
+
+import json
+import os
+from pathlib import Path
+from typing import Final
+
+from frictus_service.discovery.document import Discovery
+
+REPORT: Final = "report.html"
+DOCUMENT: Final = "report.json"
+MODEL: Final = "extended_model.json"
+
+
+def write(found: Discovery, folder: Path) -> list[Path]:
+    """Write report, document and extended model, over what stands there; return their paths.
+
+    Parameters
+    ----------
+    found : Discovery
+    folder : Path
+        Made where it is missing.
+    """
+    from frictus_service.discovery.report.page import render
+
+    folder.mkdir(parents=True, exist_ok=True)
+    model = json.dumps(json.loads(found.extended_model.to_json()), indent=2)
+    contents = {
+        folder / REPORT: render(found).encode(),
+        folder / DOCUMENT: found.to_json(),
+        folder / MODEL: model.encode(),
+    }
+    for path, content in contents.items():
+        beside = path.with_suffix(f"{path.suffix}.new")
+        beside.write_bytes(content)
+        os.replace(beside, path)
+    return list(contents)

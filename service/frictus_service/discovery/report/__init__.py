@@ -1,0 +1,1 @@
+"""The report of a discovery, to be read in a minute."""

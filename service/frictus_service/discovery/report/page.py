@@ -1,0 +1,69 @@
+"""The page: figures and tables of a discovery in one HTML file."""
+
+from importlib import resources
+
+from matplotlib.figure import Figure
+
+from frictus.model import Model
+from frictus_service.discovery.causes import CAUSES
+from frictus_service.discovery.document import Discovery
+from frictus_service.discovery.report.parameters import parameters
+from frictus_service.discovery.report.places import levels, places
+from frictus_service.discovery.report.residuals import by_relevance, residual_bode
+from frictus_service.discovery.words import (
+    gain_sentence,
+    place_of,
+    shown,
+    title,
+    verdict_sentence,
+)
+from frictus_service.identification.report.html import fill, number, picture
+
+
+def render(found: Discovery) -> str:
+    """Return the report as one HTML file with all figures in it.
+
+    Parameters
+    ----------
+    found : Discovery
+    """
+    drawn = [(name, picture(residual_bode(found, name))) for name in by_relevance(found)]
+    named = {one.id for one in found.causes}
+    unsure = {one for pair in found.cannot_tell for one in pair.between}
+    return fill(
+        resources.files(__package__).joinpath("page.html.j2"),
+        {"title": title, "shown": shown, "gain": gain_sentence, "model": model_in_words},
+        found=found,
+        verdict=verdict_sentence(found),
+        residuals=drawn[:1],
+        more_residuals=drawn[1:],
+        parameters=_maybe(parameters(found)),
+        places=_maybe(places(found)),
+        left=[(place_of(one), one.p_value) for one in found.unexplained],
+        levels=_maybe(levels(found)),
+        literature={
+            one.id: cause.literature for one in found.causes if (cause := CAUSES.get(one.id))
+        },
+        state={one.id: _state(one.id, named, unsure) for one in found.tests},
+        visible_with={id_: cause.visible_with for id_, cause in CAUSES.items()},
+    )
+
+
+def model_in_words(model: Model) -> str:
+    """Return a model's law and effects in one line."""
+    effects = [f"{title(effect.id)} ({_values(effect.parameters)})" for effect in model.effects]
+    return "; ".join([_values(model.base.model_dump(exclude={"law"})), *effects])
+
+
+def _values(parameters: dict[str, float]) -> str:
+    return ", ".join(f"{name} {number(value)}" for name, value in parameters.items())
+
+
+def _state(cause_id: str, named: set[str], unsure: set[str]) -> str:
+    if cause_id in named:
+        return "named"
+    return "cannot tell" if cause_id in unsure else "not found"
+
+
+def _maybe(figure: Figure | None) -> str | None:
+    return None if figure is None else picture(figure)

@@ -1,0 +1,219 @@
+"""The discoveries of a folder of studies: one folder each, with job, events and report.
+
+``studies/discoveries/ID/`` holds `job.json`, where the discovery stands; `events.jsonl`, what
+it told; and, once it is done, what `discovery.outputs` writes.
+"""
+
+import json
+import os
+import re
+import secrets
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from pydantic import BaseModel
+
+from frictus_service.discovery.errors import (
+    DiscoveryStateError,
+    UnknownDiscoveryError,
+    UnknownStudyError,
+)
+from frictus_service.discovery.job import (
+    ACTIVE,
+    DiscoveryEvent,
+    DiscoveryJob,
+    DiscoveryProgress,
+    DiscoveryResult,
+    DiscoverySpec,
+    State,
+)
+
+FOLDER: Final = "discoveries"
+JOB: Final = "job.json"
+EVENTS: Final = "events.jsonl"
+_ID: Final = re.compile(r"[0-9a-f-]{1,64}")
+_MOST_LISTED: Final = 20
+
+
+class DiscoveryShelf:
+    """Keeps discoveries; one process per folder writes it, from any of its threads.
+
+    Parameters
+    ----------
+    studies : Path
+        The folder of studies.
+    clock_ns : callable
+        UTC, ns.
+    """
+
+    def __init__(self, studies: Path, clock_ns: Callable[[], int] = time.time_ns) -> None:
+        self._studies = studies
+        self._clock_ns = clock_ns
+        self._lock = threading.Lock()
+
+    def study(self, name: str) -> Path:
+        """Return the absolute path of a study.
+
+        Raises
+        ------
+        UnknownStudyError
+        """
+        folder = self._studies.resolve()
+        path = (folder / name).resolve()
+        if path.is_relative_to(folder) and path.exists():
+            return path
+        found = [*folder.glob("*.h5"), *folder.glob("*/study.h5")]
+        known = sorted(one.relative_to(folder).as_posix() for one in found)
+        listed = ", ".join(known[:_MOST_LISTED]) or "none"
+        more = f" and {len(known) - _MOST_LISTED} more" if len(known) > _MOST_LISTED else ""
+        raise UnknownStudyError(
+            f"no study {name!r} in the folder of studies; there: {listed}{more}"
+        )
+
+    def folder(self, discovery: str) -> Path:
+        """Return the absolute path of a discovery's folder."""
+        return self._studies.absolute() / FOLDER / discovery
+
+    def create(self, spec: DiscoverySpec, by: str) -> DiscoveryJob:
+        """Queue a discovery.
+
+        Raises
+        ------
+        UnknownStudyError
+        """
+        self.study(spec.study)
+        now_ns = self._clock_ns()
+        began = time.strftime("%Y%m%d-%H%M%S", time.gmtime(now_ns / 1e9))
+        job = DiscoveryJob(
+            id=f"{began}-{secrets.token_hex(4)}",
+            state="queued",
+            created_utc_ns=now_ns,
+            created_by=by,
+            updated_utc_ns=now_ns,
+            spec=spec,
+        )
+        with self._lock:
+            self.folder(job.id).mkdir(parents=True)
+            self._tell(job, "state", json.dumps(job.state))
+        return job
+
+    def get(self, discovery: str) -> DiscoveryJob:
+        """Return where a discovery stands.
+
+        Raises
+        ------
+        UnknownDiscoveryError
+        """
+        with self._lock:
+            return self._read(discovery)
+
+    def all(self) -> list[DiscoveryJob]:
+        """Return all discoveries, newest first."""
+        with self._lock:
+            kept = (self._studies / FOLDER).glob(f"*/{JOB}")
+            jobs = [self._read(path.parent.name) for path in kept]
+        return sorted(jobs, key=lambda job: (job.created_utc_ns, job.id), reverse=True)
+
+    def change(
+        self,
+        discovery: str,
+        to: State,
+        *,
+        of: tuple[State, ...],
+        result: DiscoveryResult | None = None,
+        failure: str | None = None,
+    ) -> DiscoveryJob:
+        """Put a discovery into another state, and return it.
+
+        Parameters
+        ----------
+        discovery : str
+            Its id.
+        to : str
+            The new state.
+        of : tuple of str
+            States that it may be in now.
+        result : DiscoveryResult or None
+            With ``done``.
+        failure : str or None
+            With ``failed``.
+
+        Raises
+        ------
+        UnknownDiscoveryError, DiscoveryStateError
+        """
+        with self._lock:
+            job = self._read(discovery)
+            if job.state not in of:
+                raise DiscoveryStateError(
+                    f"discovery {discovery} is {job.state}: this is for one that is "
+                    f"{' or '.join(of)}"
+                )
+            changed = job.model_copy(
+                update={
+                    "state": to,
+                    "updated_utc_ns": self._clock_ns(),
+                    "result": result,
+                    "failure": failure,
+                }
+            )
+            self._tell(changed, "state", json.dumps(to))
+        return changed
+
+    def progress(self, discovery: str, progress: DiscoveryProgress) -> None:
+        """Keep what a running discovery is at."""
+        with self._lock:
+            job = self._read(discovery)
+            update = {"progress": progress, "updated_utc_ns": self._clock_ns()}
+            moved = job.model_copy(update=update)
+            self._tell(moved, "progress", progress.model_dump_json())
+
+    def interrupt(self) -> None:
+        """Note that whatever ran, or waited, does so no more."""
+        for job in self.all():
+            if job.state in ACTIVE:
+                self.change(job.id, "interrupted", of=ACTIVE)
+
+    def events(self, discovery: str, after: int) -> list[DiscoveryEvent]:
+        """Return what a discovery told after an event, in order.
+
+        Parameters
+        ----------
+        discovery : str
+        after : int
+            Number of the last event that is known; 0: from the beginning.
+        """
+        with self._lock:
+            told = _whole_lines(self.folder(discovery) / EVENTS).splitlines()
+        return [DiscoveryEvent.model_validate_json(line) for line in told[after:]]
+
+    def _read(self, discovery: str) -> DiscoveryJob:
+        path = self.folder(discovery) / JOB
+        if not _ID.fullmatch(discovery) or not path.is_file():
+            raise UnknownDiscoveryError(f"no discovery {discovery[:80]!r}")
+        return DiscoveryJob.model_validate_json(path.read_bytes())
+
+    def _tell(self, job: DiscoveryJob, kind: str, data: str) -> None:
+        # The event first: whoever sees that a job has ended finds its last event.
+        folder = self.folder(job.id)
+        before = _whole_lines(folder / EVENTS)
+        event = {"number": 1 + before.count(b"\n"), "kind": kind, "data": data}
+        with (folder / EVENTS).open("ab") as told:
+            told.truncate(len(before))
+            told.write(json.dumps(event).encode() + b"\n")
+        _replace(folder / JOB, job)
+
+
+def _whole_lines(path: Path) -> bytes:
+    """Return a file up to its last whole line: a crash may have cut one off."""
+    content = path.read_bytes() if path.exists() else b""
+    return content[: content.rfind(b"\n") + 1]
+
+
+def _replace(path: Path, document: BaseModel) -> None:
+    beside = path.with_suffix(".new")
+    beside.write_text(document.model_dump_json(by_alias=True, indent=2), encoding="utf-8")
+    os.replace(beside, path)

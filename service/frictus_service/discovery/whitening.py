@@ -1,0 +1,175 @@
+"""How readings scatter: each by itself, and together where gain and cutoff of a condition do.
+
+Between the conditions of one participant gain and cutoff deviate from any law by some per cent.
+That is no noise of a reading: all tones of the condition share it. Tones within a condition
+tell delays from cutoffs a hundred times better than conditions tell laws.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_service.discovery.readings import Layout, huber, scatters
+from frictus_service.discovery.units import orthonormal
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+ROUNDS: Final = 3
+"""Scatter and fit follow from each other."""
+LEAST_FREE: Final = 0.1
+"""Share of a reading that a fit leaves free, from which its scatter can still be told."""
+DEVIATIONS: Final = (0.0, 0.01, 0.02, 0.035, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3)
+"""Standard deviations of ln gain or ln cutoff between conditions that are tried."""
+
+
+@dataclass(frozen=True, slots=True)
+class Raw:
+    """A unit before it is whitened; first axis the readings.
+
+    Attributes
+    ----------
+    readings : ndarray, shape (n,)
+    own : ndarray, shape (n, n_own)
+    chosen : ndarray, shape (n, n_chosen)
+        Signatures of the effects in the model.
+    deviating : ndarray, shape (n, n_deviating)
+        Signatures of what deviates in each condition; of `n_kinds` kinds, which alternate.
+    n_kinds : int
+    accuracy : ndarray, shape (n,)
+        Of each reading at best.
+    """
+
+    readings: FloatArray
+    own: FloatArray
+    chosen: FloatArray
+    deviating: FloatArray
+    n_kinds: int
+    accuracy: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Whitening:
+    """From readings to what has unit variance and no correlation.
+
+    Attributes
+    ----------
+    weight : ndarray, shape (n,)
+        One over the scatter, outliers less.
+    basis : ndarray, shape (n, k)
+        Orthonormal, in weighted readings: along these they scatter more.
+    shrink : ndarray, shape (k,)
+        By which they are divided there.
+    deviation : ndarray, shape (n_kinds,)
+        Of the conditions, from which both follow.
+    """
+
+    weight: FloatArray
+    basis: FloatArray
+    shrink: FloatArray
+    deviation: FloatArray
+
+    @classmethod
+    def of(cls, raw: Raw, weight: FloatArray, deviation: FloatArray) -> "Whitening":
+        """Return the whitening of a unit of which it is known how readings scatter.
+
+        Parameters
+        ----------
+        raw : Raw
+        weight : ndarray, shape (n,)
+        deviation : ndarray, shape (n_kinds,)
+        """
+        columns = _times(raw.deviating, weight)
+        columns = columns * np.resize(deviation, columns.shape[1])
+        left, values, _ = np.linalg.svd(columns, full_matrices=False)
+        kept = values > 1e-6
+        shrink = np.sqrt(1.0 + np.square(values[kept]))
+        return cls(weight, left[:, kept], shrink, deviation)
+
+    def __call__(self, columns: FloatArray) -> FloatArray:
+        """Return columns, shape (n,) or (n, m), whitened."""
+        weighted = (columns.T * self.weight).T
+        along = self.basis.T @ weighted
+        return weighted + self.basis @ (((1.0 / self.shrink - 1.0) * along.T).T)
+
+
+def whiten(layouts: Sequence[Layout], raws: Sequence[Raw]) -> list[Whitening]:
+    """Return the whitening of each unit; scatters and deviations are those of all.
+
+    Parameters
+    ----------
+    layouts : sequence of Layout
+    raws : sequence of Raw
+    """
+    weights = _weights(layouts, raws)
+    rests = []
+    for raw, weight in zip(raws, weights, strict=True):
+        basis = orthonormal(_times(np.hstack([raw.own, raw.chosen]), weight))
+        along = np.hstack(
+            [(raw.readings * weight)[:, np.newaxis], _times(raw.deviating, weight)]
+        )
+        rests.append(along - basis @ (basis.T @ along))
+    deviation = _deviations(rests, raws[0].n_kinds)
+    return [
+        Whitening.of(raw, weight, deviation) for raw, weight in zip(raws, weights, strict=True)
+    ]
+
+
+def _times(columns: FloatArray, weight: FloatArray) -> FloatArray:
+    return columns * weight[:, np.newaxis]
+
+
+def _weights(layouts: Sequence[Layout], raws: Sequence[Raw]) -> list[FloatArray]:
+    """Return what each reading is multiplied with."""
+    rests = [raw.readings - np.median(raw.readings) for raw in raws]
+    for _ in range(ROUNDS):
+        found = [
+            np.hypot(scatter, raw.accuracy / 2.0)
+            for scatter, raw in zip(scatters(layouts, rests), raws, strict=True)
+        ]
+        weights = [huber(rest, sd) / sd for rest, sd in zip(rests, found, strict=True)]
+        rests = [_rest(raw, weight) for raw, weight in zip(raws, weights, strict=True)]
+    return weights
+
+
+def _rest(raw: Raw, weight: FloatArray) -> FloatArray:
+    """Return what a fit with own deviations of every condition leaves, scaled to scatter."""
+    basis = orthonormal(_times(np.hstack([raw.own, raw.chosen, raw.deviating]), weight))
+    whitened = raw.readings * weight
+    free = 1.0 - np.einsum("ij,ij->i", basis, basis)
+    left = whitened - basis @ (basis.T @ whitened)
+    rest: FloatArray = left / weight / np.sqrt(np.maximum(free, LEAST_FREE))
+    return rest
+
+
+def _deviations(rests: Sequence[FloatArray], n_kinds: int) -> FloatArray:
+    """Return the deviations of each kind under which the readings are most likely.
+
+    Parameters
+    ----------
+    rests : sequence of ndarray, shape (n, 1 + n_deviating)
+        Readings and signatures of deviations, weighted, fit projected out.
+    n_kinds : int
+    """
+    products = [(rest[:, 1:].T @ rest[:, 1:], rest[:, 1:].T @ rest[:, 0]) for rest in rests]
+    tried = [np.array(each) for each in product(DEVIATIONS, repeat=min(n_kinds, 2))]
+    if n_kinds > 2:  # all but the first alike: the skin's three
+        tried = [np.append(each[:1], np.full(n_kinds - 1, each[1])) for each in tried]
+    return max(tried, key=lambda each: _likelihood(products, each))
+
+
+def _likelihood(
+    products: Sequence[tuple[FloatArray, FloatArray]], deviation: FloatArray
+) -> float:
+    """Return the log-likelihood of deviations, but for a constant."""
+    total = 0.0
+    for gram, along in products:
+        size = np.resize(deviation, along.size)
+        inner = np.eye(along.size) + size[:, np.newaxis] * gram * size
+        total -= 0.5 * float(np.linalg.slogdet(inner)[1])
+        total += 0.5 * float((size * along) @ np.linalg.solve(inner, size * along))
+    return total

@@ -1,0 +1,61 @@
+"""How a report becomes one HTML file: its template, numbers, and figures within it."""
+
+import base64
+import io
+from collections.abc import Callable, Mapping
+from importlib import resources
+from importlib.resources.abc import Traversable
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+_DPI = 110
+
+
+def fill(
+    template: Traversable, filters: Mapping[str, Callable[..., str]], **values: object
+) -> str:
+    """Return a filled-in template; it may use ``css`` and the filters ``number`` and ``p``.
+
+    Parameters
+    ----------
+    template : Traversable
+    filters : mapping of str to callable
+        Further filters of this template.
+    values
+        What it names; a name without value is an error.
+    """
+    environment = jinja2.Environment(
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    own: dict[str, Callable[..., Any]] = {"number": number, "p": p_value}
+    environment.filters |= own | dict(filters)
+    css = resources.files(__package__).joinpath("page.css").read_text(encoding="utf-8")
+    made = environment.from_string(template.read_text(encoding="utf-8"))
+    return made.render(css=Markup(css), **values)
+
+
+def picture(figure: Figure) -> str:
+    """Return a figure as a data URI."""
+    stored = io.BytesIO()
+    figure.savefig(stored, format="png", dpi=_DPI)
+    return "data:image/png;base64," + base64.b64encode(stored.getvalue()).decode("ascii")
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """Return a number for reading; a dash where it is not known."""
+    if value is None:
+        return "-"
+    return f"{value:.{digits}g}"
+
+
+def p_value(value: float | None) -> str:
+    """Return a p value for reading."""
+    if value is None:
+        return "-"
+    return "<0.001" if value < 0.001 else f"{value:.3f}"

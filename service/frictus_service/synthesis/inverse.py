@@ -1,0 +1,191 @@
+"""What has to be undone so that a finger feels the target: a law, and what effects add."""
+
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_hardware.physics.friction import FrictionLaw
+from frictus_hardware.physics.rolloff import pole_zero_pairs
+from frictus_hardware.physics.schedule import Circumstances, Schedule
+from frictus_service.synthesis.tables import TOP_HZ
+
+FloatArray = NDArray[np.float64]
+
+SLOWEST_FELT_HZ: Final = 20.0
+"""Textures are made good for a leak down to here without leaving the drive's range."""
+PHASES_TOO: Final = 1.5
+"""The roll-off's inverse turns phases besides, and peaks may meet that did not: by so much in
+the exponent the drive swings further than by the loudest tone alone, as measured on the shipped
+textures."""
+FORGET_HZ: Final = 0.25
+"""Below this, what leaks away is not made good: a constant drive cannot be held."""
+
+
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """What is to be said of an effect.
+
+    Attributes
+    ----------
+    effect : str
+        Its id.
+    rendered : bool
+        Whether it is undone at all.
+    text : str
+        Why not, or within which limits.
+    """
+
+    effect: str
+    rendered: bool
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Ranges:
+    """Where effects are followed; beyond, they hold still.
+
+    Attributes
+    ----------
+    force_n : tuple of float
+        Where the model was measured.
+    x_mm : tuple of float
+        The screen.
+    minutes : tuple of float
+        No session lasts longer; a drift goes on without end only in its equation.
+    """
+
+    force_n: tuple[float, float] = (0.2, 0.6)
+    x_mm: tuple[float, float] = (0.0, 70.0)
+    minutes: tuple[float, float] = (0.0, 30.0)
+
+    def confine(self, circumstances: Circumstances) -> Circumstances:
+        """Return the nearest circumstances within the ranges."""
+        return replace(
+            circumstances,
+            normal_force_n=np.clip(circumstances.normal_force_n, *self.force_n),
+            position_mm=np.clip(circumstances.position_mm, *self.x_mm),
+            minutes=np.clip(circumstances.minutes, *self.minutes),
+        )
+
+    def everywhere(self, speed_mm_s: tuple[float, float]) -> Circumstances:
+        """Return a grid over all circumstances, shape (9, 5, 9, 2, 5)."""
+        return Circumstances(
+            *np.meshgrid(
+                np.linspace(*speed_mm_s, 9),
+                np.linspace(*self.force_n, 5),
+                np.linspace(*self.x_mm, 9),
+                (-1.0, 1.0),
+                np.linspace(*self.minutes, 5),
+                indexing="ij",
+            )
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Inverse:
+    """A law with effects, as far as it can be undone. A law alone is undone as it stands.
+
+    Attributes
+    ----------
+    law : FrictionLaw
+        Without effects.
+    schedule : Schedule
+        How gain and cutoff vary besides.
+    excess_order : float
+        Of the roll-off, beyond the first.
+    leak_hz : float
+        Corner below which the drive is lost; 0 for none.
+    drive_table : ndarray, shape (n,)
+        Over the drive that friction shall follow, even from 0 to 1, the drive that it takes;
+        empty where they are the same.
+    ranges : Ranges
+    remarks : tuple of Remark
+    bounding : FrictionLaw
+        A law of least gain and slowest cutoff, wherever, however and whenever. Scenes are
+        compiled for it, so that one gain and one bias fit everywhere.
+    swing : float
+        How many times more than by the bounding law the drive swings about its bias.
+    """
+
+    law: FrictionLaw
+    schedule: Schedule = Schedule()  # noqa: RUF009 - frozen
+    excess_order: float = 0.0
+    leak_hz: float = 0.0
+    drive_table: FloatArray = field(default_factory=lambda: np.zeros(0))
+    ranges: Ranges = Ranges()
+    remarks: tuple[Remark, ...] = ()
+    bounding: FrictionLaw = field(init=False)
+    swing: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Work out once what scenes and streams are compiled for."""
+        bounding, swing = (self.law, 1.0) if self.plain else self._most_demanding()
+        object.__setattr__(self, "bounding", bounding)
+        object.__setattr__(self, "swing", swing)
+
+    @property
+    def not_rendered(self) -> dict[str, str]:
+        """Why effects are not undone, by id."""
+        return self._told(rendered=False)
+
+    @property
+    def limits(self) -> dict[str, str]:
+        """Within which limits effects are undone, by id; those without limit are left out."""
+        return self._told(rendered=True)
+
+    def _told(self, rendered: bool) -> dict[str, str]:
+        told: dict[str, str] = {}
+        for remark in self.remarks:
+            if remark.rendered == rendered:
+                before = f"{told[remark.effect]}; " if remark.effect in told else ""
+                told[remark.effect] = before + remark.text
+        return told
+
+    @property
+    def plain(self) -> bool:
+        """Whether there is nothing but the law."""
+        return (
+            self.schedule == Schedule()
+            and self.excess_order == 0.0
+            and self.leak_hz == 0.0
+            and self.drive_table.size == 0
+        )
+
+    @property
+    def pairs(self) -> tuple[tuple[float, float], ...]:
+        """Zeros and poles of the roll-off beyond the first order, times the cutoff."""
+        return pole_zero_pairs(self.excess_order)
+
+    def along(self, circumstances: Circumstances) -> tuple[FloatArray, FloatArray]:
+        """Return gain (N per unit of drive) and cutoff (Hz) in given circumstances."""
+        confined = self.ranges.confine(circumstances)
+        return (
+            self.schedule.gain_n(self.law, confined),
+            self.schedule.cutoff_hz(self.law, confined),
+        )
+
+    def _most_demanding(self) -> tuple[FrictionLaw, float]:
+        """Return `bounding` and `swing`."""
+        everywhere = self.ranges.everywhere(self.law.speed_range_mm_s)
+        gain_n, cutoff_hz = self.along(everywhere)
+        own = Schedule().cutoff_hz(self.law, everywhere)
+        slower = min(float((cutoff_hz / own).min()), 1.0)
+        bounding = replace(
+            self.law,
+            gain_n=float(np.min(gain_n)),
+            cutoff_0_hz=self.law.cutoff_0_hz * slower,
+            slope_hz_per_mm_s=self.law.slope_hz_per_mm_s * slower,
+        )
+        slowest = float(np.min(cutoff_hz))
+        louder = float(np.hypot(1.0, TOP_HZ / slowest)) ** max(self.excess_order, 0.0)
+        return bounding, louder**PHASES_TOO * (1.0 + self.leak_hz / SLOWEST_FELT_HZ)
+
+
+Invertible = FrictionLaw | Inverse
+
+
+def as_inverse(law: Invertible) -> Inverse:
+    """Return an inverse as it is, and that of a law without effects."""
+    return law if isinstance(law, Inverse) else Inverse(law)

@@ -1,0 +1,140 @@
+"""Which of a model's effects can be undone, how, and why the others cannot.
+
+No effect is known here by its name: what one does is read off the simulator that it extends.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_hardware.physics.drive_path import DriveMap
+from frictus_hardware.physics.effects import EFFECTS, extended
+from frictus_hardware.physics.friction import FrictionLaw
+from frictus_hardware.physics.linear import TransferFunction
+from frictus_hardware.physics.simulator import Simulator
+from frictus_service.synthesis.inverse import FORGET_HZ, Inverse, Ranges, Remark
+
+FloatArray = NDArray[np.float64]
+Parameters = Mapping[str, float]
+
+NOT_FELT: Final = "it changes what a sensor says, not what the finger feels"
+NOT_FRICTION: Final = "it is how the skin moves, not what friction it feels"
+FOLDED: Final = "more drive does not always give more friction, so there is no one inverse"
+NO_LEAK: Final = "only a leak with one corner can be made good"
+REASONS: Final[Mapping[str, str]] = {
+    "mount": NOT_FELT,
+    "normal_mount": NOT_FELT,
+    "hum": NOT_FELT,
+    "skin": NOT_FRICTION,
+    "skin_delay_s": NOT_FRICTION,
+    "delay_s": "all of the friction comes so much later, which nothing that is played changes",
+    "stick_slip": "its phase is the finger's own and cannot be foretold",
+}
+"""Why a part of the simulator that an effect changes is not undone."""
+
+TABLE_POINTS: Final = 1025
+
+
+def inverse_of(
+    law: FrictionLaw,
+    effects: Sequence[tuple[str, Parameters]],
+    ranges: Ranges = Ranges(),  # noqa: B008 - frozen
+) -> Inverse:
+    """Return the inverse of a law with effects, with remarks on what it leaves out.
+
+    Parameters
+    ----------
+    law : FrictionLaw
+    effects : sequence of (id, parameters)
+        As a `model/1` lists them. One of an unknown id is left out, and that is remarked.
+    ranges : Ranges
+
+    Raises
+    ------
+    EffectParameterError
+        If a parameter is missing, unknown or out of its range.
+    """
+    known = [(id_, parameters) for id_, parameters in effects if id_ in EFFECTS]
+    whole = extended(Simulator(law=law), known)
+    remarks = [
+        Remark(id_, rendered=False, text="this version does not know it")
+        for id_, _ in effects
+        if id_ not in EFFECTS
+    ]
+    for id_, parameters in known:
+        alone = extended(Simulator(law=law), [(id_, parameters)])
+        remarks += _remarks(id_, alone, whole, ranges)
+    table = _table(whole.drive_map)
+    return Inverse(
+        law=law,
+        schedule=whole.schedule,
+        excess_order=whole.excess_order,
+        leak_hz=_leak_hz(whole.drive_filter) or 0.0,
+        drive_table=np.zeros(0) if table is None else table,
+        ranges=ranges,
+        remarks=tuple(remarks),
+    )
+
+
+def _remarks(id_: str, alone: Simulator, whole: Simulator, ranges: Ranges) -> list[Remark]:
+    """Return what is to be said of one effect, from the simulator that has no other."""
+    bare = Simulator(law=alone.law)
+    remarks = [
+        Remark(id_, rendered=False, text=REASONS[field.name])
+        for field in fields(Simulator)
+        if field.name in REASONS and getattr(alone, field.name) != getattr(bare, field.name)
+    ]
+    if alone.drive_map != bare.drive_map and _table(whole.drive_map) is None:
+        remarks.append(Remark(id_, rendered=False, text=FOLDED))
+    if alone.drive_filter is not None and _leak_hz(whole.drive_filter) is None:
+        remarks.append(Remark(id_, rendered=False, text=NO_LEAK))
+    elif alone.drive_filter is not None:
+        text = (
+            f"a constant drive, the bias too, and what is slower than {FORGET_HZ:g} Hz is lost"
+        )
+        remarks.append(Remark(id_, rendered=True, text=text))
+    inverse = Inverse(alone.law, alone.schedule, ranges=ranges)
+    if _varies_with(inverse, "minutes"):
+        text = f"followed for {ranges.minutes[1]:g} min from when the model came into force"
+        remarks.append(Remark(id_, rendered=True, text=text))
+    if _varies_with(inverse, "normal_force_n"):
+        low, high = ranges.force_n
+        text = f"follows the force as last measured, from {low:g} to {high:g} N"
+        remarks.append(Remark(id_, rendered=True, text=text))
+    return remarks
+
+
+def _varies_with(inverse: Inverse, quantity: str) -> bool:
+    everywhere = inverse.ranges.everywhere(inverse.law.speed_range_mm_s)
+    value = getattr(everywhere, quantity)
+    held = replace(everywhere, **{quantity: np.full_like(value, value.flat[0])})
+    return any(
+        not np.array_equal(there, here)
+        for there, here in zip(inverse.along(everywhere), inverse.along(held), strict=True)
+    )
+
+
+def _leak_hz(response: TransferFunction | None) -> float | None:
+    """Return the corner of ``s / (s + w)``, 0 for no filter, None for any other."""
+    if response is None:
+        return 0.0
+    match response.numerator, response.denominator:
+        case (1.0, 0.0), (1.0, corner_rad_s):
+            return corner_rad_s / (2.0 * math.pi)
+    return None
+
+
+def _table(drive_map: DriveMap) -> FloatArray | None:
+    """Return the drive over what becomes of it; empty for no change, None without inverse."""
+    if drive_map == DriveMap():
+        return np.zeros(0)
+    given = np.linspace(0.0, 1.0, 8 * (TABLE_POINTS - 1) + 1)
+    got = given * drive_map.factor(given)
+    if not np.all(np.diff(got) > 0.0):
+        return None
+    table: FloatArray = np.interp(np.linspace(0.0, 1.0, TABLE_POINTS), got, given)
+    return table

@@ -1,0 +1,105 @@
+"""What is true of rig and finger, beyond the paper's law."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from tests.blind.generator.rolloff import FIRST_ORDER, Rolloff
+from tests.blind.generator.transfer import Rational, mount
+
+FloatArray = NDArray[np.float64]
+
+THE_MOUNT = mount()
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """When and how friction acts; arrays of one shape but `minutes`.
+
+    Attributes
+    ----------
+    speed_mm_s : ndarray
+        Kept at 20 to 100, as the paper's law is.
+    normal_force_n, position_mm : ndarray
+    direction : ndarray
+        +1 left to right, -1 right to left, in between where it turns.
+    minutes : float
+        Since the person's first trial.
+    """
+
+    speed_mm_s: FloatArray
+    normal_force_n: FloatArray
+    position_mm: FloatArray
+    direction: FloatArray
+    minutes: float
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A factor 1 + depth times a band pass in the friction response."""
+
+    frequency_hz: float
+    quality: float
+    depth: Callable[[Moment], FloatArray]
+
+
+@dataclass(frozen=True, slots=True)
+class Shelf:
+    """What leaks: s + (1 - share) w over s + w, on the drive fraction."""
+
+    corner_hz: float
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
+class StickSlip:
+    """A saw-tooth over the way: peak amplitude at rest, and how it goes with speed."""
+
+    amplitude_n: float
+    fading_mm_s: float = 20.0
+    period_mm: float = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class World:
+    """Everything that may be unlike the paper's law.
+
+    Attributes
+    ----------
+    gains : tuple of callables
+        Factors of the gain.
+    cutoffs : tuple of callables
+        From moment and cutoff, Hz, to cutoff; in turn.
+    maps : tuple of callables
+        From drive fraction, minutes and tone, Hz, to drive fraction.
+    shelf, section, stick_slip : optional
+    delay_s : float
+    rolloff : Rolloff
+    mount : Rational
+    mains_n, mains_hz : float
+    """
+
+    gains: tuple[Callable[[Moment], FloatArray], ...] = ()
+    cutoffs: tuple[Callable[[Moment, FloatArray], FloatArray], ...] = ()
+    maps: tuple[Callable[[FloatArray, float, float], FloatArray], ...] = ()
+    shelf: Shelf | None = None
+    section: Section | None = None
+    stick_slip: StickSlip | None = None
+    delay_s: float = 0.0
+    rolloff: Rolloff = FIRST_ORDER
+    mount: Rational = THE_MOUNT
+    mains_n: float = 0.0
+    mains_hz: float = 50.0
+
+    def with_gain(self, factor: Callable[[Moment], FloatArray]) -> "World":
+        """Return a world with a further factor of the gain."""
+        return replace(self, gains=(*self.gains, factor))
+
+    def with_cutoff(self, change: Callable[[Moment, FloatArray], FloatArray]) -> "World":
+        """Return a world with a further change of the cutoff."""
+        return replace(self, cutoffs=(*self.cutoffs, change))
+
+    def with_map(self, change: Callable[[FloatArray, float, float], FloatArray]) -> "World":
+        """Return a world whose drive fraction is mapped further."""
+        return replace(self, maps=(*self.maps, change))

@@ -1,0 +1,104 @@
+"""A recorded trial of a finger with many effects, through the estimator of the service."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_hardware.physics.effects import extended
+from frictus_hardware.physics.screen import Screen, screen_voltage
+from frictus_hardware.physics.simulator import Circumstances, Probe, Simulator
+from frictus_hardware.physics.twin import Signals, simulate
+from frictus_hardware.simulated.press import Press
+from frictus_hardware.simulated.strokes import SteadyStrokes
+from frictus_service.identification.observation import Rows
+from frictus_service.identification.observe import observe
+from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
+
+RATE_HZ = 20_000.0
+MINUTES = 14.0
+TONES_HZ = (67.0, 239.0, 613.0, 1187.0)
+MIXTURE = [
+    ("speed_dependent_cutoff", {"slope_hz_per_mm_s": -5.0}),
+    ("force_dependent_cutoff", {"exponent": 0.18}),
+    ("cutoff_drift", {"per_minute": -0.02}),
+    ("speed_dependent_gain", {"exponent": -0.25}),
+    ("force_dependent_gain", {"exponent": 0.18}),
+    ("gain_drift", {"per_minute": 0.02}),
+    ("direction_asymmetry", {"share": 0.06}),
+    ("position_dependent_gain", {"per_mm": -0.005}),
+    ("charge_leakage", {"corner_hz": 1.0}),
+    ("channel_delay", {"delay_s": 4e-6}),
+    ("mount_resonance_shift", {"share": 0.0048}),
+    ("fractional_rolloff", {"excess_order": 0.12}),
+    ("residual_quadratic", {"share": 0.0048}),
+    ("amplitude_compression", {"share": -0.0048}),
+]
+
+
+def recorded(simulator: Simulator, rng: np.random.Generator) -> Trial:
+    time_s = np.arange(round(2.5 * RATE_HZ)) / RATE_HZ
+    press = Press(target_n=0.5, wander_n=0.02)
+    strokes = SteadyStrokes(speed_mm_s=45.0, span_mm=50.0, press=press)
+    motion = strokes.start((70.0, 35.0), rng).at(time_s)
+    phase = rng.uniform(0.0, 2.0 * np.pi, len(TONES_HZ))
+    waves = np.cos(2.0 * np.pi * np.multiply.outer(time_s, np.array(TONES_HZ)) + phase)
+    volts = screen_voltage(Screen(), 0.5 + 0.499 * waves.mean(axis=1), 0, RATE_HZ)
+    signals = Signals.driven(
+        RATE_HZ,
+        volts,
+        motion.position_mm,
+        motion.velocity_mm_s,
+        motion.normal_force_n,
+        motion.in_contact,
+    )
+    felt = simulate(simulator.twin(Screen(), 0.5, minutes=MINUTES), signals)
+    scans = np.arange(0.0, time_s.size, RATE_HZ / 60.0).astype(int)
+    return Trial(
+        info=TrialInfo(
+            "t0", "P01", 0, 0, 45.0, 0.5, TONES_HZ, 150.0, RATE_HZ, "2026-01-05T09:00:00Z"
+        ),
+        voltage_v=volts,
+        force_n=felt.force_n,
+        accel_m_s2=felt.accel_m_s2,
+        skin_velocity_m_s=None,
+        position_mm=motion.position_mm[scans],
+        position_t_s=scans / RATE_HZ,
+    )
+
+
+def probe_of(rows: Rows) -> Probe:
+    ones = np.ones(rows.tone_hz.size)
+    tones = len(TONES_HZ)
+    power = np.square(np.abs(rows.message)).reshape(-1, tones).sum(axis=1) / 2.0
+    return Probe(
+        rows.tone_hz,
+        rows.message,
+        0.5 * ones,
+        np.repeat(power, tones),
+        Circumstances(
+            rows.speed_mm_s,
+            rows.normal_force_n,
+            rows.position_mm,
+            rows.direction.astype(float),
+            MINUTES * ones,
+        ),
+    )
+
+
+def off(found: NDArray[np.complex128], expected: NDArray[np.complex128]) -> tuple[float, float]:
+    """Size in per cent and phase in degrees, of three quarters of all rows."""
+    ratio = found / expected
+    sizes, turns = np.abs(np.abs(ratio) - 1.0), np.abs(np.angle(ratio, deg=True))
+    return 100.0 * float(np.quantile(sizes, 0.75)), float(np.quantile(turns, 0.75))
+
+
+def test_the_estimator_reports_what_is_predicted(rng: np.random.Generator) -> None:
+    base = Simulator()
+    simulator = extended(base, MIXTURE)
+    nominal = base.mount
+    rows = observe(recorded(simulator, rng), StudyInfo("twin", mount=nominal)).rows
+    predicted = simulator.predict(probe_of(rows), nominal).friction
+    size, turn = off(rows.friction_response, predicted)
+    assert size <= 0.3
+    assert turn <= 0.2
+    without = base.predict(probe_of(rows), nominal).friction
+    assert off(rows.friction_response, without)[0] > 10.0

@@ -1,0 +1,163 @@
+"""Discoveries as jobs over REST: real processes, started, followed, cancelled and killed."""
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+from fastapi.testclient import TestClient
+from tests.service.api.conftest import configuration
+from tests.service.jobs import stepwise_discovery
+
+from frictus_service.api.app import build_app
+from frictus_service.discovery.document import Discovery
+from frictus_service.discovery.job import DiscoverySpec
+from frictus_service.discovery.shelf import DiscoveryShelf
+
+RUN = "tests.service.jobs.stepwise_discovery:run"
+ROOT = Path(__file__).parents[3]
+STUDIES = ("visit.h5", "bad.h5", "fatal.h5")
+
+
+class Event(NamedTuple):
+    number: int
+    kind: str
+    data: Any
+
+
+@pytest.fixture
+def studies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    folder = tmp_path / "studies"
+    folder.mkdir()
+    for name in STUDIES:
+        (folder / name).touch()
+    stepwise_discovery.allow(folder, stepwise_discovery.STEPS)
+    return folder
+
+
+Serve = Callable[..., TestClient]
+
+
+@pytest.fixture
+def api(studies: Path, serve: Serve) -> TestClient:
+    return serve(discover=RUN)
+
+
+def start(api: TestClient, study: str = "visit.h5", **more: Any) -> Any:
+    return api.post("/v1/discoveries", json={"study": study, "seed": 3, **more})
+
+
+def follow(api: TestClient, job: str, after: int | None = None) -> list[Event]:
+    """Wait until a discovery runs no more; return what it told."""
+    headers = {} if after is None else {"Last-Event-ID": str(after)}
+    answer = api.get(f"{job}/events", headers=headers)
+    assert answer.headers["content-type"].startswith("text/event-stream")
+    found = []
+    for block in answer.text.split("\n\n"):
+        fields = dict(line.split(": ", 1) for line in block.splitlines() if line[:1] != ":")
+        if fields:
+            data = json.loads(fields["data"])
+            found.append(Event(int(fields["id"]), fields["event"], data))
+    return found
+
+
+def states(events: list[Event]) -> list[str]:
+    return [event.data for event in events if event.kind == "state"]
+
+
+def wait_until(api: TestClient, job: str, message: str) -> None:
+    while (api.get(job).json()["progress"] or {}).get("message") != message:
+        pass
+
+
+def test_from_start_to_report(api: TestClient) -> None:
+    started = start(api)
+    assert (started.status_code, started.json()["state"]) == (202, "queued")
+    job = started.headers["location"]
+    told = follow(api, job)
+    assert [event.number for event in told] == list(range(1, len(told) + 1))
+    assert states(told) == ["queued", "running", "done"]
+    steps = [event.data["message"] for event in told if event.kind == "progress"]
+    assert steps == ["step 0", "step 1", "step 2"]
+    assert follow(api, job, after=3) == told[3:]
+
+    done = api.get(job).json()
+    assert done["result"]["causes"] == ["speed_dependent_cutoff"]
+    assert done["result"]["verdict"] == "explained"
+    report = api.get(f"{job}/report")
+    found = Discovery.model_validate_json(report.content)
+    assert report.json()["schema"] == "discovery/1"
+    assert found.extended_model.effects[0].id == "speed_dependent_cutoff"
+    page = api.get(f"{job}/report.html")
+    assert page.headers["content-type"].startswith("text/html")
+    assert done["result"]["sentence"] in page.text
+    assert api.delete(job).json()["code"] == "wrong_state"
+    listed = api.get("/v1/discoveries").json()["discoveries"]
+    assert [one["id"] for one in listed] == [done["id"]]
+
+
+def test_one_runs_at_a_time_and_each_can_be_cancelled(api: TestClient, studies: Path) -> None:
+    stepwise_discovery.allow(studies, 1)
+    first = start(api).headers["location"]
+    wait_until(api, first, "step 1")
+    second = start(api).headers["location"]
+    third = start(api, "bad.h5").headers["location"]
+    assert api.get(second).json()["state"] == "queued"
+    assert api.get(f"{first}/report").json()["code"] == "wrong_state"
+    assert api.delete(second).status_code == 202
+    assert api.delete(first).status_code == 202
+    assert states(follow(api, first)) == ["queued", "running", "cancelled"]
+    assert states(follow(api, second)) == ["queued", "cancelled"]
+    stepwise_discovery.allow(studies, stepwise_discovery.STEPS)
+    assert states(follow(api, third)) == ["queued", "running", "failed"]
+    listed = api.get("/v1/discoveries").json()["discoveries"]
+    assert [f"/v1/discoveries/{one['id']}" for one in listed] == [third, second, first]
+
+
+def test_failures_say_why(api: TestClient) -> None:
+    bad, fatal = (start(api, name).headers["location"] for name in ("bad.h5", "fatal.h5"))
+    assert states(follow(api, bad))[-1] == "failed"
+    assert api.get(bad).json()["failure"] == "trial 7 has no position"
+    assert states(follow(api, fatal))[-1] == "interrupted"
+
+
+def test_a_study_is_a_file_below_the_folder(api: TestClient, studies: Path) -> None:
+    (studies.parent / "outside.h5").touch()
+    answer = start(api, "missing.h5")
+    assert (answer.status_code, answer.json()["code"]) == (404, "no_study")
+    assert "visit.h5" in answer.json()["detail"]
+    for name in ("../outside.h5", "/etc/passwd", "a/../../outside.h5", "", ".hidden"):
+        assert start(api, name).status_code == 422, name
+    assert start(api, base="better").status_code == 422
+    assert start(api, response="heat").status_code == 422
+    assert api.get("/v1/discoveries/0-0").json()["code"] == "no_discovery"
+    assert api.get("/v1/discoveries").json() == {"discoveries": []}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links need a privilege there")
+def test_a_link_out_of_the_folder_is_not_followed(api: TestClient, studies: Path) -> None:
+    (studies.parent / "outside.h5").touch()
+    (studies / "link.h5").symlink_to(studies.parent / "outside.h5")
+    assert start(api, "link.h5").json()["code"] == "no_study"
+
+
+def test_an_api_that_ends_leaves_interrupted_ones(
+    router: str, tmp_path: Path, studies: Path
+) -> None:
+    stepwise_discovery.allow(studies, 1)
+    config = configuration(router, tmp_path / "textures")
+    base = "http://127.0.0.1:8420"
+    with TestClient(build_app(config, discover=RUN), base_url=base) as api:
+        running, waiting = (start(api).headers["location"] for _ in range(2))
+        wait_until(api, running, "step 1")
+    shelf = DiscoveryShelf(studies)
+    lost = shelf.create(DiscoverySpec(study="visit.h5"), by="a process that was killed")
+    events = studies / "discoveries" / lost.id / "events.jsonl"
+    events.write_bytes(events.read_bytes() + b'{"number": 2, "ki')  # in the middle of a word
+    with TestClient(build_app(config, discover=RUN), base_url=base) as api:
+        for job in (running, waiting, f"/v1/discoveries/{lost.id}"):
+            assert api.get(job).json()["state"] == "interrupted"
+        assert states(follow(api, f"/v1/discoveries/{lost.id}")) == ["queued", "interrupted"]

@@ -1,0 +1,56 @@
+"""A discovery of three steps, each of which waits until a file beside the studies allows it.
+
+Run in processes that the service starts; the name of the study says what goes wrong.
+"""
+
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from tests.service.discovery.found import discovery
+
+from frictus_service.discovery.errors import DiscoveryCancelledError
+from frictus_service.discovery.job import DiscoveryProgress, DiscoveryResult, DiscoverySpec
+from frictus_service.discovery.outputs import write
+from frictus_service.discovery.words import verdict_sentence
+from frictus_service.study.errors import StudyError
+
+STEPS = 3
+
+
+def allow(studies: Path, steps: int) -> None:
+    """Let discoveries below `studies` do so many steps."""
+    beside = studies / "allowed.new"
+    beside.write_text(str(steps), encoding="ascii")
+    os.replace(beside, studies / "allowed")
+
+
+def run(
+    spec: DiscoverySpec,
+    study: Path,
+    folder: Path,
+    tell: Callable[[DiscoveryProgress], None],
+    cancelled: Callable[[], bool],
+) -> DiscoveryResult:
+    """Do the steps."""
+    print("libraries print too")  # noqa: T201
+    allowed = study.parent / "allowed"
+    for step in range(STEPS):
+        tell(DiscoveryProgress(message=f"step {step}"))
+        while int(allowed.read_text("ascii")) <= step:
+            if cancelled():
+                raise DiscoveryCancelledError("cancelled")
+            time.sleep(0.005)
+    if study.stem == "bad":
+        raise StudyError("trial 7 has no position")
+    if study.stem == "fatal":
+        os._exit(11)
+    found = discovery(np.random.default_rng(spec.seed))
+    write(found, folder)
+    return DiscoveryResult(
+        verdict=found.verdict,
+        sentence=verdict_sentence(found),
+        causes=tuple(cause.id for cause in found.causes),
+    )
