@@ -28,7 +28,7 @@ from frictus_service.discovery.document import (
     Verdict,
 )
 from frictus_service.discovery.evidence import TrialEvidence
-from frictus_service.discovery.findings import Findings, Named, Residue, find
+from frictus_service.discovery.findings import Findings, Named, find
 from frictus_service.discovery.gains import gain_of, unseen
 from frictus_service.discovery.generic import patterns_of
 from frictus_service.discovery.linearised import (
@@ -40,6 +40,7 @@ from frictus_service.discovery.linearised import (
 )
 from frictus_service.discovery.notes import notes_on
 from frictus_service.discovery.pictures import level_bins, residual_bins, rests_of
+from frictus_service.discovery.residues import Residue
 from frictus_service.discovery.significance import LEAST_UNITS, signs
 from frictus_service.discovery.subjects import Rows, subjects_of
 from frictus_service.discovery.table import Units, rows_of, units_of, used
@@ -139,7 +140,7 @@ class _Report:
         self._study, self._seed, self._notes = study, seed, notes
         self._sure = [each for each in found.named if not each.alike]
         self._unsure = [each for each in found.named if each.alike]
-        self._chosen = [each.candidate for each in self._sure]
+        self._chosen = [each.candidate for each in self._sure if each.in_model]
 
     def document(self) -> Discovery:
         """Return the document."""
@@ -149,7 +150,7 @@ class _Report:
         before, after = rests_of(ground, *base), rests_of(ground, *extended)
         gain = None
         if self._chosen:
-            per_unit = np.sum([each.gain for each in self._sure], axis=0)
+            per_unit = np.sum([each.gain for each in self._sure if each.in_model], axis=0)
             gain = gain_of(ground, per_unit, base, extended)
         return Discovery(
             code_version=version("frictus"),
@@ -198,7 +199,7 @@ class _Report:
                 self._ground,
                 each.gain,
                 (self._model_of(others), others),
-                (self._model_of(self._chosen), self._chosen),
+                (self._model_of([*others, each.candidate]), [*others, each.candidate]),
             ),
             alternatives=tuple(
                 Alternative(
@@ -235,23 +236,23 @@ class _Report:
         candidate = self._ground.candidates[each.candidate]
         effect = EFFECTS[candidate.effect]
         units = {parameter.name: parameter.unit for parameter in effect.parameters}
-        values = each.coefficients[np.isfinite(each.coefficients)]
+        known = each.coefficients[np.isfinite(each.coefficients)]
+        values = _parameter(candidate, known)
         mean, n = float(values.mean()), values.size
         error = float(values.std(ddof=1) / np.sqrt(n))
         # What measuring is wrong by is the same for all: no mean takes it away.
-        best = self._found.accuracy[each.candidate]
+        best = float(_parameter(candidate, self._found.accuracy[each.candidate]))
         half = float(np.hypot(stats.t.ppf(0.975, n - 1) * error, best / 2.0))
-        ends = [_dose(candidate, mean + sign * half) for sign in (-1.0, 1.0)]
-        value = _dose(candidate, mean)
-        if candidate.squared and value > 0.0:
-            error = error / (2.0 * value)
+        least = 0.0 if candidate.positive else -np.inf
         estimate = ParameterEstimate(
-            value=value,
-            ci95=(ends[0], ends[1]),
+            value=max(mean, least),
+            ci95=(max(mean - half, least), max(mean + half, least)),
             unit=units[candidate.parameter],
             standard_error=error,
             per_participant=tuple(
-                ParticipantValue(participant=unit, value=_dose(candidate, coefficient))
+                ParticipantValue(
+                    participant=unit, value=float(_parameter(candidate, coefficient))
+                )
                 for unit, coefficient in zip(self._units.names, each.coefficients, strict=True)
                 if np.isfinite(coefficient)
             ),
@@ -305,6 +306,7 @@ class _Report:
                 },
             )
             for each in self._sure
+            if each.in_model
         ]
         return self._base.model_copy(
             update={
@@ -367,14 +369,15 @@ class _Report:
                 id=name,
                 statistic=float(first.t[best]),
                 p_value=float(first.p[best]),
-                detectable={candidate.parameter: _dose(candidate, size)},
+                detectable={candidate.parameter: float(_parameter(candidate, size))},
             )
         return [tests[name] for name in sorted(tests)]
 
 
-def _dose(candidate: Candidate, coefficient: float) -> float:
-    """Return the parameter itself; 0 where a square came out negative."""
-    return float(np.sqrt(max(coefficient, 0.0))) if candidate.squared else float(coefficient)
+def _parameter(candidate: Candidate, coefficient: FloatArray | float) -> FloatArray:
+    """Return the parameter itself; below 0 where its square came out so."""
+    value = np.asarray(coefficient, dtype=np.float64)
+    return np.sign(value) * np.sqrt(np.abs(value)) if candidate.squared else value
 
 
 _BANDS: Final = {

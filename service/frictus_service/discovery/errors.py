@@ -15,6 +15,10 @@ class BaseModelError(ServiceError, ValueError):
     """There is no such base model, or it is not of the response that is asked for."""
 
 
+class DesignError(ServiceError, ValueError):
+    """There is no such design, or its trials cannot be planned with."""
+
+
 class DiscoveryCancelledError(ServiceError, RuntimeError):
     """Somebody ended the discovery."""
 

@@ -7,29 +7,26 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus_service.discovery.generic import Pattern, families
+from frictus_service.discovery.families import explained_by, other_forms, place_of, with_forms
+from frictus_service.discovery.generic import Place, places_of
 from frictus_service.discovery.linearised import Ground, Linearised
+from frictus_service.discovery.residues import Residue, residues_of
 from frictus_service.discovery.selection import select
 from frictus_service.discovery.significance import Significance
-from frictus_service.discovery.units import (
-    Unit,
-    held_out_gain,
-    leave,
-    orthonormal,
-    similarity,
-)
+from frictus_service.discovery.units import Unit, held_out_gain, leave, similarity
 
 FloatArray = NDArray[np.float64]
 
 NAMING: Final = 0.05
 """Family-wise, of all causes of the catalogue."""
-OMNIBUS: Final = 0.025
-"""Family-wise, of all patterns: noticing something unknown in nothing is a false alarm too."""
+OTHER_FORM: Final = 0.05
+"""Of the forms of a cause that is named."""
 ALIKE: Final = 0.9
 """Cosine from which two signatures are not told apart."""
 RIGHT_FAMILY: Final = 0.6
 """A cause that explains less of what is reproducible in its place is not named."""
-MOST_PATTERNS: Final = 6
+CLEARLY: Final = 0.1
+"""By which a family must explain more of a misfit than any other."""
 ATTEMPTS: Final = 4
 
 
@@ -53,6 +50,10 @@ class Named:
         Candidates of which this design cannot say whether it is them, with cosines.
     near : tuple of (int, float)
         The same between 0.5 and `ALIKE`.
+    left : bool
+        Whether something else is reproducible in its place.
+    in_model : bool
+        Whether the extended model has it; one that only another form explains is not in it.
     """
 
     candidate: int
@@ -63,26 +64,8 @@ class Named:
     share: float
     alike: tuple[tuple[int, float], ...]
     near: tuple[tuple[int, float], ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Residue:
-    """Something reproducible that no cause in the model accounts for.
-
-    Attributes
-    ----------
-    pattern : Pattern
-        The strongest of its kind.
-    tones : tuple of int
-        Where it is, pattern's tones and those beside them that show it too.
-    p_value : float
-    gain : ndarray, shape (n_units,)
-    """
-
-    pattern: Pattern
-    tones: tuple[int, ...]
-    p_value: float
-    gain: FloatArray
+    left: bool = False
+    in_model: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,20 +116,17 @@ def find(ground: Ground, flips: FloatArray) -> Findings:
     for _ in range(ATTEMPTS):
         selected = select(lambda chosen: linearise(chosen).units, flips, NAMING, banned)
         model = linearise(selected.effects)
-        residues = _residues(model, selected.effects, ground.patterns, flips)
-        named = [
-            _named(effect, model, selected.effects, ground, residues, flips)
-            for effect in selected.effects
-        ]
-        weak = {each.candidate for each in named if each.share < RIGHT_FAMILY}
+        named, residues, units = _said(ground, model, flips)
+        weak = {each.candidate for each in named if each.share < RIGHT_FAMILY or _torn(each)}
         if not weak:
             break
         banned |= weak
-    kept = [each for each in named if each.candidate not in weak]
-    explained = sum(float(each.gain.sum()) for each in kept)
+    named = [each for each in named if each.candidate not in weak]
+    named += _of_family(ground, model, units, residues, {each.candidate for each in named})
+    explained = sum(float(each.gain.sum()) for each in named if each.in_model)
     left = sum(float(each.gain.sum()) for each in residues)
     return Findings(
-        named=tuple(kept),
+        named=tuple(named),
         residues=tuple(residues),
         base=linearise(()),
         extended=model,
@@ -157,93 +137,142 @@ def find(ground: Ground, flips: FloatArray) -> Findings:
     )
 
 
-def _residues(
-    model: Linearised, effects: Sequence[int], patterns: Sequence[Pattern], flips: FloatArray
-) -> list[Residue]:
-    """Return the patterns that the model leaves, strongest first, each beside those before."""
-    units = [unit.beyond(effects) for unit in model.units]
-    found = select(lambda chosen: units, flips, OMNIBUS, most=MOST_PATTERNS)
-    residues = []
-    for place, pattern in enumerate(found.effects):
-        left = leave(units, found.effects[:place])
-        significance = left.significance(flips)
-        gain = held_out_gain(left)[:, pattern]
-        tones = _extent(patterns, pattern, significance)
-        residues.append(Residue(patterns[pattern], tones, float(significance.p[pattern]), gain))
-    return residues
+def _torn(each: Named) -> bool:
+    """Return whether a cause that is not told from another leaves something in its place."""
+    return bool(each.alike) and each.left
 
 
-def _extent(
-    patterns: Sequence[Pattern], found: int, significance: Significance
-) -> tuple[int, ...]:
-    """Return the tones of a pattern, and those of others like it that are significant too."""
-    one = patterns[found]
-    if not one.tones:
-        return ()
-    tones = set(one.tones)
-    for other, p in zip(patterns, significance.p, strict=True):
-        like = other.channel == one.channel and other.covariate == one.covariate
-        if like and p <= OMNIBUS and len(other.tones) <= len(one.tones):
-            tones |= set(other.tones)
-    return tuple(sorted(tones))
+def _beside_each_other(residue: Residue, place: Place) -> bool:
+    """Return whether a residue lies where an effect shows: in harmonics, whenever it does."""
+    kind, covariate = places_of([residue.pattern])[0]
+    return kind == place[0] and (kind != "response" or covariate == place[1])
+
+
+def _said(
+    ground: Ground, model: Linearised, flips: FloatArray
+) -> tuple[list[Named], list[Residue], list[Unit]]:
+    """Return the causes in a model, what it leaves, and the units beyond it."""
+    units = [unit.beyond(model.chosen) for unit in model.units]
+    places = {each: place_of(model.units, each, ground.patterns) for each in model.chosen}
+    bent = set()
+    beyond = units
+    for effect, (_, covariate) in places.items():
+        forms = other_forms(ground, model, effect, covariate, beside=True)
+        left = leave(with_forms(units, forms))
+        seen = left.significance(flips).p <= OTHER_FORM
+        if np.any(seen & (held_out_gain(left).sum(axis=0) > 0.0)):
+            bent.add(effect)
+            beyond = [
+                unit.and_own(columns) for unit, (columns, _) in zip(beyond, forms, strict=True)
+            ]
+    residues = residues_of(ground, model, beyond, flips)
+    named = [
+        _named(effect, model, ground, residues, flips, places[effect], effect in bent)
+        for effect in model.chosen
+    ]
+    return named, residues, beyond
 
 
 def _named(
     effect: int,
     model: Linearised,
-    effects: Sequence[int],
     ground: Ground,
     residues: Sequence[Residue],
     flips: FloatArray,
+    place: Place,
+    bent: bool,
 ) -> Named:
-    others = [other for other in effects if other != effect]
+    others = [other for other in model.chosen if other != effect]
     left = leave(model.units, others)
-    significance = left.significance(flips)
     gain = held_out_gain(left)[:, effect]
-    cosines = similarity(model.units, others)[effect]
-    beside = [
-        (k, float(cosines[k]))
-        for k in np.argsort(-np.abs(cosines))
-        if k not in effects and ground.candidates[k].effect != ground.candidates[effect].effect
-    ]
-    place = place_of(model.units, effect, ground.patterns)
-    rest = sum(
-        float(each.gain.sum()) for each in residues if families([each.pattern])[0] == place
-    )
+    rest = sum(float(each.gain.sum()) for each in residues if _beside_each_other(each, place))
     own = float(gain.sum())
+    alike, near = _beside(effect, model, ground)
     return Named(
         candidate=effect,
-        verdict="family" if rest > 0.0 else "confirmed",
-        p_value=float(significance.p[effect]),
+        verdict="family" if bent or rest > 0.0 else "confirmed",
+        p_value=float(left.significance(flips).p[effect]),
         gain=gain,
         coefficients=left.estimates[:, effect],
         share=own / (own + rest) if own + rest > 0.0 else 0.0,
-        alike=tuple((int(k), c) for k, c in beside if abs(c) > ALIKE),
-        near=tuple((int(k), c) for k, c in beside if 0.5 < abs(c) <= ALIKE),
+        alike=alike,
+        near=near,
+        left=rest > 0.0,
     )
 
 
-def place_of(
-    units: Sequence[Unit], effect: int, patterns: Sequence[Pattern]
-) -> tuple[str, str]:
-    """Return the family of patterns that comes closest to an effect's signature.
+def _beside(
+    effect: int, model: Linearised, ground: Ground
+) -> tuple[tuple[tuple[int, float], ...], tuple[tuple[int, float], ...]]:
+    """Return other causes that look like one, and those that look a little like it."""
+    others = [other for other in model.chosen if other != effect]
+    cosines = similarity(model.units, others)[effect]
+    name = ground.candidates[effect].effect
+    beside = [
+        (int(k), float(cosines[k]))
+        for k in np.argsort(-np.abs(cosines))
+        if k not in model.chosen and ground.candidates[k].effect != name
+    ]
+    return (
+        tuple((k, c) for k, c in beside if abs(c) > ALIKE),
+        tuple((k, c) for k, c in beside if 0.5 < abs(c) <= ALIKE),
+    )
 
-    Parameters
-    ----------
-    units : sequence of Unit
-    effect : int
-    patterns : sequence of Pattern
-    """
-    family = families(patterns)
-    names = list(dict.fromkeys(family))
-    explained = np.zeros(len(names))
-    for unit in units:
-        own = orthonormal(unit.own)
-        signature = unit.effects[:, effect]
-        signature = signature - own @ (own.T @ signature)
-        for place, name in enumerate(names):
-            columns = unit.generic[:, [each == name for each in family]]
-            columns = columns - own @ (own.T @ columns)
-            found = np.linalg.lstsq(columns, signature, rcond=1e-9)[0]
-            explained[place] += float(signature @ columns @ found)
-    return names[int(np.argmax(explained))]
+
+def _of_family(
+    ground: Ground,
+    model: Linearised,
+    units: Sequence[Unit],
+    residues: Sequence[Residue],
+    present: set[int],
+) -> list[Named]:
+    """Return causes that in another form than the catalogue's explain what is left."""
+    left = leave(model.units, model.chosen)
+    found = []
+    for place in dict.fromkeys(places_of([each.pattern for each in residues])):
+        there = [each for each in residues if places_of([each.pattern])[0] == place]
+        misfit = [
+            np.sum(parts, axis=0) for parts in zip(*(r.misfit for r in there), strict=True)
+        ]
+        shares = {
+            k: _share(ground, model, units, misfit, k, place)
+            for k in range(len(ground.candidates))
+            if k not in present and place_of(model.units, k, ground.patterns) == place
+        }
+        best = max(shares, key=lambda k: shares[k], default=None)
+        if best is None or shares[best] < RIGHT_FAMILY:
+            continue
+        if any(shares[k] > shares[best] - CLEARLY for k in shares if k != best):
+            continue
+        alike, near = _beside(best, model, ground)
+        found.append(
+            Named(
+                candidate=best,
+                verdict="family",
+                p_value=min(each.p_value for each in there),
+                gain=np.sum([each.gain for each in there], axis=0),
+                coefficients=left.estimates[:, best],
+                share=shares[best],
+                alike=alike,
+                near=near,
+                in_model=False,
+            )
+        )
+    return found
+
+
+def _share(
+    ground: Ground,
+    model: Linearised,
+    units: Sequence[Unit],
+    misfit: Sequence[FloatArray],
+    effect: int,
+    place: Place,
+) -> float:
+    """Return the share of a misfit that an effect in any of its forms makes up."""
+    forms = other_forms(ground, model, effect, place[1], beside=False)
+    columns = [
+        np.column_stack([whole.effects[:, effect], form])
+        for whole, (form, _) in zip(model.units, forms, strict=True)
+    ]
+    return explained_by(units, misfit, columns)

@@ -12,7 +12,7 @@ from frictus_service.discovery.document import Covariate, Gain, UnseenCondition
 from frictus_service.discovery.linearised import Ground, Linearised
 from frictus_service.discovery.readings import Compared
 from frictus_service.discovery.subjects import Subject, part_of
-from frictus_service.discovery.units import joint
+from frictus_service.discovery.units import joint, mean_of_known
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -66,9 +66,7 @@ def held_out(ground: Ground, model: Linearised, effects: Sequence[int]) -> list[
     rests = []
     for place, (subject, own) in enumerate(zip(ground.subjects, model.own, strict=True)):
         others = np.delete(found, place, axis=0)
-        with np.errstate(invalid="ignore"):
-            mean = np.nanmean(others, axis=0) if effects and len(others) else found.mean(axis=0)
-        rests.append(ground.rest(subject, own, effects, np.nan_to_num(mean)))
+        rests.append(ground.rest(subject, own, effects, mean_of_known(others)))
     return rests
 
 
@@ -102,8 +100,10 @@ def unseen(ground: Ground, effects: Sequence[int]) -> list[UnseenCondition]:
         for chosen in ((), tuple(effects)):
             model = kept.linearise(chosen, wanted=(), patterns=())
             rests = [
-                left.rest(subject, own, chosen, model.coefficients)
-                for subject, own in zip(left.subjects, model.own, strict=True)
+                left.rest(subject, own, chosen, row)
+                for subject, own, row in zip(
+                    left.subjects, model.own, model.coefficients, strict=True
+                )
             ]
             scores.append(rms_of(rests))
         (db, deg), (less_db, less_deg) = scores

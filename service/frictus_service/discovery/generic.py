@@ -76,19 +76,38 @@ FORMS: Final[dict[Covariate, int]] = {
 }
 
 
+def scaled(covariate: Covariate, at: Circumstances) -> FloatArray:
+    """Return a covariate on a scale from about -1 to 1.
+
+    Parameters
+    ----------
+    covariate : str
+        One with values of its own: speed, force, minutes, direction, position.
+    at : Circumstances
+    """
+    if covariate == "speed":
+        return (at.speed_mm_s - 60.0) / 40.0
+    if covariate == "force":
+        force: FloatArray = np.log(np.maximum(at.normal_force_n, 1e-3) / 0.4) / np.log(1.5)
+        return force
+    if covariate == "minutes":
+        last = max(float(np.max(at.minutes, initial=0.0)), 1e-9)
+        return 2.0 * at.minutes / last - 1.0
+    if covariate == "position":
+        return (at.position_mm - 35.0) / 25.0
+    return at.direction
+
+
 def _shape(pattern: Pattern, at: Circumstances) -> FloatArray:
-    speed = (at.speed_mm_s - 60.0) / 40.0
-    force = np.log(np.maximum(at.normal_force_n, 1e-3) / 0.4) / np.log(1.5)
-    last = max(float(np.max(at.minutes, initial=0.0)), 1e-9)
-    time = 2.0 * at.minutes / last - 1.0
-    position = (at.position_mm - 35.0) / 25.0
+    speed, force, time = (scaled(name, at) for name in ("speed", "force", "minutes"))
+    position = scaled("position", at)
     shapes: dict[Covariate, tuple[FloatArray, ...]] = {
         "none": (np.ones_like(speed),),
         "speed": (speed, speed**2),
         "force": (force, force**2),
         "speed x force": (speed * force,),
         "minutes": (time, time**2, np.sign(time) - 1.5 * time),
-        "direction": (np.asarray(at.direction, dtype=np.float64),),
+        "direction": (scaled("direction", at),),
         "position": (position, position**2),
     }
     return shapes[pattern.covariate][pattern.form]
@@ -135,8 +154,12 @@ def _bands(n_tones: int) -> list[tuple[int, ...]]:
     return list(dict.fromkeys(bands))
 
 
-def families(patterns: Sequence[Pattern]) -> list[tuple[str, str]]:
-    """Return what each pattern has in common with others: kind of channel and covariate."""
+Place = tuple[str, Covariate]
+"""Kind of channel, and covariate."""
+
+
+def places_of(patterns: Sequence[Pattern]) -> list[Place]:
+    """Return what each pattern has in common with others."""
     kinds = {"size": "response", "phase": "response", "second": "harmonics"}
     kinds |= {"third": "harmonics", "line50": "lines", "line60": "lines", "low": "low"}
     return [(kinds[pattern.channel], pattern.covariate) for pattern in patterns]

@@ -17,7 +17,7 @@ from frictus_hardware.physics.simulator import Simulator
 from frictus_service.discovery.generic import Pattern
 from frictus_service.discovery.readings import Compared, Layout, accuracy_of, reduce, trials_of
 from frictus_service.discovery.subjects import Subject
-from frictus_service.discovery.units import Unit, joint
+from frictus_service.discovery.units import Unit, joint, mean_of_known
 from frictus_service.discovery.whitening import Raw, Whitening, whiten
 
 FloatArray = NDArray[np.float64]
@@ -88,13 +88,18 @@ class Linearised:
         The chosen effects are back in the readings: their coefficients are the whole ones.
     own : ndarray, shape (n_units, n_own)
         Logarithms of what everybody has of their own, less the base model's.
-    coefficients : ndarray, shape (n_chosen,)
-        Of the chosen effects: means over units.
+    chosen : tuple of int
+    coefficients : ndarray, shape (n_units, n_chosen)
+        Of the chosen effects: the unit's own, or means over units of what is the rig's.
+    whitenings : tuple of Whitening
+        Of each unit.
     """
 
     units: tuple[Unit, ...]
     own: FloatArray
+    chosen: tuple[int, ...]
     coefficients: FloatArray
+    whitenings: tuple[Whitening, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,25 +146,35 @@ class Ground:
             Likewise.
         """
         own = np.zeros((len(self.subjects), len(OWN[self.response])))
-        coefficients = np.zeros(len(chosen))
+        coefficients = np.zeros((len(self.subjects), len(chosen)))
         for _ in range(ROUNDS):
             before = coefficients
-            units = self._about(own, chosen, coefficients, chosen, ())
-            if chosen:
-                found = joint(units, range(len(chosen)))
-                coefficients = np.nan_to_num(np.nanmean(found, axis=0))
-                coefficients = np.where(
-                    self._positive(chosen), np.maximum(coefficients, 0.0), coefficients
-                )
-            steps = np.array([_own_step(unit, coefficients, own.shape[1]) for unit in units])
+            units, _ = self._about(own, chosen, coefficients, chosen, ())
+            coefficients = self._settled(joint(units, range(len(chosen))), chosen)
+            steps = np.array(
+                [
+                    _own_step(*each, own.shape[1])
+                    for each in zip(units, coefficients, strict=True)
+                ]
+            )
             own = own + np.clip(steps, -MOST_CHANGE, MOST_CHANGE)
             change = np.abs(coefficients - before) <= SETTLED * np.abs(coefficients)
             if np.all(change) and np.all(np.abs(steps) < SETTLED):
                 break
         wanted = range(len(self.candidates)) if wanted is None else wanted
         patterns = self.patterns if patterns is None else patterns
-        units = self._about(own, chosen, coefficients, wanted, patterns)
-        return Linearised(units, own, coefficients)
+        units, whitenings = self._about(own, chosen, coefficients, wanted, patterns)
+        return Linearised(units, own, tuple(chosen), coefficients, whitenings)
+
+    def _settled(self, found: FloatArray, chosen: Sequence[int]) -> FloatArray:
+        """Return coefficients to go on with: each unit's own only where people differ."""
+        if not chosen:
+            return found
+        mean = mean_of_known(found)
+        scopes = [EFFECTS[self.candidates[effect].effect].scope for effect in chosen]
+        own = np.array([scope == "participant" for scope in scopes]) & np.isfinite(found)
+        settled = np.where(own, found, mean)
+        return np.where(self._positive(chosen), np.maximum(settled, 0.0), settled)
 
     def _positive(self, chosen: Sequence[int]) -> NDArray[np.bool_]:
         return np.array([self.candidates[effect].positive for effect in chosen], dtype=np.bool_)
@@ -202,6 +217,46 @@ class Ground:
         """Return what was measured less what the model predicts."""
         return subject.measured - self.predicted(subject, own, chosen, coefficients)
 
+    def columns(
+        self,
+        model: Linearised,
+        made: Callable[[int], Sequence[Compared]],
+    ) -> list[tuple[FloatArray, FloatArray]]:
+        """Return further columns of each unit, whitened, and how accurate they are.
+
+        Parameters
+        ----------
+        model : Linearised
+        made : callable
+            From the number of a unit to columns.
+        """
+        found = []
+        for place, (subject, whitening) in enumerate(
+            zip(self.subjects, model.whitenings, strict=True)
+        ):
+            raw = [reduce(subject.layout, each) for each in made(place)]
+            columns = np.array(raw).T
+            accuracy = _as_accurate(columns, accuracy_of(subject.layout))
+            found.append((whitening(columns), accuracy))
+        return found
+
+    def signature(self, model: Linearised, unit: int, effect: int) -> Compared:
+        """Return by what a candidate changes a unit's prediction, per unit of coefficient."""
+        subject, own = self.subjects[unit], model.own[unit]
+        coefficients = model.coefficients[unit]
+        candidate = self.candidates[effect]
+        lines = [self.candidates[each].line_hz for each in model.chosen]
+        here = self.simulator(own, model.chosen, coefficients)
+        step = candidate.step**2 if candidate.squared else candidate.step
+        if effect in model.chosen:
+            moved = coefficients.copy()
+            moved[model.chosen.index(effect)] += step
+            there = self.simulator(own, model.chosen, moved)
+        else:
+            there = candidate.extend(here, step)
+        seen = self._compared(subject, here, own, lines)
+        return (self._compared(subject, there, own, [*lines, candidate.line_hz]) - seen) / step
+
     def _about(
         self,
         own: FloatArray,
@@ -209,14 +264,15 @@ class Ground:
         coefficients: FloatArray,
         wanted: Sequence[int],
         patterns: Sequence[Pattern],
-    ) -> tuple[Unit, ...]:
-        """Return the units about given parameters; their effects are the wanted candidates."""
+    ) -> tuple[tuple[Unit, ...], tuple[Whitening, ...]]:
+        """Return the units about given parameters, with wanted candidates, and whitenings."""
         raw = [
-            self._signatures(subject, values, chosen, coefficients, wanted)
-            for subject, values in zip(self.subjects, own, strict=True)
+            self._signatures(subject, values, chosen, row, wanted)
+            for subject, values, row in zip(self.subjects, own, coefficients, strict=True)
         ]
         whitenings = self.whiten([s.layout for s in self.subjects], [each for each, _ in raw])
         positive = self._positive(wanted)
+        squared = np.array([self.candidates[each].squared for each in wanted], dtype=np.bool_)
         # Where a power is in the model already, its signature levels off: it was seen before.
         passed = [each in chosen and self.candidates[each].squared for each in wanted]
         units = []
@@ -234,9 +290,10 @@ class Ground:
                     np.where(passed, 0.0, _as_accurate(effects, each.accuracy)),
                     _as_accurate(columns, each.accuracy),
                     positive,
+                    squared,
                 )
             )
-        return tuple(units)
+        return tuple(units), tuple(whitenings)
 
     def _signatures(
         self,
@@ -337,7 +394,8 @@ def _by_condition(subject: Subject, signatures: Sequence[FloatArray]) -> FloatAr
 def _as_accurate(columns: FloatArray, accuracy: FloatArray) -> FloatArray:
     """Return the coefficient at which the largest change of a column is as accuracy is."""
     largest = np.max(np.abs(columns) / accuracy[:, np.newaxis], axis=0, initial=0.0)
-    coefficient: FloatArray = 1.0 / np.maximum(largest, np.finfo(float).tiny)
+    least = np.sqrt(np.finfo(float).tiny)  # so that sums over units stay finite
+    coefficient: FloatArray = 1.0 / np.maximum(largest, least)
     return coefficient
 
 

@@ -29,8 +29,10 @@ def rests_of(ground: Ground, model: Linearised, effects: Sequence[int]) -> list[
     effects : sequence of int
     """
     return [
-        ground.rest(subject, own, effects, model.coefficients)
-        for subject, own in zip(ground.subjects, model.own, strict=True)
+        ground.rest(subject, own, effects, row)
+        for subject, own, row in zip(
+            ground.subjects, model.own, model.coefficients, strict=True
+        )
     ]
 
 
@@ -121,8 +123,10 @@ def level_bins(
         return []
     models = [
         [
-            ground.predicted(subject, own, effects, model.coefficients)
-            for subject, own in zip(ground.subjects, model.own, strict=True)
+            ground.predicted(subject, own, effects, row)
+            for subject, own, row in zip(
+                ground.subjects, model.own, model.coefficients, strict=True
+            )
         ]
         for model, effects in (base, extended)
     ]

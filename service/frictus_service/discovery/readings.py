@@ -22,8 +22,8 @@ RESPONSE: Final = 0.004
 of a response that follows it; see `tests/service/discovery/test_accuracy.py`."""
 HARMONICS: Final = 3e-4
 LINE_N2: Final = 1e-7
-LOW: Final = 1.1
-"""Of a logarithm: a factor of three."""
+LOW: Final = 0.4
+"""Of a logarithm: a factor of one and a half."""
 
 LEAST_IN_GROUP: Final = 8
 """Readings that determine a scatter of their own; fewer share that of their part."""
@@ -67,6 +67,18 @@ class Compared:
         }
         parts["phase"] = np.angle(np.exp(1j * parts["phase"]))
         return Compared(**parts)
+
+    def times(self, rows: FloatArray, trials: FloatArray) -> "Compared":
+        """Return it multiplied with a number for each row, and for each trial."""
+        return Compared(
+            size=self.size * rows,
+            phase=self.phase * rows,
+            second=self.second * rows[:, np.newaxis],
+            third=self.third * rows[:, np.newaxis],
+            line50=self.line50 * trials,
+            line60=self.line60 * trials,
+            low=self.low * trials,
+        )
 
     def __truediv__(self, divisor: float) -> "Compared":
         """Return it by a number."""

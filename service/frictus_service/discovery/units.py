@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus_service.discovery.significance import (
+    PRIOR_DEGREES,
     Significance,
     critical_t,
     largest_of_flips,
@@ -42,8 +43,8 @@ class Unit:
         Patterns without a cause.
     accuracy, generic_accuracy : ndarray, shape (n_effects,), (n_patterns,)
         Coefficient at which each shows as much as measuring is accurate.
-    positive : ndarray of bool, shape (n_effects,)
-        Those whose coefficient cannot be negative.
+    positive, squared : ndarray of bool, shape (n_effects,)
+        Those whose coefficient cannot be negative; is the square of a parameter.
     """
 
     readings: FloatArray
@@ -53,6 +54,7 @@ class Unit:
     accuracy: FloatArray
     generic_accuracy: FloatArray
     positive: BoolArray
+    squared: BoolArray
 
     def only(self, effects: Sequence[int]) -> "Unit":
         """Return the unit with some of its effects."""
@@ -62,20 +64,28 @@ class Unit:
             effects=self.effects[:, kept],
             accuracy=self.accuracy[kept],
             positive=self.positive[kept],
+            squared=self.squared[kept],
         )
+
+    def and_own(self, columns: FloatArray) -> "Unit":
+        """Return the unit with more that is its own."""
+        return replace(self, own=np.column_stack([self.own, columns]))
 
     def beyond(self, chosen: Sequence[int]) -> "Unit":
         """Return the unit with chosen effects as its own, in which patterns are looked for."""
         own = np.column_stack([self.own, self.effects[:, list(chosen)]])
-        return Unit(
-            self.readings,
-            own,
-            effects=self.generic,
-            generic=self.generic[:, :0],
-            accuracy=self.generic_accuracy,
-            generic_accuracy=self.generic_accuracy[:0],
-            positive=np.zeros(self.generic.shape[1], dtype=np.bool_),
-        )
+        return replace(self, own=own).looking_for(self.generic, self.generic_accuracy)
+
+    def looking_for(self, columns: FloatArray, accuracy: FloatArray) -> "Unit":
+        """Return the unit with other signatures to look for, of either sign.
+
+        Parameters
+        ----------
+        columns : ndarray, shape (n, m)
+        accuracy : ndarray, shape (m,)
+        """
+        none = np.zeros(accuracy.size, dtype=np.bool_)
+        return replace(self, effects=columns, accuracy=accuracy, positive=none, squared=none)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,23 +101,22 @@ class Left:
         the unit says nothing.
     accuracy : ndarray, shape (n_effects,)
         Mean over units.
-    positive : ndarray of bool, shape (n_effects,)
+    positive, squared : ndarray of bool, shape (n_effects,)
     """
 
     along: FloatArray
     information: FloatArray
     accuracy: FloatArray
     positive: BoolArray
+    squared: BoolArray
 
     def significance(self, flips: FloatArray) -> Significance:
         """Return whether each effect differs from zero over units, see `largest_of_flips`."""
-        return largest_of_flips(
-            self.estimates, self.information, flips, self.accuracy, self.positive
-        )
+        return largest_of_flips(*self.tested, flips, self._margin, self.positive)
 
     def critical(self, flips: FloatArray, level: float) -> float:
         """Return the |t| that the largest of all effects exceeds by chance at a level."""
-        return critical_t(self.estimates, self.information, flips, level)
+        return critical_t(*self.tested, flips, level)
 
     def detectable(self, critical: float, power: float) -> FloatArray:
         """Return how large each effect must be to exceed a |t|, power in standard errors more.
@@ -117,9 +126,26 @@ class Left:
         critical : float
         power : float
         """
-        error = standard_error(self.estimates, self.information)
-        size: FloatArray = self.accuracy + (critical + power) * error
-        return size
+        size = self._margin + (critical + power) * standard_error(*self.tested)
+        return np.where(self.squared, np.square(size), size)
+
+    @property
+    def tested(self) -> tuple[FloatArray, FloatArray]:
+        """Return what is tested, and its information: parameters, and not their squares.
+
+        People differ in a parameter; its square is as skewed as it is large.
+        """
+        value, noise = self.estimates, np.full(self.information.shape, np.nan)
+        np.divide(1.0, self.information, out=noise, where=self.information > 0.0)
+        root = np.sign(value) * np.sqrt(np.abs(value))
+        slope = 2.0 * np.maximum(np.abs(root), noise**0.25)
+        value = np.where(self.squared, root, value)
+        noise = np.where(self.squared, noise / slope**2, noise)
+        return value, np.where(self.information > 0.0, 1.0 / noise, 0.0)
+
+    @property
+    def _margin(self) -> FloatArray:
+        return np.where(self.squared, np.sqrt(self.accuracy), self.accuracy)
 
     @property
     def estimates(self) -> FloatArray:
@@ -143,7 +169,7 @@ def leave(units: Sequence[Unit], chosen: Sequence[int] = ()) -> Left:
     parts = [_leave(unit, list(chosen)) for unit in units]
     along, information = (np.stack(part) for part in zip(*parts, strict=True))
     accuracy = np.mean([unit.accuracy for unit in units], axis=0)
-    return Left(along, information, accuracy, units[0].positive)
+    return Left(along, information, accuracy, units[0].positive, units[0].squared)
 
 
 def _leave(unit: Unit, chosen: list[int]) -> tuple[FloatArray, FloatArray]:
@@ -195,11 +221,25 @@ def joint(units: Sequence[Unit], chosen: Sequence[int]) -> FloatArray:
     return np.column_stack(columns) if columns else np.zeros((len(units), 0))
 
 
+def mean_of_known(estimates: FloatArray) -> FloatArray:
+    """Return means over units, shape (n_effects,); 0 where no unit knows.
+
+    Parameters
+    ----------
+    estimates : ndarray, shape (n_units, n_effects)
+        NaN where a unit says nothing.
+    """
+    known = np.isfinite(estimates)
+    total = np.where(known, estimates, 0.0).sum(axis=0)
+    mean: FloatArray = total / np.maximum(known.sum(axis=0), 1)
+    return mean
+
+
 def held_out_gain(left: Left) -> FloatArray:
     """Return by how much each effect makes each unit more likely.
 
-    Log-likelihood, in nats, of readings whose noise has variance one; the effect's size is the
-    other units' mean, weighted by their information.
+    Log-likelihood, in nats, of the unit's own coefficient where the others' mean is expected,
+    over that where none is. It scatters as the others do, and as noise alone would at least.
 
     Parameters
     ----------
@@ -210,12 +250,19 @@ def held_out_gain(left: Left) -> FloatArray:
     ndarray, shape (n_units, n_effects)
         0 where the unit, or all others, say nothing.
     """
-    along = left.along.sum(axis=0) - left.along
-    information = left.information.sum(axis=0) - left.information
-    with np.errstate(divide="ignore", invalid="ignore"):
-        size = np.where(information > 0.0, along / information, 0.0)
-    gain: FloatArray = size * left.along - 0.5 * size**2 * left.information
-    return gain
+    tested, information = left.tested
+    known = information > 0.0
+    value = np.where(known, np.nan_to_num(tested), 0.0)
+    with np.errstate(divide="ignore"):
+        noise = np.where(known, 1.0 / information, 0.0)
+    count = np.maximum(known.sum(axis=0) - known, 1)
+    mean = (value.sum(axis=0) - value) / count
+    scatter = np.maximum((value**2).sum(axis=0) - value**2 - count * mean**2, 0.0)
+    expected = (noise.sum(axis=0) - noise) / count
+    variance = (PRIOR_DEGREES * expected + scatter) / (PRIOR_DEGREES + count - 1)
+    variance = np.maximum(variance * (1.0 + 1.0 / count), np.finfo(float).tiny)
+    gain: FloatArray = (value * mean - 0.5 * mean**2) / variance
+    return np.where(known & (known.sum(axis=0) > 1), gain, 0.0)
 
 
 def similarity(units: Sequence[Unit], chosen: Sequence[int] = ()) -> FloatArray:

@@ -3,15 +3,15 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy import stats
 
 from frictus_service.discovery.selection import select
-from frictus_service.discovery.significance import signs
+from frictus_service.discovery.significance import PRIOR_DEGREES, signs
 from frictus_service.discovery.units import (
     Unit,
     held_out_gain,
     joint,
     leave,
-    orthonormal,
     similarity,
 )
 
@@ -21,7 +21,7 @@ LEVEL = 0.05
 
 def unit_of(readings: FloatArray, own: FloatArray, effects: FloatArray) -> Unit:
     none = np.zeros(effects.shape[1])
-    return Unit(readings, own, effects, effects[:, :0], none, none[:0], none > 0.0)
+    return Unit(readings, own, effects, effects[:, :0], none, none[:0], none > 0.0, none > 0.0)
 
 
 def units(
@@ -79,16 +79,23 @@ def test_held_out_gain_is_what_others_predict(rng: np.random.Generator) -> None:
     found = units(rng, [0.5])
     left = leave(found)
     gain = held_out_gain(left)[:, 0]
-    for place, unit in enumerate(found):
-        others = np.delete(np.arange(len(found)), place)
-        along, information = left.along[others].sum(), left.information[others].sum()
-        size = along / information
-        basis = orthonormal(unit.own)
-        rest = unit.readings - basis @ (basis.T @ unit.readings)
-        signature = unit.effects[:, 0] - basis @ (basis.T @ unit.effects[:, 0])
-        before, after = np.sum(rest**2), np.sum((rest - size * signature) ** 2)
-        assert gain[place] == pytest.approx(0.5 * (before - after))
+    value, noise = left.estimates[:, 0], 1.0 / left.information[:, 0]
+    for place, own in enumerate(value):
+        others = np.delete(value, place)
+        noisy = PRIOR_DEGREES * np.delete(noise, place).mean() + np.sum(
+            np.square(others - others.mean())
+        )
+        spread = np.sqrt(noisy / (PRIOR_DEGREES + others.size - 1) * (1.0 + 1.0 / others.size))
+        expected = stats.norm.logpdf(own, others.mean(), spread) - stats.norm.logpdf(
+            own, 0.0, spread
+        )
+        assert gain[place] == pytest.approx(expected)
     assert gain.sum() > 0.0
+
+
+def test_on_nothing_the_held_out_gain_is_below_zero(rng: np.random.Generator) -> None:
+    gains = [held_out_gain(leave(units(rng, [0.0] * 12))).sum(axis=0) for _ in range(20)]
+    assert np.mean(gains) < 0.0
 
 
 def test_alike_is_seen_after_own_parameters_are_gone(rng: np.random.Generator) -> None:

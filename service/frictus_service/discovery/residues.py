@@ -1,0 +1,104 @@
+"""What a model leaves that is reproducible: how much, and where."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_service.discovery.generic import Pattern
+from frictus_service.discovery.linearised import Ground, Linearised
+from frictus_service.discovery.selection import select
+from frictus_service.discovery.units import Unit, held_out_gain, joint, leave
+
+FloatArray = NDArray[np.float64]
+
+OMNIBUS: Final = 0.025
+"""Family-wise, of all patterns: noticing something unknown in nothing is a false alarm too."""
+MOST_PATTERNS: Final = 6
+HALF: Final = 0.5
+"""Of the largest misfit at any tone: where it is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Residue:
+    """Something reproducible that no cause in the model accounts for.
+
+    Attributes
+    ----------
+    pattern : Pattern
+    tones : tuple of int
+        Where it is largest; empty where the channel has none.
+    p_value : float
+    gain : ndarray, shape (n_units,)
+        Held-out, beside the residues before it.
+    misfit : tuple of ndarray
+        Readings of each unit that its mean makes up, whitened.
+    """
+
+    pattern: Pattern
+    tones: tuple[int, ...]
+    p_value: float
+    gain: FloatArray
+    misfit: tuple[FloatArray, ...]
+
+
+def residues_of(
+    ground: Ground, model: Linearised, units: Sequence[Unit], flips: FloatArray
+) -> list[Residue]:
+    """Return the patterns that a model leaves, strongest first, each beside those before.
+
+    Parameters
+    ----------
+    ground : Ground
+    model : Linearised
+    units : sequence of Unit
+        About the model; their effects are the patterns, all that is known is their own.
+    flips : ndarray
+    """
+    found = select(lambda chosen: units, flips, OMNIBUS, most=MOST_PATTERNS).effects
+    means = joint(units, found).mean(axis=0) if found else np.zeros(0)
+    residues = []
+    for place, pattern in enumerate(found):
+        left = leave(units, found[:place])
+        residues.append(
+            Residue(
+                ground.patterns[pattern],
+                _largest_at(ground, model, units, ground.patterns[pattern]),
+                float(left.significance(flips).p[pattern]),
+                held_out_gain(left)[:, pattern],
+                tuple(unit.effects[:, pattern] * means[place] for unit in units),
+            )
+        )
+    return residues
+
+
+def _largest_at(
+    ground: Ground, model: Linearised, units: Sequence[Unit], found: Pattern
+) -> tuple[int, ...]:
+    """Return the tones at which a misfit of this kind is half as large as anywhere, at least.
+
+    Size and phase are taken together: a resonance turns the phase far from where it is.
+    """
+    if found.channel not in ("size", "phase"):
+        return found.tones
+    tones = sorted({tone for subject in ground.subjects for tone in subject.tone.tolist()})
+    alone = [
+        Pattern(channel, (tone,), found.covariate, found.form)
+        for channel in ("size", "phase")
+        for tone in tones
+    ]
+    columns = ground.columns(
+        model, lambda unit: [each.of(ground.subjects[unit]) for each in alone]
+    )
+    bare = [
+        unit.looking_for(effects, accuracy)
+        for unit, (effects, accuracy) in zip(units, columns, strict=True)
+    ]
+    mean = np.nan_to_num(leave(bare).estimates).mean(axis=0)
+    size, phase = np.split(mean, 2)
+    misfit = np.hypot(size, phase)
+    return tuple(
+        tone for tone, m in zip(tones, misfit, strict=True) if m >= HALF * misfit.max()
+    )
