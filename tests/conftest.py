@@ -6,6 +6,14 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_limits
+
+
+@pytest.fixture(scope="session", autouse=True)
+def single_threaded() -> Iterator[None]:
+    """Matrices are small here: threads wait for each other longer than they work."""
+    with threadpool_limits(limits=1):
+        yield
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ from typing import Any
 
 from frictus_service.benchmarks import (
     delivery,
+    discovery,
     identification,
     kernel,
     kills,
@@ -57,6 +58,7 @@ MEASUREMENTS: dict[str, Callable[[], list[Figure]]] = {
     "loop lateness": lateness.measure,
     "kills": kills.measure,
     "identification": identification.measure,
+    "discovery": discovery.measure,
     "recording": recording.measure,
 }
 

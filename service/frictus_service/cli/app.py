@@ -14,6 +14,7 @@ from frictus_service.cli import (
     identify,
     models,
     mount,
+    plan,
     play,
     record,
     recorder,
@@ -63,6 +64,7 @@ app.command()(calibrate.calibrate)
 app.command()(identify.identify)
 app.command()(mount.mount)
 app.command()(discover.discover)
+app.command()(plan.plan)
 app.add_typer(study.study, name="study")
 app.add_typer(models.models, name="models")
 

@@ -31,6 +31,7 @@ def code_of(error: Exception) -> Exit:
     from frictus.errors import FrictusError, LinkError, NoRigError, RefusedError, SilenceError
     from frictus_service.calibration.errors import CalibrationError, EstimateError, FolderError
     from frictus_service.discovery.blows import BlowsError
+    from frictus_service.discovery.errors import BaseModelError, DesignError
     from frictus_service.discovery.ringdown import RingdownError
     from frictus_service.errors import ConfigurationError
     from frictus_service.library import LibraryError
@@ -49,7 +50,9 @@ def code_of(error: Exception) -> Exit:
     ):
         return Exit.REFUSED
     ours = (
+        BaseModelError,
         BlowsError,
+        DesignError,
         FolderError,
         FrictusError,
         LibraryError,

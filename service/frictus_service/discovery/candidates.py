@@ -13,7 +13,7 @@ from frictus_hardware.physics.simulator import Probe, Simulator
 from frictus_service.discovery.linearised import Candidate, ResponseName
 from frictus_service.discovery.lines import MAINS_HZ
 
-MODE_HZ: Final = tuple(float(round(f)) for f in np.geomspace(80.0, 800.0, 7))
+MODE_HZ: Final = tuple(float(round(f)) for f in np.geomspace(80.0, 800.0, 13))
 """Where a further mode of the skin is looked for."""
 
 

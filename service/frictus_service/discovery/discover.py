@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
+from threadpoolctl import threadpool_limits
 
 from frictus.model import Effect, FirstOrderSpeedLaw, MassSpringDamper, Model
 from frictus_hardware.physics.effects import EFFECTS
@@ -92,8 +93,10 @@ def discover(
         tuple(patterns_of(rows.tones_hz.size, skin=response == "mobility")),
     )
     flips = signs(len(units.names), np.random.default_rng(seed))
-    found = find(ground, flips)
-    return _Report(ground, units, rows, found, flips, base, study, seed, told).document()
+    # Matrices are small: threads would wait for each other longer than they work.
+    with threadpool_limits(limits=1):
+        found = find(ground, flips)
+        return _Report(ground, units, rows, found, flips, base, study, seed, told).document()
 
 
 def _nothing(study: StudyFacts, base: Model, seed: int, notes: tuple[str, ...]) -> Discovery:

@@ -1,6 +1,6 @@
 """What may be said of a model: causes named, or of the family, or not told apart; the rest."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -27,6 +27,8 @@ RIGHT_FAMILY: Final = 0.6
 """A cause that explains less of what is reproducible in its place is not named."""
 CLEARLY: Final = 0.1
 """By which a family must explain more of a misfit than any other."""
+CLEARLY_BETTER: Final = 10.0
+"""Sum of squares by which a cause must leave less than one that it replaces."""
 ATTEMPTS: Final = 4
 
 
@@ -112,11 +114,18 @@ def find(ground: Ground, flips: FloatArray) -> Findings:
             known[key] = ground.linearise(key)
         return known[key]
 
+    kinds = [candidate.effect for candidate in ground.candidates]
     banned: set[int] = set()
     for _ in range(ATTEMPTS):
-        selected = select(lambda chosen: linearise(chosen).units, flips, NAMING, banned)
+        selected = select(
+            lambda chosen: linearise(chosen).units, flips, NAMING, banned, kinds=kinds
+        )
         model = linearise(selected.effects)
         named, residues, units = _said(ground, model, flips)
+        better = _better_of_like(ground, model, named, banned, linearise)
+        if better != model.chosen:
+            model = linearise(better)
+            named, residues, units = _said(ground, model, flips)
         weak = {each.candidate for each in named if each.share < RIGHT_FAMILY or _torn(each)}
         if not weak:
             break
@@ -131,10 +140,42 @@ def find(ground: Ground, flips: FloatArray) -> Findings:
         base=linearise(()),
         extended=model,
         first=selected.first,
-        effects=selected.effects,
+        effects=model.chosen,
         explained_share=explained / (explained + left) if explained + left > 0.0 else 1.0,
         accuracy=np.mean([unit.accuracy for unit in linearise(()).units], axis=0),
     )
+
+
+def _better_of_like(
+    ground: Ground,
+    model: Linearised,
+    named: Sequence[Named],
+    banned: Collection[int],
+    linearise: Callable[[Sequence[int]], Linearised],
+) -> tuple[int, ...]:
+    """Return the causes; one whose form does not fit gives way to one like it that fits better.
+
+    Where effects are large, causes whose signatures are alike differ by more than signatures.
+    """
+    chosen = list(model.chosen)
+    for each in named:
+        if each.verdict == "confirmed" or each.candidate not in chosen:
+            continue
+        place = chosen.index(each.candidate)
+        effect = ground.candidates[each.candidate].effect
+        same = [k for k, other in enumerate(ground.candidates) if other.effect == effect]
+        like = [k for k in (*_numbers(each.alike, each.near), *same) if k not in banned]
+        tried = [(*chosen[:place], k, *chosen[place + 1 :]) for k in like if k not in chosen]
+        misfit = {effects: ground.misfit(linearise(effects), model) for effects in tried}
+        best = min(misfit, key=lambda effects: misfit[effects], default=None)
+        now = ground.misfit(linearise(tuple(chosen)), model)
+        if best is not None and misfit[best] < now - CLEARLY_BETTER:
+            chosen = list(best)
+    return tuple(chosen)
+
+
+def _numbers(*found: Sequence[tuple[int, float]]) -> list[int]:
+    return [candidate for each in found for candidate, _ in each]
 
 
 def _torn(each: Named) -> bool:

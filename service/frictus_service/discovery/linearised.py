@@ -17,7 +17,7 @@ from frictus_hardware.physics.simulator import Simulator
 from frictus_service.discovery.generic import Pattern
 from frictus_service.discovery.readings import Compared, Layout, accuracy_of, reduce, trials_of
 from frictus_service.discovery.subjects import Subject
-from frictus_service.discovery.units import Unit, joint, mean_of_known
+from frictus_service.discovery.units import Unit, joint, mean_of_known, orthonormal
 from frictus_service.discovery.whitening import Raw, Whitening, whiten
 
 FloatArray = NDArray[np.float64]
@@ -216,6 +216,25 @@ class Ground:
     ) -> Compared:
         """Return what was measured less what the model predicts."""
         return subject.measured - self.predicted(subject, own, chosen, coefficients)
+
+    def misfit(self, model: Linearised, ruler: Linearised) -> float:
+        """Return the sum of squares that a model leaves, whitened as about another.
+
+        Parameters
+        ----------
+        model : Linearised
+        ruler : Linearised
+            The same for all models that are compared.
+        """
+        total = 0.0
+        for place, (subject, whitening) in enumerate(
+            zip(self.subjects, ruler.whitenings, strict=True)
+        ):
+            rest = self.rest(subject, model.own[place], model.chosen, model.coefficients[place])
+            left = whitening(reduce(subject.layout, rest))
+            own = orthonormal(ruler.units[place].own)
+            total += float(np.sum(np.square(left - own @ (own.T @ left))))
+        return total
 
     def columns(
         self,

@@ -4,8 +4,6 @@ import secrets
 from collections.abc import Callable
 from pathlib import Path
 
-from threadpoolctl import threadpool_limits
-
 from frictus_service.discovery.bases import base_model
 from frictus_service.discovery.discover import discover
 from frictus_service.discovery.document import Discovery, StudyFacts
@@ -60,6 +58,4 @@ def discover_study(
     )
     evidence = study_evidence(path, workers=workers, cache=cache, cluster=cluster, tell=tell)
     tell("criticising the base model")
-    # Matrices are small: threads would wait for each other longer than they work.
-    with threadpool_limits(limits=1):
-        return discover(evidence, facts, mount, criticised, seed=seed)
+    return discover(evidence, facts, mount, criticised, seed=seed)

@@ -43,6 +43,7 @@ def select(
     level: float,
     banned: Collection[int] = (),
     most: int = MOST_CAUSES,
+    kinds: Sequence[str] | None = None,
 ) -> Selected:
     """Choose effects that are significant and predict units that did not set their size.
 
@@ -56,13 +57,17 @@ def select(
         Never chosen.
     most : int
         Chosen at most.
+    kinds : sequence of str or None
+        Of each effect; of a kind no more than one is chosen. None: all are of their own.
     """
     chosen: list[int] = []
     dropped = set(banned)
     units = linearise(chosen)
     first = _significance(units, chosen, flips)
     while len(chosen) < most:
-        best = _best(units, chosen, dropped, flips, level)
+        taken = {kinds[effect] for effect in chosen} if kinds else set()
+        closed = {k for k, kind in enumerate(kinds or ()) if kind in taken}
+        best = _best(units, chosen, dropped | closed, flips, level)
         if best is None:
             break
         chosen.append(best)

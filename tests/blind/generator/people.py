@@ -14,6 +14,10 @@ SLOPE_HZ_PER_MM_S = 13.811
 CUTOFF_HZ = CUTOFF_0_HZ + SLOPE_HZ_PER_MM_S * V0_MM_S
 
 
+MOST_DAMPED = 0.9
+"""Damping ratio of a skin, at most."""
+
+
 @dataclass(frozen=True, slots=True)
 class Spread:
     """How different people and contacts are; shares, or standard deviations of logarithms.
@@ -103,17 +107,17 @@ def draw_person(
         world = hide(world, each, own if each.name in OF_PEOPLE else 1.0)
     relative = 1.0 + spread.slope * float(np.clip(rng.standard_normal(), -2.5, 2.5))
     slope = cutoff_hz / CUTOFF_HZ * SLOPE_HZ_PER_MM_S * relative
+    mass_kg, stiffness = (mean * _around_one(spread.skin, rng) for mean in (0.0015, 444.0))
+    # The modes of an overdamped skin would be real, and may fall on those of friction.
+    most = MOST_DAMPED * 2.0 * float(np.sqrt(mass_kg * stiffness))
+    damping = min(1.3 * _around_one(spread.skin, rng), most)
     return Person(
         name=name,
         gain_n=GAIN_N * _around_one(spread.gain, rng),
         cutoff_hz=cutoff_hz,
         slope_hz_per_mm_s=slope if has_slope else 0.0,
         friction_coefficient=0.3 * _around_one(spread.friction, rng),
-        skin=skin(
-            0.0015 * _around_one(spread.skin, rng),
-            1.3 * _around_one(spread.skin, rng),
-            444.0 * _around_one(spread.skin, rng),
-        ),
+        skin=skin(mass_kg, damping, stiffness),
         world=world,
     )
 

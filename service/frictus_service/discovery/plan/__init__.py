@@ -1,0 +1,1 @@
+"""What a design can show, before a finger slides: effects, their sizes, what looks alike."""

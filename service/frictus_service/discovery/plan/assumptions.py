@@ -1,0 +1,184 @@
+"""How readings scatter and people differ: assumed for a design, estimated from a study."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_service.discovery.linearised import Candidate, ResponseName
+from frictus_service.discovery.readings import (
+    HARMONIC,
+    PHASE,
+    STRETCH_PHASE,
+    STRETCH_SIZE,
+    TONE_SIZE,
+    TONES,
+    TRIAL_SIZE,
+    Layout,
+    accuracy_of,
+    trials_of,
+)
+from frictus_service.reproduction.plan import Scatter
+from frictus_service.reproduction.simulate import FORCE_NOISE_N
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+SECOND, THIRD = (HARMONIC + 4, HARMONIC + 8), (HARMONIC + 12, HARMONIC + 16)
+LINES, LOW = (40, 41), 42
+OF_NOISE: Final = (TONE_SIZE, PHASE, STRETCH_SIZE, STRETCH_PHASE, *SECOND, *THIRD)
+"""Readings whose scatter falls with the drive and with the length of a trial."""
+
+REFERENCE_S: Final = 2.0
+"""Length of the trials on which the assumed scatters rest."""
+
+Grid = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Assumptions:
+    """What information follows from, besides the trials.
+
+    Attributes
+    ----------
+    scatter : mapping of int to ((tone, scatter), ...)
+        By kind of reading; beyond what measuring is accurate to. Interpolated in the
+        logarithm of the tone.
+    at : float
+        Amplitude of the drive fraction times the root of a trial's seconds, where that holds.
+    deviation : ndarray, shape (n_kinds,)
+        Of the conditions, as `whitening` has them.
+    spread : mapping of Candidate to float
+        Standard deviation of an effect's coefficient between people.
+    speed_wander, force_wander : tuple of (float, float)
+        By how much they differ from their targets: shares, of a trial's mean, and of a third of
+        a stroke within the trial.
+    quiet_n2 : float
+        Power from 4 to 30 Hz that is there anyway.
+    source : str
+        Where all this comes from, for people.
+    """
+
+    scatter: Mapping[int, Grid]
+    at: float
+    deviation: FloatArray
+    spread: Mapping[Candidate, float]
+    speed_wander: tuple[float, float]
+    force_wander: tuple[float, float]
+    quiet_n2: float
+    source: str
+
+    def scatters(
+        self, layout: Layout, tones_hz: FloatArray, strength: FloatArray
+    ) -> FloatArray:
+        """Return the standard deviation of each reading of a unit.
+
+        Parameters
+        ----------
+        layout : Layout
+        tones_hz : ndarray, shape (n_tones,)
+            Of the study.
+        strength : ndarray, shape (n_trials,)
+            Amplitude of the drive fraction times the root of the trial's seconds; 0 in blank
+            trials.
+        """
+        kind, tone = kinds(layout.part, tones_hz)
+        found = np.zeros(kind.size)
+        for each in np.unique(kind):
+            own = kind == each
+            grid = np.array(self.scatter.get(int(each), self.scatter[PHASE]))
+            known = np.exp(np.interp(np.log(tone[own]), np.log(grid[:, 0]), np.log(grid[:, 1])))
+            found[own] = known
+        weaker = self.at / np.maximum(strength, 1e-6)[trials_of(layout)]
+        found = np.where(np.isin(kind, OF_NOISE), found * weaker, found)
+        scatter: FloatArray = np.hypot(found, accuracy_of(layout) / 2.0)
+        return scatter
+
+
+def kinds(part: IntArray, tones_hz: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return kind and tone of parts; a kind without tones gets the lowest.
+
+    Parameters
+    ----------
+    part : ndarray of int
+        As in `readings.Layout`.
+    tones_hz : ndarray
+        Of the study.
+    """
+    kind, place = part // TONES, part % TONES
+    place = np.where(kind == TRIAL_SIZE, np.maximum(place - 1, 0), place)
+    return kind, tones_hz[np.where(kind < min(LINES), place, 0)]
+
+
+BAND_SHARE: Final = (30.0 - 4.0) / 10_000.0
+"""Of a sensor's noise at 20 kHz, from 4 to 30 Hz."""
+SMALL: Final = 1e-9
+"""A scatter that what measuring is accurate to outweighs."""
+ANY: Final = 100.0
+
+ASSUMED_SCATTER: Final[Mapping[int, Grid]] = {
+    TRIAL_SIZE: ((ANY, Scatter().gain_per_trial),),
+    TONE_SIZE: ((ANY, 0.001),),
+    PHASE: ((800.0, 0.0008), (1700.0, 0.0014)),
+    STRETCH_SIZE: ((800.0, 0.001), (1700.0, 0.002)),
+    STRETCH_PHASE: ((800.0, 0.0008), (1700.0, 0.0012)),
+    **dict.fromkeys(SECOND, ((30.0, 7e-5), (800.0, 7e-5), (1700.0, 5e-4))),
+    **dict.fromkeys(THIRD, ((30.0, 7e-5), (800.0, 7e-5), (1700.0, 1.2e-3))),
+    **dict.fromkeys(LINES, ((ANY, SMALL),)),
+    LOW: ((ANY, 0.2),),
+}
+ASSUMED_DEVIATION: Final[dict[ResponseName, tuple[float, ...]]] = {
+    "friction": (0.04, 0.12),
+    "mobility": (0.035, 0.01, 0.01),
+}
+ASSUMED_SPREAD: Final[dict[ResponseName, dict[str, float]]] = {
+    "friction": {
+        "speed_dependent_cutoff": 3.4,
+        "force_dependent_cutoff": 0.027,
+        "speed_dependent_gain": 0.04,
+        "force_dependent_gain": 0.035,
+        "gain_drift": 0.003,
+        "fractional_rolloff": 0.008,
+        "channel_delay": 5e-7,
+        "mount_resonance_shift": 1.5e-4,
+        "charge_leakage": 0.012,
+    },
+    "mobility": {"speed_dependent_mass": 0.04},
+}
+"""By the first parameter. The last four are no differences between fingers: it is how people's
+own slopes and exponents, which no law has, look through other effects."""
+ASSUMED_SOURCE: Final = (
+    "Scatters are assumed: contact made anew in each trial, 10 % of the gain; sensor noise "
+    f"{FORCE_NOISE_N:g} N a sample; people and conditions differ as in simulated studies of 8 "
+    "participants and 60 trials of 2 s (slopes by 25 %, cutoffs of conditions by 5 %, gain "
+    "exponents by 0.04). A study in place of a design gives its own."
+)
+
+
+def assumed(response: ResponseName, candidates: Sequence[Candidate]) -> Assumptions:
+    """Return what is assumed of a design that nobody has run.
+
+    Scatters, deviations and spreads are what `frictus discover` finds in simulated studies
+    without effects, averaged over several.
+
+    Parameters
+    ----------
+    response : {'friction', 'mobility'}
+    candidates : sequence of Candidate
+    """
+    spread = ASSUMED_SPREAD[response]
+    scatter = dict(ASSUMED_SCATTER)
+    if response == "mobility":
+        scatter[TRIAL_SIZE] = scatter[PHASE]
+    return Assumptions(
+        scatter=scatter,
+        at=0.5 * np.sqrt(REFERENCE_S),
+        deviation=np.array(ASSUMED_DEVIATION[response]),
+        spread={each: spread.get(each.effect, 0.0) for each in candidates},
+        speed_wander=(0.004, 0.0125),
+        force_wander=(0.03, 0.053),
+        quiet_n2=FORCE_NOISE_N**2 * BAND_SHARE,
+        source=ASSUMED_SOURCE,
+    )

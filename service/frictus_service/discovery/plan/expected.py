@@ -1,0 +1,86 @@
+"""The units that a programme will give, as far as they can be told before."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from frictus_service.discovery.linearised import OWN, Ground
+from frictus_service.discovery.plan.assumptions import Assumptions
+from frictus_service.discovery.plan.programme import Asked, Programme
+from frictus_service.discovery.plan.rows import rows_of_trials, strength
+from frictus_service.discovery.plan.setup import Setup
+from frictus_service.discovery.readings import Layout
+from frictus_service.discovery.significance import LEAST_UNITS
+from frictus_service.discovery.subjects import subjects_of
+from frictus_service.discovery.table import BLOCKS, LEAST_TRIALS
+from frictus_service.discovery.units import Unit
+from frictus_service.discovery.whitening import Raw, Whitening
+
+
+def units_of_people(programme: Programme) -> list[tuple[Asked, ...]]:
+    """Return the trials of each unit: people, or where there are too few, blocks of trials.
+
+    Parameters
+    ----------
+    programme : Programme
+    """
+    people = list(programme.people)
+    if programme.participants >= LEAST_UNITS:
+        return people
+    fewest = min(len(trials) for trials in people)
+    blocks = max(1, min(-(-BLOCKS // programme.participants), fewest // LEAST_TRIALS))
+    return [trials[block::blocks] for trials in people for block in range(blocks)]
+
+
+def expected(
+    programme: Programme,
+    setup: Setup,
+    assumptions: Assumptions,
+    rng: np.random.Generator | None,
+) -> tuple[Unit, ...]:
+    """Return the units of those who stand in a programme; all readings are zero.
+
+    Parameters
+    ----------
+    programme : Programme
+    setup : Setup
+    assumptions : Assumptions
+    rng : numpy.random.Generator or None
+        Of how fingers wander about their targets; None: they do not.
+
+    Raises
+    ------
+    DesignError
+        If no tone of any trial can be measured.
+    """
+    trials = units_of_people(programme)
+    rows = rows_of_trials(trials, programme.span_mm, setup, assumptions, rng)
+
+    def known(layouts: Sequence[Layout], raws: Sequence[Raw]) -> list[Whitening]:
+        return [
+            Whitening.of(
+                raw,
+                1.0 / assumptions.scatters(layout, rows.tones_hz, strength(own)),
+                assumptions.deviation,
+            )
+            for layout, raw, own in zip(layouts, raws, trials, strict=True)
+        ]
+
+    subjects = subjects_of(rows, len(trials))
+    ground = Ground(
+        setup.base,
+        setup.nominal_mount,
+        setup.response,
+        tuple(subjects),
+        setup.candidates,
+        (),
+        known,
+    )
+    # What the base predicts is what will be measured: the units stand about it as they are.
+    own = np.zeros(len(OWN[setup.response]))
+    met = [
+        replace(each, measured=ground.predicted(each, own, (), np.zeros(0)))
+        for each in subjects
+    ]
+    return replace(ground, subjects=tuple(met)).linearise(()).units

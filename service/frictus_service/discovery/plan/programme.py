@@ -1,0 +1,174 @@
+"""The trials of everybody in their order: of a design, or of a study that was run."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from frictus_service.discovery.plan.design import Design
+from frictus_service.discovery.significance import LEAST_UNITS
+
+TYPICAL = 2
+"""People of a design who are looked at: the others differ from them by the order alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """One trial.
+
+    Attributes
+    ----------
+    speed_mm_s, force_n : float
+        Targets.
+    tones_hz : tuple of float
+        Empty: without drive.
+    drive_vpp : float
+        0 without drive.
+    seconds : float
+    minutes : float
+        Since the session began.
+    """
+
+    speed_mm_s: float
+    force_n: float
+    tones_hz: tuple[float, ...]
+    drive_vpp: float
+    seconds: float
+    minutes: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Programme:
+    """All trials.
+
+    Attributes
+    ----------
+    people : tuple of tuple of Asked
+        Trials of typical participants, in order.
+    participants : int
+        All; those who are not in `people` are like them.
+    span_mm : float
+        Of a stroke.
+    trial_every_s : float
+    shuffled : bool
+        The order is random, and what is added is shuffled in.
+    done : bool
+        The trials were run: what is added makes a session of its own.
+    """
+
+    people: tuple[tuple[Asked, ...], ...]
+    participants: int
+    span_mm: float
+    trial_every_s: float
+    shuffled: bool
+    done: bool = False
+
+    @property
+    def finger_s(self) -> float:
+        """Seconds on the finger, of all participants together."""
+        own = [sum(trial.seconds for trial in trials) for trials in self.people]
+        return self.participants * float(np.mean(own))
+
+    @property
+    def trials(self) -> tuple[Asked, ...]:
+        """All that stand in it."""
+        return tuple(trial for trials in self.people for trial in trials)
+
+    def few(self) -> "Programme":
+        """Return the programme with typical participants only, enough for averages."""
+        kept = self.people if self.participants < LEAST_UNITS else self.people[:TYPICAL]
+        return replace(self, people=kept)
+
+    def with_more(
+        self, more: Callable[[Sequence[Asked]], Sequence[Asked]], rng: np.random.Generator
+    ) -> "Programme":
+        """Return the programme with further trials.
+
+        Parameters
+        ----------
+        more : callable
+            From a participant's trials to what is added.
+        rng : numpy.random.Generator
+            Of their order.
+        """
+        return replace(
+            self, people=tuple(self._added(own, more(own), rng) for own in self.people)
+        )
+
+    def _added(
+        self, own: tuple[Asked, ...], more: Sequence[Asked], rng: np.random.Generator
+    ) -> tuple[Asked, ...]:
+        further = [more[k] for k in rng.permutation(len(more))]
+        if self.done:
+            return (*own, *timed(further, self.trial_every_s))
+        both = [*own, *further]
+        if self.shuffled:
+            both = [both[k] for k in rng.permutation(len(both))]
+        return timed(both, self.trial_every_s)
+
+    def randomised(self, rng: np.random.Generator) -> "Programme":
+        """Return the programme with everybody's trials in random order."""
+        return replace(self, shuffled=True).with_more(lambda own: (), rng)
+
+
+def timed(trials: Sequence[Asked], every_s: float) -> tuple[Asked, ...]:
+    """Return trials that begin one after the other.
+
+    Parameters
+    ----------
+    trials : sequence of Asked
+    every_s : float
+    """
+    return tuple(
+        replace(trial, minutes=place * every_s / 60.0) for place, trial in enumerate(trials)
+    )
+
+
+def programme_of(design: Design, rng: np.random.Generator) -> Programme:
+    """Return the trials of a design.
+
+    Parameters
+    ----------
+    design : Design
+    rng : numpy.random.Generator
+        Of the order.
+    """
+    few = design.participants < LEAST_UNITS
+    typical = design.participants if few else TYPICAL
+    return Programme(
+        people=tuple(_in_order(design, rng) for _ in range(typical)),
+        participants=design.participants,
+        span_mm=design.span_mm,
+        trial_every_s=design.trial_every_s,
+        shuffled=design.order == "random",
+    )
+
+
+def _in_order(design: Design, rng: np.random.Generator) -> tuple[Asked, ...]:
+    trials = [
+        Asked(speed, force, tones, drive if tones else 0.0, design.seconds)
+        for speed, force in product(design.speeds_mm_s, design.forces_n)
+        for tones, drive in [
+            *product(_together(design), design.drive_vpp),
+            *design.blanks * [((), 0.0)],
+        ]
+    ]
+    shuffled = [trials[k] for k in rng.permutation(len(trials))]
+    if design.order == "speed blocks":
+        place = {speed: k for k, speed in enumerate(design.speeds_mm_s)}
+        shuffled.sort(key=lambda trial: place[trial.speed_mm_s])
+    return timed(shuffled, design.trial_every_s)
+
+
+def _together(design: Design) -> list[tuple[float, ...]]:
+    """Return the tones of as many trials as there are tones, each tone equally often."""
+    tones = sorted(design.tones_hz)
+    apart = len(tones) // design.tones_per_trial
+    groups = [
+        tuple(
+            sorted(tones[(k + n * apart) % len(tones)] for n in range(design.tones_per_trial))
+        )
+        for k in range(len(tones))
+    ]
+    return design.repeats * groups

@@ -1,0 +1,175 @@
+"""From the trials of units to the rows that they will give."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_hardware.physics.schedule import REFERENCE_POSITION_MM, Circumstances
+from frictus_hardware.physics.simulator import Probe
+from frictus_service.discovery.background import LEAST_LOW_S
+from frictus_service.discovery.errors import DesignError
+from frictus_service.discovery.lines import lines_of
+from frictus_service.discovery.plan.assumptions import Assumptions
+from frictus_service.discovery.plan.programme import Asked
+from frictus_service.discovery.plan.setup import Setup
+from frictus_service.discovery.plan.strokes import Stretch, stretches_of, tones_in
+from frictus_service.discovery.readings import Compared
+from frictus_service.discovery.subjects import Rows
+
+FloatArray = NDArray[np.float64]
+
+FULL_VPP: Final = 150.0
+"""At which the drive reaches a fraction of one; friction follows the square."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Cells:
+    """Trials, their stretches, and the tones of those: a row each."""
+
+    trials: list[Asked]
+    stretches: list[Stretch]
+    by_tone: list[tuple[int, float]]
+
+
+def rows_of_trials(
+    units: Sequence[Sequence[Asked]],
+    span_mm: float,
+    setup: Setup,
+    assumptions: Assumptions,
+    rng: np.random.Generator | None,
+) -> Rows:
+    """Return the rows; measured is 0, or NaN where nothing can be.
+
+    Parameters
+    ----------
+    units : sequence of sequence of Asked
+        Trials of each unit.
+    span_mm : float
+    setup : Setup
+    assumptions : Assumptions
+    rng : numpy.random.Generator or None
+        Of how fingers wander about their targets; None: they do not.
+
+    Raises
+    ------
+    DesignError
+        If no tone of any trial can be measured.
+    """
+    trials = [trial for unit in units for trial in unit]
+    stretches = stretches_of(trials, span_mm)
+    cells = _Cells(trials, stretches, tones_in(trials, stretches, setup.sample_rate_hz))
+    if not cells.by_tone:
+        raise DesignError(
+            "no third of a stroke is long enough for its tones; accepted: three periods of the "
+            "lowest tone at least. Move slower, over more millimetres, or play higher tones."
+        )
+    tones_hz, tone = np.unique([hz for _, hz in cells.by_tone], return_inverse=True)
+    targets = np.array([(trial.speed_mm_s, trial.force_n) for trial in trials])
+    return Rows(
+        unit_of_trial=np.repeat(np.arange(len(units)), [len(unit) for unit in units]),
+        condition_of_trial=np.unique(targets, axis=0, return_inverse=True)[1].ravel(),
+        target_mm_s=targets[:, 0],
+        target_n=targets[:, 1],
+        trial=np.array([stretches[place].trial for place, _ in cells.by_tone]),
+        tone=tone.ravel().astype(np.int64),
+        tones_hz=tones_hz,
+        rows=_at_rows(cells, assumptions, rng),
+        trials=_at_trials(trials),
+        measured=_seen(cells, setup, assumptions),
+    )
+
+
+def amplitude(trial: Asked) -> float:
+    """Return the amplitude of the drive fraction at each tone of a trial; 0 of a blank one.
+
+    Parameters
+    ----------
+    trial : Asked
+    """
+    if not trial.tones_hz:
+        return 0.0
+    return 0.5 * (trial.drive_vpp / FULL_VPP) ** 2 / len(trial.tones_hz)
+
+
+def strength(trials: Sequence[Asked]) -> FloatArray:
+    """Return what the noise of trials falls with: amplitude times root of the seconds.
+
+    Parameters
+    ----------
+    trials : sequence of Asked
+    """
+    return np.array([amplitude(trial) * np.sqrt(trial.seconds) for trial in trials])
+
+
+def _at_rows(cells: _Cells, assumptions: Assumptions, rng: np.random.Generator | None) -> Probe:
+    place = np.array([place for place, _ in cells.by_tone])
+    of = np.array([stretch.trial for stretch in cells.stretches])
+    trial = of[place]
+    message = np.array([amplitude(each) for each in cells.trials])
+    count = np.array([len(each.tones_hz) for each in cells.trials])
+    speed = np.array([each.speed_mm_s for each in cells.trials])[of]
+    force = np.array([each.force_n for each in cells.trials])[of]
+    if rng is not None:
+        speed = speed * _wander(of, len(cells.trials), assumptions.speed_wander, rng)
+        force = force * _wander(of, len(cells.trials), assumptions.force_wander, rng)
+    return Probe(
+        tone_hz=np.array([hz for _, hz in cells.by_tone]),
+        message=message[trial].astype(np.complex128),
+        message_mean=(message * count)[trial],
+        message_power=(np.square(message) * count / 2.0)[trial],
+        circumstances=Circumstances(
+            speed[place],
+            force[place],
+            np.array([each.position_mm for each in cells.stretches])[place],
+            np.array([each.direction for each in cells.stretches], dtype=np.float64)[place],
+            np.array([each.minutes for each in cells.trials])[trial],
+        ),
+    )
+
+
+def _wander(
+    trial: NDArray[np.int64], n_trials: int, size: tuple[float, float], rng: np.random.Generator
+) -> FloatArray:
+    """Return what each stretch has over its target: of its trial, and of its own."""
+    of_trial, within = size
+    whole = rng.normal(0.0, of_trial, n_trials)[trial]
+    return np.exp(whole + rng.normal(0.0, within, trial.size))
+
+
+def _at_trials(trials: Sequence[Asked]) -> Probe:
+    nothing = np.zeros(len(trials))
+    around = Circumstances(
+        np.array([trial.speed_mm_s for trial in trials]),
+        np.array([trial.force_n for trial in trials]),
+        nothing + REFERENCE_POSITION_MM,
+        nothing,
+        np.array([trial.minutes for trial in trials]),
+    )
+    return Probe(nothing + 100.0, nothing.astype(np.complex128), nothing, nothing, around)
+
+
+def _seen(cells: _Cells, setup: Setup, assumptions: Assumptions) -> Compared:
+    """Return 0 where something will be measured (the quiet power), NaN where nothing can be."""
+    lines = [
+        lines_of(each.tones_hz, setup.carrier_hz, setup.sample_rate_hz) for each in cells.trials
+    ]
+    longest = np.zeros(len(lines))
+    for stretch in cells.stretches:
+        longest[stretch.trial] = max(longest[stretch.trial], stretch.seconds)
+    least_s = np.array([each.tones.least_s for each in lines])
+    enough = (longest >= least_s) & (setup.response == "friction")
+    harmonic = np.full((2, len(cells.by_tone)), np.nan)
+    for row, (place, hz) in enumerate(cells.by_tone):
+        trial = cells.stretches[place].trial
+        at = cells.trials[trial].tones_hz.index(hz)
+        there = [enough[trial] and places[at] >= 0 for places in lines[trial].harmonics]
+        harmonic[there, row] = 0.0
+    mains = np.array([[place >= 0 for place in each.mains] for each in lines])
+    line50, line60 = np.where(enough[:, np.newaxis] & mains, 0.0, np.nan).T
+    low = np.where(enough & (longest >= LEAST_LOW_S), np.log(assumptions.quiet_n2), np.nan)
+    nothing = np.zeros(len(cells.by_tone))
+    second, third = (np.column_stack([each, each]) for each in harmonic)
+    return Compared(nothing, nothing, second, third, line50, line60, low)

@@ -1,0 +1,172 @@
+"""A plan from a file: a study that was run, or a design."""
+
+import secrets
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from frictus_hardware.physics.linear import TransferFunction
+from frictus_hardware.physics.mount import Mount
+from frictus_service.discovery.bases import base_model, simulator_of
+from frictus_service.discovery.candidates import candidates_of
+from frictus_service.discovery.errors import DesignError
+from frictus_service.discovery.evidence import TrialEvidence, study_evidence
+from frictus_service.discovery.linearised import Ground, ResponseName
+from frictus_service.discovery.plan.assumptions import Assumptions, assumed
+from frictus_service.discovery.plan.design import read_design
+from frictus_service.discovery.plan.document import Plan
+from frictus_service.discovery.plan.estimated import estimated
+from frictus_service.discovery.plan.plan import plan
+from frictus_service.discovery.plan.programme import Asked, Programme, programme_of
+from frictus_service.discovery.plan.rows import strength
+from frictus_service.discovery.plan.setup import Setup
+from frictus_service.discovery.plan.sizes import wanted_sizes
+from frictus_service.discovery.subjects import Rows, subjects_of
+from frictus_service.discovery.table import rows_of, units_of, used
+from frictus_service.study.importers import open_study
+
+ORDINARY_S = 20.0
+"""From trial to trial, where a study does not say."""
+
+
+def plan_file(
+    path: Path,
+    *,
+    response: ResponseName = "friction",
+    base: str = "paper",
+    wanted: Mapping[str, float] | None = None,
+    seed: int | None = None,
+    workers: int | None = None,
+    cache: Path | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> Plan:
+    """Return what a design, or the design of a study, shows.
+
+    Parameters
+    ----------
+    path : Path
+        A `design/1` file, ending in .json, or a study.
+    response : {'friction', 'mobility'}
+    base : str
+        As for `frictus discover`.
+    wanted : mapping of str to float or None
+        Sizes that shall be shown, by effect; others are the usual ones.
+    seed : int or None
+        None: a fresh one, which the document holds.
+    workers, cache, tell
+        As for `identification.pipeline.observe_study`.
+
+    Raises
+    ------
+    DesignError
+        If the design cannot be used, or a wanted size.
+    BaseModelError
+        If there is no such base model.
+    StudyError
+        If the study cannot be read.
+    """
+    tell = tell or (lambda line: None)
+    seed = secrets.randbits(32) if seed is None else seed
+    model = base_model(base, response)
+    sizes = wanted_sizes(wanted or {})
+    candidates = tuple(candidates_of(response, [effect.id for effect in model.effects]))
+
+    def setup(mount: TransferFunction | None, carrier_hz: float = 7000.0) -> Setup:
+        return Setup(simulator_of(model, mount), mount, response, candidates, carrier_hz)
+
+    if path.suffix == ".json":
+        design = read_design(path)
+        programme = programme_of(design, np.random.default_rng(seed))
+        known, assumptions = setup(Mount().lateral), assumed(response, candidates)
+    else:
+        with open_study(path) as study:
+            known = setup(study.info.mount, study.info.carrier_hz)
+            lengths = {
+                info.id: study.n_samples(info.id) / info.sample_rate_hz for info in study.trials
+            }
+        trials = used(study_evidence(path, workers=workers, cache=cache, tell=tell))
+        tell("how its readings scatter")
+        programme, assumptions = of_study(trials, lengths, known)
+    # Matrices are small: threads would wait for each other longer than they work.
+    with threadpool_limits(limits=1):
+        return plan(programme, known, assumptions, sizes, str(path), seed=seed, tell=tell)
+
+
+def of_study(
+    trials: Sequence[TrialEvidence], seconds: Mapping[str, float], setup: Setup
+) -> tuple[Programme, Assumptions]:
+    """Return the trials of a study, and how its readings scatter and its people differ.
+
+    Parameters
+    ----------
+    trials : sequence of TrialEvidence
+        From `table.used`.
+    seconds : mapping of str to float
+        Length of each trial, by id.
+    setup : Setup
+
+    Raises
+    ------
+    DesignError
+        If no trial can be used, or those that can say no tones.
+    """
+    if not any(one.observed.info.tones_hz for one in trials):
+        raise DesignError(
+            "no usable trial of this study says its tones: there is no design to plan with; "
+            "accepted: a study of trials with tones, or a design/1 file"
+        )
+    units = units_of(trials)
+    rows = rows_of(trials, units, setup.response)
+    programme = _programme(trials, seconds, rows)
+    ground = Ground(
+        setup.base,
+        setup.nominal_mount,
+        setup.response,
+        tuple(subjects_of(rows, len(units.names))),
+        setup.candidates,
+        (),
+    )
+    with threadpool_limits(limits=1):
+        return programme, estimated(ground, rows, strength(programme.trials))
+
+
+def _programme(
+    trials: Sequence[TrialEvidence], seconds: Mapping[str, float], rows: Rows
+) -> Programme:
+    """Return the programme of trials that were run, by participant and time."""
+    minutes = rows.trials.circumstances.minutes
+    people: dict[str, list[Asked]] = {}
+    for one, at in zip(trials, minutes.tolist(), strict=True):
+        info = one.observed.info
+        asked = Asked(
+            info.speed_mm_s, info.force_n, info.tones_hz, info.drive_vpp, seconds[info.id], at
+        )
+        people.setdefault(info.participant, []).append(asked)
+    return Programme(
+        people=tuple(map(tuple, people.values())),
+        participants=len(people),
+        span_mm=_span_mm(rows),
+        trial_every_s=_every_s(list(people.values())),
+        shuffled=False,
+        done=True,
+    )
+
+
+def _span_mm(rows: Rows) -> float:
+    """Return the stroke: half as long again as the middles of its outer thirds are apart."""
+    position = rows.rows.circumstances.position_mm
+    low, high = np.quantile(position, [0.05, 0.95])
+    return float(max(1.5 * (high - low), 5.0))
+
+
+def _every_s(people: Sequence[Sequence[Asked]]) -> float:
+    steps = [
+        60.0 * (after.minutes - before.minutes)
+        for own in people
+        for before, after in pairwise(own)
+        if after.minutes > before.minutes
+    ]
+    return float(np.median(steps)) if steps else ORDINARY_S

@@ -1,0 +1,82 @@
+"""Gains are those of units that did not set the size: nothing gains nothing."""
+
+import numpy as np
+import pytest
+from tests.service.discovery.made import MOUNT, PAPER, Design, made
+
+from frictus_service.discovery.candidates import candidates_of
+from frictus_service.discovery.gains import DB, gain_of, held_out, rms_of, unseen
+from frictus_service.discovery.linearised import Ground
+from frictus_service.discovery.readings import Compared
+from frictus_service.discovery.subjects import subjects_of
+from frictus_service.discovery.table import rows_of, units_of, used
+from frictus_service.discovery.units import held_out_gain, leave
+
+SHARE = 0.06
+CANDIDATES = tuple(candidates_of("friction"))
+ASYMMETRY = [one.effect for one in CANDIDATES].index("direction_asymmetry")
+
+
+def ground_of(rng: np.random.Generator, share: float, design: Design | None = None) -> Ground:
+    effects = [("direction_asymmetry", {"share": share})]
+    trials = used(made(rng, effects, design or Design()))
+    units = units_of(trials)
+    subjects = tuple(subjects_of(rows_of(trials, units, "friction"), len(units.names)))
+    return Ground(PAPER, MOUNT, "friction", subjects, CANDIDATES, ())
+
+
+def test_nothing_gains_nothing(rng: np.random.Generator) -> None:
+    """On average a size that others set costs half a nat among eight, and never gains."""
+    gains = []
+    for _ in range(4):
+        units = ground_of(rng, 0.0).linearise(()).units
+        total = held_out_gain(leave(units)).sum(axis=0)
+        gains.append(total[total != 0.0])
+    assert np.median(np.concatenate(gains)) < 0.5
+    assert np.mean(np.concatenate(gains) > 0.0) < 0.6
+
+
+def test_an_effect_gains_and_its_residual_shrinks(rng: np.random.Generator) -> None:
+    ground = ground_of(rng, SHARE)
+    before, after = ground.linearise(()), ground.linearise((ASYMMETRY,))
+    assert after.coefficients.mean() == pytest.approx(SHARE, abs=0.003)
+    per_unit = held_out_gain(leave(after.units))[:, ASYMMETRY]
+    assert np.all(per_unit > 0.0)
+    gain = gain_of(ground, per_unit, (before, ()), (after, (ASYMMETRY,)))
+    assert gain.heldout_loglik == pytest.approx(per_unit.sum())
+    assert gain.ci95 is not None
+    assert 0.0 < gain.ci95[0] < gain.heldout_loglik < gain.ci95[1]
+    less, more = gain.residual_db
+    # The asymmetry adds to what is there anyway, as squares do.
+    assert np.sqrt(less**2 - more**2) == pytest.approx(DB * SHARE, rel=0.15)
+
+
+def test_held_out_sizes_are_those_of_others(rng: np.random.Generator) -> None:
+    """One person without the effect is predicted with it, and not the other way round."""
+    ground = ground_of(rng, SHARE)
+    model = ground.linearise((ASYMMETRY,))
+    rests = held_out(ground, model, (ASYMMETRY,))
+    others = leave(model.units).estimates[:, ASYMMETRY]
+    for place, (rest, subject) in enumerate(zip(rests, ground.subjects, strict=True)):
+        size = float(np.delete(others, place).mean())
+        own = ground.rest(subject, model.own[place], (ASYMMETRY,), np.array([size]))
+        np.testing.assert_allclose(rest.size, own.size, atol=1e-9)
+
+
+def test_rms_is_of_all_rows(rng: np.random.Generator) -> None:
+    zeros = Compared.zeros(4, 1)
+    size = np.array([0.1, -0.1, 0.1, -0.1])
+    one = Compared(size, 2.0 * size, *(getattr(zeros, n) for n in NAMES))
+    db, degrees = rms_of([one, one])
+    assert db == pytest.approx(0.1 * 20.0 / np.log(10.0))
+    assert degrees == pytest.approx(np.degrees(0.2))
+
+
+NAMES = ("second", "third", "line50", "line60", "low")
+
+
+def test_unseen_conditions_are_the_middle_ones(rng: np.random.Generator) -> None:
+    design = Design(speeds_mm_s=(20.0, 50.0, 100.0), forces_n=(0.2, 0.4))
+    (found,) = unseen(ground_of(rng, SHARE, design), (ASYMMETRY,))
+    assert (found.covariate, found.level) == ("speed", 50.0)
+    assert found.residual_db[1] < found.residual_db[0]

@@ -1,0 +1,62 @@
+"""Notes: what was left out, what the design cannot show, and what was compared."""
+
+from dataclasses import replace
+
+import numpy as np
+from tests.service.discovery.made import Design, made
+
+from frictus_service.discovery.evidence import TrialEvidence
+from frictus_service.discovery.notes import notes_on
+from frictus_service.discovery.table import units_of, used
+
+
+def notes(evidence: list[TrialEvidence]) -> tuple[str, ...]:
+    trials = used(evidence)
+    return notes_on(evidence, trials, units_of(trials))
+
+
+def invalid(one: TrialEvidence, *reasons: str) -> TrialEvidence:
+    return replace(one, observed=replace(one.observed, valid=False, reasons=reasons))
+
+
+def test_nothing_to_say(rng: np.random.Generator) -> None:
+    assert notes(made(rng)) == ()
+
+
+def test_most_frequent_reasons_come_first(rng: np.random.Generator) -> None:
+    evidence = made(rng)
+    for k in range(5):
+        reason = "too slow: 3 mm/s" if k < 3 else "lifted: the force fell to 0.01 N"
+        evidence[k] = invalid(evidence[k], reason, "not this")
+    (told,) = notes(evidence)
+    assert told.startswith(f"5 of {len(evidence)} trials are not used.")
+    assert told.index("3: too slow") < told.index("2: lifted")
+    assert "not this" not in told
+
+
+def test_trials_without_a_sweep(rng: np.random.Generator) -> None:
+    evidence = made(rng)
+    names = evidence[0].stretches.__dataclass_fields__
+    none = {name: getattr(evidence[0].stretches, name)[:0] for name in names}
+    evidence[0] = replace(evidence[0], stretches=replace(evidence[0].stretches, **none))
+    (told,) = notes(evidence)
+    assert told == f"1 of {len(evidence)} trials are not used: they hold no steady sweep."
+
+
+def test_designs_of_one_level(rng: np.random.Generator) -> None:
+    for name, design in (
+        ("speed", Design(speeds_mm_s=(60.0,))),
+        ("force", Design(forces_n=(0.4,))),
+    ):
+        (told,) = notes(made(rng, design=design))
+        assert told.startswith(f"All trials have one target {name}:")
+
+
+def test_few_people(rng: np.random.Generator) -> None:
+    (one,) = notes(made(rng, design=Design(1, repeats=4)))
+    assert one.startswith("1 participant, below 6: blocks")
+    (some,) = notes(made(rng, design=Design(5)))
+    assert some.startswith("5 participants, below 6: blocks")
+    (few,) = notes(made(rng, design=Design(1, repeats=3)))
+    assert few.startswith("Nothing was tested: 36 usable trials of 1 participants")
+    assert notes([])[0].startswith("Nothing was tested: 0 usable trials")
