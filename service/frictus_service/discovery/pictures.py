@@ -16,7 +16,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 LEAST_UNITS: Final = 2
-MINUTE_BINS: Final = 3
+BINS: Final = 3
+"""Of time and of position."""
 
 
 def rests_of(ground: Ground, model: Linearised, effects: Sequence[int]) -> list[Compared]:
@@ -50,7 +51,7 @@ def residual_bins(
     """
     bins = []
     for covariate in ("speed", "force", "minutes", "direction", "position"):
-        labels = [_levels(subject, covariate) for subject in ground.subjects]
+        labels = _levels(ground.subjects, covariate)
         for level in sorted({value for each in labels for value in np.unique(each)}):
             for tone in range(tones_hz.size):
                 found = list(_means(ground.subjects, labels, level, tone, before, after))
@@ -89,22 +90,20 @@ def _bin(covariate: Covariate, level: float, tone_hz: float, found: FloatArray) 
     )
 
 
-def _levels(subject: Subject, covariate: Covariate) -> FloatArray:
-    """Return the level that each row belongs to."""
-    at = subject.rows.circumstances
+def _levels(subjects: Sequence[Subject], covariate: Covariate) -> list[FloatArray]:
+    """Return the level that each row of each subject belongs to."""
     if covariate == "speed":
-        return subject.target_mm_s[subject.trial]
+        return [subject.target_mm_s[subject.trial] for subject in subjects]
     if covariate == "force":
-        return subject.target_n[subject.trial]
+        return [subject.target_n[subject.trial] for subject in subjects]
     if covariate == "direction":
-        return at.direction
-    values = at.minutes if covariate == "minutes" else at.position_mm
-    low, high = float(values.min()), float(values.max())
-    ends = np.linspace(low, high, MINUTE_BINS + 1)
-    place = np.clip(np.searchsorted(ends, values, side="right") - 1, 0, MINUTE_BINS - 1)
+        return [subject.rows.circumstances.direction for subject in subjects]
+    name = "minutes" if covariate == "minutes" else "position_mm"
+    values: list[FloatArray] = [getattr(s.rows.circumstances, name) for s in subjects]
+    every = np.concatenate(values)
+    ends = np.linspace(every.min(), every.max(), BINS + 1)
     middle = 0.5 * (ends[1:] + ends[:-1])
-    rounded: FloatArray = np.round(middle, 0)[place]
-    return rounded
+    return [middle[np.clip(np.searchsorted(ends, v) - 1, 0, BINS - 1)] for v in values]
 
 
 def level_bins(
