@@ -1,6 +1,6 @@
 """Write the table of a blind campaign: `python bench/blind.py --help`.
 
-The campaign itself is `uv run pytest -m blind`, or `python -m tests.blind.campaign`.
+The campaign itself is `uv run pytest -n 0 -m blind`, or `python -m tests.blind.campaign`.
 """
 
 import argparse
@@ -22,7 +22,7 @@ OUT: Final = ROOT / "docs" / "blind.md"
 
 INTRODUCTION: Final = """# Hidden effects
 
-Made by `uv run python bench/blind.py` from the lines that `uv run pytest -m blind` leaves.
+Made by `uv run python bench/blind.py` from the lines that `uv run pytest -n 0 -m blind` leaves.
 A generator that shares no code with the analysis hides an effect in raw samples at 20 kHz;
 eight people of 60 trials each, 2 s a trial (ten studies: 10 s), seeds fresh and kept with each
 line. People differ in gain (35 %), cutoff (15 %), its slope over speed (25 %), in the exponents
@@ -136,7 +136,9 @@ def main() -> None:
     arguments = parser.parse_args()
     lines = read(arguments.scores)
     if not lines:
-        raise SystemExit(f"{arguments.scores} has no lines; run `uv run pytest -m blind` first")
+        raise SystemExit(
+            f"{arguments.scores} has no lines; run `uv run pytest -n 0 -m blind` first"
+        )
     arguments.out.write_text(document(lines), encoding="utf-8")
 
 

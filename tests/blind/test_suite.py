@@ -1,4 +1,4 @@
-"""The whole campaign: `uv run pytest -m blind`; it goes on where it was stopped.
+"""The whole campaign: `uv run pytest -n 0 -m blind`; it goes on where it was stopped.
 
 Lines lie in the cache folder of pytest; `bench/blind.py` makes the table from them.
 """

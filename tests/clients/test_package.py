@@ -94,15 +94,15 @@ def functions() -> Iterator[tuple[str, Any, str]]:
                     yield f"{name}.{part}", method, method.__doc__ or ""
 
 
-@pytest.mark.parametrize(("name", "member"), list(public()), ids=lambda value: str(value)[:60])
+@pytest.mark.parametrize(
+    ("name", "member"), [pytest.param(*each, id=each[0]) for each in public()]
+)
 def test_everything_public_has_a_docstring(name: str, member: Any) -> None:
     assert (member.__doc__ or "").strip(), name
 
 
 @pytest.mark.parametrize(
-    ("name", "function", "document"),
-    list(functions()),
-    ids=lambda value: str(value)[:40],
+    ("name", "function", "document"), [pytest.param(*each, id=each[0]) for each in functions()]
 )
 def test_every_parameter_is_documented(name: str, function: Any, document: str) -> None:
     assert document.strip(), name

@@ -32,6 +32,8 @@ from frictus_service.discovery.table import rows_of, units_of, used
 from frictus_service.discovery.units import Left, leave
 from frictus_service.study.importers import open_study
 
+pytestmark = pytest.mark.campaign
+
 TRUTH = Truth(participants=6, n_tones=4, n_speeds=3, n_forces=2)
 OF_CONDITIONS = {"speed_dependent_gain", "speed_dependent_cutoff", "gain_drift"}
 
