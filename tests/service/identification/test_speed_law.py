@@ -103,7 +103,7 @@ def test_measured_speed_counts_not_the_target(rng: np.random.Generator) -> None:
         )
     (law,) = laws(seen)
     assert law is not None
-    assert law.slope_hz_per_mm_s == pytest.approx(13.811, rel=0.03)
+    assert law.slope_hz_per_mm_s == pytest.approx(13.811, rel=0.05)  # the target's: 10 % off
 
 
 def test_a_low_estimate_weighs_no_more(rng: np.random.Generator) -> None:

@@ -24,6 +24,19 @@ USER = "postgres"
 _NUMBER = itertools.count()
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Tests that share the server run in the same process, which alone installs it."""
+    for item in items:
+        if "postgresql" in (*getattr(item, "fixturenames", ()), *_parameters(item)):
+            item.add_marker(pytest.mark.xdist_group("postgresql"))
+
+
+def _parameters(item: pytest.Item) -> list[object]:
+    called = getattr(item, "callspec", None)
+    return list(called.params.values()) if called else []
+
+
 class NoServerError(RuntimeError):
     """Why there is no server."""
 
@@ -93,19 +106,34 @@ def server() -> Iterator[str]:
         raise NoServerError("apt-get installed it, but there is no initdb")
     with tempfile.TemporaryDirectory(prefix="frictus-pg-") as name:
         as_user = unprivileged(Path(name))
-        data, port, null = str(Path(name) / "data"), free_port(), subprocess.DEVNULL
+        data, null = str(Path(name) / "data"), subprocess.DEVNULL
         made = [*as_user, str(found / "initdb"), "-D", data, "-U", USER, "-A", "trust", "-N"]
         if (ended := subprocess.run(made, stdout=null, stderr=null, cwd=name).returncode) != 0:
             raise NoServerError(f"initdb ended with {ended}")
         # Clients crash in these tests, the server does not: it need not sync.
-        settings = ["-h", "127.0.0.1", "-p", str(port), "-k", "", "-c", "fsync=off"]
-        begun = [*as_user, str(found / "postgres"), "-D", data, *settings]
-        with subprocess.Popen(begun, stdout=null, stderr=null, cwd=name) as process:
-            try:
-                wait_until_ready(found, port, process)
-                yield f"postgresql+psycopg://{USER}@127.0.0.1:{port}/"
-            finally:
-                process.send_signal(signal.SIGINT)
+        begun = [*as_user, str(found / "postgres"), "-D", data, "-k", "", "-c", "fsync=off"]
+        process, port = started(found, begun, name)
+        try:
+            yield f"postgresql+psycopg://{USER}@127.0.0.1:{port}/"
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.wait()
+
+
+def started(
+    found: Path, command: list[str], folder: str, attempts: int = 3
+) -> tuple["subprocess.Popen[bytes]", int]:
+    """Start a server, and return it and its port, once it answers."""
+    port, null = free_port(), subprocess.DEVNULL
+    where = ["-h", "127.0.0.1", "-p", str(port)]
+    process = subprocess.Popen([*command, *where], stdout=null, stderr=null, cwd=folder)
+    try:
+        wait_until_ready(found, port, process)
+    except NoServerError:
+        if attempts == 1:
+            raise
+        return started(found, command, folder, attempts - 1)  # the port may be another's now
+    return process, port
 
 
 @pytest.fixture(scope="session")
