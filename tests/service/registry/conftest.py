@@ -24,19 +24,6 @@ USER = "postgres"
 _NUMBER = itertools.count()
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests that share the server run in the same process, which alone installs it."""
-    for item in items:
-        if "postgresql" in (*getattr(item, "fixturenames", ()), *_parameters(item)):
-            item.add_marker(pytest.mark.xdist_group("postgresql"))
-
-
-def _parameters(item: pytest.Item) -> list[object]:
-    called = getattr(item, "callspec", None)
-    return list(called.params.values()) if called else []
-
-
 class NoServerError(RuntimeError):
     """Why there is no server."""
 
@@ -56,7 +43,10 @@ def install() -> None:
         raise NoServerError("initdb is not on the PATH: install PostgreSQL")
     if os.geteuid() != 0:
         raise NoServerError("initdb is not on the PATH: sudo apt-get install postgresql")
-    command = ["apt-get", "install", "-y", "-qq", "--no-install-recommends", "postgresql"]
+    # Another process of the same test run may be at it.
+    wait = ["-o", f"DPkg::Lock::Timeout={INSTALL_S / 2.0:.0f}"]
+    quietly = ["-y", "-qq", "--no-install-recommends"]
+    command = ["apt-get", *wait, "install", *quietly, "postgresql"]
     try:
         done = subprocess.run(
             command,
