@@ -91,6 +91,7 @@ def discover(
         tuple(subjects_of(rows, len(units.names))),
         tuple(candidates_of(response, [effect.id for effect in base.effects])),
         tuple(patterns_of(rows.tones_hz.size, skin=response == "mobility")),
+        base.validity.speed_mm_s,
     )
     flips = signs(len(units.names), np.random.default_rng(seed))
     # Matrices are small: threads would wait for each other longer than they work.

@@ -111,7 +111,7 @@ def find(ground: Ground, flips: FloatArray) -> Findings:
     def linearise(chosen: Sequence[int]) -> Linearised:
         key = tuple(chosen)
         if key not in known:
-            known[key] = ground.linearise(key)
+            known[key] = ground.linearise(key, start=known.get(()))
         return known[key]
 
     kinds = [candidate.effect for candidate in ground.candidates]
@@ -121,17 +121,18 @@ def find(ground: Ground, flips: FloatArray) -> Findings:
             lambda chosen: linearise(chosen).units, flips, NAMING, banned, kinds=kinds
         )
         model = linearise(selected.effects)
-        named, residues, units = _said(ground, model, flips)
+        named, residues = _said(ground, model, flips)
         better = _better_of_like(ground, model, named, banned, linearise)
         if better != model.chosen:
             model = linearise(better)
-            named, residues, units = _said(ground, model, flips)
+            named, residues = _said(ground, model, flips)
         weak = {each.candidate for each in named if each.share < RIGHT_FAMILY or _torn(each)}
         if not weak:
             break
         banned |= weak
     named = [each for each in named if each.candidate not in weak]
-    named += _of_family(ground, model, units, residues, {each.candidate for each in named})
+    if residues:
+        named += _of_family(ground, model, residues, {each.candidate for each in named})
     explained = sum(float(each.gain.sum()) for each in named if each.in_model)
     left = sum(float(each.gain.sum()) for each in residues)
     return Findings(
@@ -191,8 +192,8 @@ def _beside_each_other(residue: Residue, place: Place) -> bool:
 
 def _said(
     ground: Ground, model: Linearised, flips: FloatArray
-) -> tuple[list[Named], list[Residue], list[Unit]]:
-    """Return the causes in a model, what it leaves, and the units beyond it."""
+) -> tuple[list[Named], list[Residue]]:
+    """Return the causes in a model, and what it leaves."""
     units = [unit.beyond(model.chosen) for unit in model.units]
     places = {each: place_of(model.units, each, ground.patterns) for each in model.chosen}
     bent = set()
@@ -207,11 +208,12 @@ def _said(
                 unit.and_own(columns) for unit, (columns, _) in zip(beyond, forms, strict=True)
             ]
     residues = residues_of(ground, model, beyond, flips)
+    seen_by = (model.units, ground.designed(model)) if model.chosen else ()
     named = [
-        _named(effect, model, ground, residues, flips, places[effect], effect in bent)
+        _named(effect, model, ground, residues, flips, places[effect], effect in bent, seen_by)
         for effect in model.chosen
     ]
-    return named, residues, beyond
+    return named, residues
 
 
 def _named(
@@ -222,13 +224,14 @@ def _named(
     flips: FloatArray,
     place: Place,
     bent: bool,
+    seen_by: Sequence[Sequence[Unit]],
 ) -> Named:
     others = [other for other in model.chosen if other != effect]
     left = leave(model.units, others)
     gain = held_out_gain(left)[:, effect]
     rest = sum(float(each.gain.sum()) for each in residues if _beside_each_other(each, place))
     own = float(gain.sum())
-    alike, near = _beside(effect, model, ground)
+    alike, near = _beside(effect, model, ground, seen_by)
     return Named(
         candidate=effect,
         verdict="family" if bent or rest > 0.0 else "confirmed",
@@ -243,11 +246,12 @@ def _named(
 
 
 def _beside(
-    effect: int, model: Linearised, ground: Ground
+    effect: int, model: Linearised, ground: Ground, seen_by: Sequence[Sequence[Unit]]
 ) -> tuple[tuple[tuple[int, float], ...], tuple[tuple[int, float], ...]]:
     """Return other causes that look like one, and those that look a little like it."""
     others = [other for other in model.chosen if other != effect]
-    cosines = similarity(model.units, others)[effect]
+    found = np.array([similarity(units, others)[effect] for units in seen_by])
+    cosines = np.take_along_axis(found, np.argmax(np.abs(found), axis=0)[np.newaxis], 0)[0]
     name = ground.candidates[effect].effect
     beside = [
         (int(k), float(cosines[k]))
@@ -261,31 +265,25 @@ def _beside(
 
 
 def _of_family(
-    ground: Ground,
-    model: Linearised,
-    units: Sequence[Unit],
-    residues: Sequence[Residue],
-    present: set[int],
+    ground: Ground, model: Linearised, residues: Sequence[Residue], present: set[int]
 ) -> list[Named]:
     """Return causes that in another form than the catalogue's explain what is left."""
     left = leave(model.units, model.chosen)
+    alike = ground.alike(model)  # or what people differ in would hardly count
     found = []
     for place in dict.fromkeys(places_of([each.pattern for each in residues])):
         there = [each for each in residues if places_of([each.pattern])[0] == place]
-        misfit = [
-            np.sum(parts, axis=0) for parts in zip(*(r.misfit for r in there), strict=True)
-        ]
         shares = {
-            k: _share(ground, model, units, misfit, k, place)
+            k: _share(ground, alike, there, k, place)
             for k in range(len(ground.candidates))
-            if k not in present and place_of(model.units, k, ground.patterns) == place
+            if k not in present and place_of(alike.units, k, ground.patterns) == place
         }
         best = max(shares, key=lambda k: shares[k], default=None)
         if best is None or shares[best] < RIGHT_FAMILY:
             continue
         if any(shares[k] > shares[best] - CLEARLY for k in shares if k != best):
             continue
-        alike, near = _beside(best, model, ground)
+        same, near = _beside(best, model, ground, (model.units, ground.designed(model)))
         found.append(
             Named(
                 candidate=best,
@@ -294,7 +292,7 @@ def _of_family(
                 gain=np.sum([each.gain for each in there], axis=0),
                 coefficients=left.estimates[:, best],
                 share=shares[best],
-                alike=alike,
+                alike=same,
                 near=near,
                 in_model=False,
             )
@@ -303,17 +301,16 @@ def _of_family(
 
 
 def _share(
-    ground: Ground,
-    model: Linearised,
-    units: Sequence[Unit],
-    misfit: Sequence[FloatArray],
-    effect: int,
-    place: Place,
+    ground: Ground, model: Linearised, residues: Sequence[Residue], effect: int, place: Place
 ) -> float:
-    """Return the share of a misfit that an effect in any of its forms makes up."""
+    """Return the share of what is left that an effect in any of its forms makes up."""
+    numbers = [each.number for each in residues]
+    means = np.array([each.mean for each in residues])
+    misfit = [unit.generic[:, numbers] @ means for unit in model.units]
     forms = other_forms(ground, model, effect, place[1], beside=False)
     columns = [
         np.column_stack([whole.effects[:, effect], form])
         for whole, (form, _) in zip(model.units, forms, strict=True)
     ]
+    units = [unit.beyond(model.chosen) for unit in model.units]
     return explained_by(units, misfit, columns)

@@ -16,7 +16,7 @@ from frictus_hardware.physics.mobility import Mobility
 from frictus_hardware.physics.simulator import Simulator
 from frictus_service.discovery.generic import Pattern
 from frictus_service.discovery.readings import Compared, Layout, accuracy_of, reduce, trials_of
-from frictus_service.discovery.subjects import Subject
+from frictus_service.discovery.subjects import Subject, as_asked, within
 from frictus_service.discovery.units import Unit, joint, mean_of_known, orthonormal
 from frictus_service.discovery.whitening import Raw, Whitening, whiten
 
@@ -115,6 +115,8 @@ class Ground:
     subjects : tuple of Subject
     candidates : tuple of Candidate
     patterns : tuple of Pattern
+    range_mm_s : tuple of float
+        Speeds at which the base model was found.
     whiten : callable
         From layouts and raw units to whitenings; by what the readings themselves say of their
         scatter, unless it is known.
@@ -126,6 +128,7 @@ class Ground:
     subjects: tuple[Subject, ...]
     candidates: tuple[Candidate, ...]
     patterns: tuple[Pattern, ...]
+    range_mm_s: tuple[float, float] = (20.0, 100.0)
     whiten: Whiten = whiten
 
     def linearise(
@@ -133,6 +136,7 @@ class Ground:
         chosen: Sequence[int],
         wanted: Sequence[int] | None = None,
         patterns: Sequence[Pattern] | None = None,
+        start: Linearised | None = None,
     ) -> Linearised:
         """Fit own parameters and chosen effects, and return the units about that.
 
@@ -144,27 +148,71 @@ class Ground:
             Candidates whose signatures the units have; None: all.
         patterns : sequence of Pattern or None
             Likewise.
+        start : Linearised or None
+            With fewer effects, from which the fit begins.
         """
         own = np.zeros((len(self.subjects), len(OWN[self.response])))
-        coefficients = np.zeros((len(self.subjects), len(chosen)))
+        leans = np.zeros((len(self.subjects), len(self.leaning)))
+        if start is not None:
+            own = start.own
+            leans = np.array([whitening.leans for whitening in start.whitenings])
+        leaned = [each for each in self.leaning if each not in chosen]
+        places = [self.leaning.index(each) for each in leaned]
+        there = [*chosen, *leaned]  # effects about which all is linear
+        at = np.hstack([np.zeros((len(self.subjects), len(chosen))), leans[:, places]])
         for _ in range(ROUNDS):
-            before = coefficients
-            units, _ = self._about(own, chosen, coefficients, chosen, ())
+            before = at
+            units, whitenings = self._about(own, there, at, len(chosen), there, ())
             coefficients = self._settled(joint(units, range(len(chosen))), chosen)
+            leans = np.array([whitening.leans[places] for whitening in whitenings])
+            at = np.hstack([coefficients, leans])
             steps = np.array(
-                [
-                    _own_step(*each, own.shape[1])
-                    for each in zip(units, coefficients, strict=True)
-                ]
+                [_own_step(*each, own.shape[1]) for each in zip(units, at, strict=True)]
             )
             own = own + np.clip(steps, -MOST_CHANGE, MOST_CHANGE)
-            change = np.abs(coefficients - before) <= SETTLED * np.abs(coefficients)
-            if np.all(change) and np.all(np.abs(steps) < SETTLED):
+            change = np.abs(coefficients - before[:, : len(chosen)])
+            small = np.all(change <= SETTLED * np.abs(coefficients))
+            if small and np.all(np.abs(steps) < SETTLED):
                 break
         wanted = range(len(self.candidates)) if wanted is None else wanted
         patterns = self.patterns if patterns is None else patterns
-        units, whitenings = self._about(own, chosen, coefficients, wanted, patterns)
-        return Linearised(units, own, tuple(chosen), coefficients, whitenings)
+        units, whitenings = self._about(own, there, at, len(chosen), wanted, patterns)
+        return Linearised(units, own, tuple(chosen), at[:, : len(chosen)], whitenings)
+
+    def designed(self, model: Linearised) -> tuple[Unit, ...]:
+        """Return the units as the design alone makes them.
+
+        Fingers move as they were asked to, and are the same in every condition. What speeds
+        that wander within a trial tell besides rests on the form of a law being exact.
+
+        Parameters
+        ----------
+        model : Linearised
+        """
+        asked = replace(self, subjects=tuple(as_asked(subject) for subject in self.subjects))
+        return asked._alike(model, deviating=False).units
+
+    def alike(self, model: Linearised) -> Linearised:
+        """Return a model whose units are as they were if people did not differ in its causes.
+
+        Parameters
+        ----------
+        model : Linearised
+        """
+        return self._alike(model, deviating=True)
+
+    def _alike(self, model: Linearised, *, deviating: bool) -> Linearised:
+        def whitened(_: Sequence[Layout], raws: Sequence[Raw]) -> list[Whitening]:
+            return [
+                Whitening.of(raw, each.weight, each.deviation * deviating)
+                for raw, each in zip(raws, model.whitenings, strict=True)
+            ]
+
+        wanted = range(len(self.candidates))
+        chosen, at = model.chosen, model.coefficients
+        ground = replace(self, whiten=whitened)
+        about = ground._about(model.own, chosen, at, len(chosen), wanted, self.patterns)
+        return replace(model, units=about[0], whitenings=about[1])
 
     def _settled(self, found: FloatArray, chosen: Sequence[int]) -> FloatArray:
         """Return coefficients to go on with: each unit's own only where people differ."""
@@ -175,6 +223,15 @@ class Ground:
         own = np.array([scope == "participant" for scope in scopes]) & np.isfinite(found)
         settled = np.where(own, found, mean)
         return np.where(self._positive(chosen), np.maximum(settled, 0.0), settled)
+
+    @property
+    def leaning(self) -> list[int]:
+        """Candidates in which people may differ by chance, whether or not they are causes."""
+        return [
+            k
+            for k, each in enumerate(self.candidates)
+            if EFFECTS[each.effect].scope == "participant" and not each.positive
+        ]
 
     def _positive(self, chosen: Sequence[int]) -> NDArray[np.bool_]:
         return np.array([self.candidates[effect].positive for effect in chosen], dtype=np.bool_)
@@ -279,21 +336,33 @@ class Ground:
     def _about(
         self,
         own: FloatArray,
-        chosen: Sequence[int],
-        coefficients: FloatArray,
+        there: Sequence[int],
+        at: FloatArray,
+        n_chosen: int,
         wanted: Sequence[int],
         patterns: Sequence[Pattern],
     ) -> tuple[tuple[Unit, ...], tuple[Whitening, ...]]:
-        """Return the units about given parameters, with wanted candidates, and whitenings."""
+        """Return the units about given parameters, with wanted candidates, and whitenings.
+
+        Parameters
+        ----------
+        own : ndarray, shape (n_units, n_own)
+        there : sequence of int
+            Effects in the simulator: the chosen ones, and then what people lean to besides.
+        at : ndarray, shape (n_units, n_there)
+        n_chosen : int
+        wanted : sequence of int
+        patterns : sequence of Pattern
+        """
         raw = [
-            self._signatures(subject, values, chosen, row, wanted)
-            for subject, values, row in zip(self.subjects, own, coefficients, strict=True)
+            self._signatures(subject, values, there, row, n_chosen, wanted)
+            for subject, values, row in zip(self.subjects, own, at, strict=True)
         ]
         whitenings = self.whiten([s.layout for s in self.subjects], [each for each, _ in raw])
         positive = self._positive(wanted)
         squared = np.array([self.candidates[each].squared for each in wanted], dtype=np.bool_)
         # Where a power is in the model already, its signature levels off: it was seen before.
-        passed = [each in chosen and self.candidates[each].squared for each in wanted]
+        passed = [each in there and self.candidates[each].squared for each in wanted]
         units = []
         for subject, (each, effects), whitening in zip(
             self.subjects, raw, whitenings, strict=True
@@ -318,16 +387,18 @@ class Ground:
         self,
         subject: Subject,
         own: FloatArray,
-        chosen: Sequence[int],
-        coefficients: FloatArray,
+        there: Sequence[int],
+        at: FloatArray,
+        n_chosen: int,
         wanted: Sequence[int],
     ) -> tuple[Raw, FloatArray]:
         """Return readings with all that is fitted to them, and signatures of wanted effects.
 
-        The chosen effects are in the readings; nothing is whitened.
+        The effects that are in the simulator are in the readings; nothing is whitened.
         """
+        chosen = there[:n_chosen]
         lines = [self.candidates[effect].line_hz for effect in chosen]
-        here = self.simulator(own, chosen, coefficients)
+        here = self.simulator(own, there, at)
         seen = self._compared(subject, here, own, lines)
 
         def change(
@@ -340,32 +411,39 @@ class Ground:
         for k in range(own.size):
             moved = own.copy()
             moved[k] += OWN_STEP
-            mine.append(change(self.simulator(moved, chosen, coefficients), moved, OWN_STEP))
+            mine.append(change(self.simulator(moved, there, at), moved, OWN_STEP))
         mine.extend(reduce(subject.layout, each) for each in _background(subject))
+        # Whether the law goes on beyond the speeds at which it was found, nobody knows.
+        held = self._compared(within(subject, self.range_mm_s), here, own, lines)
+        mine.append(reduce(subject.layout, held - seen))
         signatures = {}
-        for effect in {*wanted, *chosen}:
+        for effect in {*wanted, *there}:
             candidate = self.candidates[effect]
             step = candidate.step**2 if candidate.squared else candidate.step
-            if effect in chosen:
-                moved = coefficients.copy()
-                moved[list(chosen).index(effect)] += step
-                simulator = self.simulator(own, chosen, moved)
+            if effect in there:
+                moved = at.copy()
+                moved[list(there).index(effect)] += step
+                simulator = self.simulator(own, there, moved)
             else:
                 simulator = candidate.extend(here, step)
             signatures[effect] = change(simulator, own, step, candidate.line_hz)
         readings = reduce(subject.layout, subject.measured - seen)
-        blank = np.zeros((readings.size, 0))
-        ours = np.column_stack([blank, *(signatures[effect] for effect in chosen)])
-        asked = np.column_stack([blank, *(signatures[effect] for effect in wanted)])
+
+        def columns(effects: Sequence[int]) -> FloatArray:
+            blank = np.zeros((readings.size, 0))
+            return np.column_stack([blank, *(signatures[effect] for effect in effects)])
+
         raw = Raw(
-            readings + ours @ coefficients,
+            readings + columns(there) @ at,
             np.column_stack(mine),
-            ours,
+            columns(chosen),
             _by_condition(subject, mine[: DEVIATING[self.response]]),
             DEVIATING[self.response],
+            columns(self.leaning),
+            np.array([effect not in self.leaning for effect in chosen], dtype=np.bool_),
             accuracy_of(subject.layout),
         )
-        return raw, asked
+        return raw, columns(wanted)
 
     def _compared(
         self,

@@ -28,20 +28,23 @@ class Residue:
     Attributes
     ----------
     pattern : Pattern
+    number : int
+        Of the pattern.
     tones : tuple of int
         Where it is largest; empty where the channel has none.
     p_value : float
     gain : ndarray, shape (n_units,)
         Held-out, beside the residues before it.
-    misfit : tuple of ndarray
-        Readings of each unit that its mean makes up, whitened.
+    mean : float
+        Coefficient of the pattern, over units, beside all other residues.
     """
 
     pattern: Pattern
+    number: int
     tones: tuple[int, ...]
     p_value: float
     gain: FloatArray
-    misfit: tuple[FloatArray, ...]
+    mean: float
 
 
 def residues_of(
@@ -65,10 +68,11 @@ def residues_of(
         residues.append(
             Residue(
                 ground.patterns[pattern],
+                pattern,
                 _largest_at(ground, model, units, ground.patterns[pattern]),
                 float(left.significance(flips).p[pattern]),
                 held_out_gain(left)[:, pattern],
-                tuple(unit.effects[:, pattern] * means[place] for unit in units),
+                float(means[place]),
             )
         )
     return residues

@@ -1,10 +1,11 @@
 """Evidence of each unit - a participant, or a block of their trials - as the model sees it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from frictus_hardware.physics.simulator import Circumstances, Probe
 from frictus_service.discovery.readings import Compared, Layout, lay_out
@@ -15,6 +16,10 @@ BoolArray = NDArray[np.bool_]
 
 QUIET: Final = 0.1
 """Share of the trials that are quieter than that."""
+WANDER: Final = 0.03
+"""Standard deviation of a finger's speed within a row, as a share of its mean, about."""
+LEAST_MM_S: Final = 0.02
+"""Change of speed that is worth a thought."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,3 +178,53 @@ def take(probe: Probe, rows: IntArray) -> Probe:
 def _quiet(low: FloatArray) -> float:
     known = low[np.isfinite(low)]
     return float(np.exp(np.quantile(known, QUIET))) if known.size else 1.0
+
+
+def within(subject: Subject, range_mm_s: tuple[float, float]) -> Subject:
+    """Return a subject as if nothing followed its speed beyond a range.
+
+    The speed wanders within a row: where its mean is near an end, it is beyond for a while.
+
+    Parameters
+    ----------
+    subject : Subject
+    range_mm_s : tuple of float
+    """
+    low, high = range_mm_s
+    circumstances = subject.rows.circumstances
+    mean = circumstances.speed_mm_s
+    spread = WANDER * mean
+    inside = mean - _beyond(mean - high, spread) + _beyond(low - mean, spread)
+    moved = np.abs(inside - mean) > LEAST_MM_S
+    circumstances = replace(circumstances, speed_mm_s=np.where(moved, inside, mean))
+    return replace(subject, rows=replace(subject.rows, circumstances=circumstances))
+
+
+def as_asked(subject: Subject) -> Subject:
+    """Return a subject whose finger moved and pressed just as it was asked to.
+
+    Parameters
+    ----------
+    subject : Subject
+    """
+
+    def moved(probe: Probe, trial: IntArray | slice) -> Probe:
+        asked = replace(
+            probe.circumstances,
+            speed_mm_s=subject.target_mm_s[trial],
+            normal_force_n=subject.target_n[trial],
+        )
+        return replace(probe, circumstances=asked)
+
+    return replace(
+        subject,
+        rows=moved(subject.rows, subject.trial),
+        trials=moved(subject.trials, slice(None)),
+    )
+
+
+def _beyond(mean: FloatArray, spread: FloatArray) -> FloatArray:
+    """Return the mean of what is positive of a normal variable."""
+    z = mean / spread
+    found: FloatArray = mean * stats.norm.cdf(z) + spread * stats.norm.pdf(z)
+    return found

@@ -1,4 +1,4 @@
-"""How readings scatter: each by itself, and together where gain and cutoff of a condition do.
+"""How readings scatter: by themselves, and together where a condition or a person deviates.
 
 Between the conditions of one participant gain and cutoff deviate from any law by some per cent.
 That is no noise of a reading: all tones of the condition share it. Tones within a condition
@@ -6,18 +6,19 @@ tell delays from cutoffs a hundred times better than conditions tell laws.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_service.discovery.leaning import Leaning, leaning
 from frictus_service.discovery.readings import Layout, huber, scatters
-from frictus_service.discovery.units import orthonormal
+from frictus_service.discovery.units import LEAST_SHARE, orthonormal
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 ROUNDS: Final = 3
 """Scatter and fit follow from each other."""
@@ -40,6 +41,10 @@ class Raw:
     deviating : ndarray, shape (n, n_deviating)
         Signatures of what deviates in each condition; of `n_kinds` kinds, which alternate.
     n_kinds : int
+    leaning : ndarray, shape (n, n_leaning)
+        Signatures of effects in which people may differ.
+    common : ndarray of bool, shape (n_chosen,)
+        Those of the chosen effects in which they may not.
     accuracy : ndarray, shape (n,)
         Of each reading at best.
     """
@@ -49,6 +54,8 @@ class Raw:
     chosen: FloatArray
     deviating: FloatArray
     n_kinds: int
+    leaning: FloatArray
+    common: BoolArray
     accuracy: FloatArray
 
 
@@ -66,15 +73,24 @@ class Whitening:
         By which they are divided there.
     deviation : ndarray, shape (n_kinds,)
         Of the conditions, from which both follow.
+    leans : ndarray, shape (n_leaning,)
+        Coefficients of what this unit leans to.
     """
 
     weight: FloatArray
     basis: FloatArray
     shrink: FloatArray
     deviation: FloatArray
+    leans: FloatArray
 
     @classmethod
-    def of(cls, raw: Raw, weight: FloatArray, deviation: FloatArray) -> "Whitening":
+    def of(
+        cls,
+        raw: Raw,
+        weight: FloatArray,
+        deviation: FloatArray,
+        difference: FloatArray | None = None,
+    ) -> "Whitening":
         """Return the whitening of a unit of which it is known how readings scatter.
 
         Parameters
@@ -82,13 +98,16 @@ class Whitening:
         raw : Raw
         weight : ndarray, shape (n,)
         deviation : ndarray, shape (n_kinds,)
+        difference : ndarray, shape (n_leaning,), or None
+            Between people, of what they lean to.
         """
-        columns = _times(raw.deviating, weight)
-        columns = columns * np.resize(deviation, columns.shape[1])
-        left, values, _ = np.linalg.svd(columns, full_matrices=False)
+        columns = raw.deviating * np.resize(deviation, raw.deviating.shape[1])
+        if difference is not None:
+            columns = np.hstack([columns, raw.leaning * difference])
+        left, values, _ = np.linalg.svd(_times(columns, weight), full_matrices=False)
         kept = values > 1e-6
         shrink = np.sqrt(1.0 + np.square(values[kept]))
-        return cls(weight, left[:, kept], shrink, deviation)
+        return cls(weight, left[:, kept], shrink, deviation, np.zeros(raw.leaning.shape[1]))
 
     def __call__(self, columns: FloatArray) -> FloatArray:
         """Return columns, shape (n,) or (n, m), whitened."""
@@ -108,15 +127,35 @@ def whiten(layouts: Sequence[Layout], raws: Sequence[Raw]) -> list[Whitening]:
     weights = _weights(layouts, raws)
     rests = []
     for raw, weight in zip(raws, weights, strict=True):
-        basis = orthonormal(_times(np.hstack([raw.own, raw.chosen]), weight))
+        fitted = np.hstack([raw.own, raw.chosen, raw.leaning])
+        basis = orthonormal(_times(fitted, weight))
         along = np.hstack(
             [(raw.readings * weight)[:, np.newaxis], _times(raw.deviating, weight)]
         )
         rests.append(along - basis @ (basis.T @ along))
     deviation = _deviations(rests, raws[0].n_kinds)
-    return [
+    plain = [
         Whitening.of(raw, weight, deviation) for raw, weight in zip(raws, weights, strict=True)
     ]
+    found = _leaning(raws, plain)
+    return [
+        replace(Whitening.of(raw, weight, deviation, found.difference), leans=leans)
+        for raw, weight, leans in zip(raws, weights, found.coefficients, strict=True)
+    ]
+
+
+def _leaning(raws: Sequence[Raw], whitenings: Sequence[Whitening]) -> Leaning:
+    """Return what units lean to, beside what they have in common."""
+    readings, signatures = [], []
+    for raw, whitening in zip(raws, whitenings, strict=True):
+        basis = orthonormal(whitening(np.hstack([raw.own, raw.chosen[:, raw.common]])))
+        rest, whole = whitening(raw.readings), whitening(raw.leaning)
+        left = whole - basis @ (basis.T @ whole)
+        square = np.einsum("ij,ij->j", whole, whole)
+        left[:, np.einsum("ij,ij->j", left, left) <= LEAST_SHARE * square] = 0.0
+        readings.append(rest - basis @ (basis.T @ rest))
+        signatures.append(left)
+    return leaning(readings, signatures)
 
 
 def _times(columns: FloatArray, weight: FloatArray) -> FloatArray:

@@ -56,7 +56,9 @@ def study(rng: np.random.Generator, scatters: FloatArray, deviations: FloatArray
         size = rng.normal(0.0, np.tile(deviations, N_CONDITIONS))
         readings = own @ rng.normal(0.0, 1.0, 2) + deviating @ size
         readings += rng.normal(0.0, scatters[kind])
-        raws.append(Raw(readings, own, np.zeros((N, 0)), deviating, 2, np.zeros(N)))
+        blank: FloatArray = np.zeros((N, 0))
+        common = np.zeros(0, dtype=np.bool_)
+        raws.append(Raw(readings, own, blank, deviating, 2, blank, common, np.zeros(N)))
     return Study(N_UNITS * [layout], raws, scatters[kind])
 
 

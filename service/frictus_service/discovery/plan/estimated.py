@@ -19,7 +19,7 @@ SOURCE = "Scatters and differences between people are those of this study."
 
 @dataclass(slots=True)
 class _Kept:
-    """Whitens, and keeps how."""
+    """Whitens as if people did not differ, and keeps how."""
 
     layouts: Sequence[Layout] = ()
     raws: Sequence[Raw] = ()
@@ -27,7 +27,10 @@ class _Kept:
 
     def __call__(self, layouts: Sequence[Layout], raws: Sequence[Raw]) -> list[Whitening]:
         self.layouts, self.raws = layouts, raws
-        self.found = whiten(layouts, raws)
+        self.found = [
+            replace(Whitening.of(raw, each.weight, each.deviation), leans=each.leans)
+            for raw, each in zip(raws, whiten(layouts, raws), strict=True)
+        ]
         return self.found
 
 

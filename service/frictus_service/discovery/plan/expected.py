@@ -75,7 +75,7 @@ def expected(
         tuple(subjects),
         setup.candidates,
         (),
-        known,
+        whiten=known,
     )
     # What the base predicts is what will be measured: the units stand about it as they are.
     own = np.zeros(len(OWN[setup.response]))
