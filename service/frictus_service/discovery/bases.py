@@ -12,7 +12,7 @@ from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.mobility import Mobility
 from frictus_hardware.physics.simulator import Simulator
 from frictus_service.discovery.errors import BaseModelError
-from frictus_service.discovery.linearised import ResponseName
+from frictus_service.discovery.own import ResponseName
 
 SPEEDS_MM_S: Final = (1.0, 200.0)
 """Where laws are taken at their word. Half of the strokes at a target of 20 or 100 mm/s are

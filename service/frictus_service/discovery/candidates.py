@@ -1,7 +1,7 @@
 """Which parameters of which effects are tried: all of the catalogue that the base has not."""
 
 from collections.abc import Collection
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -10,11 +10,57 @@ from frictus_hardware.physics.effect import Effect
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.physics.schedule import Circumstances
 from frictus_hardware.physics.simulator import Probe, Simulator
-from frictus_service.discovery.linearised import Candidate, ResponseName
 from frictus_service.discovery.lines import MAINS_HZ
+from frictus_service.discovery.own import ResponseName
 
 MODE_HZ: Final = tuple(float(round(f)) for f in np.geomspace(80.0, 800.0, 13))
 """Where a further mode of the skin is looked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One parameter of an effect, the others held.
+
+    Attributes
+    ----------
+    effect : str
+    parameter : str
+    step : float
+        At which the derivative is taken.
+    held : tuple of (str, float)
+        The effect's other parameters.
+    squared : bool
+        Data follow the square of the parameter (a power), and so the signature is per square.
+    line_hz : float or None
+        Mains line that a line in the prediction is.
+    positive : bool
+        It cannot be negative.
+    """
+
+    effect: str
+    parameter: str
+    step: float
+    held: tuple[tuple[str, float], ...] = ()
+    squared: bool = False
+    line_hz: float | None = None
+    positive: bool = False
+
+    def extend(self, simulator: Simulator, coefficient: float) -> Simulator:
+        """Return the simulator with the effect in it.
+
+        Parameters
+        ----------
+        simulator : Simulator
+        coefficient : float
+            The parameter, or its square where data follow that. Limited to its bounds.
+        """
+        if coefficient == 0.0:
+            return simulator
+        value = np.sqrt(max(coefficient, 0.0)) if self.squared else coefficient
+        effect = EFFECTS[self.effect]
+        bounds = next(p for p in effect.parameters if p.name == self.parameter)
+        limited = float(np.clip(value, bounds.low, bounds.high))
+        return effect.extend(simulator, {**dict(self.held), self.parameter: limited})
 
 
 def candidates_of(response: ResponseName, present: Collection[str] = ()) -> list[Candidate]:
@@ -44,7 +90,7 @@ def _of(effect: Effect) -> list[Candidate]:
         positive=dose.low >= 0.0,
     )
     if effect.id == "mains_interference":
-        return [replace(one, line_hz=line) for line in MAINS_HZ]
+        return [replace(one, line_hz=line, held=(("frequency_hz", line),)) for line in MAINS_HZ]
     if any(parameter.name == "frequency_hz" for parameter in effect.parameters):
         return [replace(one, held=(("frequency_hz", f),)) for f in MODE_HZ]
     return [one]

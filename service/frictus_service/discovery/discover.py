@@ -13,7 +13,7 @@ from frictus.model import Effect, FirstOrderSpeedLaw, MassSpringDamper, Model
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.discovery.bases import simulator_of
-from frictus_service.discovery.candidates import candidates_of
+from frictus_service.discovery.candidates import Candidate, candidates_of
 from frictus_service.discovery.causes import CAUSES, cause_of, separating_experiment
 from frictus_service.discovery.document import (
     Alternative,
@@ -32,14 +32,9 @@ from frictus_service.discovery.evidence import TrialEvidence
 from frictus_service.discovery.findings import Findings, Named, find
 from frictus_service.discovery.gains import gain_of, unseen
 from frictus_service.discovery.generic import patterns_of
-from frictus_service.discovery.linearised import (
-    OWN,
-    Candidate,
-    Ground,
-    Linearised,
-    ResponseName,
-)
+from frictus_service.discovery.linearised import Ground, Linearised
 from frictus_service.discovery.notes import notes_on
+from frictus_service.discovery.own import OWN, ResponseName
 from frictus_service.discovery.pictures import level_bins, residual_bins, rests_of
 from frictus_service.discovery.residues import Residue
 from frictus_service.discovery.significance import LEAST_UNITS, signs

@@ -5,23 +5,23 @@ Signatures are differences of the simulator's predictions: nobody writes one by 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.physics.linear import TransferFunction
-from frictus_hardware.physics.mobility import Mobility
 from frictus_hardware.physics.simulator import Simulator
+from frictus_service.discovery.candidates import Candidate
 from frictus_service.discovery.generic import Pattern
+from frictus_service.discovery.own import DEVIATING, OWN, OWN_SCALED, QUIET, ResponseName
 from frictus_service.discovery.readings import Compared, Layout, accuracy_of, reduce, trials_of
 from frictus_service.discovery.subjects import Subject, as_asked, within
 from frictus_service.discovery.units import Unit, joint, mean_of_known, orthonormal
 from frictus_service.discovery.whitening import Raw, Whitening, whiten
 
 FloatArray = NDArray[np.float64]
-ResponseName = Literal["friction", "mobility"]
 Whiten = Callable[[Sequence[Layout], Sequence[Raw]], list[Whitening]]
 
 ROUNDS: Final = 12
@@ -30,52 +30,6 @@ SETTLED: Final = 1e-3
 OWN_STEP: Final = 1e-3
 MOST_CHANGE: Final = 0.7
 """Of the logarithm of an own parameter in one round."""
-
-
-@dataclass(frozen=True, slots=True)
-class Candidate:
-    """One parameter of an effect, the others held.
-
-    Attributes
-    ----------
-    effect : str
-    parameter : str
-    step : float
-        At which the derivative is taken.
-    held : tuple of (str, float)
-        The effect's other parameters.
-    squared : bool
-        Data follow the square of the parameter (a power), and so the signature is per square.
-    line_hz : float or None
-        Mains line that a line in the prediction is.
-    positive : bool
-        It cannot be negative.
-    """
-
-    effect: str
-    parameter: str
-    step: float
-    held: tuple[tuple[str, float], ...] = ()
-    squared: bool = False
-    line_hz: float | None = None
-    positive: bool = False
-
-    def extend(self, simulator: Simulator, coefficient: float) -> Simulator:
-        """Return the simulator with the effect in it.
-
-        Parameters
-        ----------
-        simulator : Simulator
-        coefficient : float
-            The parameter, or its square where data follow that. Limited to its bounds.
-        """
-        if coefficient == 0.0:
-            return simulator
-        value = np.sqrt(max(coefficient, 0.0)) if self.squared else coefficient
-        effect = EFFECTS[self.effect]
-        bounds = next(p for p in effect.parameters if p.name == self.parameter)
-        limited = float(np.clip(value, bounds.low, bounds.high))
-        return effect.extend(simulator, {**dict(self.held), self.parameter: limited})
 
 
 @dataclass(frozen=True, slots=True)
@@ -501,40 +455,3 @@ def _own_step(unit: Unit, coefficients: FloatArray, n_own: int) -> FloatArray:
     readings = unit.readings - unit.effects @ coefficients
     found = np.linalg.lstsq(unit.own, readings, rcond=None)[0]
     return np.asarray(found[:n_own], dtype=np.float64)
-
-
-def _own_friction(base: Simulator, own: FloatArray) -> Simulator:
-    gain, cutoff = np.exp(own[:QUIET])
-    law = replace(
-        base.law,
-        gain_n=base.law.gain_n * gain,
-        cutoff_0_hz=base.law.cutoff_0_hz * cutoff,
-        slope_hz_per_mm_s=base.law.slope_hz_per_mm_s * cutoff,
-    )
-    return replace(base, law=law)
-
-
-def _own_skin(base: Simulator, own: FloatArray) -> Simulator:
-    mass, damping, stiffness = np.exp(own)
-    skin = base.mobility
-    return replace(
-        base,
-        mobility=Mobility(
-            skin.mass_kg * mass, skin.damping_n_s_m * damping, skin.stiffness_n_m * stiffness
-        ),
-    )
-
-
-OWN: Final[dict[ResponseName, tuple[str, ...]]] = {
-    "friction": ("gain_n", "cutoff_hz", "quiet_n2"),
-    "mobility": ("mass_kg", "damping_n_s_m", "stiffness_n_m"),
-}
-"""What everybody has of their own, as a multiple of the base model's."""
-
-QUIET: Final = 2
-"""Which of a friction response's is the power from 4 to 30 Hz that is there anyway."""
-
-DEVIATING: Final[dict[ResponseName, int]] = {"friction": 2, "mobility": 3}
-"""How many of these, from the first, deviate from condition to condition."""
-
-OWN_SCALED: Final = {"friction": _own_friction, "mobility": _own_skin}

@@ -8,7 +8,7 @@ from frictus_service.discovery.bases import base_model
 from frictus_service.discovery.discover import discover
 from frictus_service.discovery.document import Discovery, StudyFacts
 from frictus_service.discovery.evidence import study_evidence
-from frictus_service.discovery.linearised import ResponseName
+from frictus_service.discovery.own import ResponseName
 from frictus_service.study.importers import open_study
 
 

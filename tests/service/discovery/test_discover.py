@@ -117,6 +117,15 @@ def test_the_extended_model_is_a_model(rng: np.random.Generator) -> None:
     assert "speed_dependent_cutoff" not in {test.id for test in second.tests}
 
 
+def test_the_extended_model_hums_at_the_line_that_was_found(rng: np.random.Generator) -> None:
+    hum = [("mains_interference", {"amplitude_n": 0.004, "frequency_hz": 60.0})]
+    found = found_in(made(rng, hum, mains_hz=60.0))
+    assert cause_in(found, "mains_interference").parameters["frequency_hz"].value == 60.0
+    (effect,) = found.extended_model.effects
+    assert effect.parameters["frequency_hz"] == 60.0
+    assert effect.parameters["amplitude_n"] == pytest.approx(0.004, rel=0.1)
+
+
 class TestFewPeople:
     @pytest.mark.parametrize("people", [1, 5])
     def test_blocks_take_the_role_of_people(

@@ -15,7 +15,7 @@ from frictus_hardware.physics.mount import Mount
 from frictus_service.discovery.bases import base_model, simulator_of
 from frictus_service.discovery.candidates import candidates_of
 from frictus_service.discovery.causes import cause_of
-from frictus_service.discovery.linearised import ResponseName
+from frictus_service.discovery.own import ResponseName
 from frictus_service.discovery.plan.ability import Ability, ability_of
 from frictus_service.discovery.plan.assumptions import assumed
 from frictus_service.discovery.plan.design import Design

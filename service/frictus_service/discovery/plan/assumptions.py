@@ -7,7 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus_service.discovery.linearised import Candidate, ResponseName
+from frictus_service.discovery.candidates import Candidate
+from frictus_service.discovery.own import ResponseName
 from frictus_service.discovery.readings import (
     HARMONIC,
     PHASE,

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus_service.discovery.linearised import Candidate, Ground
+from frictus_service.discovery.candidates import Candidate
+from frictus_service.discovery.linearised import Ground
 from frictus_service.discovery.plan.assumptions import SMALL, Assumptions, Grid, kinds
 from frictus_service.discovery.readings import TRIAL_SIZE, Layout, accuracy_of
 from frictus_service.discovery.subjects import Rows

@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from frictus_service.discovery.linearised import OWN, Ground
+from frictus_service.discovery.linearised import Ground
+from frictus_service.discovery.own import OWN
 from frictus_service.discovery.plan.assumptions import Assumptions
 from frictus_service.discovery.plan.programme import Asked, Programme
 from frictus_service.discovery.plan.rows import rows_of_trials, strength

@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 
 from frictus_hardware.physics.effects import EFFECTS
+from frictus_service.discovery.candidates import Candidate
 from frictus_service.discovery.causes import cause_of, separating_experiment
-from frictus_service.discovery.linearised import Candidate
 from frictus_service.discovery.plan.ability import Ability, ability_of, unit_count
 from frictus_service.discovery.plan.assumptions import Assumptions
 from frictus_service.discovery.plan.document import (
