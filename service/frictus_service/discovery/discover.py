@@ -175,7 +175,8 @@ class _Report:
     def _model_of(self, effects: Sequence[int]) -> Linearised:
         if tuple(effects) == self._found.effects:
             return self._found.extended
-        return self._ground.linearise(effects) if effects else self._found.base
+        base = self._found.base
+        return self._ground.linearise(effects, start=base) if effects else base
 
     def _verdict(self) -> Verdict:
         found = self._found

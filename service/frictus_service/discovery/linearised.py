@@ -24,7 +24,7 @@ from frictus_service.discovery.whitening import Raw, Whitening, whiten
 FloatArray = NDArray[np.float64]
 Whiten = Callable[[Sequence[Layout], Sequence[Raw]], list[Whitening]]
 
-ROUNDS: Final = 12
+ROUNDS: Final = 8
 """Of Gauss-Newton at most; without a power that outgrows its background, three do."""
 SETTLED: Final = 1e-3
 OWN_STEP: Final = 1e-3

@@ -224,8 +224,10 @@ def _parts(layout: Layout, n_trials: int) -> tuple[IntArray, BoolArray]:
 def _mean(values: FloatArray, group: IntArray, n_groups: int) -> FloatArray:
     """Return the mean of what is finite in each group; NaN where nothing is."""
     known = np.isfinite(values)
-    total = np.bincount(group[known], values[known], minlength=n_groups)
-    count = np.bincount(group[known], minlength=n_groups)
+    if not known.all():
+        group, values = group[known], values[known]
+    total = np.bincount(group, values, minlength=n_groups)
+    count = np.bincount(group, minlength=n_groups)
     with np.errstate(invalid="ignore"):
         mean: FloatArray = total / count
     return mean
