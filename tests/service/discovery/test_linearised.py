@@ -1,0 +1,66 @@
+"""Everything is linear about each person's own."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from tests.service.discovery.made import MOUNT, PAPER, Design, made
+
+from frictus_service.discovery.candidates import candidates_of
+from frictus_service.discovery.evidence import TrialEvidence
+from frictus_service.discovery.linearised import Ground
+from frictus_service.discovery.subjects import subjects_of
+from frictus_service.discovery.table import rows_of, units_of, used
+from frictus_service.discovery.units import leave, similarity
+
+CANDIDATES = tuple(candidates_of("friction"))
+NAMES = [candidate.effect for candidate in CANDIDATES]
+
+
+def people(rng: np.random.Generator, slopes: Sequence[float]) -> list[TrialEvidence]:
+    """Return the evidence of people whose cutoffs rise as fast as given, alike at 60 mm/s."""
+    found = []
+    for number, slope in enumerate(slopes):
+        less = 60.0 * (slope - PAPER.law.slope_hz_per_mm_s)
+        law = replace(
+            PAPER.law, cutoff_0_hz=PAPER.law.cutoff_0_hz - less, slope_hz_per_mm_s=slope
+        )
+        for one in made(rng, base=replace(PAPER, law=law), design=Design(participants=1)):
+            info = replace(one.observed.info, participant=f"P{number:02}")
+            found.append(replace(one, observed=replace(one.observed, info=info)))
+    return found
+
+
+def ground(evidence: Sequence[TrialEvidence]) -> Ground:
+    trials = used(evidence)
+    units = units_of(trials)
+    subjects = subjects_of(rows_of(trials, units, "friction"), len(units.names))
+    return Ground(PAPER, MOUNT, "friction", tuple(subjects), CANDIDATES, ())
+
+
+def test_own_slopes_do_not_look_like_another_rolloff(rng: np.random.Generator) -> None:
+    """About the population's slope, the curvature of everybody's own would be one in all."""
+    own = 0.4 * PAPER.law.slope_hz_per_mm_s * np.repeat([-1.0, 1.0], 4)
+    here = ground(people(rng, list(PAPER.law.slope_hz_per_mm_s + own)))
+    left = leave(here.linearise(()).units)
+    rolloff = left.estimates[:, NAMES.index("fractional_rolloff")]
+    assert abs(rolloff.mean()) < 0.003
+    slope = left.estimates[:, NAMES.index("speed_dependent_cutoff")]
+    np.testing.assert_allclose(slope, own, atol=3.0)
+
+
+def test_where_a_fit_begins_does_not_matter(rng: np.random.Generator) -> None:
+    here = ground(made(rng, [("force_dependent_gain", {"exponent": 0.2})]))
+    chosen = [NAMES.index("force_dependent_gain")]
+    alone = here.linearise(chosen)
+    begun = here.linearise(chosen, start=here.linearise(()))
+    np.testing.assert_allclose(alone.own, begun.own, atol=5e-3)
+    np.testing.assert_allclose(alone.coefficients, begun.coefficients, rtol=0.05, atol=5e-3)
+
+
+def test_the_design_tells_no_drift_from_speeds_in_blocks(rng: np.random.Generator) -> None:
+    """Speeds that wander within a trial would; the design is what was asked for."""
+    here = ground(made(rng, design=Design(blocked=True)))
+    cosines = similarity(here.designed(here.linearise(())))
+    drift, speed = (NAMES.index(name) for name in ("gain_drift", "speed_dependent_gain"))
+    assert cosines[drift, speed] > 0.9
