@@ -1,11 +1,16 @@
 """What a reader must know first: what could not be tested, and why."""
 
+import re
 from collections import Counter
 from collections.abc import Sequence
+from typing import Final
 
 from frictus_service.discovery.evidence import TrialEvidence
 from frictus_service.discovery.significance import LEAST_UNITS
 from frictus_service.discovery.table import LEAST_TRIALS, Units
+
+_NUMBER: Final = re.compile(r"[-+±]?\d[\d.,e+-]*")
+"""Which the same reason gives anew for every trial."""
 
 
 def notes_on(
@@ -26,14 +31,15 @@ def _left_out(evidence: Sequence[TrialEvidence], used: Sequence[TrialEvidence]) 
     missing = len(evidence) - len(used)
     if not missing:
         return []
-    reasons = Counter(
-        one.observed.reasons[0].split(":")[0] for one in evidence if one.observed.reasons
-    )
-    most = "; ".join(f"{count}: {reason}" for reason, count in reasons.most_common(3))
+    told = [one.observed.reasons[0] for one in evidence if one.observed.reasons]
+    if not told:
+        return [f"{missing} of {len(evidence)} trials are not used: they hold no steady sweep."]
+    kinds = Counter(_NUMBER.sub("", reason) for reason in told)
+    kind, count = kinds.most_common(1)[0]
+    example = next(reason for reason in told if _NUMBER.sub("", reason) == kind)
     return [
-        f"{missing} of {len(evidence)} trials are not used. Most often {most}."
-        if most
-        else f"{missing} of {len(evidence)} trials are not used: they hold no steady sweep."
+        f"{missing} of {len(evidence)} trials are not used; most often ({count} times) for a "
+        f"reason like this: {example}."
     ]
 
 
