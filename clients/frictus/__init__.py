@@ -13,6 +13,7 @@ from frictus.block import Block, Flag
 from frictus.client import Client, Presence, RigName, connect
 from frictus.errors import (
     ArgumentError,
+    CertificateError,
     FrameError,
     FrictusError,
     LinkError,
@@ -54,6 +55,7 @@ from frictus.textures import (
     Spectrum,
     Texture,
 )
+from frictus.tls import Tls
 
 __all__ = [
     "DEFAULT_ROUTER",
@@ -62,6 +64,7 @@ __all__ = [
     "Beta",
     "Block",
     "BlockFeed",
+    "CertificateError",
     "Client",
     "Component",
     "Excitation",
@@ -96,6 +99,7 @@ __all__ = [
     "TextureError",
     "TextureStream",
     "TimeState",
+    "Tls",
     "Tone",
     "Topic",
     "Topics",

@@ -8,6 +8,7 @@ import zenoh
 from pydantic import ValidationError
 from zenoh.handlers import Callback
 
+from frictus.denial import if_denied, if_unknown
 from frictus.errors import (
     ArgumentError,
     LinkError,
@@ -99,10 +100,11 @@ class Caller:
             raise LinkError(f"{name} was not sent: {error}") from error
         require_present(self.session, self.keys)
         if name in RECORDER_CALLS:
-            raise LinkError(no_recorder(self.keys))
+            raise LinkError(no_recorder(self.keys) + if_denied(self.session))
         raise LinkError(
             f"rig {self.keys.rig} at {self.keys.site} is present but did not answer {name} "
             f"within {self._timeout_s:g} s; it may be starting or overloaded"
+            f"{if_denied(self.session)}"
         )
 
 
@@ -188,4 +190,7 @@ def require_present(session: zenoh.Session, keys: RigKeys) -> None:
     present = present_rigs(session)
     if keys not in present:
         names = ", ".join(f"{other.rig} at {other.site}" for other in present) or "none"
-        raise NoRigError(f"no rig {keys.rig!r} at site {keys.site!r}; present: {names}")
+        raise NoRigError(
+            f"no rig {keys.rig!r} at site {keys.site!r}; present: {names}"
+            + (if_unknown(session) if not present else "")
+        )

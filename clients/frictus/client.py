@@ -15,6 +15,7 @@ from frictus.keys import RigKeys, any_rig_alive, rig_of
 from frictus.reception import Arrival, Declared, Feed, OnSample
 from frictus.rig import Rig
 from frictus.session import DEFAULT_ROUTER, open_session
+from frictus.tls import Tls
 
 
 class RigName(NamedTuple):
@@ -177,7 +178,11 @@ def _own_name() -> str:
 
 
 def connect(
-    router: str = DEFAULT_ROUTER, name: str | None = None, *, timeout_s: float = 3.0
+    router: str = DEFAULT_ROUTER,
+    name: str | None = None,
+    *,
+    timeout_s: float = 3.0,
+    tls: Tls | None = None,
 ) -> Client:
     """Connect to the rigs behind a router.
 
@@ -189,14 +194,18 @@ def connect(
         Name of this client among all; made from host and process if None.
     timeout_s : float
         Longest wait for the router, for each reply and for each first value.
+    tls : Tls or None
+        Our certificate, where `router` is a ``tls/`` endpoint.
 
     Raises
     ------
     LinkError
         If no router answers there.
+    CertificateError
+        If our certificate or the router's is refused; the text says why.
     InvalidNameError
         If the name cannot stand in a key.
     """
     name = _own_name() if name is None else name
     RigKeys("any", "any").client_alive(name)  # refuses a bad name before anything is opened
-    return Client(open_session(router, timeout_s), name, timeout_s)
+    return Client(open_session(router, timeout_s, tls), name, timeout_s)

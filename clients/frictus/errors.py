@@ -39,6 +39,10 @@ class LinkError(FrictusError, ConnectionError):
     """No router can be reached, or the link to it is gone."""
 
 
+class CertificateError(LinkError):
+    """A certificate or key cannot be used; the text says which file, why, and what to do."""
+
+
 class SilenceError(FrictusError, TimeoutError):
     """Nothing arrived within the time given."""
 

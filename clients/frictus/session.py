@@ -1,14 +1,16 @@
 """Zenoh sessions as frictus needs them. A session is a context manager: always close it."""
 
 import json
+from collections.abc import Mapping
 from typing import Final, cast
 
 import zenoh
 import zenoh.ext
 
-from frictus.errors import LinkError
+from frictus.errors import CertificateError, LinkError
 from frictus.keys import Topic
 from frictus.reception import Declared, OnSample
+from frictus.tls import SCHEME, Tls, why_refused
 
 DEFAULT_ROUTER: Final = "tcp/127.0.0.1:7447"
 LEASE_MS: Final = 1_000  # a frozen peer's token falls after 0.75 s instead of 9.5 s
@@ -38,28 +40,67 @@ def _config(mode: str, listen: list[str], connect: list[str], timeout_s: float) 
     return config
 
 
-def open_router(endpoint: str = DEFAULT_ROUTER) -> zenoh.Session:
+def _secure(config: zenoh.Config, endpoint: str, tls: Tls | None, side: str) -> None:
+    """Have `config` present certificates as the `side` that listens or connects."""
+    if (tls is not None) != endpoint.startswith(SCHEME):
+        raise CertificateError(
+            f"{endpoint} and certificates: give both a {SCHEME}HOST:PORT endpoint and "
+            "certificates (`tls`, or [security] in the configuration), or neither"
+        )
+    if tls is None:
+        return
+    settings = {
+        "root_ca_certificate": str(tls.authority),
+        f"{side}_certificate": str(tls.certificate),
+        f"{side}_private_key": str(tls.key),
+        "enable_mtls": True,
+        "verify_name_on_connect": True,
+        "close_link_on_expiration": True,
+    }
+    config.insert_json5("transport/link/tls", json.dumps(settings))
+    config.insert_json5("transport/link/protocols", '["tls"]')
+
+
+def open_router(
+    endpoint: str = DEFAULT_ROUTER,
+    tls: Tls | None = None,
+    access: Mapping[str, object] | None = None,
+) -> zenoh.Session:
     """Host a router in this process, listening at `endpoint`.
 
     Parameters
     ----------
     endpoint : str
         Zenoh endpoint, such as ``tcp/0.0.0.0:7447`` for all interfaces.
+    tls : Tls or None
+        The router's certificate; every client must present one of the same authority.
+    access : mapping or None
+        Zenoh's ``access_control``: who may do what.
 
     Raises
     ------
     LinkError
         If nothing can listen there.
+    CertificateError
+        If the certificate cannot be used.
     """
+    config = _config("router", [endpoint], [], 1.0)
+    _secure(config, endpoint, tls, "listen")
+    if tls is not None:
+        tls.name()  # Zenoh would listen with an expired one, and refuse everybody
+    if access is not None:
+        config.insert_json5("access_control", json.dumps(access))
     try:
-        return zenoh.open(_config("router", [endpoint], [], 1.0))
+        return zenoh.open(config)
     except zenoh.ZError as error:
         raise LinkError(
             f"cannot listen at {endpoint}: {error}. Is another router running there?"
         ) from error
 
 
-def open_session(router: str = DEFAULT_ROUTER, timeout_s: float = 3.0) -> zenoh.Session:
+def open_session(
+    router: str = DEFAULT_ROUTER, timeout_s: float = 3.0, tls: Tls | None = None
+) -> zenoh.Session:
     """Open a client session to the router at `router`.
 
     Parameters
@@ -68,24 +109,42 @@ def open_session(router: str = DEFAULT_ROUTER, timeout_s: float = 3.0) -> zenoh.
         Zenoh endpoint, such as ``tcp/192.168.1.10:7447``.
     timeout_s : float
         How long to try.
+    tls : Tls or None
+        Our certificate, where the router asks for one.
 
     Raises
     ------
     LinkError
         If no router answers there.
+    CertificateError
+        If our certificate or the router's is refused.
     """
+    config = _config("client", [], [router], timeout_s)
+    _secure(config, router, tls, "connect")
     try:
-        session = zenoh.open(_config("client", [], [router], timeout_s))
+        session = zenoh.open(config)
     except zenoh.ZError as error:
+        _explain_refusal(router, tls, timeout_s)
         raise LinkError(
             f"no router answers at {router} within {timeout_s:g} s. "
-            "Is `frictus serve` running there?"
+            "Is `frictus serve` running there"
+            + ("?" if tls else ", and does it do without certificates (tcp, not tls)?")
         ) from error
     # open() may succeed without a link, after a refused certificate for example.
     if not session.info.transports():
         session.close()  # type: ignore[no-untyped-call]
+        _explain_refusal(router, tls, timeout_s)
         raise LinkError(f"connected to {router}, but it gave no transport: check certificates")
     return session
+
+
+def _explain_refusal(router: str, tls: Tls | None, timeout_s: float) -> None:
+    why = why_refused(router, tls, timeout_s) if tls is not None else ""
+    if why:
+        raise CertificateError(
+            f"{router} refused the connection: {why}. `frictus pki show FILE` tells whose a "
+            "certificate is, in which role, and until when; `frictus pki issue` makes a new one"
+        )
 
 
 def declare_reader(

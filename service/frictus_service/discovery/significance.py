@@ -94,7 +94,8 @@ def largest_of_flips(
         values = np.where(known, estimates, 0.0)[:, tested]
         expected = _expected(information[:, tested], known[:, tested])
         flipped = _moderated(values, count[tested], expected, flips)
-        t[tested] = flipped[0]
+        # A mean within the accuracy is none, rounding or not.
+        t[tested] = np.where(np.abs(flipped[0]) < 1e-9, 0.0, flipped[0])
         upward = np.zeros(tested.size, dtype=np.bool_) if positive is None else positive
         flipped = np.where(upward[tested], flipped, np.abs(flipped))
         largest = flipped.max(axis=1)
