@@ -272,20 +272,25 @@ class Ground:
 
     def signature(self, model: Linearised, unit: int, effect: int) -> Compared:
         """Return by what a candidate changes a unit's prediction, per unit of coefficient."""
-        subject, own = self.subjects[unit], model.own[unit]
-        coefficients = model.coefficients[unit]
-        candidate = self.candidates[effect]
+        subject, own, at = self.subjects[unit], model.own[unit], model.coefficients[unit]
         lines = [self.candidates[each].line_hz for each in model.chosen]
-        here = self.simulator(own, model.chosen, coefficients)
-        step = candidate.step**2 if candidate.squared else candidate.step
-        if effect in model.chosen:
-            moved = coefficients.copy()
-            moved[model.chosen.index(effect)] += step
-            there = self.simulator(own, model.chosen, moved)
-        else:
-            there = candidate.extend(here, step)
+        here = self.simulator(own, model.chosen, at)
+        stronger, step = self._stronger(effect, own, model.chosen, at)
         seen = self._compared(subject, here, own, lines)
-        return (self._compared(subject, there, own, [*lines, candidate.line_hz]) - seen) / step
+        lines.append(self.candidates[effect].line_hz)
+        return (self._compared(subject, stronger, own, lines) - seen) / step
+
+    def _stronger(
+        self, effect: int, own: FloatArray, there: Sequence[int], at: FloatArray
+    ) -> tuple[Simulator, float]:
+        """Return a simulator in which a candidate is one step stronger, and the step."""
+        candidate = self.candidates[effect]
+        step = candidate.step**2 if candidate.squared else candidate.step
+        if effect not in there:
+            return candidate.extend(self.simulator(own, there, at), step), step
+        moved = at.copy()
+        moved[list(there).index(effect)] += step
+        return self.simulator(own, there, moved), step
 
     def _about(
         self,
@@ -372,15 +377,8 @@ class Ground:
         mine.append(reduce(subject.layout, held - seen))
         signatures = {}
         for effect in {*wanted, *there}:
-            candidate = self.candidates[effect]
-            step = candidate.step**2 if candidate.squared else candidate.step
-            if effect in there:
-                moved = at.copy()
-                moved[list(there).index(effect)] += step
-                simulator = self.simulator(own, there, moved)
-            else:
-                simulator = candidate.extend(here, step)
-            signatures[effect] = change(simulator, own, step, candidate.line_hz)
+            stronger, step = self._stronger(effect, own, there, at)
+            signatures[effect] = change(stronger, own, step, self.candidates[effect].line_hz)
         readings = reduce(subject.layout, subject.measured - seen)
 
         def columns(effects: Sequence[int]) -> FloatArray:
