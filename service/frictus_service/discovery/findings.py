@@ -115,35 +115,39 @@ def find(ground: Ground, flips: FloatArray) -> Findings:
         return known[key]
 
     kinds = [candidate.effect for candidate in ground.candidates]
+    base = linearise(())
     banned: set[int] = set()
     for _ in range(ATTEMPTS):
         selected = select(
             lambda chosen: linearise(chosen).units, flips, NAMING, banned, kinds=kinds
         )
         model = linearise(selected.effects)
-        named, residues = _said(ground, model, flips)
-        better = _better_of_like(ground, model, named, banned, linearise)
+        said = _said(ground, base, model, flips)
+        better = _better_of_like(ground, model, said.named, banned, linearise)
         if better != model.chosen:
             model = linearise(better)
-            named, residues = _said(ground, model, flips)
-        weak = {each.candidate for each in named if each.share < RIGHT_FAMILY or _torn(each)}
+            said = _said(ground, base, model, flips)
+        weak = {
+            each.candidate for each in said.named if each.share < RIGHT_FAMILY or _torn(each)
+        }
         if not weak:
             break
         banned |= weak
-    named = [each for each in named if each.candidate not in weak]
-    if residues:
-        named += _of_family(ground, model, residues, {each.candidate for each in named})
+    named = [each for each in said.named if each.candidate not in weak]
+    if said.beyond_forms:
+        present = {each.candidate for each in named}
+        named += _of_family(ground, base, model, said.beyond_forms, present)
     explained = sum(float(each.gain.sum()) for each in named if each.in_model)
-    left = sum(float(each.gain.sum()) for each in residues)
+    left = sum(float(each.gain.sum()) for each in said.residues)
     return Findings(
         named=tuple(named),
-        residues=tuple(residues),
-        base=linearise(()),
+        residues=said.residues,
+        base=base,
         extended=model,
         first=selected.first,
         effects=model.chosen,
         explained_share=explained / (explained + left) if explained + left > 0.0 else 1.0,
-        accuracy=np.mean([unit.accuracy for unit in linearise(()).units], axis=0),
+        accuracy=np.mean([unit.accuracy for unit in base.units], axis=0),
     )
 
 
@@ -190,10 +194,16 @@ def _beside_each_other(residue: Residue, place: Place) -> bool:
     return kind == place[0] and (kind != "response" or covariate == place[1])
 
 
-def _said(
-    ground: Ground, model: Linearised, flips: FloatArray
-) -> tuple[list[Named], list[Residue]]:
-    """Return the causes in a model, and what it leaves."""
+@dataclass(frozen=True, slots=True)
+class _Said:
+    """Causes in a model; what it leaves; and what their other forms would leave of that."""
+
+    named: tuple[Named, ...]
+    residues: tuple[Residue, ...]
+    beyond_forms: tuple[Residue, ...]
+
+
+def _said(ground: Ground, base: Linearised, model: Linearised, flips: FloatArray) -> _Said:
     units = [unit.beyond(model.chosen) for unit in model.units]
     places = {each: place_of(model.units, each, ground.patterns) for each in model.chosen}
     bent = set()
@@ -207,13 +217,23 @@ def _said(
             beyond = [
                 unit.and_own(columns) for unit, (columns, _) in zip(beyond, forms, strict=True)
             ]
-    residues = residues_of(ground, model, beyond, flips)
-    seen_by = (model.units, ground.designed(model)) if model.chosen else ()
+    rest = residues_of(ground, model, beyond, flips)
+    seen_by = _seen_by(ground, base, model) if model.chosen else ()
     named = [
-        _named(effect, model, ground, residues, flips, places[effect], effect in bent, seen_by)
+        _named(effect, model, ground, rest, flips, places[effect], effect in bent, seen_by)
         for effect in model.chosen
     ]
-    return named, residues
+    residues = residues_of(ground, model, units, flips) if bent else rest
+    return _Said(tuple(named), tuple(residues), tuple(rest))
+
+
+def _seen_by(ground: Ground, base: Linearised, model: Linearised) -> Sequence[Sequence[Unit]]:
+    """Return units by which causes are compared.
+
+    As they were tested first; about the model, if people did not differ; and as the design
+    alone makes them. The whole of a misfit is in the scatter of the first, none in the second.
+    """
+    return base.units, ground.alike(model).units, ground.designed(model)
 
 
 def _named(
@@ -265,7 +285,11 @@ def _beside(
 
 
 def _of_family(
-    ground: Ground, model: Linearised, residues: Sequence[Residue], present: set[int]
+    ground: Ground,
+    base: Linearised,
+    model: Linearised,
+    residues: Sequence[Residue],
+    present: set[int],
 ) -> list[Named]:
     """Return causes that in another form than the catalogue's explain what is left."""
     left = leave(model.units, model.chosen)
@@ -283,7 +307,7 @@ def _of_family(
             continue
         if any(shares[k] > shares[best] - CLEARLY for k in shares if k != best):
             continue
-        same, near = _beside(best, model, ground, (model.units, ground.designed(model)))
+        same, near = _beside(best, model, ground, _seen_by(ground, base, model))
         found.append(
             Named(
                 candidate=best,
