@@ -57,6 +57,8 @@ def _secure(config: zenoh.Config, endpoint: str, tls: Tls | None, side: str) -> 
         "verify_name_on_connect": True,
         "close_link_on_expiration": True,
     }
+    # Zenoh would try an expired one until the time is up, or listen with it and refuse all.
+    tls.name(listens=side == "listen")
     config.insert_json5("transport/link/tls", json.dumps(settings))
     config.insert_json5("transport/link/protocols", '["tls"]')
 
@@ -86,8 +88,6 @@ def open_router(
     """
     config = _config("router", [endpoint], [], 1.0)
     _secure(config, endpoint, tls, "listen")
-    if tls is not None:
-        tls.name()  # Zenoh would listen with an expired one, and refuse everybody
     if access is not None:
         config.insert_json5("access_control", json.dumps(access))
     try:

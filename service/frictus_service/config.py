@@ -18,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from frictus.keys import RigKeys
 from frictus.session import DEFAULT_ROUTER
+from frictus.tls import SCHEME, Tls
 from frictus_hardware import BackendConfig, SimulatedConfig, SimulatedDeviceConfig
 from frictus_service.errors import ConfigurationError
 
@@ -35,10 +36,46 @@ class _Section(BaseModel):
 class RouterConfig(_Section):
     """Where the parts of the system meet."""
 
-    endpoint: Annotated[str, Field(pattern=r"^(tcp|tls|quic)/.+:\d+$")] = DEFAULT_ROUTER
-    """Zenoh endpoint: `tcp/ADDRESS:PORT`."""
+    endpoint: Annotated[str, Field(pattern=r"^(tcp|tls)/.+:\d+$")] = DEFAULT_ROUTER
+    """Zenoh endpoint: `tcp/ADDRESS:PORT`, or `tls/HOST:PORT` with a [security] section."""
     host: bool = True
     """Whether `frictus serve` listens there itself; false connects to a router elsewhere."""
+
+
+class SecurityConfig(_Section):
+    """Certificates, as `frictus pki` makes them; each key stands beside its certificate."""
+
+    authority: Path
+    """Certificate of the authority that signed all others."""
+    router: Path | None = None
+    """What the router that runs here presents."""
+    members: Path | None = None
+    """Folder with the certificates, not the keys, of all who may use that router."""
+    rig: Path | None = None
+    """What the rig of this machine and its recorder present: role `rig`."""
+    client: Path | None = None
+    """What API and commands present: role `controller`, or `observer` to look on."""
+
+    def of(self, who: Literal["router", "rig", "client"]) -> Tls:
+        """Return the certificates that `who` presents.
+
+        Raises
+        ------
+        ConfigurationError
+            If none is configured.
+        """
+        certificate: Path | None = getattr(self, who)
+        if certificate is None:
+            raise ConfigurationError(
+                f"security.{who}: this key is required to run or connect a {who} with "
+                "certificates; `frictus pki issue` makes one"
+            )
+        return Tls(self.authority, certificate)
+
+    def within(self, folder: Path) -> Self:
+        """Return this section with relative files made relative to `folder`."""
+        files = {name: path for name, path in self if path is not None}
+        return self.model_copy(update={name: folder / path for name, path in files.items()})
 
 
 class Limits(_Section):
@@ -153,6 +190,18 @@ class Config(_Section):
     limits: Limits = Limits()
     api: ApiConfig = ApiConfig()
     registry: RegistryConfig = RegistryConfig()
+    security: SecurityConfig | None = None
+    """Without it, whoever reaches the router may do everything."""
+
+    def tls(self, who: Literal["router", "rig", "client"]) -> Tls | None:
+        """Return the certificates that `who` presents; None in a network without.
+
+        Raises
+        ------
+        ConfigurationError
+            If certificates are used, and `who` has none.
+        """
+        return None if self.security is None else self.security.of(who)
 
     @property
     def keys(self) -> RigKeys:
@@ -171,6 +220,16 @@ class Config(_Section):
     def block_samples(self) -> int:
         """Length of a block, in samples."""
         return round(1e-3 * self.block_ms * self.sample_rate_hz)
+
+    @model_validator(mode="after")
+    def _encrypted_with_certificates(self) -> Self:
+        endpoint = self.router.endpoint
+        if (self.security is not None) != endpoint.startswith(SCHEME):
+            raise ValueError(
+                f"router.endpoint {endpoint!r}: tls/HOST:PORT goes with a [security] section, "
+                "and tcp/HOST:PORT without"
+            )
+        return self
 
     @model_validator(mode="after")
     def _whole_blocks(self) -> Self:
@@ -240,6 +299,7 @@ def parse(text: str, path: Path) -> Config:
             "recordings": folder / config.recordings,
             "studies": folder / config.studies,
             "registry": config.registry.within(folder),
+            "security": config.security and config.security.within(folder),
         }
     )
 

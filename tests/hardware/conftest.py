@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 
 import pytest
+from tests.hardware.nidaq.stub_driver import StubDriver, installed
 
 
 @pytest.fixture(scope="session")
@@ -28,3 +29,10 @@ def unused_address() -> str:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return "{}:{}".format(*probe.getsockname())
+
+
+@pytest.fixture(scope="session")
+def stub_driver(tmp_path_factory: pytest.TempPathFactory) -> Iterator[StubDriver]:
+    """A stub of NI's driver library where nidaqmx looks for the driver."""
+    with installed(tmp_path_factory.mktemp("driver")) as driver:
+        yield driver

@@ -3,10 +3,13 @@
 import gc
 import tracemalloc
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from tests.hardware.nidaq.bench import make_bench
+from tests.hardware.nidaq.stub_driver import make_local_rig
 
 from frictus_hardware import (
     Backend,
@@ -40,19 +43,26 @@ def configured(name: str, device_address: str) -> BackendConfig:
     return SimulatedDeviceConfig(address=device_address, rig=real)
 
 
-@pytest.fixture(params=["virtual", "scaled", "real", "device"])
+@pytest.fixture(params=["virtual", "scaled", "real", "device", "nidaqmx", "nidaqmx_local"])
 def make(request: pytest.FixtureRequest) -> Iterator[Maker]:
     """A maker of unopened backends, which are closed after the test."""
     address = request.getfixturevalue("device_address") if request.param == "device" else ""
     made: list[Backend] = []
+    with ExitStack() as servers:
 
-    def make_one() -> Backend:
-        made.append(make_backend(configured(request.param, address)))
-        return made[-1]
+        def make_one() -> Backend:
+            if request.param == "nidaqmx":
+                made.append(make_bench(servers).rig)
+            elif request.param == "nidaqmx_local":
+                request.getfixturevalue("stub_driver")
+                made.append(make_local_rig())
+            else:
+                made.append(make_backend(configured(request.param, address)))
+            return made[-1]
 
-    yield make_one
-    for backend in made:
-        backend.close()
+        yield make_one
+        for backend in made:
+            backend.close()
 
 
 @pytest.fixture

@@ -59,7 +59,7 @@ def build_app(config: Config, run: str = RUN, discover: str = DISCOVER) -> FastA
     discover : str
         The same for a discovery.
     """
-    link = RigLink(config.router.endpoint, config.site)
+    link = RigLink(config.router.endpoint, config.site, config.tls("client"))
     registry = Registry(config.registry.url)
     jobs = Jobs(config, registry, run)
     analyses = Discoveries(config, discover)

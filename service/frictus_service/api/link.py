@@ -29,10 +29,13 @@ class RigLink:
         Zenoh endpoint.
     site : str
         Site whose rigs are served.
+    tls : Tls or None
+        What the API presents to the router.
     """
 
-    def __init__(self, router: str, site: str) -> None:
+    def __init__(self, router: str, site: str, tls: frictus.Tls | None = None) -> None:
         self.router = router
+        self._tls = tls
         self.site = site
         self._client: frictus.Client | None = None
         self._connecting = threading.Lock()
@@ -52,7 +55,7 @@ class RigLink:
             if self._failed is not None and time.monotonic() - self._failed[0] < RETRY_S:
                 raise self._failed[1]
             try:
-                self._client = frictus.connect(self.router, timeout_s=TIMEOUT_S)
+                self._client = frictus.connect(self.router, timeout_s=TIMEOUT_S, tls=self._tls)
             except LinkError as error:
                 self._failed = (time.monotonic(), error)
                 raise

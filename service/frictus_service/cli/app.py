@@ -14,6 +14,7 @@ from frictus_service.cli import (
     identify,
     models,
     mount,
+    pki,
     plan,
     play,
     record,
@@ -67,6 +68,7 @@ app.command()(discover.discover)
 app.command()(plan.plan)
 app.add_typer(study.study, name="study")
 app.add_typer(models.models, name="models")
+app.add_typer(pki.pki, name="pki")
 
 
 @app.command()

@@ -84,7 +84,7 @@ def calibrate(
 
     target = Target.of(config, router, site, rig)
     lines = wants_lines(as_json)
-    with frictus.connect(target.router) as client:
+    with frictus.connect(target.router, tls=target.tls) as client:
         found = target.choose(client)
         before = found.model().model
         folder = out or target.config.studies / f"{found.name}-{participant}-{protocol}"

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Final, Literal
 
 import frictus
-from frictus.errors import LinkError
-from frictus_service.config import Config, load
+from frictus.errors import CertificateError, LinkError
+from frictus_service.config import Config, SecurityConfig, load
 from frictus_service.errors import ConfigurationError
 
 Verdict = Literal["ok", "warn", "fail"]
@@ -65,7 +65,8 @@ def all_checks(config_file: Path | None, router: str | None) -> Iterator[Check]:
     yield found
     if config is not None:
         yield library_folder(config.textures)
-    yield from router_and_rigs(router or (config or Config()).router.endpoint)
+    settings = config or Config()
+    yield from router_and_rigs(router or settings.router.endpoint, settings.security)
     yield clock_resolution()
     yield timer_lateness()
 
@@ -132,14 +133,18 @@ def library_folder(folder: Path) -> Check:
     return Check("textures", "ok", f"{len(names)} in the library, those shipped among them")
 
 
-def router_and_rigs(endpoint: str) -> Iterator[Check]:
+def router_and_rigs(endpoint: str, security: SecurityConfig | None = None) -> Iterator[Check]:
     """Look for the router, and for rigs behind it."""
     try:
-        with frictus.connect(endpoint, timeout_s=ANSWER_S) as client:
+        tls = None if security is None else security.of("client")
+        with frictus.connect(endpoint, timeout_s=ANSWER_S, tls=tls) as client:
             yield Check("router", "ok", f"answers at {endpoint}")
             rigs = client.rigs()
             for rig in rigs:
                 yield _rig(client, rig)
+    except (CertificateError, ConfigurationError) as error:
+        yield Check("router", "fail", str(error), "see docs/security.md")
+        return
     except LinkError as error:
         yield Check("router", "warn", str(error), "start `frictus serve`, or name its --router")
         return

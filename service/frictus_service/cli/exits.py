@@ -37,6 +37,7 @@ def code_of(error: Exception) -> Exit:
     from frictus_service.library import LibraryError
     from frictus_service.recording.errors import NotWrittenError, RecordingError
     from frictus_service.registry.errors import RegistryError, RegistryUnavailableError
+    from frictus_service.security.errors import SecurityError
     from frictus_service.study.errors import StudyError
 
     if isinstance(error, ConfigurationError):
@@ -58,6 +59,7 @@ def code_of(error: Exception) -> Exit:
         LibraryError,
         RegistryError,
         RecordingError,
+        SecurityError,
         StudyError,
     )
     files = (FileNotFoundError, IsADirectoryError, NotWrittenError)

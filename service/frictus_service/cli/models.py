@@ -233,7 +233,10 @@ def activate(
     import frictus
 
     target = Target.of(config, router, site, rig)
-    with registry_of(config) as registry, frictus.connect(target.router) as client:
+    with (
+        registry_of(config) as registry,
+        frictus.connect(target.router, tls=target.tls) as client,
+    ):
         version = registry.get(reference)
         confirmed = target.choose(client).set_model(version.model)
         activation = registry.activations.record(

@@ -50,6 +50,11 @@ class Target:
     site: str
     rig: str | None
 
+    @property
+    def tls(self) -> "frictus.Tls | None":
+        """What a command presents to the router."""
+        return self.config.tls("client")
+
     @classmethod
     def of(
         cls, config: Path | None, router: str | None, site: str | None, rig: str | None

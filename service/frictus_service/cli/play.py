@@ -61,7 +61,7 @@ def play(
     target = Target.of(config, router, site, rig)
     scene = scene_of(texture, target.config.textures, speed, rate, scale, gain)
     lines = wants_lines(as_json)
-    with frictus.connect(target.router) as client:
+    with frictus.connect(target.router, tls=target.tls) as client:
         found = target.choose(client)
         observer = Observer(found)
         with found.arm() as lease, Display(f"{scene.name} on {found.name}", lines) as display:

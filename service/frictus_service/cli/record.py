@@ -65,7 +65,7 @@ def record(
     _check_together(start, stop, out, seconds)
     target = Target.of(config, router, site, rig)
     given = name or (out.stem if out is not None else _name_of_now())
-    with frictus.connect(target.router) as client:
+    with frictus.connect(target.router, tls=target.tls) as client:
         found = target.choose(client)
         if stop:
             _tell(found.end_recording(), as_json)

@@ -29,6 +29,7 @@ from frictus_service.daemon.safety import Safety
 from frictus_service.daemon.stage import Stage
 from frictus_service.daemon.warmup import warm_up
 from frictus_service.errors import ConfigurationError, StartError
+from frictus_service.security.identity import tls_of_rig
 from frictus_service.translate import inverse_of_model, placeholder_model, screen_of
 
 JOIN_S: Final = 5.0
@@ -80,7 +81,10 @@ def run_rig(
     model = read_model(config.model_file)
     heartbeat.value = 0
     warm_up(config.sample_rate_hz, config.block_samples)
-    with open_session(config.router.endpoint) as session, _opened(config) as backend:
+    with (
+        open_session(config.router.endpoint, tls=tls_of_rig(config)) as session,
+        _opened(config) as backend,
+    ):
         rig = _Parts(config, backend, model, heartbeat, fault)
         with rig.commands, rig.running(session, say):
             rig.commands.declare(session, config.keys)

@@ -25,13 +25,15 @@ from zenoh.handlers import Callback
 from frictus.errors import FrameError, LinkError
 from frictus.keys import Topics
 from frictus.messages import Fault, FaultKind, RigStatus
-from frictus.session import declare_latest_publisher, open_router, open_session
+from frictus.session import declare_latest_publisher, open_session
 from frictus_hardware import reset_device
 from frictus_hardware.errors import HardwareError
 from frictus_service.config import Config
 from frictus_service.daemon.part import PartName, run_part
 from frictus_service.daemon.safety import ACTIONS
 from frictus_service.errors import StartError
+from frictus_service.security.identity import tls_of_rig
+from frictus_service.security.router import open_secured_router
 
 ALL: Final[tuple[PartName, ...]] = ("rig", "api", "recorder")
 LOOKS: Final = 5
@@ -147,8 +149,7 @@ class Supervisor:
         """
         endpoint = self._config.router.endpoint
         with contextlib.ExitStack() as undo:
-            opened = open_router(endpoint) if self._host_router else open_session(endpoint)
-            self._session = undo.enter_context(opened)
+            self._session = undo.enter_context(self._opened())
             if "rig" in self._parts:
                 self._declare_status(undo)
             self._undo = undo.pop_all()
@@ -171,6 +172,14 @@ class Supervisor:
             self._stop(part)
         self._undo.close()
         self._say("stopped")
+
+    def _opened(self) -> zenoh.Session:
+        config = self._config
+        if self._host_router:
+            return open_secured_router(config)
+        api_alone = set(self._parts) == {"api"}
+        tls = config.tls("client") if api_alone else tls_of_rig(config)
+        return open_session(config.router.endpoint, tls=tls)
 
     def _declare_status(self, undo: contextlib.ExitStack) -> None:
         def note(sample: zenoh.Sample) -> None:

@@ -210,6 +210,7 @@ class Jobs:
         order = Order(
             run=self._run,
             router=self._config.router.endpoint,
+            tls=self._config.tls("client"),
             spec=calibration.spec,
             folder=(self._config.studies / calibration.id).absolute(),
         )

@@ -5,6 +5,7 @@ from typing import Annotated, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
+from frictus.tls import Tls
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Progress
 from frictus_service.discovery.job import DiscoveryProgress, DiscoveryResult, DiscoverySpec
 
@@ -20,6 +21,7 @@ class Order(_Word):
     run: str
     """``module:function``, called as `frictus_service.calibration.run.run_calibration` is."""
     router: str
+    tls: Tls | None = None
     spec: CalibrationSpec
     folder: Path
     """Of this calibration alone."""

@@ -26,6 +26,7 @@ from frictus_service.daemon.gate import Gate
 from frictus_service.recording.errors import NotWrittenError
 from frictus_service.recording.recording import BEAT_S, SUFFIX, Recording
 from frictus_service.recording.shelf import unfinished
+from frictus_service.security.identity import tls_of_rig
 
 STATE_S: Final = 0.5
 """The state is told this often while something is recorded, and at every change."""
@@ -65,7 +66,9 @@ class Recorder:
         self._recording: Recording | None = None
         self._idle = RecordingState(utc_ns=time.time_ns(), recording=False)
         self._told_s = 0.0
-        self._client = frictus.connect(config.router.endpoint, timeout_s=TIMEOUT_S)
+        self._client = frictus.connect(
+            config.router.endpoint, timeout_s=TIMEOUT_S, tls=tls_of_rig(config)
+        )
         session, keys = self._client.session, config.keys
         self._publisher = declare_latest_publisher(
             session, keys.of(Topics.RECORDING), Topics.RECORDING

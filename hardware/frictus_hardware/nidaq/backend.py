@@ -1,0 +1,367 @@
+"""The rig on an NI device. See `frictus_hardware.base.Backend` for what it promises.
+
+The lead has two parts. What is in the device can no longer be changed: DAQmx has moved it to
+the device's own memory. The reserve is kept here, so that a stop can still ramp it down. The
+margin of an exchange is what the device still had: at 0 the output runs dry, which stops it
+and is a lost stream, so that no exchange ever tells of an underrun.
+"""
+
+from dataclasses import dataclass
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_hardware.base import Exchange, RigInfo, TouchReport, require_finite
+from frictus_hardware.errors import (
+    ClosedError,
+    ConfigError,
+    DriverMissingError,
+    HardwareError,
+    NotArmedError,
+    TransientError,
+)
+from frictus_hardware.nidaq.config import NiConfig
+from frictus_hardware.nidaq.conversion import Conversion
+from frictus_hardware.nidaq.touch import TouchSource
+from frictus_hardware.simulated.output import OutputQueue
+
+if TYPE_CHECKING:
+    from frictus_hardware.nidaq.session import Session
+
+FloatArray = NDArray[np.float64]
+
+MAX_BLOCK_S = 1.0
+
+
+@dataclass(slots=True)
+class _Turn:
+    """An exchange under way: what was accepted, and what has been sensed of it so far."""
+
+    drive_v: FloatArray
+    applied_v: FloatArray
+    first_sample: int
+    margin_samples: int
+    clipped_samples: int
+    input_v: FloatArray
+    sensed_samples: int = 0
+
+
+class NiRig:
+    """A rig on an NI device, driven by the local driver or through NI's gRPC device server.
+
+    A transient fault leaves the exchange where it is: the same drive offered again goes on
+    there. Every other fault of the device puts the output to 0 V first and then lasts until the
+    rig is opened anew. For one thread.
+
+    Parameters
+    ----------
+    config : NiConfig
+    conversion : Conversion
+        From volts to force, acceleration and screen volts.
+    touch : TouchSource
+    """
+
+    def __init__(self, config: NiConfig, conversion: Conversion, touch: TouchSource) -> None:
+        self.config = config
+        self.transient_faults = 0
+        self._convert = conversion
+        self._touch = touch
+        self._max_block = round(MAX_BLOCK_S * config.sample_rate_hz)
+        self._session: Session | None = None
+        self._fault: HardwareError | None = None
+        self._begin()
+
+    def _begin(self) -> None:
+        """Set everything to what holds at sample 0."""
+        config = self.config
+        self._armed = False
+        self._fault = None
+        self._sensed = 0
+        self._delivered = 0
+        self._written = config.device_lead_samples
+        self._turn: _Turn | None = None
+        self._queue = OutputQueue(config.lead_samples + 2 * self._max_block, holds=False)
+        self._queue.write(0, np.zeros(config.lead_samples), 0)
+
+    @property
+    def info(self) -> RigInfo:
+        """What does not change while the backend is open."""
+        config = self.config
+        return RigInfo(
+            backend="nidaqmx",
+            simulated=False,
+            finger_source=self._touch.finger_source,
+            sample_rate_hz=config.sample_rate_hz,
+            lead_samples=config.lead_samples,
+            screen_peak_v=config.screen_peak_v,
+            screen_mm=config.screen_mm,
+            touch_latency_s=self._touch.latency_s,
+        )
+
+    @property
+    def next_play_sample(self) -> int:
+        """Device index at which the next drive handed over will start to play."""
+        first = self._sensed if self._turn is None else self._turn.first_sample
+        return first + self.config.lead_samples
+
+    def open(self) -> None:
+        """Reset the device and start its clock with the lead prefilled with zeros; disarmed.
+
+        Raises
+        ------
+        ConfigError
+            If the configuration does not fit the device, or driver or package are missing.
+        DeviceLostError, LinkLostError
+            If the device or its server cannot be reached.
+        """
+        if self._session is not None:
+            return
+        session = _new_session(self.config)
+        self._begin()
+        try:
+            session.set_up()
+            self._convert.start(session.conversion_rate_hz)
+            self._touch.start()
+            session.start()
+        except BaseException:
+            self._touch.stop()
+            session.close()
+            raise
+        self._session = session
+
+    def arm(self) -> None:
+        """Allow output other than zero.
+
+        Raises
+        ------
+        ClosedError
+            If the rig is not open; or the fault that lasts.
+        """
+        self._ready()
+        self._armed = True
+
+    def exchange(self, drive_v: FloatArray) -> Exchange:
+        """Hand over the next block of output; wait for as many sensed samples.
+
+        Parameters
+        ----------
+        drive_v : ndarray, shape (n_samples,)
+            1 sample to 1 s.
+        """
+        session = self._ready()
+        drive_v = np.asarray(drive_v, dtype=np.float64)
+        self._refuse_unfit(drive_v)
+        try:
+            turn = self._take(session, drive_v)
+            self._follow(session, turn)
+        except TransientError:
+            self.transient_faults += 1
+            raise
+        except HardwareError as error:
+            raise self._fail(session, error) from error
+        return self._sense(turn)
+
+    def stop(self, ramp_s: float) -> None:
+        """Ramp what is queued to zero within `ramp_s`, drop the rest, and disarm.
+
+        The device plays on for its part of the lead before the ramp starts.
+        """
+        if not ramp_s >= 0.0:
+            raise ConfigError(f"a ramp of {ramp_s} s: 0 or more accepted")
+        if self._armed:
+            ramp = round(min(ramp_s, MAX_BLOCK_S) * self.config.sample_rate_hz)
+            self._queue.ramp(self._written, ramp)
+        self._armed = False
+
+    def health(self) -> str | None:
+        """Return what is wrong with the device or the touch sensor, or None."""
+        if self._session is None:
+            return "not open"
+        return self._touch.health() if self._fault is None else str(self._fault)
+
+    def close(self) -> None:
+        """Play zeros, wait for them, and release the device. Closing twice is harmless.
+
+        Raises
+        ------
+        HardwareError
+            If the output could not be brought to zero; the device is released all the same.
+        """
+        session, self._session = self._session, None
+        if session is None:
+            return
+        self._armed = False
+        try:
+            if self._fault is None:
+                self._play_out(session)
+        finally:
+            self._touch.stop()
+            session.close()
+
+    def __enter__(self) -> Self:
+        """Open and return self."""
+        self.open()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close, whatever happened."""
+        self.close()
+
+    def _ready(self) -> "Session":
+        if self._session is None:
+            raise ClosedError("the rig is not open: call open(), or use it in a with statement")
+        if self._fault is not None:
+            raise type(self._fault)(str(self._fault))
+        return self._session
+
+    def _refuse_unfit(self, drive_v: FloatArray) -> None:
+        if drive_v.ndim != 1 or not 1 <= drive_v.size <= self._max_block:
+            raise ConfigError(
+                f"a drive of shape {drive_v.shape}: one axis of 1 to {self._max_block} samples "
+                "accepted; nothing was output"
+            )
+        require_finite(drive_v)
+        if not self._armed and np.any(drive_v):
+            raise NotArmedError("drive other than zero while disarmed; nothing was output")
+
+    def _take(self, session: "Session", drive_v: FloatArray) -> _Turn:
+        """Queue a drive; or return the exchange under way, if this is the drive it took."""
+        under_way = self._turn
+        if under_way is not None:
+            if np.array_equal(under_way.drive_v, drive_v):
+                return under_way
+            self._follow(session, under_way)  # given up: what it sensed counts as overrun
+            self._turn = None
+        config = self.config
+        late = session.acquired() - self._sensed
+        output_v = np.clip(
+            drive_v / config.amplifier_gain, -config.peak_output_v, config.peak_output_v
+        )
+        self._queue.write(self.next_play_sample, output_v, 0)
+        self._turn = _Turn(
+            drive_v=drive_v.copy(),
+            applied_v=output_v * config.amplifier_gain,
+            first_sample=self._sensed,
+            margin_samples=max(self._written - self._sensed - late, 0),
+            clipped_samples=int(np.count_nonzero(np.abs(drive_v) > config.screen_peak_v)),
+            input_v=np.empty((drive_v.size, len(config.channels))),
+        )
+        return self._turn
+
+    def _follow(self, session: "Session", turn: _Turn) -> None:
+        """Move blocks until an exchange has been sensed to its end."""
+        n_samples = turn.drive_v.size
+        while turn.sensed_samples < n_samples:
+            done = turn.sensed_samples
+            input_v = self._move(session, n_samples - done)
+            turn.input_v[done : done + len(input_v)] = input_v
+            turn.sensed_samples += len(input_v)
+
+    def _move(self, session: "Session", n_samples: int) -> FloatArray:
+        """Feed the output for one block at most, and return the inputs of the same time.
+
+        Raises
+        ------
+        TransientError
+            If nothing came in time, or the output found no room; it may be tried again.
+        """
+        config = self.config
+        n_samples = min(n_samples, config.block_samples)
+        until = self._sensed + n_samples + config.device_lead_samples
+        if until > self._written:
+            output_v = self._queue.read(self._written, until - self._written)
+            self._written += session.write(output_v)
+            if self._written < until:
+                raise TransientError(
+                    f"the output had no room for {until - self._written} of "
+                    f"{output_v.size} samples at sample {self._sensed}"
+                )
+        input_v = session.read(n_samples).T
+        if not len(input_v):
+            raise TransientError(
+                f"none of {n_samples} samples came in time at sample {self._sensed}"
+            )
+        self._sensed += len(input_v)
+        return input_v
+
+    def _sense(self, turn: _Turn) -> Exchange:
+        """Return what an exchange has sensed, with all touches since the one before."""
+        since, self._turn = self._delivered, None
+        sensed = self._convert(turn.input_v)
+        touches: tuple[TouchReport, ...] = self._touch.arrived(since, self._sensed - since)
+        self._delivered = self._sensed
+        return Exchange(
+            first_sample=turn.first_sample,
+            force_n=sensed.force_n,
+            accel_m_s2=sensed.accel_m_s2,
+            voltage_v=sensed.voltage_v,
+            touches=touches,
+            applied_v=turn.applied_v,
+            play_sample=turn.first_sample + self.config.lead_samples,
+            clipped_samples=turn.clipped_samples,
+            margin_samples=turn.margin_samples,
+            overrun_samples=turn.first_sample - since,
+        )
+
+    def _fail(self, session: "Session", error: HardwareError) -> HardwareError:
+        """Put the output to 0 V, and return the fault that lasts from now on."""
+        self._armed = False
+        self._turn = None
+        self._fault = _with_outcome(error, session.make_safe())
+        return self._fault
+
+    def _play_out(self, session: "Session") -> None:
+        """Play what the device has, then zeros; stop once zeros are out, and make sure."""
+        self._queue.ramp(self._written, 0)
+        until = self._written + 1
+        trouble: HardwareError | None = None
+        try:
+            while self._sensed < until:
+                self._move(session, until - self._sensed)
+            session.stop()
+        except HardwareError as error:
+            trouble = error
+        failure = session.make_safe()
+        if failure is not None:
+            raise _with_outcome(trouble or failure, failure) from failure
+
+
+def reset(config: NiConfig) -> None:
+    """Put the outputs of a device to 0 V, whoever drives it.
+
+    Raises
+    ------
+    HardwareError
+        If the device cannot be reached; its output may still hold its last value.
+    """
+    session = _new_session(config)
+    try:
+        session.reset()
+    finally:
+        session.close()
+
+
+def _new_session(config: NiConfig) -> "Session":
+    try:
+        from frictus_hardware.nidaq.session import Session
+    except ModuleNotFoundError as error:
+        raise DriverMissingError(
+            f'{error}: the NI backend needs it; install it with pip install "frictus[ni]"'
+        ) from error
+    return Session(config)
+
+
+def _with_outcome(error: HardwareError, failure: HardwareError | None) -> HardwareError:
+    """Return a fault of the same kind that also says what became of the output."""
+    if failure is None:
+        return type(error)(f"{error} The output is at 0 V")
+    return type(error)(
+        f"{error} THE OUTPUT MAY STILL BE LIVE, switch the amplifier off: {failure}"
+    )

@@ -1,0 +1,192 @@
+"""What the NI-DAQmx backend has to be told: channels, ranges, gains, timing."""
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from frictus_hardware.errors import ConfigError
+
+Terminals = Literal["default", "rse", "nrse", "differential", "pseudo_differential"]
+
+_CHANNEL = re.compile(r"ai\d+")
+_OUTPUT = re.compile(r"ao\d+")
+_ADDRESS = re.compile(r"[^:\s]+:\d{1,5}")
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """Analogue inputs that are wired alike.
+
+    Attributes
+    ----------
+    channels : tuple of str
+        Such as ``("ai0", "ai1")``; their order is that of the columns of what is read.
+    range_v : float
+        Input range, +/-V at the connector, in (0, 10].
+    terminals : str
+        How they are wired: default, rse, nrse, differential or pseudo_differential.
+    """
+
+    channels: tuple[str, ...]
+    range_v: float = 10.0
+    terminals: Terminals = "differential"
+
+
+@dataclass(frozen=True, slots=True)
+class NiConfig:
+    """One NI device and what is wired to it.
+
+    Attributes
+    ----------
+    device : str
+        Name of the device in NI MAX, such as Dev1.
+    output : str
+        Analogue output that feeds the amplifier.
+    force, accel : Inputs
+        Gauges of the force sensor, axes of the accelerometer.
+    monitor : Inputs
+        The one channel that reads the amplifier's output back.
+    amplifier_gain : float
+        Screen volts per volt of the output.
+    monitor_gain : float
+        Screen volts per volt of the monitor channel, for what converts the volts.
+    screen_peak_v : float
+        Limit of the screen volts; the output task is limited to it too.
+    screen_mm : tuple of float
+        Width along x, height along y.
+    sample_rate_hz : float
+    block_ms : float
+        Longest piece that is written or read in one call.
+    lead_ms : float
+        From handing a drive over to its playing.
+    reserve_ms : float
+        How much of the lead is kept out of the device, where a stop can still ramp it down;
+        the rest is what a late loop may use up before the output runs dry.
+    address : str or None
+        host:port of NI's gRPC device server; None for the driver of this machine.
+    deadline_s : float
+        How long the server may take to answer, beyond what a call waits for samples.
+
+    Raises
+    ------
+    ConfigError
+        If a field is out of its range; the text names it.
+    """
+
+    force: Inputs
+    accel: Inputs
+    monitor: Inputs
+    device: str = "Dev1"
+    output: str = "ao0"
+    amplifier_gain: float = 50.0
+    monitor_gain: float = 50.0
+    screen_peak_v: float = 75.0
+    screen_mm: tuple[float, float] = (70.0, 35.0)
+    sample_rate_hz: float = 20_000.0
+    block_ms: float = 5.0
+    lead_ms: float = 30.0
+    reserve_ms: float = 10.0
+    address: str | None = None
+    deadline_s: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be, field by field."""
+        for name, low, high in _RANGES:
+            _require_between(name, getattr(self, name), low, high)
+        for side_mm in self.screen_mm:
+            _require_between("screen_mm", side_mm, 1.0, 1_000.0)
+        _require_match("device", self.device, re.compile(r"[^/\s,:]+"), "Dev1")
+        _require_match("output", self.output, _OUTPUT, "ao0")
+        if self.address is not None:
+            _require_match("address", self.address, _ADDRESS, "rig-pc:31763")
+        for name in _GROUPS:
+            _require_wired(name, getattr(self, name))
+        self._require_distinct_channels()
+        if len(self.monitor.channels) != 1:
+            raise ConfigError(
+                f"monitor.channels = {self.monitor.channels}: exactly one channel reads the "
+                "amplifier's output back"
+            )
+        if not self.peak_output_v <= 10.0:
+            raise ConfigError(
+                f"screen_peak_v = {self.screen_peak_v:g} with amplifier_gain = "
+                f"{self.amplifier_gain:g} asks for {self.peak_output_v:g} V at the output: "
+                "10 V or less accepted; lower the peak or correct the gain"
+            )
+        if not self.device_lead_samples >= self.block_samples:
+            raise ConfigError(
+                f"lead_ms = {self.lead_ms:g} less reserve_ms = {self.reserve_ms:g} leaves less "
+                f"than a block of block_ms = {self.block_ms:g} in the device: raise lead_ms"
+            )
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Every input channel, in the order of the rows of what is read."""
+        return tuple(name for group in _GROUPS for name in getattr(self, group).channels)
+
+    @property
+    def peak_output_v(self) -> float:
+        """Largest magnitude of the output, before the amplifier."""
+        return self.screen_peak_v / self.amplifier_gain
+
+    @property
+    def block_samples(self) -> int:
+        """The longest piece of one call, in samples."""
+        return max(round(self.block_ms * 1e-3 * self.sample_rate_hz), 1)
+
+    @property
+    def lead_samples(self) -> int:
+        """The whole lead, in samples."""
+        return round(self.lead_ms * 1e-3 * self.sample_rate_hz)
+
+    @property
+    def device_lead_samples(self) -> int:
+        """The part of the lead that is in the device and can no longer be changed."""
+        return self.lead_samples - round(self.reserve_ms * 1e-3 * self.sample_rate_hz)
+
+    def _require_distinct_channels(self) -> None:
+        seen: dict[str, str] = {}
+        for group in _GROUPS:
+            for channel in getattr(self, group).channels:
+                if channel in seen:
+                    raise ConfigError(
+                        f"{group}.channels: {channel} is also in {seen[channel]}.channels; "
+                        "a channel has one use"
+                    )
+                seen[channel] = group
+
+
+_GROUPS = ("force", "accel", "monitor")
+_RANGES = (
+    ("amplifier_gain", 1e-3, 1e4),
+    ("monitor_gain", 1e-3, 1e5),
+    ("screen_peak_v", 1e-3, 75.0),
+    ("sample_rate_hz", 1_000.0, 200_000.0),
+    ("block_ms", 0.05, 100.0),
+    ("lead_ms", 0.1, 1_000.0),
+    ("reserve_ms", 0.0, 1_000.0),
+    ("deadline_s", 0.01, 60.0),
+)
+
+
+def _require_between(name: str, value: float, low: float, high: float) -> None:
+    if not (math.isfinite(value) and low <= value <= high):
+        raise ConfigError(f"{name} = {value}: {low:g} to {high:g} accepted")
+
+
+def _require_match(name: str, value: str, pattern: re.Pattern[str], example: str) -> None:
+    if not pattern.fullmatch(value):
+        raise ConfigError(f"{name} = {value!r}: something like {example!r} accepted")
+
+
+def _require_wired(name: str, inputs: Inputs) -> None:
+    if not inputs.channels:
+        raise ConfigError(f"{name}.channels is empty: at least one channel, such as ai0")
+    for channel in inputs.channels:
+        _require_match(f"{name}.channels", channel, _CHANNEL, "ai0")
+    _require_between(f"{name}.range_v", inputs.range_v, 1e-3, 10.0)
+    if inputs.terminals not in get_args(Terminals):
+        raise ConfigError(
+            f"{name}.terminals = {inputs.terminals!r}: one of {', '.join(get_args(Terminals))}"
+        )

@@ -1,0 +1,302 @@
+"""The two tasks of the device: inputs as the clock's master, the output slaved to them.
+
+The only module that imports nidaqmx, and with it gRPC; what either raises leaves it typed.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import grpc
+import nidaqmx
+import numpy as np
+from nidaqmx.constants import AcquisitionType, RegenerationMode, TerminalConfiguration
+from nidaqmx.errors import DaqError, DaqReadError, DaqWriteError, Error, RpcError
+from nidaqmx.stream_readers import AnalogMultiChannelReader
+from nidaqmx.stream_writers import AnalogSingleChannelWriter
+from nidaqmx.system.device import Device
+from numpy.typing import NDArray
+
+from frictus_hardware.errors import ConfigError, HardwareError, LinkLostError
+from frictus_hardware.nidaq.config import Inputs, NiConfig, Terminals
+from frictus_hardware.nidaq.faults import TRANSIENT, fault_of_code, fault_of_status
+
+FloatArray = NDArray[np.float64]
+
+RESET_S = 10.0
+"""What the reset of a device may take beyond the deadline of other calls."""
+INPUT_BUFFER_S = 2.0
+"""A loop that falls further behind than this has lost the stream."""
+
+_TERMINALS: dict[Terminals, TerminalConfiguration] = {
+    "default": TerminalConfiguration.DEFAULT,
+    "rse": TerminalConfiguration.RSE,
+    "nrse": TerminalConfiguration.NRSE,
+    "differential": TerminalConfiguration.DIFF,
+    "pseudo_differential": TerminalConfiguration.PSEUDO_DIFF,
+}
+
+
+class Deadline(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]
+    """Puts a time limit on every remote call; nidaqmx sets none and would wait for ever.
+
+    Parameters
+    ----------
+    deadline_s : float
+        Beyond what the call itself is told to wait for samples.
+    """
+
+    def __init__(self, deadline_s: float) -> None:
+        self._deadline_s = deadline_s
+
+    def intercept_unary_unary(self, proceed: Any, details: Any, request: Any) -> Any:
+        """Proceed with the time limit."""
+        waits_s = max(getattr(request, "timeout", 0.0), 0.0)
+        if details.method.endswith("/ResetDevice"):
+            waits_s = RESET_S
+        return proceed(details._replace(timeout=self._deadline_s + waits_s), request)
+
+
+class Session:
+    """The tasks of one opening of a device; for one thread.
+
+    Parameters
+    ----------
+    config : NiConfig
+    """
+
+    def __init__(self, config: NiConfig) -> None:
+        self._config = config
+        self._link: Any = None
+        self._options: nidaqmx.GrpcSessionOptions | None = None
+        if config.address is not None:
+            self._link = grpc.insecure_channel(config.address)
+            guarded = grpc.intercept_channel(self._link, Deadline(config.deadline_s))
+            self._options = nidaqmx.GrpcSessionOptions(guarded, "")
+        self._tasks: list[Any] = []
+        self._inputs: Any = None
+        self._output: Any = None
+        self._reader: Any = None
+        self._writer: Any = None
+        self._wait_s = (config.block_samples + config.device_lead_samples) / (
+            config.sample_rate_hz
+        )
+
+    def set_up(self) -> None:
+        """Reset the device, set both tasks up, and prefill the output with zeros.
+
+        Raises
+        ------
+        HardwareError
+            Typed by the fault table; what was set up is for `close` to release.
+        """
+        self.reset()  # frees what a client that died has left behind, and puts out 0 V
+        self._set_up_inputs()
+        self._set_up_output()
+        lead = self._config.device_lead_samples
+        if (written := self.write(np.zeros(lead))) < lead:
+            raise ConfigError(
+                f"lead_ms = {self._config.lead_ms:g}: the output took {written} of {lead} "
+                "samples in advance; lower the lead"
+            )
+
+    def start(self) -> None:
+        """Start the clock."""
+        with self._typed(f"starting the tasks of device = {self._config.device!r}"):
+            self._output.start()  # waits for the clock, which the inputs start
+            self._inputs.start()
+
+    @property
+    def conversion_rate_hz(self) -> float:
+        """Rate at which one channel after the other is converted within a sample."""
+        with self._typed("reading the conversion rate"):
+            return float(self._inputs.timing.ai_conv_rate)
+
+    def acquired(self) -> int:
+        """Return how many samples the inputs have taken since the start."""
+        with self._typed("reading the sample count"):
+            return int(self._inputs.in_stream.total_samp_per_chan_acquired)
+
+    def read(self, n_samples: int) -> FloatArray:
+        """Return the next input samples; fewer if they did not come in time.
+
+        Parameters
+        ----------
+        n_samples : int
+            At most a block.
+
+        Returns
+        -------
+        ndarray, shape (n_channels, n_samples)
+            Volts.
+        """
+        volts = np.empty((len(self._config.channels), n_samples))
+        with self._typed("reading the inputs"):
+            try:
+                self._reader.read_many_sample(volts, n_samples, timeout=self._wait_s)
+            except DaqReadError as error:
+                if error.error_code not in TRANSIENT:
+                    raise
+                return volts[:, : error.samps_per_chan_read]
+        return volts
+
+    def write(self, output_v: FloatArray) -> int:
+        """Queue output; return how many samples found room in time.
+
+        Parameters
+        ----------
+        output_v : ndarray, shape (n_samples,)
+            Volts at the output's connector.
+        """
+        with self._typed(f"writing the output, output = {self._config.output!r}"):
+            try:
+                written: int = self._writer.write_many_sample(output_v, timeout=self._wait_s)
+            except DaqWriteError as error:
+                if error.error_code not in TRANSIENT:
+                    raise
+                return int(error.samps_per_chan_written)
+        return written
+
+    def stop(self) -> None:
+        """Stop both tasks; the output holds what it played last."""
+        with self._typed("stopping the tasks"):
+            self._output.stop()
+            self._inputs.stop()
+
+    def make_safe(self) -> HardwareError | None:
+        """Bring the output to 0 V by whatever still works; return why it failed, or None."""
+        try:
+            self._release()
+            self._write_zero()
+            return None
+        except LinkLostError as error:
+            return error  # what else could be tried takes the same link
+        except HardwareError:
+            pass  # a reset needs none of what failed
+        try:
+            self.reset()
+        except HardwareError as error:
+            return error
+        return None
+
+    def reset(self) -> None:
+        """Reset the device: every task on it is aborted, and its outputs go to 0 V."""
+        with self._typed(f"resetting device = {self._config.device!r}"):
+            Device(self._config.device, grpc_options=self._options).reset_device()
+
+    def close(self) -> None:
+        """Release the tasks and the link; what becomes of the output is decided before."""
+        try:
+            self._release()
+        except LinkLostError:
+            pass  # nothing is left to release
+        finally:
+            if self._link is not None:
+                self._link.close()
+
+    @contextmanager
+    def _typed(self, line: str) -> Iterator[None]:
+        """Raise what driver and link raise as typed faults that name a configuration line."""
+        try:
+            yield
+        except DaqError as error:
+            raise fault_of_code(error.error_code, line, str(error)) from error
+        except RpcError as error:
+            status = getattr(error.rpc_code, "name", str(error.rpc_code))
+            where = f"{line}, address = {self._config.address!r}"
+            raise fault_of_status(status, where, error.description) from error
+        except Error as error:  # the driver is not installed, or too old for what is asked
+            raise ConfigError(
+                f"{line}: {error} Install NI-DAQmx, or give the address of NI's gRPC device "
+                "server"
+            ) from error
+
+    def _set_up_inputs(self) -> None:
+        config = self._config
+        self._inputs = self._new_task()
+        for name in ("force", "accel", "monitor"):
+            self._add_inputs(name, getattr(config, name))
+        with self._typed(
+            f"setting the clock, sample_rate_hz = {config.sample_rate_hz:g} for "
+            f"{len(config.channels)} channels"
+        ):
+            buffer = round(INPUT_BUFFER_S * config.sample_rate_hz)
+            self._inputs.timing.cfg_samp_clk_timing(
+                config.sample_rate_hz,
+                sample_mode=AcquisitionType.CONTINUOUS,
+                samps_per_chan=buffer,
+            )
+            self._inputs.in_stream.input_buf_size = buffer
+            self._reader = AnalogMultiChannelReader(self._inputs.in_stream)
+            self._reader.verify_array_shape = False  # else one more call per read
+
+    def _add_inputs(self, name: str, inputs: Inputs) -> None:
+        line = (
+            f"{name}: channels = {list(inputs.channels)} on device = {self._config.device!r}, "
+            f"range_v = {inputs.range_v:g}, terminals = {inputs.terminals!r}"
+        )
+        with self._typed(line):
+            self._inputs.ai_channels.add_ai_voltage_chan(
+                ", ".join(f"{self._config.device}/{channel}" for channel in inputs.channels),
+                terminal_config=_TERMINALS[inputs.terminals],
+                min_val=-inputs.range_v,
+                max_val=inputs.range_v,
+            )
+
+    def _set_up_output(self) -> None:
+        config = self._config
+        self._output = self._new_output_task()
+        with self._typed(
+            f"setting the output's clock, output = {config.output!r}, "
+            f"sample_rate_hz = {config.sample_rate_hz:g}"
+        ):
+            buffer = 2 * (config.device_lead_samples + config.block_samples)
+            self._output.timing.cfg_samp_clk_timing(
+                config.sample_rate_hz,
+                source=f"/{config.device}/ai/SampleClock",
+                sample_mode=AcquisitionType.CONTINUOUS,
+                samps_per_chan=buffer,
+            )
+            self._output.out_stream.regen_mode = RegenerationMode.DONT_ALLOW_REGENERATION
+            self._output.out_stream.output_buf_size = buffer
+            self._writer = AnalogSingleChannelWriter(self._output.out_stream, auto_start=False)
+            self._writer.verify_array_shape = False
+
+    def _new_output_task(self) -> Any:
+        config = self._config
+        task = self._new_task()
+        with self._typed(
+            f"output = {config.output!r} on device = {config.device!r}, screen_peak_v = "
+            f"{config.screen_peak_v:g} with amplifier_gain = {config.amplifier_gain:g}"
+        ):
+            task.ao_channels.add_ao_voltage_chan(
+                f"{config.device}/{config.output}",
+                min_val=-config.peak_output_v,
+                max_val=config.peak_output_v,
+            )
+        return task
+
+    def _new_task(self) -> Any:
+        with self._typed("creating a task"):
+            task = nidaqmx.Task(grpc_options=self._options)
+        self._tasks.append(task)
+        return task
+
+    def _write_zero(self) -> None:
+        task = self._new_output_task()
+        with self._typed("writing 0 V"):
+            writer = AnalogSingleChannelWriter(task.out_stream, auto_start=True)
+            writer.write_one_sample(0.0, timeout=self._wait_s)
+        self._release()
+
+    def _release(self) -> None:
+        while self._tasks:
+            task = self._tasks.pop()
+            try:
+                with self._typed("releasing a task"):
+                    task.close()
+            except LinkLostError:
+                self._tasks.clear()  # the server drops them with the session, or a reset does
+                raise
+            except HardwareError:
+                pass  # clearing a broken task repeats its fault, which is known

@@ -1,0 +1,75 @@
+"""The members of a site's network: a role and a name, as a certificate's common name says."""
+
+from dataclasses import dataclass
+from typing import Final, Literal, Self, get_args
+
+from frictus.keys import InvalidNameError, RigKeys
+from frictus_service.security.errors import MemberNameError
+
+Role = Literal["router", "rig", "controller", "observer"]
+ROLES: Final[tuple[Role, ...]] = get_args(Role)
+LONGEST: Final = 64
+"""X.509 allows a common name no more characters."""
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """Somebody with a certificate.
+
+    Attributes
+    ----------
+    role : {'router', 'rig', 'controller', 'observer'}
+    name : str
+        Letters, digits, ``-``, ``_`` and ``.``; of a rig ``SITE/RIG``, as in its keys.
+
+    Raises
+    ------
+    MemberNameError
+        If there is no such role, or the name cannot stand in a certificate.
+    """
+
+    role: Role
+    name: str
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot stand in a certificate."""
+        if self.role not in ROLES:
+            raise MemberNameError(f"no role {self.role!r}: {', '.join(ROLES)} accepted")
+        try:
+            _ = self.rig_keys if self.role == "rig" else RigKeys("site", self.name)
+        except InvalidNameError as error:
+            shape = "SITE/RIG" if self.role == "rig" else "one word"
+            raise MemberNameError(f"{self.role} {self.name!r}: {shape}: {error}") from error
+        if len(self.common_name) > LONGEST:
+            raise MemberNameError(
+                f"{self.common_name!r} has {len(self.common_name)} characters: a certificate "
+                f"takes {LONGEST}; choose a shorter name"
+            )
+
+    @property
+    def common_name(self) -> str:
+        """What stands in the certificate, and what the router looks at."""
+        return f"{self.role}:{self.name}"
+
+    @property
+    def stem(self) -> str:
+        """Name of its files, without suffix."""
+        return f"{self.role}-{self.name.replace('/', '-')}"
+
+    @property
+    def rig_keys(self) -> RigKeys:
+        """The keys of the rig that bears this name."""
+        site, _, rig = self.name.partition("/")
+        return RigKeys(site, rig)
+
+    @classmethod
+    def of(cls, common_name: str) -> Self:
+        """Return the member whose certificate bears a common name.
+
+        Raises
+        ------
+        MemberNameError
+            If the certificate is none of ours.
+        """
+        role, _, name = common_name.partition(":")
+        return cls(role, name)  # type: ignore[arg-type]  # checked on the way in
