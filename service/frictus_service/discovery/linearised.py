@@ -15,7 +15,14 @@ from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.simulator import Simulator
 from frictus_service.discovery.candidates import Candidate
 from frictus_service.discovery.generic import Pattern
-from frictus_service.discovery.own import DEVIATING, OWN, OWN_SCALED, QUIET, ResponseName
+from frictus_service.discovery.own import (
+    DEVIATING,
+    LEANING,
+    OWN,
+    OWN_SCALED,
+    QUIET,
+    ResponseName,
+)
 from frictus_service.discovery.readings import Compared, Layout, accuracy_of, reduce, trials_of
 from frictus_service.discovery.subjects import Subject, as_asked, within
 from frictus_service.discovery.units import Unit, joint, mean_of_known, orthonormal
@@ -27,6 +34,9 @@ Whiten = Callable[[Sequence[Layout], Sequence[Raw]], list[Whitening]]
 ROUNDS: Final = 8
 """Of Gauss-Newton at most; without a power that outgrows its background, three do."""
 SETTLED: Final = 1e-3
+ASTRAY: Final = 0.01
+"""By which what is left may grow in a step: people are drawn towards each other, too."""
+LEAST_STEP: Final = 0.1
 OWN_STEP: Final = 1e-3
 MOST_CHANGE: Final = 0.7
 """Of the logarithm of an own parameter in one round."""
@@ -123,15 +133,60 @@ class Ground:
             steps = np.array(
                 [_own_step(*each, own.shape[1]) for each in zip(units, at, strict=True)]
             )
-            own = own + np.clip(steps, -MOST_CHANGE, MOST_CHANGE)
-            change = np.abs(coefficients - before[:, : len(chosen)])
-            small = np.all(change <= SETTLED * np.abs(coefficients))
+            steps = np.clip(steps, -MOST_CHANGE, MOST_CHANGE)
+            share = self._eased(own, steps, there, before, at, units, whitenings)
+            own = own + share * steps
+            at = before + share * (at - before)
+            at[:, : len(chosen)] = self._settled(at[:, : len(chosen)], chosen)
+            change = np.abs(at - before)[:, : len(chosen)]
+            small = np.all(change <= SETTLED * np.abs(at[:, : len(chosen)]))
             if small and np.all(np.abs(steps) < SETTLED):
                 break
         wanted = range(len(self.candidates)) if wanted is None else wanted
         patterns = self.patterns if patterns is None else patterns
         units, whitenings = self._about(own, there, at, len(chosen), wanted, patterns)
         return Linearised(units, own, tuple(chosen), at[:, : len(chosen)], whitenings)
+
+    def _eased(
+        self,
+        own: FloatArray,
+        steps: FloatArray,
+        there: Sequence[int],
+        before: FloatArray,
+        at: FloatArray,
+        units: Sequence[Unit],
+        whitenings: Sequence[Whitening],
+    ) -> FloatArray:
+        """Return how much of its step each unit goes, so that it leaves no more than before.
+
+        Halves until it does: what is far from linear leads a whole step astray.
+
+        Returns
+        -------
+        ndarray, shape (n_units, 1)
+        """
+        shares = np.ones((len(self.subjects), 1))
+        for place, (subject, unit, whitening) in enumerate(
+            zip(self.subjects, units, whitenings, strict=True)
+        ):
+            free = orthonormal(unit.own[:, own.shape[1] :])
+
+            def left(
+                share: float,
+                place: int = place,
+                subject: Subject = subject,
+                whitening: Whitening = whitening,
+                free: FloatArray = free,
+            ) -> float:
+                here = before[place] + share * (at[place] - before[place])
+                rest = self.rest(subject, own[place] + share * steps[place], there, here)
+                whitened = whitening(reduce(subject.layout, rest))
+                return float(np.sum(np.square(whitened - free @ (free.T @ whitened))))
+
+            most = left(0.0) * (1.0 + ASTRAY)
+            while left(float(shares[place, 0])) > most and shares[place, 0] > LEAST_STEP:
+                shares[place] /= 2.0
+        return shares
 
     def designed(self, model: Linearised) -> tuple[Unit, ...]:
         """Return the units as the design alone makes them.
@@ -180,12 +235,8 @@ class Ground:
 
     @property
     def leaning(self) -> list[int]:
-        """Candidates in which people may differ by chance, whether or not they are causes."""
-        return [
-            k
-            for k, each in enumerate(self.candidates)
-            if EFFECTS[each.effect].scope == "participant" and not each.positive
-        ]
+        """Candidates in which people differ by chance."""
+        return [k for k, each in enumerate(self.candidates) if each.effect in LEANING]
 
     def _positive(self, chosen: Sequence[int]) -> NDArray[np.bool_]:
         return np.array([self.candidates[effect].positive for effect in chosen], dtype=np.bool_)

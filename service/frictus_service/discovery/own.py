@@ -21,6 +21,19 @@ OWN: Final[dict[ResponseName, tuple[str, ...]]] = {
 QUIET: Final = 2
 """Which of a friction response's is the power from 4 to 30 Hz that is there anyway."""
 
+LEANING: Final = frozenset(
+    {
+        "speed_dependent_gain",
+        "speed_dependent_cutoff",
+        "force_dependent_gain",
+        "force_dependent_cutoff",
+        "speed_dependent_mass",
+        "speed_dependent_stiffness",
+    }
+)
+"""Effects in which people differ by chance, whether or not they have some of them in common:
+nobody's gain and cutoff follow speed and force quite as others' do."""
+
 DEVIATING: Final[dict[ResponseName, int]] = {"friction": 2, "mobility": 3}
 """How many of these, from the first, deviate from condition to condition."""
 

@@ -46,7 +46,8 @@ def test_own_slopes_do_not_look_like_another_rolloff(rng: np.random.Generator) -
     rolloff = left.estimates[:, NAMES.index("fractional_rolloff")]
     assert abs(rolloff.mean()) < 0.003
     slope = left.estimates[:, NAMES.index("speed_dependent_cutoff")]
-    np.testing.assert_allclose(slope, own, atol=3.0)
+    np.testing.assert_allclose(slope, own, atol=5.0)
+    np.testing.assert_allclose(slope.reshape(2, 4).mean(axis=1), own[[0, -1]], atol=2.5)
 
 
 def test_where_a_fit_begins_does_not_matter(rng: np.random.Generator) -> None:
@@ -64,3 +65,13 @@ def test_the_design_tells_no_drift_from_speeds_in_blocks(rng: np.random.Generato
     cosines = similarity(here.designed(here.linearise(())))
     drift, speed = (NAMES.index(name) for name in ("gain_drift", "speed_dependent_gain"))
     assert cosines[drift, speed] > 0.9
+
+
+def test_a_large_effect_leads_no_fit_astray(rng: np.random.Generator) -> None:
+    """Whole steps would end where another roll-off and another slope make up for each other."""
+    law = [("speed_dependent_cutoff", {"slope_hz_per_mm_s": 9.6})]
+    found = ground(made(rng, law)).linearise(())
+    slope = leave(found.units).estimates[:, NAMES.index("speed_dependent_cutoff")]
+    np.testing.assert_allclose(slope, 9.6, atol=5.0)
+    np.testing.assert_allclose(slope.mean(), 9.6, atol=1.0)
+    assert np.all(np.abs(found.own[:, :2]) < 1.5)  # people differ by a fifth
