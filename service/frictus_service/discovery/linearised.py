@@ -15,6 +15,7 @@ from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.simulator import Simulator
 from frictus_service.discovery.candidates import Candidate
 from frictus_service.discovery.generic import Pattern
+from frictus_service.discovery.lines import MAINS_HZ
 from frictus_service.discovery.own import (
     DEVIATING,
     LEANING,
@@ -265,9 +266,7 @@ class Ground:
         coefficients: FloatArray,
     ) -> Compared:
         """Return what the model with these parameters predicts for a subject."""
-        lines = [self.candidates[effect].line_hz for effect in chosen]
-        simulator = self.simulator(own, chosen, coefficients)
-        return self._compared(subject, simulator, own, lines)
+        return self._compared(subject, self.simulator(own, chosen, coefficients), own)
 
     def rest(
         self,
@@ -324,12 +323,10 @@ class Ground:
     def signature(self, model: Linearised, unit: int, effect: int) -> Compared:
         """Return by what a candidate changes a unit's prediction, per unit of coefficient."""
         subject, own, at = self.subjects[unit], model.own[unit], model.coefficients[unit]
-        lines = [self.candidates[each].line_hz for each in model.chosen]
         here = self.simulator(own, model.chosen, at)
         stronger, step = self._stronger(effect, own, model.chosen, at)
-        seen = self._compared(subject, here, own, lines)
-        lines.append(self.candidates[effect].line_hz)
-        return (self._compared(subject, stronger, own, lines) - seen) / step
+        seen = self._compared(subject, here, own)
+        return (self._compared(subject, stronger, own) - seen) / step
 
     def _stronger(
         self, effect: int, own: FloatArray, there: Sequence[int], at: FloatArray
@@ -407,14 +404,11 @@ class Ground:
         The effects that are in the simulator are in the readings; nothing is whitened.
         """
         chosen = there[:n_chosen]
-        lines = [self.candidates[effect].line_hz for effect in chosen]
         here = self.simulator(own, there, at)
-        seen = self._compared(subject, here, own, lines)
+        seen = self._compared(subject, here, own)
 
-        def change(
-            simulator: Simulator, own: FloatArray, step: float, line_hz: float | None = None
-        ) -> FloatArray:
-            moved = self._compared(subject, simulator, own, [*lines, line_hz])
+        def change(simulator: Simulator, own: FloatArray, step: float) -> FloatArray:
+            moved = self._compared(subject, simulator, own)
             return reduce(subject.layout, (moved - seen) / step)
 
         mine = []
@@ -424,12 +418,12 @@ class Ground:
             mine.append(change(self.simulator(moved, there, at), moved, OWN_STEP))
         mine.extend(reduce(subject.layout, each) for each in _background(subject))
         # Whether the law goes on beyond the speeds at which it was found, nobody knows.
-        held = self._compared(within(subject, self.range_mm_s), here, own, lines)
+        held = self._compared(within(subject, self.range_mm_s), here, own)
         mine.append(reduce(subject.layout, held - seen))
         signatures = {}
         for effect in {*wanted, *there}:
             stronger, step = self._stronger(effect, own, there, at)
-            signatures[effect] = change(stronger, own, step, self.candidates[effect].line_hz)
+            signatures[effect] = change(stronger, own, step)
         readings = reduce(subject.layout, subject.measured - seen)
 
         def columns(effects: Sequence[int]) -> FloatArray:
@@ -448,28 +442,30 @@ class Ground:
         )
         return raw, columns(wanted)
 
-    def _compared(
-        self,
-        subject: Subject,
-        simulator: Simulator,
-        own: FloatArray,
-        lines: Sequence[float | None],
-    ) -> Compared:
+    def _compared(self, subject: Subject, simulator: Simulator, own: FloatArray) -> Compared:
         """Return what a simulator predicts, in the form of the data."""
         at_rows = simulator.predict(subject.rows, self.nominal_mount)
         at_trials = simulator.predict(subject.trials, self.nominal_mount)
         response = at_rows.friction if self.response == "friction" else at_rows.mobility
-        line = np.square(at_trials.line_n) / 2.0
         quiet = subject.quiet_n2
         if self.response == "friction":
             quiet = quiet * float(np.exp(own[QUIET]))
+        line50, line60 = (
+            sum(
+                hum.amplitude_n**2
+                for hum in simulator.hum
+                if abs(hum.frequency_hz - line) < 1.0
+            )
+            for line in MAINS_HZ
+        )
+        everywhere = np.full(at_trials.low_n2.shape, 0.5)
         return Compared(
             size=np.log(np.abs(response)),
             phase=np.angle(response),
             second=np.column_stack([at_rows.second.real, at_rows.second.imag]),
             third=np.column_stack([at_rows.third.real, at_rows.third.imag]),
-            line50=line * (50.0 in lines),
-            line60=line * (60.0 in lines),
+            line50=line50 * everywhere,
+            line60=line60 * everywhere,
             low=np.log(quiet + at_trials.low_n2),
         )
 
