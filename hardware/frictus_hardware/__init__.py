@@ -1,30 +1,47 @@
 """The rig: one interface, its backends, and the physics of finger and screen."""
 
+from pathlib import Path
 from typing import Annotated
 
 from pydantic import Field
 
 from frictus_hardware.base import Backend, Exchange, RigInfo, TouchReport, Truth
+from frictus_hardware.nidaq.settings import NiRigConfig
+from frictus_hardware.replay.config import ReplayConfig
 from frictus_hardware.simulated.config import SimulatedConfig, SimulatedDeviceConfig
 
 __all__ = [
     "Backend",
     "BackendConfig",
     "Exchange",
+    "NiRigConfig",
+    "ReplayConfig",
     "RigInfo",
     "SimulatedConfig",
     "SimulatedDeviceConfig",
     "TouchReport",
     "Truth",
+    "located",
     "make_backend",
     "open_backend",
     "reset_device",
 ]
 
 BackendConfig = Annotated[
-    SimulatedConfig | SimulatedDeviceConfig,
+    SimulatedConfig | SimulatedDeviceConfig | NiRigConfig | ReplayConfig,
     Field(discriminator="kind"),
 ]
+
+
+def located(config: BackendConfig, folder: Path) -> BackendConfig:
+    """Return the configuration with relative files made relative to `folder`.
+
+    Parameters
+    ----------
+    config : BackendConfig
+    folder : Path
+    """
+    return config.within(folder) if isinstance(config, NiRigConfig | ReplayConfig) else config
 
 
 def make_backend(config: BackendConfig) -> Backend:
@@ -39,6 +56,15 @@ def make_backend(config: BackendConfig) -> Backend:
         from frictus_hardware.simulated.rig import SimulatedRig
 
         return SimulatedRig(config)
+    if isinstance(config, NiRigConfig):
+        from frictus_hardware.nidaq.assembly import make_rig
+
+        return make_rig(config)
+    if isinstance(config, ReplayConfig):
+        from frictus_hardware.replay.rig import ReplayRig
+        from frictus_hardware.replay.tape import read_tape
+
+        return ReplayRig(config, read_tape(config.file))
     from frictus_hardware.simulated.device_rig import SimulatedDeviceRig
 
     return SimulatedDeviceRig(config)
@@ -70,10 +96,14 @@ def reset_device(config: BackendConfig) -> None:
 
     Raises
     ------
-    LinkLostError
+    HardwareError
         If the device cannot be reached.
     """
     if isinstance(config, SimulatedDeviceConfig):
         from frictus_hardware.simulated.device_rig import reset
 
         reset(config)
+    elif isinstance(config, NiRigConfig):
+        from frictus_hardware.nidaq.backend import reset as reset_ni
+
+        reset_ni(config.wiring)

@@ -13,8 +13,6 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus_hardware.errors import UnsafeDriveError
-
 FloatArray = NDArray[np.float64]
 
 
@@ -34,6 +32,8 @@ class RigInfo:
     screen_mm: tuple[float, float]
     touch_latency_s: float
     """Declared age of a touch report when it arrives."""
+    aux: tuple[tuple[str, str], ...] = ()
+    """Name and unit of each further channel."""
     converter_steps: Mapping[str, float] = field(default_factory=dict)
     """Value of one count of the converter behind `force` (N), `accel` (m/s²) or `voltage` (V);
     absent: not known, or not a whole multiple of one."""
@@ -104,8 +104,12 @@ class Exchange:
         Samples that the output had nothing to play for; it played zero.
     overrun_samples : int
         Sensed samples that were lost before this block.
+    saturated_samples : int
+        In which an acceleration or a further channel was at the end of its range.
+    aux : ndarray, shape (n_samples, n_aux), or None
+        Further channels, in the units that `RigInfo.aux` gives; None where there are none.
     truth : Truth or None
-        On a simulated rig.
+        On a simulated rig; a recording that is played has none.
     """
 
     first_sample: int
@@ -119,6 +123,8 @@ class Exchange:
     margin_samples: int
     underrun_samples: int = 0
     overrun_samples: int = 0
+    saturated_samples: int = 0
+    aux: FloatArray | None = None
     truth: Truth | None = None
 
 
@@ -196,9 +202,3 @@ class Backend(Protocol):
     ) -> None:
         """Close, whatever happened."""
         ...
-
-
-def require_finite(drive_v: FloatArray) -> None:
-    """Raise `UnsafeDriveError` unless every sample is finite."""
-    if not np.all(np.isfinite(drive_v)):
-        raise UnsafeDriveError("a drive sample is not finite; nothing was output")

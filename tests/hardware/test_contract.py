@@ -10,11 +10,13 @@ import pytest
 from numpy.typing import NDArray
 from tests.hardware.nidaq.bench import make_bench
 from tests.hardware.nidaq.stub_driver import make_local_rig
+from tests.hardware.replay.tapes import sine_tape
 
 from frictus_hardware import (
     Backend,
     BackendConfig,
     Exchange,
+    ReplayConfig,
     SimulatedConfig,
     SimulatedDeviceConfig,
     TouchReport,
@@ -26,6 +28,7 @@ from frictus_hardware.errors import (
     NotArmedError,
     UnsafeDriveError,
 )
+from frictus_hardware.replay.tape import write_tape
 
 FloatArray = NDArray[np.float64]
 Maker = Callable[[], Backend]
@@ -36,14 +39,16 @@ def configured(name: str, device_address: str) -> BackendConfig:
     if name == "virtual":
         return SimulatedConfig(clock="virtual")
     if name == "scaled":
-        return SimulatedConfig(clock=5.0, lead_ms=800.0)
+        return SimulatedConfig(clock=2.5, lead_ms=800.0)
     real = SimulatedConfig(clock="real", lead_ms=200.0)
     if name == "real":
         return real
     return SimulatedDeviceConfig(address=device_address, rig=real)
 
 
-@pytest.fixture(params=["virtual", "scaled", "real", "device", "nidaqmx", "nidaqmx_local"])
+@pytest.fixture(
+    params=["virtual", "scaled", "real", "device", "nidaqmx", "nidaqmx_local", "replay"]
+)
 def make(request: pytest.FixtureRequest) -> Iterator[Maker]:
     """A maker of unopened backends, which are closed after the test."""
     address = request.getfixturevalue("device_address") if request.param == "device" else ""
@@ -56,6 +61,11 @@ def make(request: pytest.FixtureRequest) -> Iterator[Maker]:
             elif request.param == "nidaqmx_local":
                 request.getfixturevalue("stub_driver")
                 made.append(make_local_rig())
+            elif request.param == "replay":
+                path = request.getfixturevalue("tmp_path") / f"{len(made)}.npz"
+                with path.open("xb") as file:
+                    write_tape(file, sine_tape())
+                made.append(make_backend(ReplayConfig(file=path, clock="virtual")))
             else:
                 made.append(make_backend(configured(request.param, address)))
             return made[-1]
@@ -103,7 +113,7 @@ def test_one_sensed_sample_per_drive_sample(rig: Backend, rng: np.random.Generat
         assert 0 <= got.margin_samples <= rig.info.lead_samples
         sensed = got.first_sample + n_samples
         assert rig.next_play_sample == sensed + rig.info.lead_samples
-        if rig.info.simulated:
+        if rig.info.simulated and rig.info.backend != "replay":
             assert got.truth is not None
             assert got.truth.friction_n.shape == (n_samples,)
             assert got.truth.position_mm.shape == got.truth.velocity_mm_s.shape

@@ -6,6 +6,7 @@ margin of an exchange is what the device still had: at 0 the output runs dry, wh
 and is a lost stream, so that no exchange ever tells of an underrun.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
@@ -13,26 +14,28 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus_hardware.base import Exchange, RigInfo, TouchReport, require_finite
+from frictus_hardware.accepted import MAX_BLOCK_S, ramp_samples, require_drive
+from frictus_hardware.base import Exchange, RigInfo, TouchReport
 from frictus_hardware.errors import (
     ClosedError,
     ConfigError,
+    DeviceLostError,
     DriverMissingError,
     HardwareError,
-    NotArmedError,
+    SensorError,
     TransientError,
 )
 from frictus_hardware.nidaq.config import NiConfig
 from frictus_hardware.nidaq.conversion import Conversion
+from frictus_hardware.nidaq.devices import INSTALL
+from frictus_hardware.nidaq.pointer import PointerSource
 from frictus_hardware.nidaq.touch import TouchSource
-from frictus_hardware.simulated.output import OutputQueue
+from frictus_hardware.output import OutputQueue
 
 if TYPE_CHECKING:
     from frictus_hardware.nidaq.session import Session
 
 FloatArray = NDArray[np.float64]
-
-MAX_BLOCK_S = 1.0
 
 
 @dataclass(slots=True)
@@ -98,6 +101,7 @@ class NiRig:
             screen_peak_v=config.screen_peak_v,
             screen_mm=config.screen_mm,
             touch_latency_s=self._touch.latency_s,
+            aux=tuple((each.channel.name, each.channel.unit) for each in config.aux),
         )
 
     @property
@@ -109,27 +113,88 @@ class NiRig:
     def open(self) -> None:
         """Reset the device and start its clock with the lead prefilled with zeros; disarmed.
 
+        The first opening takes the tare of the force sensor, where it is not configured.
+
         Raises
         ------
         ConfigError
             If the configuration does not fit the device, or driver or package are missing.
         DeviceLostError, LinkLostError
             If the device or its server cannot be reached.
+        SensorError
+            If there was a load during the tare, or the force sensor is broken.
         """
         if self._session is not None:
             return
+        if self._convert.tare_samples:
+            self._tare()
+        self._touch.start()
+        try:
+            self._session = self._started()
+        except BaseException:
+            self._touch.stop()
+            raise
+
+    def _started(self) -> "Session":
+        """Return a session whose clock runs, with the lead prefilled with zeros."""
         session = _new_session(self.config)
         self._begin()
         try:
             session.set_up()
             self._convert.start(session.conversion_rate_hz)
-            self._touch.start()
             session.start()
+            if self._convert.delay_samples:
+                self._prime(session)
         except BaseException:
-            self._touch.stop()
             session.close()
             raise
-        self._session = session
+        return session
+
+    def _prime(self, session: "Session") -> None:
+        wanted = self._convert.delay_samples
+        try:
+            input_v = session.read(wanted).T
+        except HardwareError as error:
+            raise _with_outcome(error, session.make_safe()) from error
+        if len(input_v) < wanted:
+            raise DeviceLostError(
+                f"{len(input_v)} of the first {wanted} samples came: the clock of device = "
+                f"{self.config.device!r} does not run"
+            )
+        self._convert.prime(input_v)
+
+    def _tare(self) -> None:
+        """Let the force sensor have the volts of a while without load; zeros are played."""
+        wanted = self._convert.tare_samples
+        session = self._started()
+        try:
+            pieces = []
+            while self._sensed < wanted:
+                pieces.append(self._move(session, wanted - self._sensed))
+            self._convert.tare(np.concatenate(pieces))
+        finally:
+            session.close()
+
+    def move_finger(
+        self, x_mm: float, y_mm: float, in_contact: bool, normal_force_n: float
+    ) -> None:
+        """Take a point of the declared substitute for a touch sensor; from any thread.
+
+        Parameters
+        ----------
+        x_mm, y_mm : float
+        in_contact : bool
+        normal_force_n : float
+            Not used: force is measured.
+
+        Raises
+        ------
+        ConfigError
+            If a number is not finite, or the finger is sensed.
+        """
+        if not isinstance(self._touch, PointerSource):
+            raise ConfigError("a touch sensor says where the finger is; no client does")
+        self._touch.push(x_mm, y_mm, in_contact)
 
     def arm(self) -> None:
         """Allow output other than zero.
@@ -152,7 +217,7 @@ class NiRig:
         """
         session = self._ready()
         drive_v = np.asarray(drive_v, dtype=np.float64)
-        self._refuse_unfit(drive_v)
+        require_drive(drive_v, self._max_block, armed=self._armed)
         try:
             turn = self._take(session, drive_v)
             self._follow(session, turn)
@@ -168,10 +233,8 @@ class NiRig:
 
         The device plays on for its part of the lead before the ramp starts.
         """
-        if not ramp_s >= 0.0:
-            raise ConfigError(f"a ramp of {ramp_s} s: 0 or more accepted")
+        ramp = ramp_samples(ramp_s, self.config.sample_rate_hz)
         if self._armed:
-            ramp = round(min(ramp_s, MAX_BLOCK_S) * self.config.sample_rate_hz)
             self._queue.ramp(self._written, ramp)
         self._armed = False
 
@@ -221,16 +284,6 @@ class NiRig:
             raise type(self._fault)(str(self._fault))
         return self._session
 
-    def _refuse_unfit(self, drive_v: FloatArray) -> None:
-        if drive_v.ndim != 1 or not 1 <= drive_v.size <= self._max_block:
-            raise ConfigError(
-                f"a drive of shape {drive_v.shape}: one axis of 1 to {self._max_block} samples "
-                "accepted; nothing was output"
-            )
-        require_finite(drive_v)
-        if not self._armed and np.any(drive_v):
-            raise NotArmedError("drive other than zero while disarmed; nothing was output")
-
     def _take(self, session: "Session", drive_v: FloatArray) -> _Turn:
         """Queue a drive; or return the exchange under way, if this is the drive it took."""
         under_way = self._turn
@@ -238,9 +291,10 @@ class NiRig:
             if np.array_equal(under_way.drive_v, drive_v):
                 return under_way
             self._follow(session, under_way)  # given up: what it sensed counts as overrun
+            with suppress(SensorError):  # the block is lost anyhow; the next one says it again
+                self._convert(under_way.input_v)
             self._turn = None
         config = self.config
-        late = session.acquired() - self._sensed
         output_v = np.clip(
             drive_v / config.amplifier_gain, -config.peak_output_v, config.peak_output_v
         )
@@ -249,7 +303,7 @@ class NiRig:
             drive_v=drive_v.copy(),
             applied_v=output_v * config.amplifier_gain,
             first_sample=self._sensed,
-            margin_samples=max(self._written - self._sensed - late, 0),
+            margin_samples=max(self._written - session.acquired(), 0),
             clipped_samples=int(np.count_nonzero(np.abs(drive_v) > config.screen_peak_v)),
             input_v=np.empty((drive_v.size, len(config.channels))),
         )
@@ -308,6 +362,8 @@ class NiRig:
             clipped_samples=turn.clipped_samples,
             margin_samples=turn.margin_samples,
             overrun_samples=turn.first_sample - since,
+            saturated_samples=sensed.saturated_samples,
+            aux=sensed.aux,
         )
 
     def _fail(self, session: "Session", error: HardwareError) -> HardwareError:
@@ -353,15 +409,16 @@ def _new_session(config: NiConfig) -> "Session":
         from frictus_hardware.nidaq.session import Session
     except ModuleNotFoundError as error:
         raise DriverMissingError(
-            f'{error}: the NI backend needs it; install it with pip install "frictus[ni]"'
+            f"{error}: the NI backend needs it; install it with {INSTALL}"
         ) from error
     return Session(config)
 
 
 def _with_outcome(error: HardwareError, failure: HardwareError | None) -> HardwareError:
     """Return a fault of the same kind that also says what became of the output."""
+    said = str(error).rstrip(". ")
     if failure is None:
-        return type(error)(f"{error} The output is at 0 V")
+        return type(error)(f"{said}. The output is at 0 V")
     return type(error)(
-        f"{error} THE OUTPUT MAY STILL BE LIVE, switch the amplifier off: {failure}"
+        f"{said}. THE OUTPUT MAY STILL BE LIVE, switch the amplifier off: {failure}"
     )

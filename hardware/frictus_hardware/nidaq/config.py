@@ -3,14 +3,17 @@
 import math
 import re
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal, get_args
 
 from frictus_hardware.errors import ConfigError
+from frictus_hardware.sensors.channels import AnalogueChannel
 
 Terminals = Literal["default", "rse", "nrse", "differential", "pseudo_differential"]
 
 _CHANNEL = re.compile(r"ai\d+")
 _OUTPUT = re.compile(r"ao\d+")
+_LINE = re.compile(r"port\d+/line\d+")
 _ADDRESS = re.compile(r"[^:\s]+:\d{1,5}")
 
 
@@ -34,6 +37,55 @@ class Inputs:
 
 
 @dataclass(frozen=True, slots=True)
+class Interlock:
+    """A digital line to the amplifier's interlock: high is allowed, low is off.
+
+    Attributes
+    ----------
+    line : str
+        Such as port0/line0; one that a watchdog of the device covers.
+    timeout_ms : float
+        The device pulls it low when it was not fed for so long.
+    """
+
+    line: str = "port0/line0"
+    timeout_ms: float = 200.0
+
+
+@dataclass(frozen=True, slots=True)
+class ServerTls:
+    """Certificate files for an encrypted link to NI's gRPC device server (PEM).
+
+    Attributes
+    ----------
+    authority : Path
+        Certificate of the authority that signed the server's.
+    certificate : Path or None
+        Ours, where the server asks for one; its private key stands beside it, with the suffix
+        ``.key``.
+    """
+
+    authority: Path
+    certificate: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class AuxInput:
+    """A further analogue input: anything that is to be recorded in step with the rest.
+
+    Attributes
+    ----------
+    channel : AnalogueChannel
+        Name, unit, and how volts become the unit.
+    inputs : Inputs
+        The one channel that it is wired to.
+    """
+
+    channel: AnalogueChannel
+    inputs: Inputs
+
+
+@dataclass(frozen=True, slots=True)
 class NiConfig:
     """One NI device and what is wired to it.
 
@@ -47,6 +99,7 @@ class NiConfig:
         Gauges of the force sensor, axes of the accelerometer.
     monitor : Inputs
         The one channel that reads the amplifier's output back.
+    aux : tuple of AuxInput
     amplifier_gain : float
         Screen volts per volt of the output.
     monitor_gain : float
@@ -65,6 +118,10 @@ class NiConfig:
         the rest is what a late loop may use up before the output runs dry.
     address : str or None
         host:port of NI's gRPC device server; None for the driver of this machine.
+    tls : ServerTls or None
+        None: the link to the server is not encrypted.
+    interlock : Interlock or None
+        None: no line is driven.
     deadline_s : float
         How long the server may take to answer, beyond what a call waits for samples.
 
@@ -77,6 +134,7 @@ class NiConfig:
     force: Inputs
     accel: Inputs
     monitor: Inputs
+    aux: tuple[AuxInput, ...] = ()
     device: str = "Dev1"
     output: str = "ao0"
     amplifier_gain: float = 50.0
@@ -88,6 +146,8 @@ class NiConfig:
     lead_ms: float = 30.0
     reserve_ms: float = 10.0
     address: str | None = None
+    tls: ServerTls | None = None
+    interlock: Interlock | None = None
     deadline_s: float = 1.0
 
     def __post_init__(self) -> None:
@@ -100,14 +160,21 @@ class NiConfig:
         _require_match("output", self.output, _OUTPUT, "ao0")
         if self.address is not None:
             _require_match("address", self.address, _ADDRESS, "rig-pc:31763")
-        for name in _GROUPS:
-            _require_wired(name, getattr(self, name))
+        elif self.tls is not None:
+            raise ConfigError("tls: certificates are for a server; give its address too")
+        if self.interlock is not None:
+            self._require_fed(self.interlock)
+        for name, inputs in self.groups:
+            _require_wired(name, inputs)
         self._require_distinct_channels()
         if len(self.monitor.channels) != 1:
             raise ConfigError(
                 f"monitor.channels = {self.monitor.channels}: exactly one channel reads the "
                 "amplifier's output back"
             )
+        for name, inputs in self.groups[3:]:
+            if len(inputs.channels) != 1:
+                raise ConfigError(f"{name} = {inputs.channels}: exactly one channel accepted")
         if not self.peak_output_v <= 10.0:
             raise ConfigError(
                 f"screen_peak_v = {self.screen_peak_v:g} with amplifier_gain = "
@@ -121,9 +188,16 @@ class NiConfig:
             )
 
     @property
+    def groups(self) -> tuple[tuple[str, Inputs], ...]:
+        """Inputs that are wired alike, with their section's name, in the order of reading."""
+        fixed = (("force", self.force), ("accel", self.accel), ("monitor", self.monitor))
+        more = ((f"aux.{number}", each.inputs) for number, each in enumerate(self.aux))
+        return (*fixed, *more)
+
+    @property
     def channels(self) -> tuple[str, ...]:
         """Every input channel, in the order of the rows of what is read."""
-        return tuple(name for group in _GROUPS for name in getattr(self, group).channels)
+        return tuple(channel for _, inputs in self.groups for channel in inputs.channels)
 
     @property
     def peak_output_v(self) -> float:
@@ -145,10 +219,21 @@ class NiConfig:
         """The part of the lead that is in the device and can no longer be changed."""
         return self.lead_samples - round(self.reserve_ms * 1e-3 * self.sample_rate_hz)
 
+    def _require_fed(self, interlock: Interlock) -> None:
+        _require_match("interlock.line", interlock.line, _LINE, "port0/line0")
+        _require_between("interlock.timeout_ms", interlock.timeout_ms, 10.0, 10_000.0)
+        # A call waits for its samples as long as there are any to play.
+        waits_ms = self.lead_ms + self.block_ms
+        if interlock.timeout_ms <= waits_ms:
+            raise ConfigError(
+                f"interlock.timeout_ms = {interlock.timeout_ms:g}: more than lead and block "
+                f"together, {waits_ms:g}, is accepted; it would end what goes well"
+            )
+
     def _require_distinct_channels(self) -> None:
         seen: dict[str, str] = {}
-        for group in _GROUPS:
-            for channel in getattr(self, group).channels:
+        for group, inputs in self.groups:
+            for channel in inputs.channels:
                 if channel in seen:
                     raise ConfigError(
                         f"{group}.channels: {channel} is also in {seen[channel]}.channels; "
@@ -157,7 +242,6 @@ class NiConfig:
                 seen[channel] = group
 
 
-_GROUPS = ("force", "accel", "monitor")
 _RANGES = (
     ("amplifier_gain", 1e-3, 1e4),
     ("monitor_gain", 1e-3, 1e5),

@@ -21,18 +21,48 @@ class Sensed:
         Skin acceleration at the nail.
     voltage_v : ndarray, shape (n_samples,)
         Monitored screen volts.
+    saturated_samples : int
+        In which an acceleration or a further channel was at the end of its range.
+    aux : ndarray, shape (n_samples, n_aux), or None
+        Further channels, each in its unit; None where there are none.
     """
 
     force_n: FloatArray
     accel_m_s2: FloatArray
     voltage_v: FloatArray
+    saturated_samples: int = 0
+    aux: FloatArray | None = None
 
 
 class Conversion(Protocol):
-    """What the sensors make of the volts."""
+    """What the sensors make of the volts. Columns are in the order of `NiConfig.channels`."""
+
+    @property
+    def delay_samples(self) -> int:
+        """How many further samples it takes to convert one."""
+        ...
+
+    @property
+    def tare_samples(self) -> int:
+        """How many samples without load it wants before it starts; 0 once it has them."""
+        ...
+
+    def tare(self, input_v: FloatArray) -> None:
+        """Take these volts for those without load.
+
+        Parameters
+        ----------
+        input_v : ndarray, shape (tare_samples, n_channels)
+
+        Raises
+        ------
+        SensorError
+            If there was a load, or a sensor is broken.
+        """
+        ...
 
     def start(self, conversion_rate_hz: float) -> None:
-        """Begin with device sample 0, which is about to be taken.
+        """Begin anew; the device's clock is about to start.
 
         Parameters
         ----------
@@ -42,13 +72,22 @@ class Conversion(Protocol):
         """
         ...
 
+    def prime(self, input_v: FloatArray) -> None:
+        """Take the first samples; each block ends as much before the last sample taken.
+
+        Parameters
+        ----------
+        input_v : ndarray, shape (delay_samples, n_channels)
+        """
+        ...
+
     def __call__(self, input_v: FloatArray) -> Sensed:
-        """Convert the block that follows the one before.
+        """Convert as many samples as are given: those of `delay_samples` before.
 
         Parameters
         ----------
         input_v : ndarray, shape (n_samples, n_channels)
-            Columns in the order of `NiConfig.channels`: force, accel, monitor.
+            Follow those given before.
 
         Raises
         ------
@@ -57,38 +96,3 @@ class Conversion(Protocol):
             by the next one.
         """
         ...
-
-
-@dataclass(frozen=True)
-class LinearConversion:
-    """Every quantity a fixed matrix times volts less a bias, all channels taken at one time.
-
-    Attributes
-    ----------
-    force_n_per_v : ndarray, shape (3, n_force)
-    accel_m_s2_per_v : ndarray, shape (3, n_accel)
-    monitor_gain : float
-        Screen volts per volt at the monitor, which is the last channel.
-    force_bias_v, accel_bias_v : ndarray, shape (n_force,) and (n_accel,)
-        Volts of the sensors at rest.
-    """
-
-    force_n_per_v: FloatArray
-    accel_m_s2_per_v: FloatArray
-    monitor_gain: float
-    force_bias_v: FloatArray
-    accel_bias_v: FloatArray
-
-    def start(self, conversion_rate_hz: float) -> None:
-        """Do nothing: there is no state."""
-
-    def __call__(self, input_v: FloatArray) -> Sensed:
-        """See `Conversion`."""
-        n_force = self.force_bias_v.size
-        force_v = input_v[:, :n_force] - self.force_bias_v
-        accel_v = input_v[:, n_force:-1] - self.accel_bias_v
-        return Sensed(
-            force_n=force_v @ self.force_n_per_v.T,
-            accel_m_s2=accel_v @ self.accel_m_s2_per_v.T,
-            voltage_v=input_v[:, -1] * self.monitor_gain,
-        )

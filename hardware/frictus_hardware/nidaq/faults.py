@@ -58,6 +58,8 @@ LINK_LOST: Mapping[str, str] = {
     "UNAVAILABLE": "the server cannot be reached",
     "DEADLINE_EXCEEDED": "the server does not answer",
 }
+HANDSHAKE = "handshake"
+"""What gRPC says of a certificate that is not accepted."""
 REFUSED: Mapping[str, str] = {
     "UNAUTHENTICATED": "the server refuses who we are",
     "PERMISSION_DENIED": "the server does not allow it",
@@ -97,6 +99,11 @@ def fault_of_status(status: str, line: str, detail: str) -> HardwareError:
     line, detail : str
         As for `fault_of_code`.
     """
+    if status == "UNAVAILABLE" and HANDSHAKE in detail.lower():
+        return ConfigError(
+            f"{line}: no encrypted link: either side refuses the other's certificate "
+            f"({status}). Compare authority, names, dates and clocks. {_first_line(detail)}"
+        )
     if status in LINK_LOST:
         return LinkLostError(f"{line}: {LINK_LOST[status]} ({status}). {_first_line(detail)}")
     if status in REFUSED:

@@ -1,17 +1,14 @@
 """The two tasks of the device: inputs as the clock's master, the output slaved to them.
 
-The only module that imports nidaqmx, and with it gRPC; what either raises leaves it typed.
+What driver and link raise leaves it typed.
 """
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
-import grpc
 import nidaqmx
 import numpy as np
 from nidaqmx.constants import AcquisitionType, RegenerationMode, TerminalConfiguration
-from nidaqmx.errors import DaqError, DaqReadError, DaqWriteError, Error, RpcError
+from nidaqmx.errors import DaqReadError, DaqWriteError
 from nidaqmx.stream_readers import AnalogMultiChannelReader
 from nidaqmx.stream_writers import AnalogSingleChannelWriter
 from nidaqmx.system.device import Device
@@ -19,12 +16,12 @@ from numpy.typing import NDArray
 
 from frictus_hardware.errors import ConfigError, HardwareError, LinkLostError
 from frictus_hardware.nidaq.config import Inputs, NiConfig, Terminals
-from frictus_hardware.nidaq.faults import TRANSIENT, fault_of_code, fault_of_status
+from frictus_hardware.nidaq.driver import Driver
+from frictus_hardware.nidaq.faults import TRANSIENT
+from frictus_hardware.nidaq.watchdog import Watchdog
 
 FloatArray = NDArray[np.float64]
 
-RESET_S = 10.0
-"""What the reset of a device may take beyond the deadline of other calls."""
 INPUT_BUFFER_S = 2.0
 """A loop that falls further behind than this has lost the stream."""
 
@@ -37,26 +34,6 @@ _TERMINALS: dict[Terminals, TerminalConfiguration] = {
 }
 
 
-class Deadline(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]
-    """Puts a time limit on every remote call; nidaqmx sets none and would wait for ever.
-
-    Parameters
-    ----------
-    deadline_s : float
-        Beyond what the call itself is told to wait for samples.
-    """
-
-    def __init__(self, deadline_s: float) -> None:
-        self._deadline_s = deadline_s
-
-    def intercept_unary_unary(self, proceed: Any, details: Any, request: Any) -> Any:
-        """Proceed with the time limit."""
-        waits_s = max(getattr(request, "timeout", 0.0), 0.0)
-        if details.method.endswith("/ResetDevice"):
-            waits_s = RESET_S
-        return proceed(details._replace(timeout=self._deadline_s + waits_s), request)
-
-
 class Session:
     """The tasks of one opening of a device; for one thread.
 
@@ -67,15 +44,11 @@ class Session:
 
     def __init__(self, config: NiConfig) -> None:
         self._config = config
-        self._link: Any = None
-        self._options: nidaqmx.GrpcSessionOptions | None = None
-        if config.address is not None:
-            self._link = grpc.insecure_channel(config.address)
-            guarded = grpc.intercept_channel(self._link, Deadline(config.deadline_s))
-            self._options = nidaqmx.GrpcSessionOptions(guarded, "")
+        self._driver = Driver(config)
         self._tasks: list[Any] = []
         self._inputs: Any = None
         self._output: Any = None
+        self._watchdog: Watchdog | None = None
         self._reader: Any = None
         self._writer: Any = None
         self._wait_s = (config.block_samples + config.device_lead_samples) / (
@@ -93,6 +66,7 @@ class Session:
         self.reset()  # frees what a client that died has left behind, and puts out 0 V
         self._set_up_inputs()
         self._set_up_output()
+        self._set_up_interlock()
         lead = self._config.device_lead_samples
         if (written := self.write(np.zeros(lead))) < lead:
             raise ConfigError(
@@ -102,19 +76,21 @@ class Session:
 
     def start(self) -> None:
         """Start the clock."""
-        with self._typed(f"starting the tasks of device = {self._config.device!r}"):
+        with self._driver.typed(f"starting the tasks of device = {self._config.device!r}"):
             self._output.start()  # waits for the clock, which the inputs start
             self._inputs.start()
+            if self._watchdog is not None:
+                self._watchdog.start()
 
     @property
     def conversion_rate_hz(self) -> float:
         """Rate at which one channel after the other is converted within a sample."""
-        with self._typed("reading the conversion rate"):
+        with self._driver.typed("reading the conversion rate"):
             return float(self._inputs.timing.ai_conv_rate)
 
     def acquired(self) -> int:
         """Return how many samples the inputs have taken since the start."""
-        with self._typed("reading the sample count"):
+        with self._driver.typed("reading the sample count"):
             return int(self._inputs.in_stream.total_samp_per_chan_acquired)
 
     def read(self, n_samples: int) -> FloatArray:
@@ -130,8 +106,11 @@ class Session:
         ndarray, shape (n_channels, n_samples)
             Volts.
         """
+        if self._watchdog is not None:
+            with self._driver.typed("feeding the watchdog of the interlock"):
+                self._watchdog.feed()
         volts = np.empty((len(self._config.channels), n_samples))
-        with self._typed("reading the inputs"):
+        with self._driver.typed("reading the inputs"):
             try:
                 self._reader.read_many_sample(volts, n_samples, timeout=self._wait_s)
             except DaqReadError as error:
@@ -148,7 +127,7 @@ class Session:
         output_v : ndarray, shape (n_samples,)
             Volts at the output's connector.
         """
-        with self._typed(f"writing the output, output = {self._config.output!r}"):
+        with self._driver.typed(f"writing the output, output = {self._config.output!r}"):
             try:
                 written: int = self._writer.write_many_sample(output_v, timeout=self._wait_s)
             except DaqWriteError as error:
@@ -159,7 +138,7 @@ class Session:
 
     def stop(self) -> None:
         """Stop both tasks; the output holds what it played last."""
-        with self._typed("stopping the tasks"):
+        with self._driver.typed("stopping the tasks"):
             self._output.stop()
             self._inputs.stop()
 
@@ -181,8 +160,8 @@ class Session:
 
     def reset(self) -> None:
         """Reset the device: every task on it is aborted, and its outputs go to 0 V."""
-        with self._typed(f"resetting device = {self._config.device!r}"):
-            Device(self._config.device, grpc_options=self._options).reset_device()
+        with self._driver.typed(f"resetting device = {self._config.device!r}"):
+            Device(self._config.device, grpc_options=self._driver.options).reset_device()
 
     def close(self) -> None:
         """Release the tasks and the link; what becomes of the output is decided before."""
@@ -191,32 +170,14 @@ class Session:
         except LinkLostError:
             pass  # nothing is left to release
         finally:
-            if self._link is not None:
-                self._link.close()
-
-    @contextmanager
-    def _typed(self, line: str) -> Iterator[None]:
-        """Raise what driver and link raise as typed faults that name a configuration line."""
-        try:
-            yield
-        except DaqError as error:
-            raise fault_of_code(error.error_code, line, str(error)) from error
-        except RpcError as error:
-            status = getattr(error.rpc_code, "name", str(error.rpc_code))
-            where = f"{line}, address = {self._config.address!r}"
-            raise fault_of_status(status, where, error.description) from error
-        except Error as error:  # the driver is not installed, or too old for what is asked
-            raise ConfigError(
-                f"{line}: {error} Install NI-DAQmx, or give the address of NI's gRPC device "
-                "server"
-            ) from error
+            self._driver.close()
 
     def _set_up_inputs(self) -> None:
         config = self._config
         self._inputs = self._new_task()
-        for name in ("force", "accel", "monitor"):
-            self._add_inputs(name, getattr(config, name))
-        with self._typed(
+        for name, inputs in config.groups:
+            self._add_inputs(name, inputs)
+        with self._driver.typed(
             f"setting the clock, sample_rate_hz = {config.sample_rate_hz:g} for "
             f"{len(config.channels)} channels"
         ):
@@ -235,7 +196,7 @@ class Session:
             f"{name}: channels = {list(inputs.channels)} on device = {self._config.device!r}, "
             f"range_v = {inputs.range_v:g}, terminals = {inputs.terminals!r}"
         )
-        with self._typed(line):
+        with self._driver.typed(line):
             self._inputs.ai_channels.add_ai_voltage_chan(
                 ", ".join(f"{self._config.device}/{channel}" for channel in inputs.channels),
                 terminal_config=_TERMINALS[inputs.terminals],
@@ -246,7 +207,7 @@ class Session:
     def _set_up_output(self) -> None:
         config = self._config
         self._output = self._new_output_task()
-        with self._typed(
+        with self._driver.typed(
             f"setting the output's clock, output = {config.output!r}, "
             f"sample_rate_hz = {config.sample_rate_hz:g}"
         ):
@@ -262,10 +223,20 @@ class Session:
             self._writer = AnalogSingleChannelWriter(self._output.out_stream, auto_start=False)
             self._writer.verify_array_shape = False
 
+    def _set_up_interlock(self) -> None:
+        interlock = self._config.interlock
+        if interlock is None:
+            return
+        with self._driver.typed(
+            f"interlock: line = {interlock.line!r} on device = {self._config.device!r}"
+        ):
+            self._watchdog = Watchdog(self._config.device, interlock, self._driver.options)
+        self._tasks.append(self._watchdog)  # the last: whatever ends, the interlock opens first
+
     def _new_output_task(self) -> Any:
         config = self._config
         task = self._new_task()
-        with self._typed(
+        with self._driver.typed(
             f"output = {config.output!r} on device = {config.device!r}, screen_peak_v = "
             f"{config.screen_peak_v:g} with amplifier_gain = {config.amplifier_gain:g}"
         ):
@@ -277,14 +248,14 @@ class Session:
         return task
 
     def _new_task(self) -> Any:
-        with self._typed("creating a task"):
-            task = nidaqmx.Task(grpc_options=self._options)
+        with self._driver.typed("creating a task"):
+            task = nidaqmx.Task(grpc_options=self._driver.options)
         self._tasks.append(task)
         return task
 
     def _write_zero(self) -> None:
         task = self._new_output_task()
-        with self._typed("writing 0 V"):
+        with self._driver.typed("writing 0 V"):
             writer = AnalogSingleChannelWriter(task.out_stream, auto_start=True)
             writer.write_one_sample(0.0, timeout=self._wait_s)
         self._release()
@@ -293,7 +264,7 @@ class Session:
         while self._tasks:
             task = self._tasks.pop()
             try:
-                with self._typed("releasing a task"):
+                with self._driver.typed("releasing a task"):
                     task.close()
             except LinkLostError:
                 self._tasks.clear()  # the server drops them with the session, or a reset does

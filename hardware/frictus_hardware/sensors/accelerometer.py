@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus_hardware.errors import ConfigError
+from frictus_hardware.sensors.channels import at_ends
 from frictus_hardware.sensors.rotation import checked_rotation, rotated
 
 FloatArray = NDArray[np.float64]
@@ -111,7 +112,4 @@ def saturated(accelerometer: Accelerometer, volts: FloatArray) -> BoolArray:
     saturated : ndarray of bool, shape (n_samples, 3)
         By channel of the sensor; rotated, all three axes of such a sample are wrong.
     """
-    low_v, high_v = accelerometer.output_range_v
-    margin_v = SATURATION_MARGIN * (high_v - low_v)
-    within: BoolArray = (volts > low_v + margin_v) & (volts < high_v - margin_v)
-    return ~within
+    return at_ends(volts, accelerometer.output_range_v, SATURATION_MARGIN)

@@ -11,6 +11,23 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 
+def at_ends(volts: FloatArray, range_v: tuple[float, float], margin: float = 0.0) -> BoolArray:
+    """Return where volts are at or beyond the ends of a range, or not a number.
+
+    Parameters
+    ----------
+    volts : ndarray
+        Of any shape.
+    range_v : tuple of float
+    margin : float
+        Share of the range at either end that counts as its end.
+    """
+    low_v, high_v = range_v
+    margin_v = margin * (high_v - low_v)
+    within: BoolArray = (volts > low_v + margin_v) & (volts < high_v - margin_v)
+    return ~within
+
+
 @dataclass(frozen=True, slots=True)
 class AnalogueChannel:
     """One channel, ``value = scale volts + offset``.
@@ -61,6 +78,4 @@ class AnalogueChannel:
 
     def out_of_range(self, volts: FloatArray) -> BoolArray:
         """Return where volts are at or beyond the range, or not a number."""
-        low_v, high_v = self.range_v
-        within: BoolArray = (volts > low_v) & (volts < high_v)
-        return ~within
+        return at_ends(volts, self.range_v)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus_hardware.errors import SensorError
+from frictus_hardware.sensors.channels import at_ends
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -126,10 +127,7 @@ def overloaded(calibration: ForceCalibration, gauges_v: FloatArray) -> BoolArray
     overloaded : ndarray of bool, shape (n_samples, 6)
         The forces of a sample with any of them mean nothing.
     """
-    low_v, high_v = calibration.gauge_range_v
-    margin_v = OVERLOAD_MARGIN * (high_v - low_v)
-    within: BoolArray = (gauges_v > low_v + margin_v) & (gauges_v < high_v - margin_v)
-    return ~within
+    return at_ends(gauges_v, calibration.gauge_range_v, OVERLOAD_MARGIN)
 
 
 def overload_fault(calibration: ForceCalibration, at_end: BoolArray) -> str | None:

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from frictus_hardware.base import Exchange
 from frictus_hardware.errors import ClosedError, ConfigError, DeviceLostError, HardwareError
+from frictus_hardware.output import DeviceOutput
 from frictus_hardware.simulated.config import SimulatedConfig
-from frictus_hardware.simulated.output import DeviceOutput
 from frictus_hardware.simulated.rig import SimulatedRig
 
 FloatArray = NDArray[np.float64]

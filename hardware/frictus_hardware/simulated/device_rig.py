@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from frictus_hardware.base import Exchange, RigInfo
 from frictus_hardware.errors import ClosedError, ConfigError, LinkLostError
+from frictus_hardware.output import DeviceOutput
 from frictus_hardware.simulated.config import SimulatedDeviceConfig
-from frictus_hardware.simulated.output import DeviceOutput
 from frictus_hardware.simulated.rig import info_of
 
 FloatArray = NDArray[np.float64]

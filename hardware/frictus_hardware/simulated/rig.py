@@ -7,14 +7,15 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus_hardware.base import Exchange, RigInfo, TouchReport, Truth, require_finite
+from frictus_hardware.accepted import MAX_BLOCK_S, ramp_samples, require_drive
+from frictus_hardware.base import Exchange, RigInfo, TouchReport, Truth
 from frictus_hardware.errors import (
     ClosedError,
     ConfigError,
     HardwareError,
-    NotArmedError,
     StreamLostError,
 )
+from frictus_hardware.output import OutputQueue
 from frictus_hardware.physics.stages import Noise, Quantisation
 from frictus_hardware.physics.twin import Signals, Stage, Twin
 from frictus_hardware.simulated.clock import Clock, RealClock, VirtualClock
@@ -28,13 +29,11 @@ from frictus_hardware.simulated.faults import (
 )
 from frictus_hardware.simulated.guided import GuidedFinger
 from frictus_hardware.simulated.motion import Finger, FingerMotion
-from frictus_hardware.simulated.output import OutputQueue
 from frictus_hardware.simulated.pointer import PointerFinger
 from frictus_hardware.simulated.touch import TouchSensor
 
 FloatArray = NDArray[np.float64]
 
-MAX_BLOCK_S = 1.0
 INPUT_BUFFER_S = 10.0
 """A loop that falls further behind than this has lost the stream."""
 
@@ -174,7 +173,7 @@ class SimulatedRig:
         """Do the first part of an exchange, which does not wait."""
         self._require_open()
         drive_v = np.asarray(drive_v, dtype=np.float64)
-        self._refuse_unfit(drive_v)
+        require_drive(drive_v, self._max_block, armed=self._armed)
         end = self._sensed + drive_v.size
         self._raise_faults(end)
         lost = self.faults.take(LostSamples, end)
@@ -232,10 +231,8 @@ class SimulatedRig:
 
     def stop(self, ramp_s: float) -> None:
         """Ramp what is queued to zero within `ramp_s`, drop the rest, and disarm."""
-        if not ramp_s >= 0.0:
-            raise ConfigError(f"a ramp of {ramp_s} s: 0 or more accepted")
+        ramp = ramp_samples(ramp_s, self.config.sample_rate_hz)
         if self._open and self._armed:
-            ramp = round(min(ramp_s, MAX_BLOCK_S) * self.config.sample_rate_hz)
             self._output.ramp(self._clock.sample(), ramp)
         self._armed = False
 
@@ -343,16 +340,6 @@ class SimulatedRig:
     def _require_open(self) -> None:
         if not self._open:
             raise ClosedError("the rig is not open: call open(), or use it in a with statement")
-
-    def _refuse_unfit(self, drive_v: FloatArray) -> None:
-        if drive_v.ndim != 1 or not 1 <= drive_v.size <= self._max_block:
-            raise ConfigError(
-                f"a drive of shape {drive_v.shape}: one axis of 1 to {self._max_block} samples "
-                "accepted; nothing was output"
-            )
-        require_finite(drive_v)
-        if not self._armed and np.any(drive_v):
-            raise NotArmedError("drive other than zero while disarmed; nothing was output")
 
     def _raise_faults(self, end: int) -> None:
         if self._lasting is not None:

@@ -12,9 +12,16 @@ from dataclasses import dataclass
 from queue import SimpleQueue
 from typing import Final
 
+import numpy as np
+
 from frictus.messages import FaultKind
 from frictus_hardware.base import Backend
-from frictus_hardware.errors import HardwareError
+from frictus_hardware.errors import (
+    DeviceLostError,
+    HardwareError,
+    LinkLostError,
+    StreamLostError,
+)
 from frictus_service.config import Config
 from frictus_service.daemon.heartbeat import Heartbeat
 from frictus_service.daemon.interlock import Interlock
@@ -101,6 +108,7 @@ class BlockLoop:
         self._heartbeat = heartbeat
         self._missed_limit = config.limits.missed_deadlines
         self._tolerance_v = config.limits.monitor_tolerance_v
+        self._force_limit_n = config.limits.force_limit_n
         self._tuning = EstimatorTuning(stale_s=1e-3 * config.limits.finger_stale_ms)
         self._block_samples = config.block_samples
         self._monotonic_ns = monotonic_ns
@@ -124,6 +132,14 @@ class BlockLoop:
         self.tally = Tally()
         self.lateness = Lateness(self._rate_hz)
         self.handover: SimpleQueue[Turn] = SimpleQueue()
+
+    def begin_anew(self) -> None:
+        """Close the device and open it again; one that is lost meanwhile is waited for."""
+        self._let_go()
+        try:
+            self._backend.open()
+        except (StreamLostError, DeviceLostError, LinkLostError) as error:
+            self._on_fault(error)
 
     def run_until(self, stop: threading.Event) -> None:
         """Turn until told to stop; then ramp the output to zero and play the ramp out."""
@@ -155,7 +171,7 @@ class BlockLoop:
             returned_ns = self._monotonic_ns()
             reading = UtcReading(returned_ns, self._utc_ns(), self._monotonic_ns())
             self._account(step, returned_ns)
-            self._watch_output(step)
+            self._watch(step)
             self._hand_over(step, returned_ns, reading)
             self._check_health()
             return True
@@ -295,9 +311,19 @@ class BlockLoop:
         )
         self.handover.put(turn)
 
-    def _watch_output(self, step: Step) -> None:
-        """Trip where the monitor contradicts the drive: the amplifier, or we, do wrong."""
+    def _watch(self, step: Step) -> None:
+        """Trip where the monitor contradicts the drive, or someone leans on the screen."""
         exchange = step.exchange
+        power_n2 = np.einsum("ij,ij->i", exchange.force_n, exchange.force_n)
+        largest_n = math.sqrt(float(power_n2.max()))
+        if not largest_n <= self._force_limit_n:
+            self._feed(
+                FaultRaised(
+                    "safety",
+                    f"a force of {largest_n:.3g} N at sample {exchange.first_sample}, "
+                    f"{self._force_limit_n:g} N is accepted",
+                )
+            )
         apart_v = self._monitor.compare(exchange, self._zero_from)
         if not apart_v <= self._tolerance_v:  # NaN must trip too
             self._feed(
@@ -355,7 +381,7 @@ class BlockLoop:
         self._heartbeat.value = 0
         self._energised = False
         try:
-            self._backend.close()
+            self._let_go()
             while not stop.wait(REOPEN_S):
                 self._interlock.tick(self._now_s())
                 if self._reopened():
@@ -364,6 +390,12 @@ class BlockLoop:
                     break
         finally:
             self._heartbeat.value = beats
+
+    def _let_go(self) -> None:
+        try:
+            self._backend.close()
+        except HardwareError as error:  # the output could not be brought to zero
+            self._feed(FaultRaised("safety", str(error)))
 
     def _reopened(self) -> bool:
         try:

@@ -10,7 +10,7 @@ from typing import Final
 import zenoh
 
 from frictus.keys import STREAMS, RigKeys, Topics
-from frictus.messages import Counters, Fault, LoopTiming, RigStatus, TimeState
+from frictus.messages import AuxChannel, Counters, Fault, LoopTiming, RigStatus, TimeState
 from frictus.session import declare_latest_publisher, declare_publisher
 from frictus_hardware.base import RigInfo
 from frictus_service.daemon.commands import Commands
@@ -193,6 +193,8 @@ class Publisher:
             screen_mm=info.screen_mm,
             screen_peak_v=info.screen_peak_v,
             converter_steps=dict(info.converter_steps),
+            touch_latency_s=info.touch_latency_s,
+            aux=tuple(AuxChannel(name=name, unit=unit) for name, unit in info.aux),
             model_etag=model.etag,
             model_placeholder=model.model.placeholder,
             scene_etag=self._stage.scene.etag,

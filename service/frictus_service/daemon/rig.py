@@ -232,8 +232,7 @@ class _Parts:
         say(f"loop priority: {raise_priority(LOOP_PRIORITY)}")
         # The device's clock began with the first opening, and what came since took longer
         # than the lead: begin anew, so that no rig starts with underruns.
-        self.backend.close()
-        self.backend.open()
+        self.loop.begin_anew()
         self.loop.run_until(stop)
 
     def _thread(self, name: str, target: Callable[[], None]) -> threading.Thread:

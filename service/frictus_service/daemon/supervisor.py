@@ -29,6 +29,7 @@ from frictus.session import declare_latest_publisher, open_session
 from frictus_hardware import reset_device
 from frictus_hardware.errors import HardwareError
 from frictus_service.config import Config
+from frictus_service.daemon.notify import ServiceManager
 from frictus_service.daemon.part import PartName, run_part
 from frictus_service.daemon.safety import ACTIONS
 from frictus_service.errors import StartError
@@ -85,6 +86,8 @@ class Supervisor:
         Whether to listen at the router's endpoint; None: as configured.
     say : callable
         Told, line by line, what an operator should know; standard error by default.
+    alive : callable
+        Called at each look, several within `freeze_ms`, at which no block loop stands still.
     """
 
     def __init__(
@@ -93,8 +96,10 @@ class Supervisor:
         parts: Sequence[PartName] = ALL,
         host_router: bool | None = None,
         say: Callable[[str], None] = _to_stderr,
+        alive: Callable[[], None] = lambda: None,
     ) -> None:
         self._config = config
+        self._alive = alive
         self._host_router = config.router.host if host_router is None else host_router
         self._say = say
         self._context = multiprocessing.get_context("spawn")
@@ -273,6 +278,10 @@ class Supervisor:
                 self._on_death(
                     part, f"its block loop stood still for {self._config.limits.freeze_ms} ms"
                 )
+        # A rig that is being started, or waits for its device, counts as alive: it drives
+        # nothing, and to start everything anew would help neither.
+        if not any(part.looks for part in self._parts.values()):
+            self._alive()
 
     def _on_death(self, part: _Part, how: str) -> None:
         part.process.close()
@@ -353,8 +362,10 @@ class Supervisor:
         if part.told is not None:
             part.told.close()
         if part.name == "rig" and killed:
-            with contextlib.suppress(HardwareError):
+            try:
                 reset_device(self._config.backend)
+            except HardwareError as error:
+                self._say(f"the device could NOT be reset ({error}): switch it off by hand")
 
 
 def _how_it_ended(exitcode: int | None) -> str:
@@ -388,16 +399,26 @@ def serve(
     def on_signal(number: int, _frame: FrameType | None) -> None:
         told.append(number)
 
+    manager = ServiceManager()
+
+    def say_and_show(line: str) -> None:
+        say(line)
+        manager.status(line)
+
     names = ("SIGINT", "SIGTERM", "SIGBREAK")
     numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
     former = {number: signal.signal(number, on_signal) for number in numbers}
     try:
-        with Supervisor(config, parts, host_router, say) as supervisor:
+        with Supervisor(
+            config, parts, host_router, say_and_show, manager.keep_alive
+        ) as supervisor:
             supervisor.wait_ready()
-            say("ready; Ctrl-C stops")
+            manager.ready()
+            say_and_show("ready; Ctrl-C stops")
             while not told:
                 time.sleep(0.1)  # Windows sees Ctrl-C only between waits
-            say("stopping: the output ramps to zero")
+            manager.stopping()
+            say_and_show("stopping: the output ramps to zero")
     finally:
         for number, handler in former.items():
             signal.signal(number, handler)

@@ -12,7 +12,7 @@ from tests.hardware.nidaq.fake_server import FakeServer
 from frictus_hardware.base import TouchReport
 from frictus_hardware.nidaq.backend import NiRig
 from frictus_hardware.nidaq.config import Inputs, NiConfig
-from frictus_hardware.nidaq.conversion import LinearConversion
+from frictus_hardware.nidaq.conversion import Sensed
 from frictus_hardware.physics.twin import Signals
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.motion import Finger
@@ -37,12 +37,44 @@ def wiring(**changes: object) -> NiConfig:
     return NiConfig(**({"force": FORCE, "accel": ACCEL, "monitor": MONITOR} | changes))  # type: ignore[arg-type]
 
 
+@dataclass(frozen=True)
+class LinearConversion:
+    """Every quantity a matrix times volts; all channels taken at one time, no tare wanted.
+
+    `force_n_per_v` is (3, n_force), `accel_m_s2_per_v` (3, n_accel); the monitor is last.
+    """
+
+    force_n_per_v: FloatArray
+    accel_m_s2_per_v: FloatArray
+    monitor_gain: float
+    accel_bias_v: FloatArray
+    delay_samples: int = 0
+    tare_samples: int = 0
+
+    def tare(self, input_v: FloatArray) -> None:
+        raise AssertionError("no tare was asked for")
+
+    def start(self, conversion_rate_hz: float) -> None:
+        """Do nothing: there is no state."""
+
+    def prime(self, input_v: FloatArray) -> None:
+        raise AssertionError("nothing to prime")
+
+    def __call__(self, input_v: FloatArray) -> Sensed:
+        n_force = self.force_n_per_v.shape[1]
+        accel_v = input_v[:, n_force:-1] - self.accel_bias_v
+        return Sensed(
+            force_n=input_v[:, :n_force] @ self.force_n_per_v.T,
+            accel_m_s2=accel_v @ self.accel_m_s2_per_v.T,
+            voltage_v=input_v[:, -1] * self.monitor_gain,
+        )
+
+
 def conversion(config: NiConfig) -> LinearConversion:
     return LinearConversion(
         force_n_per_v=np.linalg.pinv(GAUGE_V_PER_N),
         accel_m_s2_per_v=np.eye(3) / ACCEL_V_PER_M_S2,
         monitor_gain=config.monitor_gain,
-        force_bias_v=np.zeros(6),
         accel_bias_v=ACCEL_BIAS_V,
     )
 

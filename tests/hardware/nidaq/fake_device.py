@@ -17,10 +17,13 @@ Plant = Callable[[FloatArray, int], FloatArray]
 INPUTS, OUTPUTS = 32, 4
 RANGE_V = 10.0
 MAX_CONVERSIONS_HZ = 250_000.0
+MAX_OUTPUT_HZ = 900_000.0
 MEMORY = 8_191
 """Samples that the output takes out of its buffer in advance."""
 
 RAN_DRY, OVERWRITTEN, ABORTED, TASK_GONE = -200290, -200279, -88710, -200088
+EXPIRED = -200990
+"""Made up: what the driver says of a watchdog that has expired is not known here."""
 NOT_YET, FULL, NO_DEVICE, NO_CHANNEL = -200284, -200292, -200220, -200170
 TOO_FAST, BEYOND_RANGE, RESERVED, BAD_VALUE = -200081, -200561, -50103, -200077
 
@@ -51,15 +54,37 @@ class FakeTask:
     acquired: int = 0
 
 
+@dataclass
+class Watched:
+    """A watchdog timer and the lines that it pulls low."""
+
+    timeout_s: float
+    lines: list[str] = field(default_factory=list)
+    running: bool = False
+    fed_at: int = 0
+    expired: bool = False
+
+
 class FakeDevice:
-    def __init__(self, plant: Plant, name: str = "Dev1", record: bool = False) -> None:
+    def __init__(
+        self,
+        plant: Plant,
+        name: str = "Dev1",
+        record: bool = False,
+        at_one_time: bool = False,
+    ) -> None:
         self.name = name
+        self.at_one_time = at_one_time
+        """Whether it has a converter for each channel, as some devices have."""
         self.present = True
         self.output_v = 0.0
         self.now = 0
         """Ticks since the inputs were started last."""
         self.resets = 0
         self.tasks: dict[str, FakeTask] = {}
+        self.lines: dict[str, bool] = {}
+        """Levels of the digital lines."""
+        self.watched: dict[str, Watched] = {}
         self._plant = plant
         self._record = record
         self._played: list[FloatArray] = []
@@ -83,6 +108,7 @@ class FakeDevice:
             output.queue = output.queue[count:]
             if count < ticks and not output.regenerates:
                 output.error = RAN_DRY
+        self._watch(ticks, inputs.rate_hz)
         self.output_v = float(out_v[-1])
         if self._record:
             self._played.append(out_v)
@@ -92,6 +118,18 @@ class FakeDevice:
         self.now += ticks
         if inputs.unread.shape[1] > inputs.buffer:
             inputs.error = OVERWRITTEN
+
+    def _watch(self, ticks: int, rate_hz: float) -> None:
+        for one in self.watched.values():
+            if one.running and self.now + ticks - one.fed_at > one.timeout_s * rate_hz:
+                one.expired = True
+                self.lines |= dict.fromkeys(one.lines, False)
+
+    def feed(self, name: str) -> None:
+        """Reset a watchdog's timer."""
+        if self.watched[name].expired:
+            raise FakeDaqError(EXPIRED)
+        self.watched[name].fed_at = self.now
 
     def fail(self, code: int) -> None:
         """End every running task with an error; the output holds its last value."""
@@ -122,6 +160,11 @@ class FakeDevice:
             task.channels.append(name)
         task.kind = kind
         task.limit_v = limit_v
+
+    def listed(self, kind: str) -> str:
+        """Return its channels of a kind as the driver lists them."""
+        count = INPUTS if kind == "ai" else OUTPUTS
+        return ", ".join(f"{self.name}/{kind}{index}" for index in range(count))
 
     def require(self, device: str) -> None:
         if device != self.name or not self.present:
@@ -192,6 +235,8 @@ class FakeDevice:
         for task in self.tasks.values():
             task.running = False
         self.output_v = 0.0
+        self.lines.clear()
+        self.watched.clear()
         self.resets += 1
 
     def _running(self, kind: str) -> FakeTask | None:

@@ -21,19 +21,28 @@ from nidaqmx._stubs import nidaqmx_pb2_grpc as services
 from session_pb2 import Session
 from tests.hardware.nidaq.fake_device import (
     MAX_CONVERSIONS_HZ,
+    MAX_OUTPUT_HZ,
+    NO_CHANNEL,
     NOT_YET,
+    RANGE_V,
     TASK_GONE,
     FakeDaqError,
     FakeDevice,
     FakeTask,
+    Watched,
 )
 
 HARMLESS = (-200284, -200292)
 """What leaves the tasks running."""
 
+_DEVICE_NAMES, _PRODUCT, _INPUTS, _OUTPUTS = 0x193B, 0x631, 0x231E, 0x231F
+_INPUT_RATE, _OUTPUT_RATE, _INPUT_RANGES, _OUTPUT_RANGES = 0x298D, 0x2997, 0x2990, 0x299B
+_SIMULTANEOUS, _TERMINALS = 0x298F, 0x2342
 _REGENERATION, _REGENERATES = 0x1453, 10097
 _ACQUIRED, _CONVERSION_RATE, _TASK_NAME = 0x192A, 0x1848, 0x1276
 _GROUP_BY_CHANNEL = 0
+_LOW, _RESET_TIMER = 10214, 0
+AT_ONE_TIME_HZ = 1e12
 
 
 @dataclass
@@ -144,12 +153,56 @@ class FakeServicer(services.NiDAQmxServicer):  # type: ignore[misc]
 
     @served
     def ClearTask(self, request: Any, context: Any) -> Any:
+        self.device.watched.pop(request.task.name, None)
         if self.device.tasks.pop(request.task.name, None) is None:
             raise FakeDaqError(TASK_GONE)
         return messages.ClearTaskResponse()
 
     @served
+    def CreateWatchdogTimerTaskEx(self, request: Any, context: Any) -> Any:
+        self.device.require(request.device_name)
+        name = request.session_name or uuid.uuid4().hex
+        self.device.tasks[name] = FakeTask(name, kind="watchdog")
+        self.device.watched[name] = Watched(request.timeout)
+        return messages.CreateWatchdogTimerTaskExResponse(
+            task=Session(name=name), new_session_initialized=True
+        )
+
+    @served
+    def CfgWatchdogDOExpirStates(self, request: Any, context: Any) -> Any:
+        assert list(request.expir_state_array) == [_LOW]
+        self.device.watched[request.task.name].lines.append(request.channel_names)
+        return messages.CfgWatchdogDOExpirStatesResponse()
+
+    @served
+    def ControlWatchdogTask(self, request: Any, context: Any) -> Any:
+        assert request.action_raw == _RESET_TIMER
+        self.device.feed(self._task(request).name)
+        return messages.ControlWatchdogTaskResponse()
+
+    @served
+    def CreateDOChan(self, request: Any, context: Any) -> Any:
+        device, _, line = request.lines.partition("/")
+        self.device.require(device)
+        if not line.startswith("port0/"):
+            raise FakeDaqError(NO_CHANNEL)
+        task = self._task(request)
+        task.kind = "do"
+        task.channels.append(request.lines)
+        return messages.CreateDOChanResponse()
+
+    @served
+    def WriteDigitalLines(self, request: Any, context: Any) -> Any:
+        (line,) = self._task(request).channels
+        self.device.lines[line] = bool(request.write_array[0])
+        return messages.WriteDigitalLinesResponse(samps_per_chan_written=1)
+
+    @served
     def StartTask(self, request: Any, context: Any) -> Any:
+        watched = self.device.watched.get(request.task.name)
+        if watched is not None:
+            watched.running, watched.fed_at = True, self.device.now
+            return messages.StartTaskResponse()
         self.device.start(self._task(request))
         return messages.StartTaskResponse()
 
@@ -220,6 +273,49 @@ class FakeServicer(services.NiDAQmxServicer):  # type: ignore[misc]
         return messages.GetSystemInfoAttributeUInt32Response(value=25)
 
     @served
+    def GetSystemInfoAttributeString(self, request: Any, context: Any) -> Any:
+        assert request.attribute_raw == _DEVICE_NAMES
+        name = self.device.name if self.device.present else ""
+        return messages.GetSystemInfoAttributeStringResponse(value=name)
+
+    @served
+    def GetDeviceAttributeString(self, request: Any, context: Any) -> Any:
+        self.device.require(request.device_name)
+        value = {
+            _PRODUCT: "PCIe-6323",
+            _INPUTS: self.device.listed("ai"),
+            _OUTPUTS: self.device.listed("ao"),
+        }[request.attribute_raw]
+        return messages.GetDeviceAttributeStringResponse(value=value)
+
+    @served
+    def GetDeviceAttributeDouble(self, request: Any, context: Any) -> Any:
+        self.device.require(request.device_name)
+        value = {_INPUT_RATE: MAX_CONVERSIONS_HZ, _OUTPUT_RATE: MAX_OUTPUT_HZ}
+        return messages.GetDeviceAttributeDoubleResponse(value=value[request.attribute_raw])
+
+    @served
+    def GetDeviceAttributeDoubleArray(self, request: Any, context: Any) -> Any:
+        self.device.require(request.device_name)
+        assert request.attribute_raw in {_INPUT_RANGES, _OUTPUT_RANGES}
+        return messages.GetDeviceAttributeDoubleArrayResponse(value=[-RANGE_V, RANGE_V])
+
+    @served
+    def GetDeviceAttributeBool(self, request: Any, context: Any) -> Any:
+        self.device.require(request.device_name)
+        assert request.attribute_raw == _SIMULTANEOUS
+        return messages.GetDeviceAttributeBoolResponse(value=self.device.at_one_time)
+
+    @served
+    def GetPhysicalChanAttributeInt32(self, request: Any, context: Any) -> Any:
+        assert request.attribute_raw == _TERMINALS
+        device, _, channel = request.physical_channel.partition("/")
+        self.device.require(device)
+        single_ended, differential = 1 + 2, 4
+        bits = single_ended + differential * (int(channel.removeprefix("ai")) % 16 < 8)
+        return messages.GetPhysicalChanAttributeInt32Response(value_raw=bits)
+
+    @served
     def GetTaskAttributeString(self, request: Any, context: Any) -> Any:
         assert request.attribute_raw == _TASK_NAME
         return messages.GetTaskAttributeStringResponse(value=self._task(request).name)
@@ -246,18 +342,31 @@ class FakeServicer(services.NiDAQmxServicer):  # type: ignore[misc]
         assert request.attribute_raw == _CONVERSION_RATE
         task = self._task(request)
         rate_hz = min(task.rate_hz * len(task.channels), MAX_CONVERSIONS_HZ)
+        if self.device.at_one_time:
+            rate_hz = AT_ONE_TIME_HZ
         return messages.GetTimingAttributeDoubleResponse(value=rate_hz)
 
 
 class FakeServer:
-    """Serves a device on a free port of this machine while its context lasts."""
+    """Serves a device on a free port of this machine while its context lasts.
 
-    def __init__(self, device: FakeDevice) -> None:
+    With credentials only who has a certificate may speak to it.
+    """
+
+    def __init__(
+        self, device: FakeDevice, credentials: grpc.ServerCredentials | None = None
+    ) -> None:
         self.device = device
         self.servicer = FakeServicer(device)
         self._server = grpc.server(ThreadPoolExecutor(4, thread_name_prefix="fake-daq"))
         services.add_NiDAQmxServicer_to_server(self.servicer, self._server)
-        self.address = f"127.0.0.1:{self._server.add_insecure_port('127.0.0.1:0')}"
+        anywhere = "127.0.0.1:0"
+        port = (
+            self._server.add_insecure_port(anywhere)
+            if credentials is None
+            else self._server.add_secure_port(anywhere, credentials)
+        )
+        self.address = f"127.0.0.1:{port}"
 
     def plan(self, fault: Fault) -> None:
         """Let one more thing go wrong."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from tests.hardware.nidaq.bench import (
     BenchMaker,
     FingerTouch,
+    LinearConversion,
     conversion,
     twin_plant,
     wiring,
@@ -17,7 +18,7 @@ from tests.hardware.nidaq.bench import (
 from frictus_hardware.base import Exchange
 from frictus_hardware.errors import DriverMissingError, SensorError
 from frictus_hardware.nidaq.backend import NiRig
-from frictus_hardware.nidaq.conversion import LinearConversion, Sensed
+from frictus_hardware.nidaq.conversion import Sensed
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.rig import SimulatedRig
 
@@ -181,6 +182,8 @@ def test_a_block_that_the_sensors_refuse_counts_as_overrun(make_bench: BenchMake
 class Overloaded:
     """Refuses its second block."""
 
+    delay_samples = tare_samples = 0
+
     def __init__(self, sound: LinearConversion) -> None:
         self._sound = sound
         self._blocks = 0
@@ -188,6 +191,12 @@ class Overloaded:
 
     def start(self, conversion_rate_hz: float) -> None:
         self.rates_hz.append(conversion_rate_hz)
+
+    def tare(self, input_v: FloatArray) -> None:
+        raise AssertionError("no tare was asked for")
+
+    def prime(self, input_v: FloatArray) -> None:
+        raise AssertionError("nothing to prime")
 
     def __call__(self, input_v: FloatArray) -> Sensed:
         self._blocks += 1

@@ -15,8 +15,9 @@ from frictus_hardware.simulated.pointer import ClientFinger
 DYING_CLIENT = """
 import os, sys
 import numpy as np
-from frictus_hardware import SimulatedDeviceConfig, open_backend
-backend = open_backend(SimulatedDeviceConfig(address=sys.argv[1]))
+from frictus_hardware import SimulatedConfig, SimulatedDeviceConfig, open_backend
+rig = SimulatedConfig(lead_ms=800.0)  # what is late on a busy machine is never held
+backend = open_backend(SimulatedDeviceConfig(address=sys.argv[1], rig=rig))
 backend.arm()
 for _ in range(10):
     backend.exchange(np.full(100, 40.0))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from frictus_hardware.simulated.output import OutputQueue
+from frictus_hardware.output import OutputQueue
 
 LEAD = 40
 

@@ -1,0 +1,61 @@
+"""What every rig accepts of its caller: a drive, and the length of a ramp."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_hardware.errors import ConfigError, NotArmedError, UnsafeDriveError
+
+FloatArray = NDArray[np.float64]
+
+MAX_BLOCK_S: Final = 1.0
+"""The longest drive, and the longest ramp: what is queued longer cannot be stopped in time."""
+
+
+def require_drive(
+    drive_v: FloatArray, max_samples: int, *, armed: bool, besides: str = ""
+) -> None:
+    """Refuse a drive that must not be played.
+
+    Parameters
+    ----------
+    drive_v : ndarray
+        Volts at the screen.
+    max_samples : int
+    armed : bool
+        Whether anything but zero may be played.
+    besides : str
+        What else the rig asks of its length.
+
+    Raises
+    ------
+    ConfigError
+        Unless it has one axis of 1 to `max_samples` samples.
+    UnsafeDriveError
+        Unless every sample is finite.
+    NotArmedError
+        If it is not zero while disarmed.
+    """
+    if drive_v.ndim != 1 or not 1 <= drive_v.size <= max_samples:
+        raise ConfigError(
+            f"a drive of shape {drive_v.shape}: one axis of 1 to {max_samples} samples "
+            f"accepted{besides}; nothing was output"
+        )
+    if not np.all(np.isfinite(drive_v)):
+        raise UnsafeDriveError("a drive sample is not finite; nothing was output")
+    if not armed and np.any(drive_v):
+        raise NotArmedError("drive other than zero while disarmed; nothing was output")
+
+
+def ramp_samples(ramp_s: float, sample_rate_hz: float) -> int:
+    """Return the samples of a ramp to zero, `MAX_BLOCK_S` at most.
+
+    Raises
+    ------
+    ConfigError
+        If it is negative or not a number.
+    """
+    if not ramp_s >= 0.0:
+        raise ConfigError(f"a ramp of {ramp_s} s: 0 or more accepted")
+    return round(min(ramp_s, MAX_BLOCK_S) * sample_rate_hz)

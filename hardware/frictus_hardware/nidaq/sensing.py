@@ -1,0 +1,139 @@
+"""The sensors of a rig on an NI device: gauges, accelerometer, monitor, moved to one time."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_hardware.errors import ConfigError, SensorError
+from frictus_hardware.nidaq.config import NiConfig
+from frictus_hardware.nidaq.conversion import Sensed
+from frictus_hardware.sensors.accelerometer import Accelerometer, acceleration, saturated
+from frictus_hardware.sensors.deskew import DELAY_SAMPLES, Deskew, deskew, turn_offsets_s
+from frictus_hardware.sensors.force import (
+    GAUGES,
+    ForceCalibration,
+    overload_fault,
+    overloaded,
+    tare,
+    wrench,
+)
+from frictus_hardware.sensors.rotation import rotated
+
+FloatArray = NDArray[np.float64]
+
+AXES: Final = 3
+MONITOR: Final = GAUGES + AXES
+"""Column of the monitor; further channels come after it."""
+TARE_S: Final = 0.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ForceSensor:
+    """Six gauges under the screen.
+
+    Attributes
+    ----------
+    calibration : ForceCalibration
+    rotation : ndarray, shape (3, 3)
+        From the sensor's frame to the rig's.
+    bias_v : tuple of float or None
+        Volts of the gauges without load; None: measured when the rig is opened first.
+    """
+
+    calibration: ForceCalibration
+    rotation: FloatArray
+    bias_v: tuple[float, ...] | None = None
+
+
+class SensorConversion:
+    """See `frictus_hardware.nidaq.conversion.Conversion`.
+
+    The converter takes the channels in turn, so all are moved to the edge of the sample clock
+    before gauges are mixed; it takes samples to come to move one, which is the delay.
+
+    Parameters
+    ----------
+    config : NiConfig
+    force : ForceSensor
+    accel : Accelerometer
+
+    Raises
+    ------
+    ConfigError
+        If the channels do not fit the sensors.
+    """
+
+    def __init__(self, config: NiConfig, force: ForceSensor, accel: Accelerometer) -> None:
+        for name, inputs, wanted in (
+            ("force", config.force, GAUGES),
+            ("accel", config.accel, AXES),
+        ):
+            if len(inputs.channels) != wanted:
+                raise ConfigError(
+                    f"{name}.channels = {list(inputs.channels)}: {wanted} channels accepted"
+                )
+        bias_v = force.bias_v
+        if bias_v is not None and len(bias_v) != GAUGES:
+            raise ConfigError(f"force.bias_v = {list(bias_v)}: {GAUGES} volts accepted")
+        self._config = config
+        self._force = force
+        self._accel = accel
+        self._bias_v = None if bias_v is None else np.array(bias_v)
+        self._deskew: Deskew | None = None
+        self._state: FloatArray | None = None
+
+    @property
+    def delay_samples(self) -> int:
+        """How many further samples it takes to convert one."""
+        return DELAY_SAMPLES
+
+    @property
+    def tare_samples(self) -> int:
+        """How many samples without load it wants; 0 once the bias is known."""
+        return round(TARE_S * self._config.sample_rate_hz) if self._bias_v is None else 0
+
+    @property
+    def bias_v(self) -> FloatArray | None:
+        """Volts of the gauges without load, shape (6,); None: not known yet."""
+        return self._bias_v
+
+    def tare(self, input_v: FloatArray) -> None:
+        """Take the gauges' mean for their volts without load; kept for as long as this is."""
+        self._bias_v = tare(self._force.calibration, input_v[:, :GAUGES])
+
+    def start(self, conversion_rate_hz: float) -> None:
+        """Begin anew; see `Conversion`."""
+        offsets_s = turn_offsets_s(len(self._config.channels), conversion_rate_hz)
+        self._deskew = deskew(offsets_s, self._config.sample_rate_hz)
+        self._state = None
+
+    def prime(self, input_v: FloatArray) -> None:
+        """Take the first samples; the very first is taken to have been for ever."""
+        assert self._deskew is not None, "start() comes first"
+        _, self._state = self._deskew.run(input_v, self._deskew.started(input_v[0]))
+
+    def __call__(self, input_v: FloatArray) -> Sensed:
+        """Convert a block; see `Conversion`."""
+        assert self._deskew is not None, "start() comes first"
+        assert self._state is not None, "prime() comes first"
+        assert self._bias_v is not None, "tare() comes first"
+        moved, self._state = self._deskew.run(input_v, self._state)
+        calibration = self._force.calibration
+        fault = overload_fault(calibration, overloaded(calibration, input_v[:, :GAUGES]))
+        if fault is not None:
+            raise SensorError(fault)
+        loads = wrench(calibration, moved[:, :GAUGES], self._bias_v)
+        beyond = saturated(self._accel, input_v[:, GAUGES:MONITOR]).any(axis=1)
+        further = []
+        for column, each in enumerate(self._config.aux, start=MONITOR + 1):
+            beyond |= each.channel.out_of_range(input_v[:, column])
+            further.append(each.channel.value(moved[:, column]))
+        return Sensed(
+            force_n=rotated(loads[:, :3], self._force.rotation),
+            accel_m_s2=acceleration(self._accel, moved[:, GAUGES:MONITOR]),
+            voltage_v=moved[:, MONITOR] * self._config.monitor_gain,
+            saturated_samples=int(np.count_nonzero(beyond)),
+            aux=np.array(further).T if further else None,
+        )
