@@ -17,7 +17,7 @@ COLOUR = {"ok": "green", "warn": "yellow", "fail": "red"}
 def doctor(
     config: ConfigFile = None, router: RouterOption = None, as_json: AsJson = False
 ) -> None:
-    """Check Python, packages, caches, configuration, router, rigs, clock and timer."""
+    """Check installation, configuration, device, disk, router, rigs, clocks and timer."""
     from frictus_service.cli.checks import all_checks
 
     worst = "ok"

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,9 @@ from frictus_service.study.errors import FieldError, StudyError
 _RAISED = (OSError, RuntimeError, LookupError, TypeError, ValueError, MemoryError)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Stored:
-    """A data set in a file; its values are read when they are asked for.
+    """A data set in a file; its values and attributes are read when they are asked for.
 
     Attributes
     ----------
@@ -26,15 +27,24 @@ class Stored:
     shape : tuple of int
     kind : str
         Of its numbers, as numpy calls it: 'i', 'u', 'f'; others are no numbers.
-    attributes : dict
     handle : h5py.Dataset
     """
 
     name: str
     shape: tuple[int, ...]
     kind: str
-    attributes: dict[str, Any]
     handle: h5py.Dataset
+
+    @cached_property
+    def attributes(self) -> dict[str, Any]:
+        """All of them.
+
+        Raises
+        ------
+        FieldError
+            If they are damaged.
+        """
+        return attributes_of(self.handle, self.name)
 
     def read(self) -> NDArray[Any]:
         """Return the values as stored.
@@ -104,7 +114,8 @@ def attributes_of(
     FieldError
     """
     with naming_damage(field):
-        return dict(holder.attrs.items())
+        held = holder.attrs
+        return {name: held[name] for name in held}  # items() would look each up twice
 
 
 def group_in(holder: h5py.Group, name: str) -> h5py.Group | None:
@@ -151,8 +162,7 @@ def _stored(holder: h5py.Group, name: str) -> Stored:
         handle = holder[name]
         if not isinstance(handle, h5py.Dataset):
             raise FieldError(name, "is no data set; accepted: an array of numbers")
-        attributes = attributes_of(handle, name)
-        return Stored(name, handle.shape or (), handle.dtype.kind, attributes, handle)
+        return Stored(name, handle.shape or (), handle.dtype.kind, handle)
 
 
 def _is_unwritten(handle: h5py.Dataset) -> bool:

@@ -17,7 +17,9 @@ from typer.testing import CliRunner
 import frictus
 from frictus.keys import STREAMS, Topics
 from frictus.messages import RecordingState, RecordRequest
-from frictus_hardware import SimulatedConfig
+from frictus_hardware import ReplayConfig, SimulatedConfig
+from frictus_hardware.replay.rig import ReplayRig
+from frictus_hardware.replay.tape import read_tape
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.api.app import build_app
 from frictus_service.cli.app import app
@@ -29,6 +31,7 @@ from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.recording import Recording
 from frictus_service.recording.samples import INT16, Samples
 from frictus_service.recording.summary import Summary, summarise
+from frictus_service.recording.tape import export_tape
 
 posix_signals = pytest.mark.skipif(
     sys.platform == "win32", reason="Windows has no SIGKILL for others"
@@ -116,6 +119,7 @@ def test_client_starts_and_ends_and_nothing_is_lost(service: Service, rig: frict
     assert path.stat().st_size == ended.bytes_written
     check_against_observer(path, seen)
     check_contents(path)
+    check_played_as_a_rig(path, seen)
 
 
 def check_against_observer(path: Path, seen: dict[int, np.ndarray]) -> None:
@@ -132,6 +136,22 @@ def check_against_observer(path: Path, seen: dict[int, np.ndarray]) -> None:
     assert sum(at >= first for at in seen) >= 190
 
 
+def check_played_as_a_rig(path: Path, seen: dict[int, np.ndarray]) -> None:
+    """Play the recording, and hold what the rig senses to what somebody else received."""
+    out = path.with_suffix(".npz")
+    taped = export_tape(path, out)
+    played = 0
+    with ReplayRig(ReplayConfig(file=out, clock="virtual"), read_tape(out)) as rig:
+        for _ in range(round(taped.seconds * 20_000.0) // 100):
+            block = rig.exchange(np.zeros(100))
+            assert block.overrun_samples == 0
+            if block.first_sample in seen:
+                force_n = block.force_n.T.astype(np.float32)
+                assert np.array_equal(force_n, seen[block.first_sample])
+                played += 1
+    assert played >= 190
+
+
 def check_contents(path: Path) -> None:
     """Look for everything that a recording has to hold."""
     summary = summary_of(path)
@@ -146,7 +166,7 @@ def check_contents(path: Path) -> None:
         attached = reader.attachments
         forms = {i.stream: i.pack(_step(reader, i))[6] for i in samples_of(reader)}
     # Force and acceleration come from a converter, and take two bytes per sample.
-    assert [forms[stream] == INT16 for stream in sorted(STREAMS)] == [True, True, False, False]
+    assert [forms[stream] == INT16 for stream in sorted(forms)] == [True, True, False, False]
     assert {"model.json", "scene.json", "status.json", "configuration.json"} <= set(attached)
     assert b"missed_deadlines" in attached["configuration.json"]
     assert SECRET.encode() not in path.read_bytes()

@@ -1,0 +1,165 @@
+"""`frictus selftest`: whether a rig plays what it is told and senses what there is."""
+
+import json
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from frictus_service.cli.exits import Exit
+from frictus_service.cli.lines import write_line
+from frictus_service.cli.options import AsJson, wants_lines
+
+if TYPE_CHECKING:
+    from frictus_hardware import BackendConfig
+    from frictus_service.config import Config
+    from frictus_service.selftest.report import Outcome
+
+FORMAT: Final = "selftest/1"
+ANSWER_S: Final = 1.0
+COLOUR: Final = {"ok": "green", "warn": "yellow", "fail": "red", "skip": "dim"}
+
+
+def selftest(
+    config: Annotated[
+        Path | None,
+        typer.Argument(metavar="[CONFIG]", help="Configuration.  [default: frictus.toml]"),
+    ] = None,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Nobody touches the screen: ask nothing.")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Write a report, JSON.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Test the configured rig itself: noise, loop-back, step latency, sensor orientation.
+
+    No service may run on it. The output stays within 5 V at the screen.
+    """
+    from frictus_service.config import load
+    from frictus_service.selftest.report import worst
+
+    loaded = load(config)
+    lines = wants_lines(as_json)
+    interactive = not lines and not yes and sys.stdin.isatty()
+    if out is not None and not out.parent.is_dir():
+        raise FileNotFoundError(f"--out {out}: there is no folder {out.parent}")
+    begun_utc_ns = time.time_ns()
+    done = []
+    for outcome in _outcomes(loaded, yes, interactive):
+        done.append(outcome)
+        show(outcome, lines)
+    verdict = worst(outcome.verdict for outcome in done)
+    if out is not None:
+        report = {
+            "format": FORMAT,
+            "site": loaded.site,
+            "rig": loaded.rig,
+            "backend": loaded.backend.model_dump(mode="json", exclude={"authkey"}),
+            "begun_utc_ns": begun_utc_ns,
+            "verdict": verdict,
+            "tests": [asdict(outcome) for outcome in done],
+        }
+        out.write_text(json.dumps(report, indent=2, allow_nan=False), encoding="utf-8")
+    if verdict == "fail":
+        raise typer.Exit(Exit.CHECK_FAILED)
+
+
+def _outcomes(config: "Config", yes: bool, interactive: bool) -> "Iterator[Outcome]":
+    from frictus_hardware import make_backend
+    from frictus_hardware.errors import HardwareError
+    from frictus_service.selftest.report import Outcome
+    from frictus_service.selftest.suite import Rig, run_tests
+
+    simulated = config.backend.kind == "simulated"
+    if not simulated and _runs(config):
+        found = f"rig {config.rig} at {config.site} is running, and its device is taken"
+        yield Outcome("device", "fail", found, "end `frictus serve`, or the rig's unit")
+        return
+    if not simulated and not yes:
+        _require_nobody(interactive)
+    try:
+        backend = make_backend(_without_finger(config.backend))
+    except HardwareError as error:
+        yield Outcome("device", "fail", str(error), "correct the configuration")
+        return
+    if backend.info.backend == "replay":
+        found = "a recording that is played as a rig is no rig to be tested"
+        yield Outcome("device", "fail", found, "configure another backend")
+        return
+    yield from run_tests(Rig(backend, config.block_samples), _ask if interactive else None)
+
+
+def _runs(config: "Config") -> bool:
+    """Return whether the rig is present on the network."""
+    import frictus
+    from frictus.errors import CertificateError, LinkError
+
+    try:
+        tls = config.tls("client")
+        with frictus.connect(config.router.endpoint, timeout_s=ANSWER_S, tls=tls) as client:
+            return config.rig in [rig.name for rig in client.rigs(config.site)]
+    except CertificateError:
+        raise
+    except LinkError:
+        return False  # without a router no rig runs
+
+
+def _require_nobody(interactive: bool) -> None:
+    """Have someone say that nobody touches the screen.
+
+    Raises
+    ------
+    typer.BadParameter
+        If nobody can be asked.
+    typer.Exit
+        If the answer is no.
+    """
+    if not interactive:
+        raise typer.BadParameter(
+            "nobody can be asked whether the screen is free; say so with it", param_hint="--yes"
+        )
+    from frictus_service.selftest.playing import PEAK_V
+
+    question = f"Up to {PEAK_V:g} V will be on the screen. Does nobody touch it?"
+    if not typer.confirm(question):
+        raise typer.Exit(Exit.USAGE)
+
+
+def _ask(request: str) -> bool:
+    return typer.confirm(f"{request}. Ready?", default=True)
+
+
+def _without_finger(backend: "BackendConfig") -> "BackendConfig":
+    """Return a simulated rig that nobody touches; a real one as it is."""
+    from frictus_hardware import SimulatedConfig, SimulatedDeviceConfig
+    from frictus_hardware.simulated.pointer import ClientFinger
+
+    away = {"finger": ClientFinger()}
+    if isinstance(backend, SimulatedDeviceConfig):
+        return backend.model_copy(update={"rig": backend.rig.model_copy(update=away)})
+    if isinstance(backend, SimulatedConfig):
+        return backend.model_copy(update=away)
+    return backend
+
+
+def show(outcome: "Outcome", lines: bool) -> None:
+    """Write an outcome: a JSON line, or what it says with its figures below."""
+    if lines:
+        write_line(event="test", **asdict(outcome))
+        return
+    from rich.console import Console
+    from rich.text import Text
+
+    verdict = (f"{outcome.verdict:4s} ", f"bold {COLOUR[outcome.verdict]}")
+    line = Text.assemble(verdict, f"{outcome.test}: {outcome.found}")
+    if outcome.to_do:
+        line.append(f"\n     {outcome.to_do}", style="italic")
+    for figure in outcome.figures:
+        line.append(f"\n     {figure.text}", style="dim")
+    Console().print(line, soft_wrap=True)

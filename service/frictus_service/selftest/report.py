@@ -1,0 +1,120 @@
+"""What a test found: figures with unit and uncertainty, a verdict, and what to do."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+Verdict = Literal["ok", "warn", "fail", "skip"]
+WORSE: Final[tuple[Verdict, ...]] = ("skip", "ok", "warn", "fail")
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """One number.
+
+    Attributes
+    ----------
+    name : str
+    value : float
+    unit : str
+        Empty for a plain number.
+    uncertainty : float or None
+        Half of the 95 % interval, in the unit; None for what is counted.
+    """
+
+    name: str
+    value: float
+    unit: str
+    uncertainty: float | None = None
+
+    @property
+    def text(self) -> str:
+        """The figure as an operator reads it."""
+        spread = "" if self.uncertainty is None else f" ± {self.uncertainty:.2g}"
+        return f"{self.name} {self.value:.4g}{spread} {self.unit}".rstrip()
+
+
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """Something that is not as it should be.
+
+    Attributes
+    ----------
+    verdict : {'warn', 'fail'}
+    found : str
+    to_do : str
+    """
+
+    verdict: Verdict
+    found: str
+    to_do: str
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What one test found.
+
+    Attributes
+    ----------
+    test : str
+    verdict : {'ok', 'warn', 'fail', 'skip'}
+    found : str
+        What was found, or why the test was skipped.
+    to_do : str
+        What an operator should do; empty if nothing.
+    figures : tuple of Figure
+    """
+
+    test: str
+    verdict: Verdict
+    found: str
+    to_do: str = ""
+    figures: tuple[Figure, ...] = ()
+
+
+def judged(
+    test: str, figures: Sequence[Figure], remarks: Sequence[Remark], fine: str
+) -> Outcome:
+    """Return the outcome of a test: its worst remark's verdict, or that all is fine.
+
+    Parameters
+    ----------
+    test : str
+    figures : sequence of Figure
+    remarks : sequence of Remark
+    fine : str
+        What to say without a remark.
+    """
+    if not remarks:
+        return Outcome(test, "ok", fine, "", tuple(figures))
+    return Outcome(
+        test,
+        worst(remark.verdict for remark in remarks),
+        "; ".join(remark.found for remark in remarks),
+        "; ".join(dict.fromkeys(remark.to_do for remark in remarks)),
+        tuple(figures),
+    )
+
+
+def lost(test: str, samples: int) -> Outcome:
+    """Return the outcome of a test that cannot be judged for want of samples."""
+    return Outcome(test, "fail", f"{samples} samples were lost", "see step latency")
+
+
+def worst(verdicts: Iterable[Verdict]) -> Verdict:
+    """Return the worst of some verdicts; what was skipped counts least."""
+    return max(verdicts, key=WORSE.index, default="skip")
+
+
+def beyond(size: float, warn: float, fail: float) -> Verdict:
+    """Return what a size is worth: up to `warn` it is fine, beyond `fail` it has failed.
+
+    Parameters
+    ----------
+    size : float
+        Not a number fails.
+    warn, fail : float
+    """
+    if not size <= fail:
+        return "fail"
+    return "ok" if size <= warn else "warn"

@@ -1,0 +1,120 @@
+"""The tests of a rig, one after another. Each opens it, and leaves it closed, at zero."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_hardware.base import Backend
+from frictus_hardware.errors import HardwareError, SensorError
+from frictus_service.selftest import loop_back, noise, orientation, step
+from frictus_service.selftest.playing import PEAK_V, Played, play
+from frictus_service.selftest.report import Outcome
+
+FloatArray = NDArray[np.float64]
+Ask = Callable[[str], bool]
+"""Shows a request and waits; False: it will not be done."""
+
+SENSORS: Final[dict[str, Callable[[Played], FloatArray]]] = {
+    "force": lambda played: played.force_n,
+    "accel": lambda played: played.accel_m_s2,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """A rig under test.
+
+    Attributes
+    ----------
+    backend : Backend
+        Not open, and nobody else drives it.
+    block_samples : int
+    """
+
+    backend: Backend
+    block_samples: int
+
+    @property
+    def peak_v(self) -> float:
+        """The strongest that is played, screen volts."""
+        return min(PEAK_V, self.backend.info.screen_peak_v)
+
+    def play(self, drive_v: FloatArray) -> Played:
+        """Play a drive; see `playing.play`."""
+        return play(self.backend, drive_v, self.block_samples)
+
+    def listen(self, seconds: float) -> Played:
+        """Take down what is sensed at zero drive."""
+        return self.play(np.zeros(round(seconds * self.backend.info.sample_rate_hz)))
+
+
+def run_tests(rig: Rig, ask: Ask | None = None) -> Iterator[Outcome]:
+    """Run every test; a rig that fails in one is not asked for the next.
+
+    Parameters
+    ----------
+    rig : Rig
+    ask : callable or None
+        None: nobody is there to tap, and the orientation is left out.
+    """
+    tests: dict[str, Callable[[], Outcome]] = {
+        noise.TEST: lambda: measure_noise(rig),
+        loop_back.TEST: lambda: measure_loop_back(rig),
+        step.TEST: lambda: measure_step(rig),
+    }
+    for sensor in SENSORS:
+        tests[f"orientation, {sensor}"] = partial(measure_orientation, rig, sensor, ask)
+    lost = False
+    for name, measure in tests.items():
+        if lost:
+            yield Outcome(name, "skip", "the rig failed before")
+            continue
+        try:
+            yield measure()
+        except HardwareError as error:
+            lost = not isinstance(error, SensorError)
+            yield Outcome(name, "fail", str(error), _to_do(error))
+
+
+def measure_noise(rig: Rig) -> Outcome:
+    """Measure the noise floor at zero drive."""
+    return noise.judge_noise(rig.listen(noise.SECONDS), rig.backend.info.simulated)
+
+
+def measure_loop_back(rig: Rig) -> Outcome:
+    """Play tones and compare what the monitor reads."""
+    excitation = loop_back.tones(rig.backend.info.sample_rate_hz, rig.peak_v)
+    return loop_back.judge_loop_back(rig.play(excitation.drive_v), excitation)
+
+
+def measure_step(rig: Rig) -> Outcome:
+    """Play steps and see when the monitor moves."""
+    info = rig.backend.info
+    stairs = step.staircase(info.sample_rate_hz, rig.peak_v)
+    played = rig.play(stairs.drive_v)
+    return step.judge_step(played, stairs, info.lead_samples, rig.block_samples)
+
+
+def measure_orientation(rig: Rig, sensor: str, ask: Ask | None) -> Outcome:
+    """Have someone tap in three directions and compare what the sensor says."""
+    name = f"orientation, {sensor}"
+    if ask is None:
+        return Outcome(name, "skip", "nobody is asked to tap when not run on a terminal")
+    if rig.backend.info.simulated:
+        return Outcome(name, "skip", "nobody can tap a simulated screen")
+    taps = []
+    for request in orientation.requests(sensor):
+        if not ask(request):
+            return Outcome(name, "skip", "nobody tapped")
+        taps.append(SENSORS[sensor](rig.listen(orientation.SECONDS)))
+    return orientation.judge_orientation(sensor, taps)
+
+
+def _to_do(error: HardwareError) -> str:
+    if error.kind == "config":
+        return "correct the configuration; end whatever else uses the device"
+    return "see `frictus doctor`; check power and cables of the device"
