@@ -24,7 +24,7 @@ INTRODUCTION: Final = """# Hidden effects
 
 Made by `uv run python bench/blind.py` from the lines that `uv run pytest -n 0 -m blind` leaves.
 A generator that shares no code with the analysis hides an effect in raw samples at 20 kHz;
-ten people of 60 trials each, 2 s a trial (ten studies: 10 s), seeds fresh and kept with each
+twelve people of 60 trials each, 2 s a trial (ten studies: 10 s), seeds fresh and kept with each
 line. People differ in gain (35 %), cutoff (15 %), its slope over speed (25 %), in the exponents
 of speed and force in their gain (0.04), and in what is hidden in the finger (20 %); contact
 changes the gain from trial to trial (10 %) and the cutoff between conditions (5 %); 3 % of the

@@ -11,10 +11,13 @@ from tests.blind.scoring import score
 SMALL = Design(participants=6, n_tones=5, n_speeds=3, n_forces=2, seconds=1.5)
 SIZE = 3.0
 """Times the realistic one: six people and 30 short trials each see less than a campaign."""
+SHOWN = sorted(set(REALISTIC) - {"stick_slip", "speed_dependent_cutoff"})
+"""By that design in every draw. It has too few slow strokes for the one, as a report says, and
+too few people for the other, whose own slopes differ."""
 
 
 def test_what_is_hidden_is_found(tmp_path: Path, rng: np.random.Generator) -> None:
-    case = Case("single", (cause(str(rng.choice(sorted(REALISTIC))), SIZE, rng),), SMALL)
+    case = Case("single", (cause(str(rng.choice(SHOWN)), SIZE, rng),), SMALL)
     print(f"hidden: {case.hidden}")  # noqa: T201 - shown by pytest on failure
     seed = int(rng.integers(2**31))
     path = tmp_path / "study.h5"

@@ -2,12 +2,12 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from frictus_service.cli.lines import write_line
-from frictus_service.cli.options import AsJson, wants_lines
+from frictus_service.cli.options import AsJson, RandomSeed, Response, Workers, wants_lines
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -24,10 +24,7 @@ def discover(
         Path | None,
         typer.Option("--out", metavar="DIR", help="Where to.  [default: STUDY-discovery]"),
     ] = None,
-    response: Annotated[
-        Literal["friction", "mobility"],
-        typer.Option("--response", help="From drive to friction, or from friction to skin."),
-    ] = "friction",
+    response: Response = "friction",
     base: Annotated[
         str,
         typer.Option(
@@ -36,19 +33,14 @@ def discover(
             help="What is criticised: paper, constant-cutoff, or a model file.",
         ),
     ] = "paper",
-    seed: Annotated[
-        int | None, typer.Option("--seed", min=0, help="Of random draws.  [default: fresh]")
-    ] = None,
+    seed: RandomSeed = None,
     cache: Annotated[
         Path | None,
         typer.Option(
             "--cache", metavar="DIR", help="Of what trials say.  [default: OUT/observations]"
         ),
     ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option("--workers", min=0, help="Processes.  [default: one per processor]"),
-    ] = None,
+    workers: Workers = None,
     cluster: Annotated[
         str | None,
         typer.Option("--cluster", metavar="ADDR", help="dask scheduler to work on instead."),

@@ -2,12 +2,12 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from frictus_service.cli.lines import write_line
-from frictus_service.cli.options import AsJson, wants_lines
+from frictus_service.cli.options import AsJson, RandomSeed, Response, Workers, wants_lines
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -20,10 +20,7 @@ def plan(
     source: Annotated[
         Path, typer.Argument(metavar="STUDY|DESIGN", help="Study file, or design (.json).")
     ],
-    response: Annotated[
-        Literal["friction", "mobility"],
-        typer.Option("--response", help="From drive to friction, or from friction to skin."),
-    ] = "friction",
+    response: Response = "friction",
     base: Annotated[
         str,
         typer.Option(
@@ -41,9 +38,7 @@ def plan(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="Write the plan/1 document.")
     ] = None,
-    seed: Annotated[
-        int | None, typer.Option("--seed", min=0, help="Of random draws.  [default: fresh]")
-    ] = None,
+    seed: RandomSeed = None,
     cache: Annotated[
         Path | None,
         typer.Option(
@@ -52,10 +47,7 @@ def plan(
             help="Of what a study's trials say.  [default: STUDY-discovery/observations]",
         ),
     ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option("--workers", min=0, help="Processes.  [default: one per processor]"),
-    ] = None,
+    workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
     """Say which effects STUDY or DESIGN shows, which look alike, and what to add."""

@@ -31,8 +31,6 @@ class Candidate:
         The effect's other parameters.
     squared : bool
         Data follow the square of the parameter (a power), and so the signature is per square.
-    line_hz : float or None
-        Mains line that a line in the prediction is.
     positive : bool
         It cannot be negative.
     """
@@ -42,7 +40,6 @@ class Candidate:
     step: float
     held: tuple[tuple[str, float], ...] = ()
     squared: bool = False
-    line_hz: float | None = None
     positive: bool = False
 
     def extend(self, simulator: Simulator, coefficient: float) -> Simulator:
@@ -90,7 +87,7 @@ def _of(effect: Effect) -> list[Candidate]:
         positive=dose.low >= 0.0,
     )
     if effect.id == "mains_interference":
-        return [replace(one, line_hz=line, held=(("frequency_hz", line),)) for line in MAINS_HZ]
+        return [replace(one, held=(("frequency_hz", line),)) for line in MAINS_HZ]
     if any(parameter.name == "frequency_hz" for parameter in effect.parameters):
         return [replace(one, held=(("frequency_hz", f),)) for f in MODE_HZ]
     return [one]

@@ -32,7 +32,8 @@ from frictus_service.discovery.evidence import TrialEvidence
 from frictus_service.discovery.findings import Findings, Named, find
 from frictus_service.discovery.gains import gain_of, unseen
 from frictus_service.discovery.generic import patterns_of
-from frictus_service.discovery.linearised import Ground, Linearised
+from frictus_service.discovery.ground import Ground
+from frictus_service.discovery.linearised import Linearised, linearise
 from frictus_service.discovery.notes import notes_on
 from frictus_service.discovery.own import OWN, ResponseName
 from frictus_service.discovery.pictures import level_bins, residual_bins, rests_of
@@ -176,7 +177,7 @@ class _Report:
         if tuple(effects) == self._found.effects:
             return self._found.extended
         base = self._found.base
-        return self._ground.linearise(effects, start=base) if effects else base
+        return linearise(self._ground, effects, start=base) if effects else base
 
     def _verdict(self) -> Verdict:
         found = self._found

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus_service.discovery.generic import Covariate, Pattern, Place, places_of, scaled
-from frictus_service.discovery.linearised import Ground, Linearised
+from frictus_service.discovery.ground import Ground
+from frictus_service.discovery.linearised import Linearised, columns_of
 from frictus_service.discovery.readings import Compared
 from frictus_service.discovery.subjects import Subject
 from frictus_service.discovery.units import Unit, orthonormal
@@ -64,12 +65,13 @@ def other_forms(
 
     def made(unit: int) -> list[Compared]:
         subject = ground.subjects[unit]
-        signature = ground.signature(model, unit, effect)
+        own, at = model.own[unit], model.coefficients[unit]
+        signature = ground.signature(subject, own, model.chosen, at, effect)
         rows, trials = _scale(subject, covariate)
         powers = [signature.times(rows**k, trials**k) for k in range(1, FORMS + 1)]
         return [*powers, *(signature.times(*_scale(subject, name)) for name in others)]
 
-    return ground.columns(model, made)
+    return columns_of(ground, model, made)
 
 
 def _scale(subject: Subject, covariate: Covariate) -> tuple[FloatArray, FloatArray]:

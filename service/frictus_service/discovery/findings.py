@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final, Literal
 
 import numpy as np
@@ -9,7 +10,14 @@ from numpy.typing import NDArray
 
 from frictus_service.discovery.families import explained_by, other_forms, place_of, with_forms
 from frictus_service.discovery.generic import Place, places_of
-from frictus_service.discovery.linearised import Ground, Linearised
+from frictus_service.discovery.ground import Ground
+from frictus_service.discovery.linearised import (
+    Linearised,
+    as_designed,
+    if_alike,
+    linearise,
+    misfit,
+)
 from frictus_service.discovery.residues import Residue, residues_of
 from frictus_service.discovery.selection import select
 from frictus_service.discovery.significance import Significance
@@ -108,24 +116,24 @@ def find(ground: Ground, flips: FloatArray) -> Findings:
     """
     known: dict[tuple[int, ...], Linearised] = {}
 
-    def linearise(chosen: Sequence[int]) -> Linearised:
+    def about(chosen: Sequence[int]) -> Linearised:
         key = tuple(chosen)
         if key not in known:
-            known[key] = ground.linearise(key, start=known.get(()))
+            known[key] = linearise(ground, key, start=known.get(()))
         return known[key]
 
     kinds = [candidate.effect for candidate in ground.candidates]
-    base = linearise(())
+    base = about(())
     banned: set[int] = set()
     for _ in range(ATTEMPTS):
         selected = select(
-            lambda chosen: linearise(chosen).units, flips, NAMING, banned, kinds=kinds
+            lambda chosen: about(chosen).units, flips, NAMING, banned, kinds=kinds
         )
-        model = linearise(selected.effects)
+        model = about(selected.effects)
         said = _said(ground, base, model, flips)
-        better = _better_of_like(ground, model, said.named, banned, linearise)
+        better = _better_of_like(ground, model, said.named, banned, about)
         if better != model.chosen:
-            model = linearise(better)
+            model = about(better)
             said = _said(ground, base, model, flips)
         weak = {
             each.candidate for each in said.named if each.share < RIGHT_FAMILY or _torn(each)
@@ -136,7 +144,7 @@ def find(ground: Ground, flips: FloatArray) -> Findings:
     named = [each for each in said.named if each.candidate not in weak]
     if said.beyond_forms:
         present = {each.candidate for each in named}
-        named += _of_family(ground, base, model, said.beyond_forms, present)
+        named += _of_family(said, present)
     explained = sum(float(each.gain.sum()) for each in named if each.in_model)
     left = sum(float(each.gain.sum()) for each in said.residues)
     return Findings(
@@ -156,7 +164,7 @@ def _better_of_like(
     model: Linearised,
     named: Sequence[Named],
     banned: Collection[int],
-    linearise: Callable[[Sequence[int]], Linearised],
+    about: Callable[[Sequence[int]], Linearised],
 ) -> tuple[int, ...]:
     """Return the causes; one whose form does not fit gives way to one like it that fits better.
 
@@ -171,10 +179,10 @@ def _better_of_like(
         same = [k for k, other in enumerate(ground.candidates) if other.effect == effect]
         like = [k for k in (*_numbers(each.alike, each.near), *same) if k not in banned]
         tried = [(*chosen[:place], k, *chosen[place + 1 :]) for k in like if k not in chosen]
-        misfit = {effects: ground.misfit(linearise(effects), model) for effects in tried}
-        best = min(misfit, key=lambda effects: misfit[effects], default=None)
-        now = ground.misfit(linearise(tuple(chosen)), model)
-        if best is not None and misfit[best] < now - CLEARLY_BETTER:
+        left = {effects: misfit(ground, about(effects), model) for effects in tried}
+        best = min(left, key=lambda effects: left[effects], default=None)
+        now = misfit(ground, about(tuple(chosen)), model)
+        if best is not None and left[best] < now - CLEARLY_BETTER:
             chosen = list(best)
     return tuple(chosen)
 
@@ -194,13 +202,52 @@ def _beside_each_other(residue: Residue, place: Place) -> bool:
     return kind == place[0] and (kind != "response" or covariate == place[1])
 
 
+@dataclass(frozen=True)
+class _Seen:
+    """A model as causes are compared by; much of it is only needed where there are causes.
+
+    Attributes
+    ----------
+    ground : Ground
+    base, model : Linearised
+    """
+
+    ground: Ground
+    base: Linearised
+    model: Linearised
+
+    @cached_property
+    def alike(self) -> Linearised:
+        """The model, if people did not differ in its causes."""
+        return if_alike(self.ground, self.model)
+
+    @cached_property
+    def by(self) -> tuple[tuple[Unit, ...], ...]:
+        """As tested first; if people were alike; and as the design alone makes the units.
+
+        The whole of a misfit is in the scatter of the first, none in that of the second.
+        """
+        return self.base.units, self.alike.units, as_designed(self.ground, self.model)
+
+
 @dataclass(frozen=True, slots=True)
 class _Said:
-    """Causes in a model; what it leaves; and what their other forms would leave of that."""
+    """What is said of a model.
+
+    Attributes
+    ----------
+    named : tuple of Named
+    residues : tuple of Residue
+        What the causes leave.
+    beyond_forms : tuple of Residue
+        What is left of that if they may have other forms.
+    seen : _Seen
+    """
 
     named: tuple[Named, ...]
     residues: tuple[Residue, ...]
     beyond_forms: tuple[Residue, ...]
+    seen: _Seen
 
 
 def _said(ground: Ground, base: Linearised, model: Linearised, flips: FloatArray) -> _Said:
@@ -218,40 +265,30 @@ def _said(ground: Ground, base: Linearised, model: Linearised, flips: FloatArray
                 unit.and_own(columns) for unit, (columns, _) in zip(beyond, forms, strict=True)
             ]
     rest = residues_of(ground, model, beyond, flips)
-    seen_by = _seen_by(ground, base, model) if model.chosen else ()
+    about = _Seen(ground, base, model)
     named = [
-        _named(effect, model, ground, rest, flips, places[effect], effect in bent, seen_by)
+        _named(effect, about, rest, flips, places[effect], effect in bent)
         for effect in model.chosen
     ]
     residues = residues_of(ground, model, units, flips) if bent else rest
-    return _Said(tuple(named), tuple(residues), tuple(rest))
-
-
-def _seen_by(ground: Ground, base: Linearised, model: Linearised) -> Sequence[Sequence[Unit]]:
-    """Return units by which causes are compared.
-
-    As they were tested first; about the model, if people did not differ; and as the design
-    alone makes them. The whole of a misfit is in the scatter of the first, none in the second.
-    """
-    return base.units, ground.alike(model).units, ground.designed(model)
+    return _Said(tuple(named), tuple(residues), tuple(rest), about)
 
 
 def _named(
     effect: int,
-    model: Linearised,
-    ground: Ground,
+    seen: _Seen,
     residues: Sequence[Residue],
     flips: FloatArray,
     place: Place,
     bent: bool,
-    seen_by: Sequence[Sequence[Unit]],
 ) -> Named:
+    model = seen.model
     others = [other for other in model.chosen if other != effect]
     left = leave(model.units, others)
     gain = held_out_gain(left)[:, effect]
     rest = sum(float(each.gain.sum()) for each in residues if _beside_each_other(each, place))
     own = float(gain.sum())
-    alike, near = _beside(effect, model, ground, seen_by)
+    alike, near = _beside(effect, seen)
     return Named(
         candidate=effect,
         verdict="family" if bent or rest > 0.0 else "confirmed",
@@ -266,17 +303,18 @@ def _named(
 
 
 def _beside(
-    effect: int, model: Linearised, ground: Ground, seen_by: Sequence[Sequence[Unit]]
+    effect: int, seen: _Seen
 ) -> tuple[tuple[tuple[int, float], ...], tuple[tuple[int, float], ...]]:
     """Return other causes that look like one, and those that look a little like it."""
-    others = [other for other in model.chosen if other != effect]
-    found = np.array([similarity(units, others)[effect] for units in seen_by])
+    chosen, candidates = seen.model.chosen, seen.ground.candidates
+    others = [other for other in chosen if other != effect]
+    found = np.array([similarity(units, others)[effect] for units in seen.by])
     cosines = np.take_along_axis(found, np.argmax(np.abs(found), axis=0)[np.newaxis], 0)[0]
-    name = ground.candidates[effect].effect
+    name = candidates[effect].effect
     beside = [
         (int(k), float(cosines[k]))
         for k in np.argsort(-np.abs(cosines))
-        if k not in model.chosen and ground.candidates[k].effect != name
+        if k not in chosen and candidates[k].effect != name
     ]
     return (
         tuple((k, c) for k, c in beside if abs(c) > ALIKE),
@@ -284,19 +322,13 @@ def _beside(
     )
 
 
-def _of_family(
-    ground: Ground,
-    base: Linearised,
-    model: Linearised,
-    residues: Sequence[Residue],
-    present: set[int],
-) -> list[Named]:
+def _of_family(said: _Said, present: set[int]) -> list[Named]:
     """Return causes that in another form than the catalogue's explain what is left."""
+    ground, model, alike = said.seen.ground, said.seen.model, said.seen.alike
     left = leave(model.units, model.chosen)
-    alike = ground.alike(model)  # or what people differ in would hardly count
     found = []
-    for place in dict.fromkeys(places_of([each.pattern for each in residues])):
-        there = [each for each in residues if places_of([each.pattern])[0] == place]
+    for place in dict.fromkeys(places_of([each.pattern for each in said.beyond_forms])):
+        there = [each for each in said.beyond_forms if places_of([each.pattern])[0] == place]
         shares = {
             k: _share(ground, alike, there, k, place)
             for k in range(len(ground.candidates))
@@ -307,7 +339,7 @@ def _of_family(
             continue
         if any(shares[k] > shares[best] - CLEARLY for k in shares if k != best):
             continue
-        same, near = _beside(best, model, ground, _seen_by(ground, base, model))
+        like, near = _beside(best, said.seen)
         found.append(
             Named(
                 candidate=best,
@@ -316,7 +348,7 @@ def _of_family(
                 gain=np.sum([each.gain for each in there], axis=0),
                 coefficients=left.estimates[:, best],
                 share=shares[best],
-                alike=same,
+                alike=like,
                 near=near,
                 in_model=False,
             )

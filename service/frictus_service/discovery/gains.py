@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from frictus_service.discovery.document import Covariate, Gain, UnseenCondition
-from frictus_service.discovery.linearised import Ground, Linearised
+from frictus_service.discovery.ground import Ground
+from frictus_service.discovery.linearised import Linearised, linearise
 from frictus_service.discovery.readings import Compared
 from frictus_service.discovery.subjects import Subject, part_of
 from frictus_service.discovery.units import joint, mean_of_known
@@ -98,7 +99,7 @@ def unseen(ground: Ground, effects: Sequence[int]) -> list[UnseenCondition]:
         kept, left = _split(ground, covariate, level)
         scores = []
         for chosen in ((), tuple(effects)):
-            model = kept.linearise(chosen, wanted=(), patterns=())
+            model = linearise(kept, chosen, wanted=(), patterns=())
             rests = [
                 left.rest(subject, own, chosen, row)
                 for subject, own, row in zip(

@@ -1,6 +1,6 @@
 """What a discovery is asked to do as a job, how it tells its progress, and what came of it."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -9,6 +9,7 @@ from frictus_service.discovery.document import Response, Verdict
 
 State = Literal["queued", "running", "interrupted", "cancelled", "failed", "done"]
 ACTIVE: tuple[State, ...] = ("queued", "running")
+STUDY_NAME: Final = r"^\w[\w.-]*(/\w[\w.-]*)*$"
 
 
 class _Strict(BaseModel):
@@ -22,7 +23,7 @@ class DiscoverySpec(_Strict):
         str,
         Field(
             max_length=200,
-            pattern=r"^\w[\w.-]*(/\w[\w.-]*)*$",
+            pattern=STUDY_NAME,
             description="File below the folder of studies, such as visit1.h5",
         ),
     ]

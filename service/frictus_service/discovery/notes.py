@@ -34,9 +34,9 @@ def _left_out(evidence: Sequence[TrialEvidence], used: Sequence[TrialEvidence]) 
     told = [one.observed.reasons[0] for one in evidence if one.observed.reasons]
     if not told:
         return [f"{missing} of {len(evidence)} trials are not used: they hold no steady sweep."]
-    kinds = Counter(_NUMBER.sub("", reason) for reason in told)
-    kind, count = kinds.most_common(1)[0]
-    example = next(reason for reason in told if _NUMBER.sub("", reason) == kind)
+    kinds = [_NUMBER.sub("", reason) for reason in told]
+    kind, count = Counter(kinds).most_common(1)[0]
+    example = told[kinds.index(kind)]
     return [
         f"{missing} of {len(evidence)} trials are not used; most often ({count} times) for a "
         f"reason like this: {example}."

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from frictus_service.discovery.document import Covariate, LevelBin, ResidualBin
 from frictus_service.discovery.gains import DB, DEGREES
-from frictus_service.discovery.linearised import Ground, Linearised
+from frictus_service.discovery.ground import Ground
+from frictus_service.discovery.linearised import Linearised
 from frictus_service.discovery.readings import Compared
 from frictus_service.discovery.subjects import Subject
 

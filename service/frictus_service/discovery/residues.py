@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus_service.discovery.generic import Pattern
-from frictus_service.discovery.linearised import Ground, Linearised
+from frictus_service.discovery.ground import Ground
+from frictus_service.discovery.linearised import Linearised, columns_of
 from frictus_service.discovery.selection import select
 from frictus_service.discovery.units import Unit, held_out_gain, joint, leave
 
@@ -93,8 +94,8 @@ def _largest_at(
         for channel in ("size", "phase")
         for tone in tones
     ]
-    columns = ground.columns(
-        model, lambda unit: [each.of(ground.subjects[unit]) for each in alone]
+    columns = columns_of(
+        ground, model, lambda unit: [each.of(ground.subjects[unit]) for each in alone]
     )
     bare = [
         unit.looking_for(effects, accuracy)

@@ -23,6 +23,7 @@ from frictus_service.discovery.errors import (
 )
 from frictus_service.discovery.job import (
     ACTIVE,
+    STUDY_NAME,
     DiscoveryEvent,
     DiscoveryJob,
     DiscoveryProgress,
@@ -35,6 +36,7 @@ FOLDER: Final = "discoveries"
 JOB: Final = "job.json"
 EVENTS: Final = "events.jsonl"
 _ID: Final = re.compile(r"[0-9a-f-]{1,64}")
+_NAME: Final = re.compile(STUDY_NAME)
 _MOST_LISTED: Final = 20
 
 
@@ -65,13 +67,22 @@ class DiscoveryShelf:
         path = (folder / name).resolve()
         if path.is_relative_to(folder) and path.exists():
             return path
-        found = [*folder.glob("*.h5"), *folder.glob("*/study.h5")]
-        known = sorted(one.relative_to(folder).as_posix() for one in found)
+        known = sorted(self.studies())
         listed = ", ".join(known[:_MOST_LISTED]) or "none"
         more = f" and {len(known) - _MOST_LISTED} more" if len(known) > _MOST_LISTED else ""
         raise UnknownStudyError(
             f"no study {name!r} in the folder of studies; there: {listed}{more}"
         )
+
+    def studies(self) -> dict[str, Path]:
+        """Return the studies that a discovery can name, and their absolute paths."""
+        folder = self._studies.resolve()
+        found = {}
+        for path in (*folder.glob("*.h5"), *folder.glob("*/study.h5")):
+            name = path.relative_to(folder).as_posix()
+            if _NAME.fullmatch(name) and path.resolve().is_relative_to(folder):
+                found[name] = path
+        return found
 
     def folder(self, discovery: str) -> Path:
         """Return the absolute path of a discovery's folder."""

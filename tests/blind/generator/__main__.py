@@ -22,7 +22,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=secrets.randbits(31))
     parser.add_argument("--fresh", type=int, default=0, help="same people, other trials")
     parser.add_argument("--seconds", type=float, default=2.0)
-    parser.add_argument("--participants", type=int, default=10)
+    parser.add_argument("--participants", type=int, default=12)
     parser.add_argument("--base", choices=["paper", "constant_cutoff"], default="paper")
     parser.add_argument("--tones-per-trial", type=int, choices=[1, 3], default=1)
     arguments = parser.parse_args()

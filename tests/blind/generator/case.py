@@ -44,7 +44,7 @@ class Design:
         Law that everybody's friction follows, besides what is hidden.
     """
 
-    participants: int = 10
+    participants: int = 12
     n_tones: int = 5
     n_speeds: int = 4
     n_forces: int = 3

@@ -1,6 +1,7 @@
 """Discoveries as jobs over REST: real processes, started, followed, cancelled and killed."""
 
 import json
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -137,11 +138,34 @@ def test_a_study_is_a_file_below_the_folder(api: TestClient, studies: Path) -> N
     assert api.get("/v1/discoveries").json() == {"discoveries": []}
 
 
+def test_studies_are_listed_as_discoveries_name_them(api: TestClient, studies: Path) -> None:
+    (studies / "visit.h5").write_bytes(b"12345")
+    os.utime(studies / "visit.h5", (2e9, 2e9))
+    (studies / "0a-1b").mkdir()
+    (studies / "0a-1b" / "study.h5").touch()
+    (studies / "notes.txt").touch()
+    (studies / "no name for it.h5").touch()
+    (studies / "discoveries" / "1-2" / "study.h5").mkdir(parents=True)
+    listed = api.get("/v1/studies").json()["studies"]
+    assert {one["name"] for one in listed} == {*STUDIES, "0a-1b/study.h5"}
+    assert listed[0] == {
+        "name": "visit.h5",
+        "bytes": 5,
+        "modified_utc": "2033-05-18T03:33:20+00:00",
+    }
+
+
+def test_no_folder_no_studies(serve: Serve) -> None:
+    assert serve().get("/v1/studies").json() == {"studies": []}
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="links need a privilege there")
 def test_a_link_out_of_the_folder_is_not_followed(api: TestClient, studies: Path) -> None:
     (studies.parent / "outside.h5").touch()
     (studies / "link.h5").symlink_to(studies.parent / "outside.h5")
     assert start(api, "link.h5").json()["code"] == "no_study"
+    listed = api.get("/v1/studies").json()["studies"]
+    assert {one["name"] for one in listed} == set(STUDIES)
 
 
 def test_an_api_that_ends_leaves_interrupted_ones(

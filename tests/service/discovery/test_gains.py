@@ -6,7 +6,8 @@ from tests.service.discovery.made import MOUNT, PAPER, Design, made
 
 from frictus_service.discovery.candidates import candidates_of
 from frictus_service.discovery.gains import DB, gain_of, held_out, rms_of, unseen
-from frictus_service.discovery.linearised import Ground
+from frictus_service.discovery.ground import Ground
+from frictus_service.discovery.linearised import linearise
 from frictus_service.discovery.readings import Compared
 from frictus_service.discovery.subjects import subjects_of
 from frictus_service.discovery.table import rows_of, units_of, used
@@ -29,7 +30,7 @@ def test_nothing_gains_nothing(rng: np.random.Generator) -> None:
     """On average a size that others set costs half a nat among eight, and never gains."""
     gains = []
     for _ in range(4):
-        units = ground_of(rng, 0.0).linearise(()).units
+        units = linearise(ground_of(rng, 0.0), ()).units
         total = held_out_gain(leave(units)).sum(axis=0)
         gains.append(total[total != 0.0])
     assert np.median(np.concatenate(gains)) < 0.5
@@ -38,7 +39,7 @@ def test_nothing_gains_nothing(rng: np.random.Generator) -> None:
 
 def test_an_effect_gains_and_its_residual_shrinks(rng: np.random.Generator) -> None:
     ground = ground_of(rng, SHARE)
-    before, after = ground.linearise(()), ground.linearise((ASYMMETRY,))
+    before, after = linearise(ground, ()), linearise(ground, (ASYMMETRY,))
     assert after.coefficients.mean() == pytest.approx(SHARE, abs=0.003)
     per_unit = held_out_gain(leave(after.units))[:, ASYMMETRY]
     assert np.all(per_unit > 0.0)
@@ -54,7 +55,7 @@ def test_an_effect_gains_and_its_residual_shrinks(rng: np.random.Generator) -> N
 def test_held_out_sizes_are_those_of_others(rng: np.random.Generator) -> None:
     """One person without the effect is predicted with it, and not the other way round."""
     ground = ground_of(rng, SHARE)
-    model = ground.linearise((ASYMMETRY,))
+    model = linearise(ground, (ASYMMETRY,))
     rests = held_out(ground, model, (ASYMMETRY,))
     others = leave(model.units).estimates[:, ASYMMETRY]
     for place, (rest, subject) in enumerate(zip(rests, ground.subjects, strict=True)):

@@ -17,7 +17,8 @@ from frictus_service.cli.exits import Exit
 from frictus_service.discovery.bases import base_model, simulator_of
 from frictus_service.discovery.candidates import candidates_of
 from frictus_service.discovery.evidence import TrialEvidence, study_evidence
-from frictus_service.discovery.linearised import Ground
+from frictus_service.discovery.ground import Ground
+from frictus_service.discovery.linearised import linearise
 from frictus_service.discovery.plan.ability import ability_of
 from frictus_service.discovery.plan.assumptions import assumed
 from frictus_service.discovery.plan.design import Design, read_design
@@ -55,7 +56,7 @@ class Study:
         subjects = tuple(subjects_of(rows, TRUTH.participants))
         ground = Ground(base, mount, "friction", subjects, self.setup.candidates, ())
         with threadpool_limits(limits=1):
-            self.found: Left = leave(ground.linearise(()).units)
+            self.found: Left = leave(linearise(ground, ()).units)
         infos = [one.observed.info for one in self.evidence]
         self.design = Design(
             participants=TRUTH.participants,

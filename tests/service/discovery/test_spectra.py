@@ -130,7 +130,7 @@ def test_missing_samples_do_not_bias(rng: np.random.Generator) -> None:
         for each in (whole, replace(whole, voltage_v=voltage, force_n=force))
     )
     np.testing.assert_allclose(other.harmonics.second, one.harmonics.second, atol=1e-3)
-    np.testing.assert_allclose(other.harmonics.message_mean, 0.5, atol=1e-3)
+    np.testing.assert_allclose(other.harmonics.message_mean, 0.5, atol=3e-3)
     np.testing.assert_allclose(other.stretches.low_n2, one.stretches.low_n2, rtol=0.5)
 
 

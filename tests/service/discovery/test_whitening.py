@@ -16,7 +16,8 @@ from tests.service.discovery.made import (
 )
 
 from frictus_service.discovery.candidates import candidates_of
-from frictus_service.discovery.linearised import Ground
+from frictus_service.discovery.ground import Ground
+from frictus_service.discovery.linearised import linearise
 from frictus_service.discovery.readings import Layout
 from frictus_service.discovery.subjects import subjects_of
 from frictus_service.discovery.table import rows_of, units_of, used
@@ -126,7 +127,7 @@ def test_a_whole_study_has_unit_variance(rng: np.random.Generator) -> None:
     subjects = tuple(subjects_of(rows_of(trials, units, "friction"), len(units.names)))
     ground = Ground(PAPER, MOUNT, "friction", subjects, tuple(candidates_of("friction")), ())
     readings = []
-    for unit in ground.linearise(()).units:
+    for unit in linearise(ground, ()).units:
         own = orthonormal(unit.own)
         readings.append(unit.readings - own @ (own.T @ unit.readings))
     spread = np.median(np.abs(np.concatenate(readings))) / 0.6745

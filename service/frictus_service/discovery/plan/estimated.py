@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus_service.discovery.candidates import Candidate
-from frictus_service.discovery.linearised import Ground
+from frictus_service.discovery.ground import Ground
+from frictus_service.discovery.linearised import linearise
 from frictus_service.discovery.plan.assumptions import SMALL, Assumptions, Grid, kinds
 from frictus_service.discovery.readings import TRIAL_SIZE, Layout, accuracy_of
 from frictus_service.discovery.subjects import Rows
@@ -47,7 +48,7 @@ def estimated(ground: Ground, rows: Rows, strength: FloatArray) -> Assumptions:
         From `rows.strength`; 0 of trials without drive.
     """
     kept = _Kept()
-    units = replace(ground, whiten=kept, patterns=()).linearise(()).units
+    units = linearise(replace(ground, whiten=kept, patterns=()), ()).units
     return Assumptions(
         scatter=_scatter(kept, rows.tones_hz),
         at=float(np.median(strength[strength > 0.0])),

@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from frictus_service.discovery.linearised import Ground
+from frictus_service.discovery.ground import Ground
+from frictus_service.discovery.linearised import linearise
 from frictus_service.discovery.own import OWN
 from frictus_service.discovery.plan.assumptions import Assumptions
 from frictus_service.discovery.plan.programme import Asked, Programme
@@ -84,4 +85,4 @@ def expected(
         replace(each, measured=ground.predicted(each, own, (), np.zeros(0)))
         for each in subjects
     ]
-    return replace(ground, subjects=tuple(met)).linearise(()).units
+    return linearise(replace(ground, subjects=tuple(met)), ()).units

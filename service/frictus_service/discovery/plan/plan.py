@@ -139,7 +139,6 @@ def _effect(
     error = None
     if ability is not None and seen and not candidate.squared:
         error = float(ability.standard_error[place])
-    line = {} if candidate.line_hz is None else {"frequency_hz": candidate.line_hz}
     tried = next(
         (tried for one, tried in found.items() if one.rows == (place,) and not one.columns),
         None,
@@ -152,7 +151,7 @@ def _effect(
         id=candidate.effect,
         parameter=candidate.parameter,
         unit=next(p.unit for p in effect.parameters if p.name == candidate.parameter),
-        held={**dict(candidate.held), **line},
+        held=dict(candidate.held),
         shown=shown,
         wanted=wanted[candidate.effect],
         detectable=detectable,

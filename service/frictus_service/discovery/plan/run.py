@@ -14,7 +14,7 @@ from frictus_service.discovery.bases import base_model, simulator_of
 from frictus_service.discovery.candidates import candidates_of
 from frictus_service.discovery.errors import DesignError
 from frictus_service.discovery.evidence import TrialEvidence, study_evidence
-from frictus_service.discovery.linearised import Ground
+from frictus_service.discovery.ground import Ground
 from frictus_service.discovery.own import ResponseName
 from frictus_service.discovery.plan.assumptions import Assumptions, assumed
 from frictus_service.discovery.plan.design import read_design
