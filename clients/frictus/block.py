@@ -36,6 +36,8 @@ class Flag(IntFlag):
     PLACEHOLDER_MODEL = 1 << 8
     SUBSTITUTE_SENSOR = 1 << 9
     """Position comes from a declared stand-in, such as the pointer."""
+    SATURATED = 1 << 10
+    """An acceleration or a further channel was at the end of its range."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,13 +2,13 @@
 
 import contextlib
 import time
-from typing import Any
+from typing import Any, Final
 
 import zenoh
 from pydantic import ValidationError
 from zenoh.handlers import Callback
 
-from frictus.denial import if_denied, if_unknown
+from frictus.denial import DENIED, UNKNOWN, if_secured
 from frictus.errors import (
     ArgumentError,
     LinkError,
@@ -20,6 +20,11 @@ from frictus.errors import (
 from frictus.keys import CALLS, RECORDER_CALLS, RigKeys, any_rig_alive, rig_of
 from frictus.messages import MESSAGES, Reply
 from frictus.reception import Mailbox
+
+LOOKS: Final = 2
+"""At the least: on a busy machine one answer in a thousand was empty."""
+PAUSES_S: Final = (0.0, 0.0, 0.01, 0.02, 0.05)
+"""Before each look. While sessions come and go answers can be empty for milliseconds."""
 
 
 class Caller:
@@ -100,11 +105,11 @@ class Caller:
             raise LinkError(f"{name} was not sent: {error}") from error
         require_present(self.session, self.keys)
         if name in RECORDER_CALLS:
-            raise LinkError(no_recorder(self.keys) + if_denied(self.session))
+            raise LinkError(no_recorder(self.keys) + if_secured(self.session, DENIED))
         raise LinkError(
             f"rig {self.keys.rig} at {self.keys.site} is present but did not answer {name} "
             f"within {self._timeout_s:g} s; it may be starting or overloaded"
-            f"{if_denied(self.session)}"
+            f"{if_secured(self.session, DENIED)}"
         )
 
 
@@ -122,7 +127,7 @@ def no_recorder(keys: RigKeys) -> str:
     )
 
 
-def present_rigs(session: zenoh.Session, site: str = "*", wait_s: float = 1.0) -> list[RigKeys]:
+def present_rigs(session: zenoh.Session, site: str = "*", wait_s: float = 2.0) -> list[RigKeys]:
     """Return the rigs that are alive, sorted by site and name.
 
     Parameters
@@ -137,16 +142,26 @@ def present_rigs(session: zenoh.Session, site: str = "*", wait_s: float = 1.0) -
     Raises
     ------
     LinkError
-        If the router is gone.
+        If the router is gone, or has not answered in time.
     """
     if not session.info.transports():
         raise LinkError("the link to the router is gone; it is being tried again")
-    found = set()
-    for _ in range(2):  # on a busy machine one answer in a thousand came back empty
+    found: set[RigKeys] = set()
+    silences = 0
+    for look, pause_s in enumerate(PAUSES_S):
+        if silences == LOOKS or (found and look >= LOOKS):
+            break
+        time.sleep(pause_s)
+        in_time = True
         for answer in session.liveliness().get(any_rig_alive(site), timeout=wait_s):
-            if answer.ok is not None:
+            if answer.ok is None:
+                in_time = False
+            else:
                 with contextlib.suppress(ValueError):  # somebody else's token
                     found.add(rig_of(str(answer.ok.key_expr)))
+        silences += not in_time
+    if silences == LOOKS and not found:  # that nobody is there would be a claim
+        raise LinkError(f"the router has not answered within {wait_s:g} s; try again")
     return sorted(found, key=lambda keys: (keys.site, keys.rig))
 
 
@@ -192,5 +207,5 @@ def require_present(session: zenoh.Session, keys: RigKeys) -> None:
         names = ", ".join(f"{other.rig} at {other.site}" for other in present) or "none"
         raise NoRigError(
             f"no rig {keys.rig!r} at site {keys.site!r}; present: {names}"
-            + (if_unknown(session) if not present else "")
+            + (if_secured(session, UNKNOWN) if not present else "")
         )

@@ -68,7 +68,7 @@ class Client:
             raise RuntimeError("this client is closed; connect again")
         return self._session
 
-    def rigs(self, site: str = "*", wait_s: float = 1.0) -> list[RigName]:
+    def rigs(self, site: str = "*", wait_s: float = 2.0) -> list[RigName]:
         """Return the rigs that are present, sorted by site and name.
 
         A rig that appeared within the last milliseconds may still be missing; `presence`

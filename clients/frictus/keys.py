@@ -91,14 +91,21 @@ class Topics:
         "as named",
         STREAM,
     )
+    AUX = Topic("stream/aux", "Block: as `aux` of the status names them", "as named", STREAM)
     TEXTURE = Topic("cmd/texture", "StreamFrame", "N", COMMAND)
     LEASE = Topic("cmd/lease", "LeaseRenewal", "-", COMMAND)
     POINTER = Topic("cmd/pointer", "PointerState", "mm", COMMAND)
 
 
 TOPICS: Final = tuple(topic for topic in vars(Topics).values() if isinstance(topic, Topic))
-STREAMS: Final = {1: Topics.FORCE, 2: Topics.ACCEL, 3: Topics.VOLTAGE, 4: Topics.TRUTH}
-"""Stream id in a block's header, to its topic."""
+STREAMS: Final = {
+    1: Topics.FORCE,
+    2: Topics.ACCEL,
+    3: Topics.VOLTAGE,
+    4: Topics.TRUTH,
+    5: Topics.AUX,
+}
+"""Stream id in a block's header, to its topic; a rig publishes those that it has."""
 
 CALLS: Final = {
     "arm": "ArmRequest",

@@ -186,6 +186,13 @@ class LoopTiming(Message):
     """Least output still queued when a block was handed over, over the last seconds."""
 
 
+class AuxChannel(Message):
+    """One channel of a rig's stream `aux`."""
+
+    name: str
+    unit: str
+
+
 class RigStatus(Message):
     """What a rig is and how it fares; published at least every second."""
 
@@ -208,6 +215,10 @@ class RigStatus(Message):
     screen_peak_v: FiniteFloat
     converter_steps: dict[str, Annotated[FiniteFloat, Field(gt=0.0)]] = {}
     """Value of one count of the converter behind a stream, in the stream's unit."""
+    touch_latency_s: FiniteFloat | None = None
+    """Declared age of a touch report when it arrives."""
+    aux: tuple[AuxChannel, ...] = ()
+    """What the channels of the stream `aux` are, in their order; none: no such stream."""
     model_etag: str
     model_placeholder: bool
     scene_etag: str

@@ -11,7 +11,7 @@ from frictus.calls import Caller, no_recorder, present_rigs, require_present
 from frictus.errors import ArgumentError, LinkError, SilenceError
 from frictus.gaps import BlockFeed
 from frictus.holding import Held, close_all
-from frictus.keys import RigKeys, Topic, Topics
+from frictus.keys import STREAMS, RigKeys, Topic, Topics
 from frictus.lease import Lease
 from frictus.messages import (
     MESSAGES,
@@ -34,7 +34,7 @@ from frictus.session import declare_publisher, declare_reader
 from frictus.streaming import TextureStream
 from frictus.textures import Beta, Map, Profile, Region, Scene, Slope, Spectrum, Texture
 
-StreamName = Literal["force", "accel", "voltage", "truth"]
+StreamName = Literal["force", "accel", "voltage", "truth", "aux"]
 M = TypeVar("M", bound=Message)
 
 FINGER_RING: Final = 4
@@ -42,8 +42,7 @@ STATE_RING: Final = 64
 TOUCH_QUEUE: Final = 512
 BLOCK_QUEUE: Final = 1024  # 5 s of 5 ms blocks
 BLOCKS: Final[dict[str, Topic]] = {
-    topic.suffix.removeprefix("stream/"): topic
-    for topic in (Topics.FORCE, Topics.ACCEL, Topics.VOLTAGE, Topics.TRUTH)
+    topic.suffix.removeprefix("stream/"): topic for topic in STREAMS.values()
 }
 
 

@@ -200,13 +200,18 @@ class FakeRig:
 
 
 @pytest.fixture
-def router() -> Iterator[str]:
-    """Endpoint of a router that lives as long as the test."""
+def free_endpoint() -> str:
+    """Endpoint at which nothing listens."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-    with open_router(endpoint):
-        yield endpoint
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+@pytest.fixture
+def router(free_endpoint: str) -> Iterator[str]:
+    """Endpoint of a router that lives as long as the test."""
+    with open_router(free_endpoint):
+        yield free_endpoint
 
 
 @pytest.fixture

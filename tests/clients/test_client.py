@@ -1,5 +1,8 @@
 """The client against a fake rig on real Zenoh."""
 
+import signal
+import subprocess
+import sys
 import time
 from typing import Any
 
@@ -265,6 +268,33 @@ def test_silence_is_an_error_where_a_timeout_is_given(client: Client, fake: Any)
     with client.rig("sim").fingers(timeout_s=0.05) as fingers:
         with pytest.raises(SilenceError, match=r"0\.05 s"):
             next(fingers)
+
+
+ROUTER = """
+import sys
+from frictus.session import open_router
+with open_router(sys.argv[1]):
+    print("open", flush=True)
+    sys.stdin.read()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows stops no process halfway")
+def test_a_router_that_does_not_answer_is_not_an_empty_site(free_endpoint: str) -> None:
+    command = [sys.executable, "-c", ROUTER, free_endpoint]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "open\n"
+        with frictus.connect(free_endpoint) as client:
+            assert client.rigs() == []
+            process.send_signal(signal.SIGSTOP)
+            try:
+                with pytest.raises(LinkError, match=r"not answered within 0\.1 s"):
+                    client.rigs(wait_s=0.1)
+            finally:
+                process.send_signal(signal.SIGCONT)
+        process.communicate()
 
 
 def test_a_closed_client_says_so(router: str) -> None:

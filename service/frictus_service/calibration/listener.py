@@ -54,6 +54,7 @@ class Listener:
         self.was_armed = False
         self.finger: FingerState | None = None
         self.capture: Capture | None = None
+        self._late: list[range] = []
 
     def __enter__(self) -> Self:
         """Listen, and wait for the first block."""
@@ -104,6 +105,21 @@ class Listener:
         for finger in _waiting(self._fingers):
             self.finger = finger
 
+    def gaps_within(self, begin: int, end: int, lead_samples: int) -> int:
+        """Return how many blocks were to play between two samples, but came too late.
+
+        Parameters
+        ----------
+        begin, end : int
+            Device indices.
+        lead_samples : int
+            From handing a drive over, when a block tells that it was late, to its playing.
+        """
+        return sum(
+            late.start + lead_samples < end and late.stop + lead_samples > begin
+            for late in self._late
+        )
+
     def _take_force(self, block: Block) -> None:
         if self._run is None:
             self._run = block.run
@@ -113,6 +129,8 @@ class Listener:
                 "again: it goes on where it ended"
             )
         self.sample = block.first_sample + block.data.shape[1]
+        if block.flags & Flag.UNDERRUN:
+            self._late.append(range(block.first_sample, self.sample))
         self.sample_rate_hz = block.sample_rate_hz
         self.armed = bool(block.flags & Flag.ARMED)
         self.was_armed |= self.armed

@@ -10,11 +10,11 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Final
 
-from frictus.lease import Lease
+from frictus.lease import CONFIRM_S, Lease
 from frictus.messages import GuidanceState, RigStatus
 from frictus.rig import Rig
 from frictus_service.calibration.capture import BESIDE_S, Capture
-from frictus_service.calibration.errors import CalibrationError, CancelledError
+from frictus_service.calibration.errors import CalibrationError, CancelledError, CaptureError
 from frictus_service.calibration.guidance import Cue, guide
 from frictus_service.calibration.job import Phase
 from frictus_service.calibration.listener import Listener
@@ -26,8 +26,8 @@ SETTLE_S: Final = 0.25
 """Least approach beyond the rig's lead: the drive has faded in by then."""
 GUIDANCE_S: Final = 1.0 / 30.0
 TELL_S: Final = 0.5
-REASON_S: Final = 2.0
-"""A rig tells its status, and in it why it was stopped, at least so often."""
+REASON_S: Final = CONFIRM_S + 1.0
+"""A lease that was taken away before the rig confirmed it knows why only then."""
 
 Tell = Callable[[Phase, str], None]
 """Told the phase, and what is worth saying."""
@@ -91,7 +91,7 @@ class Session:
         ------
         CancelledError
         CaptureError
-            If too much of it did not arrive.
+            If too much of it did not arrive, or the drive was interrupted.
         CalibrationError
             If the rig took the lease away, or fell silent.
         RefusedError
@@ -122,6 +122,14 @@ class Session:
         # Reports of where the finger was then are still on their way.
         end_s = approach_s + ask.record_s + BESIDE_S
         self._pass(heard, "record", cue, begin, end_s, lease)
+        gaps = heard.gaps_within(
+            capture.first_sample, capture.end_sample, round(self._lead_s * rate_hz)
+        )
+        if gaps:
+            raise CaptureError(
+                f"the drive of {gaps} blocks came too late to be played: the rig's machine is "
+                "busy; close other programs on it, or raise the rig's lead"
+            )
         started = datetime.fromtimestamp(1e-9 * capture.utc_ns, UTC).isoformat()
         return capture.trial(replace(info, sample_rate_hz=rate_hz, started_utc=started))
 

@@ -28,6 +28,13 @@ def windows(n_samples: int, length: int) -> list[slice]:
     return [slice(at, at + length) for at in range(0, n_samples - length + 1, length // 2)]
 
 
+def by_band(frequency_hz: FloatArray, power: FloatArray) -> FloatArray:
+    """Return the sum in each third octave, shape (16,), of the power of lines."""
+    band = np.searchsorted(EDGES_HZ, frequency_hz, side="right") - 1
+    inside = (band >= 0) & (band < CENTRES_HZ.size)
+    return np.bincount(band[inside], power[inside], CENTRES_HZ.size).astype(np.float64)
+
+
 def band_power(
     samples: FloatArray,
     sample_rate_hz: float,
@@ -59,9 +66,7 @@ def band_power(
         frequency = np.fft.rfftfreq(part.size, 1.0 / sample_rate_hz).astype(np.float64)
         if through is not None:
             spectrum /= np.square(np.abs(through.frequency_response(frequency)))
-        band = np.searchsorted(EDGES_HZ, frequency, side="right") - 1
-        inside = (band >= 0) & (band < power.size)
-        power += 2.0 / part.size * np.bincount(band[inside], spectrum[inside], power.size)
+        power += 2.0 / part.size * by_band(frequency, spectrum)
         weight += float(np.square(window).sum())
     return power / weight
 

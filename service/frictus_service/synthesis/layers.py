@@ -17,6 +17,7 @@ from frictus_service.synthesis.tables import (
     ROWS_PER_OCTAVE,
     Table,
     build_table,
+    fitting,
 )
 
 FloatArray = NDArray[np.float64]
@@ -93,8 +94,10 @@ def layers_of(region: Region, screen: Screen) -> list[Layer]:
             )
         ]
     layers = []
-    for components in components_of(region.texture):
-        table = build_table(components, _stretch(components, (x0, x1, y0, y1)))
+    for whole in components_of(region.texture):
+        stretch_mm = _stretch(whole, (x0, x1, y0, y1))
+        components = fitting(whole, stretch_mm)
+        table = build_table(components, stretch_mm)
         kind = kernel.SPATIAL if components.spatial else kernel.TEMPORAL
         layers.append(
             Layer(

@@ -6,8 +6,9 @@ rows that hold ever fewer of its components; the kernel reads between the two ro
 to the speed.
 """
 
+import bisect
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -32,6 +33,8 @@ FASTEST_MM_S = 1000.0
 POINTS_PER_CYCLE = 16
 """Of the highest component: cubic interpolation is then exact to 0.03 %."""
 MAX_POINTS = 8_000_000
+FULL_MM_S = 20.0
+"""Slowest finger that is measured: a table without all that it feels is refused."""
 PAD = 3
 """One point before and two after each row, so that the cubic needs no wrap-around."""
 
@@ -66,6 +69,43 @@ class Table:
         return int(self.rows.shape[1]) - PAD
 
 
+def fitting(components: Components, stretch_mm: tuple[float, float]) -> Components:
+    """Leave out the finest spatial components where a table of all would be too large.
+
+    Only those go that no finger feels at `FULL_MM_S` or faster, and a note says so. A recording
+    at 44.1 kHz has them in plenty. If that is not enough the components are returned as they
+    are, for `build_table` to refuse.
+
+    Parameters
+    ----------
+    components : Components
+    stretch_mm : tuple of float
+        As for `build_table`.
+    """
+    if not components.spatial:
+        return components
+    _, length = _stretch(components, stretch_mm)
+    finest = np.sort(components.frequency)
+    count = bisect.bisect_right(
+        finest, MAX_POINTS, key=lambda top: math.prod(_shape(top, length))
+    )
+    if count == finest.size or count == 0 or finest[count] * FULL_MM_S <= BAND_EDGE_HZ:
+        return components
+    kept = components.frequency < finest[count]
+    slower_mm_s = BAND_EDGE_HZ / finest[count]
+    note = (
+        f"{np.count_nonzero(~kept)} components from {finest[count]:.3g} cycles/mm on left out: "
+        f"they are felt below {slower_mm_s:.2g} mm/s only"
+    )
+    return replace(
+        components,
+        frequency=components.frequency[kept],
+        amplitude_n=components.amplitude_n[kept],
+        phase_rad=components.phase_rad[kept],
+        notes=(*components.notes, note),
+    )
+
+
 def build_table(components: Components, stretch_mm: tuple[float, float]) -> Table:
     """Sum the components into rows.
 
@@ -89,16 +129,13 @@ def build_table(components: Components, stretch_mm: tuple[float, float]) -> Tabl
             raise TextureError(f"all frequencies lie above {BAND_EDGE_HZ:g} Hz: none is felt")
     frequency = components.frequency[kept]
     top = float(frequency.max())
-    origin, end = stretch_mm if components.spatial else (0.0, 0.0)
-    length = components.period if components.period is not None else end - origin
-    if components.period is not None:
-        origin = 0.0
-    n_points = fft.next_fast_len(max(math.ceil(POINTS_PER_CYCLE * top * length), 8), real=True)
-    n_rows = _row_count(top) if components.spatial else 1
+    origin, length = _stretch(components, stretch_mm)
+    n_rows, n_points = _shape(top, length) if components.spatial else (1, _points(top, length))
     if n_points * n_rows > MAX_POINTS:
         raise TextureError(
             f"{top:g} cycles/mm over {length:g} mm need a table of {n_points * n_rows} points; "
-            f"at most {MAX_POINTS} are kept. Lower the highest frequency or the region's size"
+            f"at most {MAX_POINTS} are kept. Lower the highest frequency, the texture's length "
+            "or the region's size"
         )
     row = np.floor(ROWS_PER_OCTAVE * np.log2(top / frequency) + 1e-9).astype(np.int64)
     last = np.minimum(row, n_rows - 1)  # that holds the component
@@ -127,6 +164,23 @@ def _harmonic_rows(
         spectra[row] += spectra[row + 1]
     rows = fft.irfft(spectra, n_points, axis=1) * (n_points / 2.0)
     return np.pad(rows, ((0, 0), (1, 2)), mode="wrap")
+
+
+def _stretch(components: Components, stretch_mm: tuple[float, float]) -> tuple[float, float]:
+    """Return where rows begin, and what they cover, in mm or s."""
+    if components.period is not None:
+        return 0.0, components.period
+    origin, end = stretch_mm if components.spatial else (0.0, 0.0)
+    return origin, end - origin
+
+
+def _points(top: float, length: float) -> int:
+    return int(fft.next_fast_len(max(math.ceil(POINTS_PER_CYCLE * top * length), 8), real=True))
+
+
+def _shape(top_cycles_per_mm: float, length_mm: float) -> tuple[int, int]:
+    """Return how many rows a spatial table has, and how many points each."""
+    return _row_count(top_cycles_per_mm), _points(top_cycles_per_mm, length_mm)
 
 
 def _row_count(top_cycles_per_mm: float) -> int:

@@ -70,9 +70,9 @@ def endpoint() -> Iterator[str]:
             finger=GuidedStrokes(),
             participant=STRANGER,
             clock=FASTER,
-            lead_ms=180.0,  # 30 ms for the machine
+            lead_ms=240.0,  # 40 ms for the machine
         ),
-        block_ms=10.0,
+        block_ms=20.0,
         router=RouterConfig(endpoint=free_endpoint()),
         api=ApiConfig(port=0),
         limits=Limits(freeze_ms=5_000, missed_deadlines=1_000),  # for busy machines

@@ -9,7 +9,7 @@ from frictus_service.synthesis import kernel
 from frictus_service.synthesis.components import Components
 from frictus_service.synthesis.kernel import Motion
 from frictus_service.synthesis.layers import single_table
-from frictus_service.synthesis.tables import BAND_EDGE_HZ, TOP_HZ, build_table
+from frictus_service.synthesis.tables import BAND_EDGE_HZ, TOP_HZ, build_table, fitting
 
 FloatArray = NDArray[np.float64]
 
@@ -120,3 +120,41 @@ def test_a_table_that_is_too_large_is_refused(finest: float, period: float | Non
     components = Components(np.array([finest]), np.ones(1), np.zeros(1), True, period)
     with pytest.raises(TextureError, match=r"at most 8000000 are kept\. Lower"):
         build_table(components, (-5.0, 75.0))
+
+
+def recorded(seconds: float, rate_hz: float, rng: np.random.Generator) -> Components:
+    """All lines of a recording at 40 mm/s."""
+    n = round(seconds * rate_hz / 2.0) - 1
+    frequency = np.arange(1, n + 1) / (40.0 * seconds)
+    amplitude, phase = rng.uniform(0.0, 1.0, n), rng.uniform(0.0, 6.3, n)
+    return Components(frequency, amplitude, phase, True, 40.0 * seconds)
+
+
+def test_a_long_recording_keeps_what_is_felt_at_speeds_that_are_measured(
+    rng: np.random.Generator,
+) -> None:
+    whole = recorded(rng.uniform(1.0, 2.5), 44_100.0, rng)
+    with pytest.raises(TextureError, match="at most"):
+        build_table(whole, (-5.0, 75.0))
+    left = fitting(whole, (-5.0, 75.0))
+    table = build_table(left, (-5.0, 75.0))
+    assert 4_000_000 < table.rows.size < 8_500_000
+    felt = whole.frequency <= BAND_EDGE_HZ / 20.0
+    assert np.array_equal(left.frequency[: felt.sum()], whole.frequency[felt])
+    slower = BAND_EDGE_HZ / whole.frequency[left.frequency.size]
+    gone = whole.frequency.size - left.frequency.size
+    (note,) = left.notes
+    assert note.startswith(f"{gone} components")
+    assert note.endswith(f"below {slower:.2g} mm/s only")
+
+
+def test_what_fits_is_left_as_it_is(rng: np.random.Generator) -> None:
+    for components in (recorded(0.1, 8_000.0, rng), random_sum(rng, False, 10.0)):
+        assert fitting(components, (-5.0, 75.0)) is components
+
+
+def test_a_recording_is_refused_where_too_little_of_it_would_be_left(
+    rng: np.random.Generator,
+) -> None:
+    whole = recorded(5.0, 44_100.0, rng)
+    assert fitting(whole, (-5.0, 75.0)) is whole
