@@ -1,7 +1,7 @@
 """Who may do what: bearer tokens and their scopes."""
 
 import ipaddress
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Collection
 from typing import Annotated, Final
 
 from fastapi import Depends, Request
@@ -46,7 +46,7 @@ def needs(scope: Scope) -> Callable[..., Awaitable[str]]:
                 "send the header Authorization: Bearer TOKEN",
                 headers={"WWW-Authenticate": _REALM},
             )
-        token = _find(given.credentials, tokens)
+        token = find(given.credentials, tokens)
         if token is None:
             raise UnauthenticatedError(
                 "the token is not known here",
@@ -64,6 +64,15 @@ def needs(scope: Scope) -> Callable[..., Awaitable[str]]:
     return check
 
 
-def _find(given: str, tokens: Sequence[Token]) -> Token | None:
+def find(given: str, tokens: Collection[Token]) -> Token | None:
+    """Return the token that was given; None if it is none of `tokens`.
+
+    Parameters
+    ----------
+    given : str
+        As it was presented.
+    tokens : collection of Token
+        Those of the configuration.
+    """
     matching = [token for token in tokens if token.matches(given)]  # all: no timing tells which
     return matching[0] if matching else None

@@ -16,15 +16,19 @@ from frictus_service.api import (
     health,
     metrics,
     models,
+    previews,
     problems,
     recordings,
     rigs,
+    studies,
     textures,
 )
 from frictus_service.api.gate import Gate
 from frictus_service.api.link import RigLink
 from frictus_service.api.services import Services
 from frictus_service.config import Config
+from frictus_service.dashboard import pages, socket
+from frictus_service.dashboard.hub import Hub
 from frictus_service.jobs.discoveries import DISCOVER, Discoveries
 from frictus_service.jobs.jobs import RUN, Jobs
 from frictus_service.library import TextureLibrary
@@ -37,11 +41,15 @@ _PARTS: Final = (
     recordings,
     activation,
     textures,
+    previews,
     models,
     calibrations,
     discoveries,
+    studies,
     health,
     metrics,
+    pages,
+    socket,
 )
 
 
@@ -60,6 +68,7 @@ def build_app(config: Config, run: str = RUN, discover: str = DISCOVER) -> FastA
         The same for a discovery.
     """
     link = RigLink(config.router.endpoint, config.site, config.tls("client"))
+    hub = Hub(link)
     registry = Registry(config.registry.url)
     jobs = Jobs(config, registry, run)
     analyses = Discoveries(config, discover)
@@ -83,6 +92,7 @@ def build_app(config: Config, run: str = RUN, discover: str = DISCOVER) -> FastA
     async def linked(_: FastAPI) -> AsyncIterator[None]:
         await run_in_threadpool(recover)
         yield
+        await hub.close()
         await run_in_threadpool(close)
 
     app = FastAPI(
@@ -94,9 +104,11 @@ def build_app(config: Config, run: str = RUN, discover: str = DISCOVER) -> FastA
     )
     library = TextureLibrary(config.textures)
     app.state.services = Services(config, link, library, registry, jobs, analyses)
+    app.state.hub = hub
     app.state.metrics = metrics.ApiMetrics(link)
     for part in _PARTS:
         app.include_router(part.router)
+    app.mount(pages.PAGE, pages.Pages(), name="dashboard")
     problems.install(app)
     app.add_middleware(Gate, loopback_only=config.api.loopback)
     app.add_middleware(metrics.CountRequests, metrics=app.state.metrics)

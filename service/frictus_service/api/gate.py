@@ -2,7 +2,8 @@
 
 A page of another origin can send simple requests to 127.0.0.1, and with a DNS name that it
 rebinds to 127.0.0.1 it can even read the answers. So a server bound to loopback answers only
-to loopback names, and no request that changes something may come from another origin.
+to loopback names, and no request that changes something may come from another origin; nor may
+a WebSocket, which browsers let any page open and read.
 """
 
 from typing import Final
@@ -34,7 +35,7 @@ class Gate:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on, or answer it with the reason why not."""
-        if scope["type"] == "http" and (error := self._refusal(scope)):
+        if scope["type"] != "lifespan" and (error := self._refusal(scope)):
             await error.response(scope["path"])(scope, receive, send)
         else:
             await self._app(scope, receive, send)
@@ -47,10 +48,11 @@ class Gate:
                 f"Host {host[:100]!r}: this server answers to localhost and 127.0.0.1 only"
             )
         origin = headers.get("origin")
-        if origin is not None and scope["method"] not in _SAFE and _netloc(origin) != host:
+        does = "connect" if scope["type"] == "websocket" else scope["method"]
+        if origin is not None and does not in _SAFE and _netloc(origin) != host:
             return CrossOriginError(
                 f"Origin {origin[:100]!r} is not this server: pages of other origins may not "
-                f"{scope['method']}"
+                f"{does}"
             )
         return None
 

@@ -9,6 +9,7 @@ import uvicorn
 
 from frictus_service.api.app import build_app
 from frictus_service.config import Config
+from frictus_service.dashboard.messages import MAX_BYTES
 from frictus_service.errors import StartError
 
 GRACE_S: Final = 3
@@ -104,5 +105,7 @@ def run_api(config: Config, stop: Stop, ready: Ready) -> None:
             access_log=False,
             server_header=False,
             timeout_graceful_shutdown=GRACE_S,
+            ws_max_size=MAX_BYTES,
+            ws_per_message_deflate=False,  # samples hardly shrink, and it costs a core
         )
         _Server(settings, stop, ready, app.state.services.jobs.stop).run(sockets=[listener])

@@ -46,12 +46,12 @@ _WRITE: Final = (
     problems.PreconditionRequiredError,
 )
 _KINDS: Final = ("Spectrum", "Profile", "Beta", "Slope", "Map")
-_SCHEMA: Final = {"oneOf": [{"$ref": f"#/components/schemas/{kind}"} for kind in _KINDS]}
+TEXTURE_SCHEMA: Final = {"oneOf": [{"$ref": f"#/components/schemas/{kind}"} for kind in _KINDS]}
 _BODY: Final = {
     "requestBody": {
         "required": True,
         "content": {
-            JSON: {"schema": _SCHEMA},
+            JSON: {"schema": TEXTURE_SCHEMA},
             WAV[0]: {"schema": {"type": "string", "contentMediaType": WAV[0]}},
             CSV: {"schema": {"type": "string", "contentMediaType": CSV}},
         },

@@ -45,7 +45,7 @@ def test_each_kind_owns_a_status_and_a_word_of_its_own() -> None:
 
 
 def test_paths_and_methods(api: TestClient) -> None:
-    for path in ("/", "/v1", "/v2/rigs", "/v1/rigs/a/b/c"):
+    for path in ("/none", "/v1", "/v2/rigs", "/v1/rigs/a/b/c"):
         answer = api.get(path)
         assert answer.status_code == 404
         check(answer)

@@ -1,0 +1,67 @@
+/** Requests to the REST API. */
+
+import { token } from "./token.js";
+
+const TIMEOUT_MS = 5_000;
+
+/** What the service answered with an error; `code` is its stable word. */
+export class Refusal extends Error {
+  constructor(status, code, message) {
+    super(message);
+    this.status = status;
+    this.code = code;
+  }
+}
+
+/** The service has not answered. */
+export class Silence extends Error {}
+
+/**
+ * Send a request and return its answer, whose headers and body are still to be read.
+ *
+ * @param {string} method
+ * @param {string} path below /v1, such as `/rigs`
+ * @param {{json?: object, body?: BodyInit, headers?: Object<string, string>, timeoutMs?: number,
+ *   signal?: AbortSignal}} options `json` becomes the body, as JSON; without `signal` the answer
+ *   has to come within `timeoutMs`
+ * @returns {Promise<Response>}
+ * @throws {Refusal} if the service refuses
+ * @throws {Silence} if it does not answer
+ * @throws {DOMException} if `signal` aborts it
+ */
+export async function send(method, path, options = {}) {
+  const { json, body = json && JSON.stringify(json), timeoutMs = TIMEOUT_MS } = options;
+  const given = token();
+  const headers = { ...options.headers };
+  if (given !== null) headers.Authorization = `Bearer ${given}`;
+  if (json) headers["Content-Type"] = "application/json";
+  const answer = await reached(`/v1${path}`, {
+    method,
+    headers,
+    body,
+    signal: options.signal ?? AbortSignal.timeout(timeoutMs),
+    keepalive: method === "POST" && !body, // a stop goes out even if the page is closed on it
+  });
+  if (answer.ok) return answer;
+  const said = await answer.json();
+  const faults = (said.errors ?? []).map(({ where, what }) => `${where.join(".")}: ${what}`);
+  const words = [said.detail ?? said.title, ...faults].join("; ");
+  throw new Refusal(answer.status, said.code, words);
+}
+
+/** Send a request and return the JSON of its answer; see `send`. */
+export async function request(method, path, options = {}) {
+  const answer = await send(method, path, options);
+  return answer.status === 204 ? null : answer.json();
+}
+
+/** Fetch; where that fails, in words for people, which browsers have not. */
+async function reached(url, options) {
+  try {
+    return await fetch(url, options);
+  } catch (error) {
+    if (error.name === "TimeoutError") throw new Silence("the service has not answered in time");
+    if (error instanceof TypeError) throw new Silence("the service cannot be reached");
+    throw error;
+  }
+}

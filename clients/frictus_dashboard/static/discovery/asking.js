@@ -1,0 +1,111 @@
+/** What a discovery is asked: the study, the response, and the model that is criticised. */
+
+import { request } from "../api.js";
+import { element } from "../element.js";
+import { figure } from "../figures.js";
+import { pathOf, referenceOf } from "../models/reference.js";
+import { Outcome } from "../outcome.js";
+
+const MODELS = 200;
+/** By response: bases that have a name. */
+const NAMED = {
+  friction: {
+    paper: "The paper's speed law",
+    "constant-cutoff": "A cutoff that knows no speed",
+  },
+  mobility: { paper: "The paper's finger" },
+};
+const RESPONSES = {
+  friction: "Friction: drive to friction",
+  mobility: "Mobility: friction to skin",
+};
+
+export class Asking {
+  /** @param {import("../views.js").Page} page @param {(id: string) => void} started */
+  constructor(page, started) {
+    this.page = page;
+    this.started = started;
+    this.models = [];
+    this.study = element("select", { required: "" });
+    this.response = element("select", {}, ...options(Object.entries(RESPONSES)));
+    this.base = element("select", {});
+    this.button = element("button", { type: "submit" }, "Start");
+    this.form = element(
+      "form",
+      { class: "fields" },
+      element("label", {}, "Study", this.study),
+      element("label", {}, "Response", this.response),
+      element("label", {}, "Model that is criticised", this.base),
+      this.button,
+    );
+    this.response.addEventListener("change", () => this.#offerBases());
+    this.form.addEventListener("submit", (event) => (event.preventDefault(), this.#start()));
+    this.outcome = new Outcome();
+    this.note = element("p", { class: "quiet" });
+    this.note.append(
+      "Studies lie in the service's folder, those of calibrations too. ",
+      "A recording becomes one by ",
+      element("code", {}, "frictus export FILE --to h5"),
+      ".",
+    );
+    const title = element("h2", {}, "What does a model get wrong?");
+    this.root = element("section", {}, title, this.form, this.note, this.outcome.root);
+  }
+
+  /** Ask which studies and models there are. */
+  async load() {
+    this.form.hidden = this.note.hidden = !this.page.can("calibrate");
+    if (this.form.hidden) {
+      this.outcome.good("To start one takes a token with the scope calibrate.");
+      return;
+    }
+    const asked = ["/studies", `/models?newest=true&limit=${MODELS}`];
+    const all = Promise.all(asked.map((path) => request("GET", path)));
+    const found = await this.outcome.of(all, "Not listed");
+    if (found === null) return;
+    const [{ studies }, { models }] = found;
+    const sized = studies.map(({ name, bytes }) => {
+      return [name, `${name} (${figure(bytes / 1e6, 3)} MB)`];
+    });
+    offer(this.study, options(sized));
+    this.models = models;
+    this.#offerBases();
+    this.button.disabled = studies.length === 0;
+    if (studies.length > 0) this.outcome.clear();
+    else this.outcome.good("There is no study in the folder yet.");
+  }
+
+  #offerBases() {
+    const response = this.response.value;
+    const fitting = this.models.filter((model) => model.response === response).map(referenceOf);
+    const published = fitting.map((name) => [pathOf(name), `Published: ${name}`]);
+    offer(this.base, options([...Object.entries(NAMED[response]), ...published]));
+  }
+
+  async #start() {
+    this.button.disabled = true;
+    const job = await this.outcome.of(this.#ask(), "Not started");
+    this.button.disabled = false;
+    if (job === null) return;
+    this.outcome.good(`Started with ${job.spec.study}`);
+    this.started(job.id);
+  }
+
+  async #ask() {
+    const [study, response] = [this.study.value, this.response.value];
+    let base = this.base.value;
+    if (!(base in NAMED[response])) base = await request("GET", `${base}/model.json`);
+    return request("POST", "/discoveries", { json: { study, response, base } });
+  }
+}
+
+function options(pairs) {
+  return pairs.map(([value, text]) => element("option", { value }, text));
+}
+
+/** Offer other choices, and keep the one that was made. */
+function offer(select, choices) {
+  const chosen = select.value;
+  select.replaceChildren(...choices);
+  if (choices.some(({ value }) => value === chosen)) select.value = chosen;
+}

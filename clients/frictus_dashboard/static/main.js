@@ -1,0 +1,140 @@
+/** The page: which view of which rig is shown (`#/live/rig1`), and how the connection stands. */
+
+import { at, element, say } from "./element.js";
+import { Link } from "./link.js";
+import { Live } from "./live.js";
+import { installSession } from "./session.js";
+import { installStop } from "./stop.js";
+import { askForToken, token } from "./token.js";
+import { address, linksTo, Page, route, Views, VIEWS } from "./views.js";
+
+const LOOK_MS = 200;
+const link = new Link(token);
+const live = new Live(link);
+const views = new Views(new Page(link, live));
+/** What the address names. */
+let routed = route("#/");
+let present = { rigs: [], link: true };
+/** When what is shown was interrupted last, ms; null: never. */
+let interruptedMs = null;
+
+function follow() {
+  // Anything else is a place on this page.
+  if (location.hash === "" || location.hash.startsWith("#/")) routed = route(location.hash);
+  const rig = routed.rig ?? live.rig ?? present.rigs[0] ?? null;
+  if (rig !== live.rig) {
+    interruptedMs = null;
+    live.open(rig);
+  }
+  views.show(routed.view, rig, routed.rest);
+  at("views").replaceChildren(...linksTo(routed.view, live.rig));
+  showRigs();
+  look();
+}
+
+function showRigs() {
+  const names = [...new Set([...present.rigs, ...(live.rig === null ? [] : [live.rig])])];
+  const items = names.sort().map((name) => {
+    const here = present.rigs.includes(name);
+    const text = here ? name : `${name} (gone)`;
+    const anchor = element("a", { href: address(routed.view, name) }, text);
+    if (name === live.rig) anchor.setAttribute("aria-current", "page");
+    const item = element("li", {}, anchor);
+    item.dataset.present = here;
+    return item;
+  });
+  at("rigs").replaceChildren(...items);
+}
+
+/** Say how the connection stands; nothing else on the page claims more than this. */
+function look() {
+  const { state, text, advice } = standing();
+  if (state === "lost" && at("connection").dataset.state === "live") interruptedMs = Date.now();
+  live.trust(state === "live");
+  const box = at("connection");
+  box.dataset.state = state;
+  say(box, text);
+  const rig = live.rig === null ? "No rig" : `Rig ${live.rig}`;
+  const alone = routed.view === "live";
+  say(at("title"), alone ? rig : `${VIEWS[routed.view]} · ${rig}`);
+  at("title").classList.toggle("unseen", alone && live.state.status !== null); // listed above
+  say(at("advice"), advice);
+  at("advice").hidden = advice === "";
+  at("rig").hidden = live.state.status === null;
+  at("rig").classList.toggle("past", state !== "live");
+  const where = alone ? "" : `${VIEWS[routed.view]}, `;
+  document.title = `${where}${live.rig ?? "no rig"}: ${text} · frictus`;
+}
+
+function standing() {
+  if (link.state === "denied") {
+    return { state: "denied", text: `Not let in: ${link.reason}`, advice: "" };
+  }
+  if (link.state !== "open") {
+    const first = link.welcome === null && link.reason === "";
+    return first
+      ? { state: "connecting", text: "Connecting to the service…", advice: "" }
+      : {
+          state: "lost",
+          text: "No connection to the service; trying again",
+          advice: `What you see is from before (${link.reason}). The rig may run on.`,
+        };
+  }
+  if (link.quiet) {
+    const advice = "What you see is from before. The rig may run on.";
+    return { state: "lost", text: "No word from the service", advice };
+  }
+  if (present.link === false) {
+    const advice = "Start the router, for example by frictus serve; this page will notice.";
+    return { state: "lost", text: "The service has no router", advice };
+  }
+  if (live.rig === null) {
+    const advice = "Start one, for example by frictus serve; this page will notice.";
+    return { state: "waiting", text: "Connected; no rig is present", advice };
+  }
+  return standingOfRig();
+}
+
+function standingOfRig() {
+  const { rig } = live;
+  const here = present.rigs.includes(rig);
+  if (here && live.alive) {
+    if (interruptedMs === null) return { state: "live", text: "Live", advice: "" };
+    const since = new Date(interruptedMs).toTimeString().slice(0, 8);
+    return { state: "live", text: `Live again; interrupted at ${since}`, advice: "" };
+  }
+  if (live.state.status === null) {
+    const text = here ? `${rig} is starting` : `${rig} is not present`;
+    return { state: "waiting", text, advice: here ? "" : "This page will notice when it comes." };
+  }
+  const advice = "What you see is the last that came from it. This page will notice its return.";
+  return { state: "lost", text: here ? `${rig} is silent` : `${rig} is gone`, advice };
+}
+
+link.addEventListener("state", ({ detail }) => {
+  if (detail.state === "open") {
+    say(at("site"), link.welcome.site);
+  } else {
+    live.lose();
+    live.arming.drop();
+  }
+  if (detail.code === "unauthenticated") askForToken(detail.reason, () => link.retry());
+  look();
+});
+link.addEventListener("message", ({ detail }) => {
+  if (detail.op === "rigs") {
+    present = detail;
+    follow();
+  } else {
+    live.hear(detail);
+    views.hear(detail);
+    if (detail.op === "lost") look();
+  }
+});
+link.addEventListener("frame", ({ detail }) => live.take(detail));
+addEventListener("hashchange", follow);
+setInterval(look, LOOK_MS);
+installSession(link);
+installStop(() => (live.rig === null ? present.rigs : [live.rig]));
+follow();
+link.retry();

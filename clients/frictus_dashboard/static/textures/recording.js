@@ -1,0 +1,132 @@
+/** A recording, dropped or chosen, becomes a texture of the library. */
+
+import { request } from "../api.js";
+import { element, say } from "../element.js";
+import { figure } from "../figures.js";
+import { Outcome } from "../outcome.js";
+import { apply, labelled, name, number } from "./fields.js";
+
+const TYPES = { wav: "audio/wav", csv: "text/csv" };
+const TIMEOUT_MS = 30_000;
+
+export class Recording {
+  /**
+   * @param {Element} into
+   * @param {(name: string) => void} made called when a texture is in the library
+   */
+  constructor(into, made) {
+    this.made = made;
+    this.file = this.saved = null;
+    this.picker = element("input", { type: "file", accept: ".wav,.csv" });
+    this.picker.addEventListener("change", () => this.#take(this.picker.files[0] ?? null));
+    this.name = name();
+    this.speed = number({ min: 0.001, max: 1000 });
+    this.rate = number({ min: 0.001, max: 1e7, optional: true });
+    this.scale = number({ min: 1e-9, max: 1e6 });
+    this.scale.value = 1;
+    this.channel = number({ min: 0, max: 1000, step: 1 });
+    this.channel.value = 0;
+    this.chosen = element("p", { class: "quiet" });
+    this.outcome = new Outcome();
+    this.form = this.#form();
+    this.form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.#save();
+    });
+    into.append(
+      element("p", { class: "quiet" }, "Drop a WAV or CSV file anywhere here, or choose one."),
+      element("div", { class: "fields" }, labelled("File", this.picker)),
+      this.chosen,
+      this.form,
+      this.outcome.root,
+    );
+    this.#take(null);
+  }
+
+  /** Take what is dropped while the view is shown. @param {AbortSignal} signal until then */
+  listen(signal) {
+    const files = (event) => event.dataTransfer?.types.includes("Files");
+    const over = (event) => {
+      if (!files(event)) return;
+      event.preventDefault(); // or the browser would leave the page for the file
+      event.dataTransfer.dropEffect = "copy";
+    };
+    const drop = (event) => {
+      if (!files(event)) return;
+      event.preventDefault();
+      const { files: dropped } = event.dataTransfer;
+      this.picker.value = "";
+      this.#take(dropped[0] ?? null);
+      if (dropped.length > 1) this.outcome.bad("One file at a time: the first was taken");
+    };
+    document.addEventListener("dragover", over, { signal });
+    document.addEventListener("drop", drop, { signal });
+  }
+
+  #form() {
+    this.ofCsv = labelled("Sample rate, Hz (of a single column)", this.rate);
+    this.ofWav = labelled("Channel", this.channel);
+    this.unit = element("span");
+    const scale = element("label", {}, this.unit, this.scale);
+    const fields = [
+      labelled("Name in the library", this.name),
+      labelled("Speed of the recording, mm/s", this.speed),
+      this.ofCsv,
+      this.ofWav,
+      scale,
+    ];
+    const save = element("button", { type: "submit" }, "Make it a texture");
+    return element("form", { class: "fields" }, ...fields, save);
+  }
+
+  #take(file) {
+    const suffix = file === null ? "" : file.name.split(".").pop().toLowerCase();
+    const known = suffix in TYPES;
+    this.outcome.clear();
+    this.form.hidden = !known;
+    this.file = known ? file : null;
+    say(this.chosen, known ? `${file.name}, ${figure(file.size / 1e3, 3)} kB` : "");
+    if (file !== null && !known) this.outcome.bad(`${file.name} is neither a WAV nor a CSV file`);
+    if (!known) return;
+    this.type = TYPES[suffix];
+    apply(this.ofCsv, suffix === "csv");
+    apply(this.ofWav, suffix === "wav");
+    say(this.unit, suffix === "wav" ? "Newtons at full scale" : "Newtons per unit");
+    this.name.value = nameOf(file.name);
+    this.speed.focus();
+    this.speed.select(); // typing replaces that of an earlier file
+  }
+
+  async #save() {
+    const { file } = this;
+    if (file === this.saved) return; // it is on its way
+    this.saved = file;
+    const wav = this.type === TYPES.wav;
+    const query = new URLSearchParams({
+      recording_speed_mm_s: this.speed.value,
+      scale_n: this.scale.value,
+      ...(wav ? { channel: this.channel.value } : {}),
+      ...(!wav && this.rate.value !== "" ? { sample_rate_hz: this.rate.value } : {}),
+    });
+    const sent = request("PUT", `/textures/${this.name.value}?${query}`, {
+      body: file,
+      headers: { "Content-Type": this.type, "If-None-Match": "*" },
+      timeoutMs: TIMEOUT_MS,
+    });
+    const made = await this.outcome.of(sent, `${file.name} is not a texture yet`);
+    if (this.saved === file) this.saved = null;
+    if (made === null) return;
+    if (this.file === file) {
+      this.picker.value = "";
+      this.#take(null);
+    }
+    this.outcome.good(`${file.name} is in the library as ${made.name}`);
+    this.made(made.name);
+  }
+}
+
+/** A name that the library takes, after that of a file. */
+export function nameOf(file) {
+  const stem = file.replace(/\.[^.]*$/, "").toLowerCase();
+  return stem.replace(/[^a-z0-9_-]+/g, "-").replace(/^[-_]+/, "").slice(0, 64);
+}

@@ -1,0 +1,120 @@
+/** The views beside the live one: made when they are first shown, and kept. */
+
+import { at, element } from "./element.js";
+
+/** Names as they stand in the address, `#/textures/rig1`, and on the page. */
+export const VIEWS = {
+  live: "Live",
+  textures: "Textures",
+  calibrate: "Calibrate",
+  models: "Models",
+  discovery: "Discovery",
+};
+
+const MAKERS = {
+  textures: () => import("./textures/view.js"),
+  calibrate: () => import("./calibrate/view.js"),
+  models: () => import("./models/view.js"),
+  discovery: () => import("./discovery/view.js"),
+};
+
+/**
+ * What views get of the page. A view is a class `View` with
+ * `constructor(into, page)`: into is its own empty section, kept while the page is open;
+ * `open(rig, rest)`: it is shown, for a rig or null, with what stands behind that in the address
+ * (an array of words); called again whenever the address or the rig changes;
+ * `close()`: another view is shown: stop what is only needed on screen;
+ * `hear(message)`: a message of the live connection (`status`, `scene`, `model`, `rigs`, …).
+ */
+export class Page {
+  /** @param {import("./link.js").Link} link @param {import("./live.js").Live} live */
+  constructor(link, live) {
+    this.link = link;
+    this.live = live;
+  }
+
+  /** The shown rig's newest status, scene, model and finger; each null where unknown. */
+  get state() {
+    return this.live.state;
+  }
+
+  /** Whether the token has a scope: `read`, `render`, `calibrate`, `admin`. */
+  can(scope) {
+    return this.link.welcome?.scopes.includes(scope) ?? false;
+  }
+}
+
+/** Shows one view at a time. */
+export class Views {
+  /** @param {Page} page */
+  constructor(page) {
+    this.page = page;
+    this.name = "live";
+    this.made = new Map();
+    this.wanted = null;
+  }
+
+  /**
+   * Show a view; the live one is the page's own.
+   *
+   * @param {string} name one of `VIEWS`
+   * @param {string|null} rig
+   * @param {string[]} rest
+   */
+  async show(name, rig, rest) {
+    const wanted = (this.wanted = {});
+    if (this.name !== name) this.made.get(this.name)?.close();
+    this.name = name;
+    this.page.live.reveal(name === "live");
+    for (const each of Object.keys(MAKERS)) {
+      const section = document.getElementById(`view-${each}`);
+      if (section !== null) section.hidden = each !== name;
+    }
+    if (name === "live") return;
+    if (!this.made.has(name)) {
+      const { View } = await MAKERS[name]();
+      if (!this.made.has(name)) this.made.set(name, new View(this.#section(name), this.page));
+    }
+    // A faster hand may have gone elsewhere meanwhile.
+    if (wanted === this.wanted) this.made.get(name).open(rig, rest);
+  }
+
+  /** Pass a message of the live connection on to the view that is shown. */
+  hear(message) {
+    this.made.get(this.name)?.hear(message);
+  }
+
+  #section(name) {
+    const made = element("section", { id: `view-${name}`, class: "view" });
+    made.setAttribute("aria-label", VIEWS[name]);
+    at("main").append(made);
+    return made;
+  }
+}
+
+/** Links to all views, for a rig. */
+export function linksTo(current, rig) {
+  return Object.entries(VIEWS).map(([name, title]) => {
+    const anchor = element("a", { href: address(name, rig) }, title);
+    if (name === current) anchor.setAttribute("aria-current", "page");
+    return element("li", {}, anchor);
+  });
+}
+
+/** The address of a view of a rig; null: of the first that is present. */
+export function address(view, rig, ...rest) {
+  const words = rig === null ? [view] : [view, rig, ...rest];
+  return `#/${words.map(encodeURIComponent).join("/")}`;
+}
+
+/** The view, the rig or null, and the rest that an address names; what it does not say is live. */
+export function route(hash) {
+  let words = [];
+  try {
+    words = hash.slice(2).split("/").map(decodeURIComponent);
+  } catch (error) {
+    if (!(error instanceof URIError)) throw error; // typed by hand: the live view comes up
+  }
+  const [view, rig, ...rest] = words;
+  return { view: view in VIEWS ? view : "live", rig: rig || null, rest };
+}

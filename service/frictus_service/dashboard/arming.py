@@ -1,0 +1,134 @@
+"""What one page has armed: it is given back with the page's connection, or before."""
+
+import asyncio
+import contextlib
+import time
+from collections.abc import Awaitable, Callable
+from typing import Final
+
+import zenoh
+from fastapi.concurrency import run_in_threadpool
+
+from frictus.errors import FrictusError, NoRigError, RefusedError
+from frictus.lease import Lease
+from frictus_service.dashboard.hub import Hub
+from frictus_service.dashboard.messages import Armed, Disarmed
+from frictus_service.dashboard.refusal import RefusedViewerError
+
+SILENT_S: Final = 3.0
+"""A page that says nothing for so long may be frozen: it keeps no screen driven."""
+LOOK_S: Final = 0.1
+_FAULTS: Final = (FrictusError, zenoh.ZError)
+
+
+class Arming:
+    """Holds the lease of one page on at most one rig.
+
+    Parameters
+    ----------
+    hub : Hub
+        Arms rigs.
+    tell : callable
+        Sends a message to the page.
+    """
+
+    def __init__(self, hub: Hub, tell: Callable[[str], Awaitable[None]]) -> None:
+        self._hub = hub
+        self._tell = tell
+        self._rig = ""
+        # A task of its own: what a worker thread has armed is known even if nobody waits.
+        self._arming: asyncio.Task[Lease] | None = None
+        self._changing = asyncio.Lock()
+        self._heard_s = time.monotonic()
+
+    def hear(self) -> None:
+        """Take note that the page is there."""
+        self._heard_s = time.monotonic()
+
+    async def arm(self, rig: str) -> None:
+        """Arm a rig for the page and tell it.
+
+        Raises
+        ------
+        RefusedViewerError
+            If it has one already, another page has this one, or the rig refuses.
+        """
+        async with self._changing:
+            if self._arming is not None:
+                message = f"this page holds rig {self._rig!r}: disarm it first"
+                raise RefusedViewerError("arm", "conflict", message, None)
+            self._hub.take(rig)
+            self._rig = rig
+            self._arming = asyncio.create_task(run_in_threadpool(self._hub.arm, rig))
+            try:
+                await asyncio.shield(self._arming)
+            except _FAULTS as error:
+                self._forget()
+                raise RefusedViewerError("arm", _code(error), str(error), None) from error
+            self.hear()
+            await self._tell(Armed(rig=rig).model_dump_json())
+
+    async def disarm(self, rig: str) -> None:
+        """Give a rig back and tell the page.
+
+        Raises
+        ------
+        RefusedViewerError
+            If it does not hold this rig.
+        """
+        if self._arming is None or rig != self._rig:
+            message = f"this page does not hold rig {rig!r}"
+            raise RefusedViewerError("disarm", "not_owner", message, None)
+        await self._give_back("")
+
+    async def run(self) -> None:
+        """Watch the lease and the page, for ever."""
+        while True:
+            await asyncio.sleep(LOOK_S)
+            lease = self._held()
+            if lease is None:
+                continue
+            if lease.lost:
+                await self._give_back(lease.reason)
+            elif time.monotonic() - self._heard_s > SILENT_S:
+                await self._give_back(f"the page said nothing for {SILENT_S:g} s")
+
+    async def close(self) -> None:
+        """Give back what is held, or about to be."""
+        if self._arming is not None:
+            try:
+                with contextlib.suppress(*_FAULTS):  # then it was never armed
+                    await self._end(await self._arming)
+            finally:
+                self._forget()
+
+    def _held(self) -> Lease | None:
+        if self._arming is None or not self._arming.done():
+            return None
+        return self._arming.result()
+
+    async def _give_back(self, reason: str) -> None:
+        async with self._changing:
+            lease = self._held()
+            if lease is None:
+                return
+            await self._end(lease)
+            rig = self._rig
+            self._forget()
+            await self._tell(Disarmed(rig=rig, reason=reason).model_dump_json())
+
+    @staticmethod
+    async def _end(lease: Lease) -> None:
+        # Renewals end in any case, and with them the output.
+        with contextlib.suppress(*_FAULTS):
+            await run_in_threadpool(lease.disarm)
+
+    def _forget(self) -> None:
+        self._arming = None
+        self._hub.give(self._rig)
+
+
+def _code(error: Exception) -> str:
+    if isinstance(error, RefusedError):
+        return error.code
+    return "no_rig" if isinstance(error, NoRigError) else "no_link"

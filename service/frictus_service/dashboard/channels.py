@@ -1,0 +1,131 @@
+"""One subscription each, shared by all who watch it."""
+
+import time
+from collections import deque
+from typing import Final
+
+import frictus
+from frictus.block import Block
+from frictus.keys import Topic, Topics
+from frictus.messages import Message
+from frictus.reception import Feed
+from frictus.rig import BLOCKS
+from frictus_service.dashboard.messages import told
+
+HISTORY_BLOCKS: Final = 512
+"""Kept of a stream for viewers to take: 2.5 s of 5 ms blocks. Who is slower loses."""
+VALUES: Final[dict[str, Topic]] = {
+    "status": Topics.STATUS,
+    "scene": Topics.SCENE,
+    "model": Topics.MODEL,
+    "finger": Topics.FINGER,
+    "guidance": Topics.GUIDANCE,
+    "recording": Topics.RECORDING,
+}
+"""Name of each JSON message that is passed on; of each, the newest wins."""
+ALWAYS_TOLD: Final = frozenset({"status", "scene", "model"})
+"""Every rig has said these; on a busy machine the answer to a newcomer may be empty."""
+ASK_AGAIN_S: Final = 1.0
+
+
+class Stream:
+    """The newest blocks of a stream.
+
+    All viewers share the blocks; each has only a cursor, so a viewer that does not read holds
+    no memory and no other viewer up.
+
+    Attributes
+    ----------
+    count : int
+        Blocks received: the cursor of who wants only what comes next.
+    """
+
+    def __init__(self, rig: frictus.Rig, name: str) -> None:
+        assert name in BLOCKS
+        self._feed = rig.blocks(name, capacity=HISTORY_BLOCKS)  # type: ignore[arg-type]
+        self._newest: deque[Block] = deque(maxlen=HISTORY_BLOCKS)
+        self.count = 0
+
+    def pump(self) -> None:
+        """Take what has arrived, without waiting."""
+        # What is missing shows in the sample counts, so gaps need no place of their own.
+        for item in self._feed.drain():
+            if isinstance(item, Block):
+                self._newest.append(item)
+                self.count += 1
+
+    @property
+    def overdue(self) -> bool:
+        """Never: a stream holds nothing for who comes late."""
+        return False
+
+    def since(self, cursor: int) -> list[Block]:
+        """Return the blocks from a cursor on that are still held.
+
+        Parameters
+        ----------
+        cursor : int
+            A former `count`.
+        """
+        wanted = min(self.count - cursor, len(self._newest))
+        return [self._newest[-back] for back in range(wanted, 0, -1)]
+
+    def close(self) -> None:
+        """Stop receiving."""
+        self._feed.close()
+
+
+class Value:
+    """The newest message under a key.
+
+    Attributes
+    ----------
+    count : int
+        Messages received; 0: none.
+    message : Message or None
+        The newest.
+    text : str
+        The newest as a page gets it.
+    """
+
+    def __init__(self, rig: frictus.Rig, name: str) -> None:
+        self._name = name
+        self._rig = rig.name
+        self._feed: Feed[Message] = rig.watch(VALUES[name], capacity=1)
+        self._opened_s = time.monotonic()
+        self.count = 0
+        self.message: Message | None = None
+        self.text = ""
+
+    def pump(self) -> None:
+        """Take what has arrived, without waiting."""
+        if messages := self._feed.drain():
+            self.message = messages[-1]
+            self.text = told(self._name, self._rig, self.message)
+            self.count += 1
+
+    @property
+    def overdue(self) -> bool:
+        """Whether the rig should be asked again for what it said before we came."""
+        waited_s = time.monotonic() - self._opened_s
+        return self.count == 0 and self._name in ALWAYS_TOLD and waited_s > ASK_AGAIN_S
+
+    def close(self) -> None:
+        """Stop receiving."""
+        self._feed.close()
+
+
+Channel = Stream | Value
+
+
+def open_channel(rig: frictus.Rig, name: str) -> Channel:
+    """Subscribe to a stream or a value of a rig.
+
+    Parameters
+    ----------
+    rig : Rig
+        Present or not.
+    name : str
+        A key of `VALUES`, or the name of a stream.
+    """
+    return Value(rig, name) if name in VALUES else Stream(rig, name)

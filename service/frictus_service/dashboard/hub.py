@@ -1,0 +1,253 @@
+"""What all viewers share: the link to the rigs, who is present, and the subscriptions.
+
+Zenoh's threads only enqueue. Everything else happens in the event loop, except what may block:
+connecting, subscribing and unsubscribing are done in worker threads by one task, which brings
+the subscriptions in line with what the viewers want, again and again. So a router that comes
+late needs no case of its own. Nor does a rig, or a router, that comes back: what belongs to a
+rig that was gone is subscribed to anew, for Zenoh asks for a last value only once.
+"""
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import Callable, Iterator
+from typing import Final, Protocol
+
+import zenoh
+from fastapi.concurrency import run_in_threadpool
+
+import frictus
+from frictus.client import Presence
+from frictus.errors import LinkError
+from frictus.lease import Lease
+from frictus.messages import RigStatus
+from frictus.reception import Feed
+from frictus_service.api.link import RigLink
+from frictus_service.dashboard.channels import Channel, Value, open_channel
+from frictus_service.dashboard.refusal import TRY_LATER, RefusedViewerError
+
+TEND_S: Final = 0.25
+"""How often the link is looked at."""
+MAX_VIEWERS: Final = 64
+_LOG: Final = logging.getLogger(__name__)
+
+
+class Watcher(Protocol):
+    """Who wants channels."""
+
+    @property
+    def wanted(self) -> frozenset[tuple[str, str]]:
+        """Names of rigs and of their channels."""
+        ...
+
+
+class Hub:
+    """Shares one subscription per rig and channel among all viewers of one event loop.
+
+    Parameters
+    ----------
+    link : RigLink
+        The API's connection.
+
+    Attributes
+    ----------
+    site : str
+        Site of the rigs.
+    linked : bool
+        Whether the router can be reached, as far as is known.
+    """
+
+    def __init__(self, link: RigLink) -> None:
+        self._link = link
+        self.site = link.site
+        self.linked = False
+        self._present: set[str] = set()
+        self._vanished: set[str] = set()
+        self._presence: Feed[Presence] | None = None
+        self._client: frictus.Client | None = None
+        self._rigs: dict[str, frictus.Rig] = {}
+        self._channels: dict[tuple[str, str], Channel] = {}
+        self._watchers: list[Watcher] = []
+        self._taken: set[str] = set()
+        self._poked = asyncio.Event()
+        self._tending: asyncio.Task[None] | None = None
+
+    @contextlib.contextmanager
+    def joined(self, watcher: Watcher) -> Iterator[None]:
+        """Serve a viewer within the block.
+
+        Raises
+        ------
+        RefusedViewerError
+            If there are too many already.
+        """
+        if len(self._watchers) >= MAX_VIEWERS:
+            message = f"{MAX_VIEWERS} viewers are connected already, which is the most"
+            raise RefusedViewerError("hello", "too_many", message, TRY_LATER)
+        self._watchers.append(watcher)
+        if self._tending is None:
+            self._tending = asyncio.create_task(self._tend())
+        self.poke()
+        try:
+            yield
+        finally:
+            self._watchers.remove(watcher)
+            self.poke()
+
+    def poke(self) -> None:
+        """Have the subscriptions brought in line now: somebody wants something else."""
+        self._poked.set()
+
+    @property
+    def rigs(self) -> tuple[str, ...]:
+        """Names of the rigs that are present, sorted."""
+        return tuple(sorted(self._present)) if self.linked else ()
+
+    def pump(self) -> None:
+        """Take what has arrived, for all viewers; never waits."""
+        if self._tending is not None and self._tending.done():
+            self._tending.result()  # it never ends but by a fault: let it be seen
+        if self._presence is not None:
+            for (_, name), present in self._presence.drain():
+                (self._present.add if present else self._present.discard)(name)
+                if not present:
+                    self._vanished.add(name)
+                self.poke()
+        for channel in self._channels.values():
+            channel.pump()
+
+    def channel(self, rig: str, name: str) -> Channel | None:
+        """Return a channel; None while it is not open yet.
+
+        Parameters
+        ----------
+        rig, name : str
+            Name of the rig; name of the stream or value.
+        """
+        return self._channels.get((rig, name))
+
+    def movable(self, name: str) -> frictus.Rig:
+        """Return a rig whose finger may be moved by a page.
+
+        Parameters
+        ----------
+        name : str
+            A rig that is watched.
+
+        Raises
+        ------
+        RefusedViewerError
+            If it is not present, another client holds it, or its finger follows no pointer.
+        """
+        channel = self._channels.get((name, "status"))
+        status = channel.message if isinstance(channel, Value) else None
+        if name not in self.rigs or not isinstance(status, RigStatus):
+            raise RefusedViewerError("point", "no_rig", f"rig {name!r} is not present", None)
+        if status.finger_source != "pointer":
+            raise RefusedViewerError(
+                "point",
+                "not_feasible",
+                f"the finger of rig {name!r} is {status.finger_source}: only a simulated rig "
+                "whose finger is set to `client` follows a pointer",
+                None,
+            )
+        owner = status.owner
+        if owner is not None and owner != self.client:
+            message = f"rig {name!r} is held by {owner!r}"
+            raise RefusedViewerError("point", "not_owner", message, None)
+        return self._rigs[name]
+
+    @property
+    def client(self) -> str | None:
+        """Name under which rigs know this API; None before it was connected."""
+        return None if self._client is None else self._client.name
+
+    def take(self, rig: str) -> None:
+        """Reserve a rig for one page, which may then `arm` it.
+
+        Raises
+        ------
+        RefusedViewerError
+            If another page has it: to the rig, all pages are one client.
+        """
+        if rig in self._taken:
+            message = f"another page holds rig {rig!r}"
+            raise RefusedViewerError("arm", "not_owner", message, None)
+        self._taken.add(rig)
+
+    def give(self, rig: str) -> None:
+        """Undo `take`."""
+        self._taken.discard(rig)
+
+    def arm(self, rig: str) -> Lease:
+        """Arm a rig; blocks.
+
+        Raises
+        ------
+        RefusedError, NoRigError, LinkError
+        """
+        # Waits for a rig that seems absent: on a busy machine one that is there may seem so.
+        return self._link.client().rig(rig, self.site).arm()
+
+    async def close(self) -> None:
+        """Release everything; before the link is closed."""
+        task, self._tending = self._tending, None
+        if task is not None:
+            task.cancel()
+            await asyncio.wait([task])
+        self._watchers.clear()
+        await self._release(set())
+        if self._presence is not None:
+            await run_in_threadpool(self._presence.close)
+            self._presence = None
+
+    async def _tend(self) -> None:
+        while True:
+            self._poked.clear()
+            vanished, self._vanished = self._vanished, set()
+            wanted = {
+                (rig, name)
+                for watcher in self._watchers
+                for rig, name in watcher.wanted
+                if rig in self.rigs
+            }
+            anew = {key for key, channel in self._channels.items() if channel.overdue}
+            anew |= {key for key in wanted if key[0] in vanished}
+            await self._release(wanted - anew)
+            if self._watchers:
+                await self._attempt(wanted)
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(TEND_S if self._watchers else None):
+                    await self._poked.wait()
+
+    async def _attempt(self, wanted: set[tuple[str, str]]) -> None:
+        try:
+            linked = await run_in_threadpool(self._connect)
+            for rig, name in sorted(wanted - self._channels.keys()):
+                if rig not in self._rigs:
+                    self._rigs[rig] = await run_in_threadpool(self._link.recorder_of, rig)
+                opened = await run_in_threadpool(open_channel, self._rigs[rig], name)
+                self._channels[rig, name] = opened
+        except (LinkError, zenoh.ZError) as error:
+            linked = False
+            if self.linked:
+                _LOG.warning("no live data: %s", error)
+        self.linked = linked
+
+    def _connect(self) -> bool:
+        """Connect if need be, and return whether the router is there."""
+        if self._client is None:
+            self._client = self._link.client()
+        if self._presence is None:
+            self._presence = self._client.presence(self.site)
+        return bool(self._client.session.info.transports())
+
+    async def _release(self, wanted: set[tuple[str, str]]) -> None:
+        """Close what nobody wants."""
+        closes: list[Callable[[], None]] = []
+        for key in self._channels.keys() - wanted:
+            closes.append(self._channels.pop(key).close)
+        for rig in self._rigs.keys() - {rig for rig, _ in wanted}:
+            closes.append(self._rigs.pop(rig).close)
+        for close in closes:
+            await run_in_threadpool(close)

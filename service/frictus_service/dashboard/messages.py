@@ -1,0 +1,187 @@
+"""The JSON messages of the live connection. What a page sends is read strictly."""
+
+from typing import Annotated, Final, Literal
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    FiniteFloat,
+    SecretStr,
+    TypeAdapter,
+    ValidationError,
+)
+
+from frictus.messages import Message
+from frictus.rig import StreamName
+from frictus_service.dashboard.refusal import BAD_DATA, RefusedViewerError
+
+VERSION: Final = 1
+MAX_BYTES: Final = 65_536
+MAX_RATE_HZ: Final = 60.0
+RigName = Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]{1,64}$")]
+
+
+class _Asked(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class Hello(_Asked):
+    """The first message: who asks. It is the only one with a token."""
+
+    op: Literal["hello"]
+    version: Literal[1]
+    token: Annotated[SecretStr, Field(max_length=1_000)] | None = None
+
+
+class Watch(_Asked):
+    """What to send; takes the place of what was watched."""
+
+    op: Literal["watch"]
+    rig: RigName | None
+    """Name of the rig; None: nothing."""
+    streams: Annotated[tuple[StreamName, ...], Field(max_length=5)] = ()
+    rate_hz: Annotated[FiniteFloat, Field(ge=1.0, le=MAX_RATE_HZ)] = MAX_RATE_HZ
+    """Most frames of a stream per second."""
+    columns: Annotated[int, Field(ge=16, le=8_192)] = 1_200
+    window_s: Annotated[FiniteFloat, Field(ge=0.01, le=600.0)] = 2.0
+    """What `columns` columns span."""
+    raw: bool = False
+    """Samples as they are rather than extremes."""
+
+
+class Point(_Asked):
+    """Move the virtual finger of the watched rig."""
+
+    op: Literal["point"]
+    x_mm: FiniteFloat
+    y_mm: FiniteFloat
+    in_contact: bool = True
+    normal_force_n: Annotated[FiniteFloat, Field(ge=0.0, le=5.0)] = 0.4
+
+
+class Arm(_Asked):
+    """Take a rig and let it drive its screen while the page is there."""
+
+    op: Literal["arm"]
+    rig: RigName
+
+
+class Disarm(_Asked):
+    """Give it back."""
+
+    op: Literal["disarm"]
+    rig: RigName
+
+
+class Ping(_Asked):
+    """Ask for a pong."""
+
+    op: Literal["ping"]
+    id: Annotated[int, Field(ge=0, lt=2**53)]
+
+
+Asked = Hello | Watch | Point | Arm | Disarm | Ping
+_ASKED: Final[TypeAdapter[Asked]] = TypeAdapter(Annotated[Asked, Field(discriminator="op")])
+
+
+def read(text: str) -> Asked:
+    """Read what a page sent.
+
+    Parameters
+    ----------
+    text : str
+        A JSON object, at most 64 kB.
+
+    Raises
+    ------
+    RefusedViewerError
+        If it is not one of the messages above.
+    """
+    if len(text) > MAX_BYTES:
+        raise RefusedViewerError(
+            "message", "too_large", f"a message has at most {MAX_BYTES} bytes", BAD_DATA
+        )
+    try:
+        return _ASKED.validate_json(text)
+    except ValidationError as error:
+        # Never what was given: it may hold a token.
+        faults = error.errors(include_url=False, include_input=False, include_context=False)
+        complaints = "; ".join(
+            f"{'.'.join(str(part) for part in fault['loc']) or 'message'}: {fault['msg']}"
+            for fault in faults[:3]
+        )
+        raise RefusedViewerError("message", "malformed", complaints[:1_000], BAD_DATA) from None
+
+
+class Welcome(Message):
+    """The answer to hello."""
+
+    op: Literal["welcome"] = "welcome"
+    version: int = VERSION
+    scopes: tuple[str, ...]
+    site: str
+    client: str | None
+    """Name under which rigs know this API: the `owner` of what a page has armed."""
+
+
+class Rigs(Message):
+    """The rigs that are present; without a link to the router, none can be seen."""
+
+    op: Literal["rigs"] = "rigs"
+    rigs: tuple[str, ...]
+    link: bool
+
+
+class Lost(Message):
+    """The watched rig is not present. It is watched still."""
+
+    op: Literal["lost"] = "lost"
+    rig: str
+
+
+class Armed(Message):
+    """The page holds the rig."""
+
+    op: Literal["armed"] = "armed"
+    rig: str
+
+
+class Disarmed(Message):
+    """The page holds the rig no more."""
+
+    op: Literal["disarmed"] = "disarmed"
+    rig: str
+    reason: str
+    """Why, where the page did not ask for it; else empty."""
+
+
+class Refused(Message):
+    """Something was not done."""
+
+    op: Literal["refused"] = "refused"
+    what: str
+    code: str
+    message: str
+
+
+class Pong(Message):
+    """The answer to a ping."""
+
+    op: Literal["pong"] = "pong"
+    id: int
+
+
+def told(op: str, rig: str, message: Message) -> str:
+    """Return what passes on a message of a rig: under `op`, in a field of that name.
+
+    Parameters
+    ----------
+    op : str
+        Such as ``status``.
+    rig : str
+        Name of the rig.
+    message : Message
+        As the rig published it.
+    """
+    return f'{{"op":"{op}","rig":"{rig}","{op}":{message.to_json().decode()}}}'

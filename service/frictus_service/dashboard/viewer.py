@@ -1,0 +1,126 @@
+"""One viewer: what it may, what it watches, and what of it is new to it."""
+
+from collections.abc import Collection
+from typing import Final
+
+from frictus_service.config import Scope
+from frictus_service.dashboard.channels import VALUES, Channel, Stream, Value
+from frictus_service.dashboard.hub import Hub
+from frictus_service.dashboard.messages import Lost, Rigs, Watch
+from frictus_service.dashboard.refusal import NOT_ALLOWED, RefusedViewerError
+from frictus_service.dashboard.trace import Trace
+
+IDLE_RATE_HZ: Final = 10.0
+_NOTHING: Final = Watch(op="watch", rig=None, rate_hz=IDLE_RATE_HZ)
+
+
+class Viewer:
+    """Collects what is new since it collected last.
+
+    Nothing is queued for a viewer: it has cursors into what all viewers share. One that
+    collects late gets the newest of every value, and of every stream what is still held; what
+    it lost is counted in its next frame.
+
+    Parameters
+    ----------
+    hub : Hub
+        What all viewers share.
+    scopes : collection of str
+        What its token allows.
+    """
+
+    def __init__(self, hub: Hub, scopes: Collection[Scope]) -> None:
+        self._hub = hub
+        self._scopes = scopes
+        self._told_rigs: Rigs | None = None
+        self._told_present: bool | None = None
+        self._seen: dict[str, tuple[Channel, int]] = {}
+        self._traces: dict[str, Trace] = {}
+        self.watching = _NOTHING
+        self.require("read", "hello")
+
+    def require(self, scope: Scope, what: str) -> None:
+        """Raise `RefusedViewerError` unless the viewer's token has a scope.
+
+        Parameters
+        ----------
+        scope : str
+            What is needed.
+        what : str
+            What for.
+        """
+        if scope not in self._scopes:
+            had = ", ".join(sorted(self._scopes))
+            message = f"this needs the scope {scope!r}; the token has {had}"
+            raise RefusedViewerError(what, "missing_scope", message, NOT_ALLOWED)
+
+    @property
+    def wanted(self) -> frozenset[tuple[str, str]]:
+        """The channels it watches."""
+        if self.watching.rig is None:
+            return frozenset()
+        return frozenset(
+            (self.watching.rig, name) for name in (*VALUES, *self.watching.streams)
+        )
+
+    @property
+    def period_s(self) -> float:
+        """Time from one collection to the next."""
+        return 1.0 / self.watching.rate_hz
+
+    def watch(self, watch: Watch) -> None:
+        """Watch this, in place of what was watched; values are told anew.
+
+        Parameters
+        ----------
+        watch : Watch
+            As the page sent it.
+        """
+        self.watching = _NOTHING if watch.rig is None else watch
+        self._told_present = None
+        self._seen = {}
+        self._traces = {name: Trace(watch) for name in watch.streams}
+        self._hub.poke()
+
+    def collect(self) -> list[str | bytes]:
+        """Return what is new, as text and binary messages; never waits."""
+        self._hub.pump()
+        news: list[str | bytes] = []
+        rigs = Rigs(rigs=self._hub.rigs, link=self._hub.linked)
+        if rigs != self._told_rigs:
+            self._told_rigs = rigs
+            news.append(rigs.model_dump_json())
+        rig = self.watching.rig
+        if rig is None:
+            return news
+        present, before = rig in rigs.rigs, self._told_present
+        self._told_present = present
+        if not present:
+            if before is not False:
+                news.append(Lost(rig=rig).model_dump_json())
+            return news
+        return news + self._values(rig) + self._frames(rig)
+
+    def _values(self, rig: str) -> list[str | bytes]:
+        news: list[str | bytes] = []
+        for name in VALUES:
+            value = self._hub.channel(rig, name)
+            if isinstance(value, Value) and value.count > self._cursor(name, value, 0):
+                self._seen[name] = (value, value.count)
+                news.append(value.text)
+        return news
+
+    def _frames(self, rig: str) -> list[str | bytes]:
+        news: list[str | bytes] = []
+        for name, trace in self._traces.items():
+            stream = self._hub.channel(rig, name)
+            if isinstance(stream, Stream):
+                blocks = stream.since(self._cursor(name, stream, stream.count))
+                self._seen[name] = (stream, stream.count)
+                news.extend(frame.pack() for frame in trace.push(blocks))
+        return news
+
+    def _cursor(self, name: str, channel: Channel, start: int) -> int:
+        """Return up to where the viewer has seen a channel; a new one from `start` on."""
+        seen, count = self._seen.get(name, (None, 0))
+        return count if seen is channel else start

@@ -1,0 +1,136 @@
+"""A lab that a page looks at: a real daemon, and what a test asks of it beside the page."""
+
+import json
+import threading
+import urllib.request
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Page
+
+import frictus
+from frictus.keys import Topics
+from frictus_service.api.server import run_api
+from frictus_service.config import (
+    ApiConfig,
+    Config,
+    Limits,
+    RegistryConfig,
+    RouterConfig,
+    Token,
+)
+from frictus_service.daemon.part import PartName
+from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.ports import free_endpoint, free_port
+
+READER = "a-token-that-only-reads"
+RULES = {"runOnly": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]}
+State = TypeVar("State", frictus.RigStatus, frictus.SceneState, frictus.FingerState)
+TOPICS = {
+    frictus.RigStatus: Topics.STATUS,
+    frictus.SceneState: Topics.SCENE,
+    frictus.FingerState: Topics.FINGER,
+}
+
+
+@dataclass(frozen=True)
+class Lab:
+    """A service that runs, and a client of its router."""
+
+    config: Config
+    supervisor: Supervisor
+    client: frictus.Client
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.config.api.port}"
+
+    @property
+    def rig(self) -> frictus.Rig:
+        return self.client.rig(self.config.rig)
+
+    def ask(self, method: str, path: str, body: Any = None, **headers: str) -> Any:
+        """Return what the REST API answers; None for nothing."""
+        asked = urllib.request.Request(
+            f"{self.url}/v1{path}",
+            method=method,
+            data=None if body is None else json.dumps(body).encode(),
+            headers={"Content-Type": "application/json", **headers},
+        )
+        with urllib.request.urlopen(asked, timeout=30.0) as answer:
+            text = answer.read()
+            return json.loads(text) if text else None
+
+    def first(self, kind: type[State], holds: Callable[[State], bool]) -> State:
+        """Return the first message of a kind for which something holds."""
+        with self.rig.watch(TOPICS[kind], timeout_s=60.0) as states:
+            for state in states:
+                assert isinstance(state, kind)
+                if holds(state):
+                    return state
+        raise AssertionError("the feed has ended")
+
+    def status(self, holds: Callable[[frictus.RigStatus], bool]) -> frictus.RigStatus:
+        return self.first(frictus.RigStatus, holds)
+
+    def scene(self, holds: Callable[[frictus.SceneState], bool]) -> frictus.SceneState:
+        return self.first(frictus.SceneState, holds)
+
+    def finger(self, holds: Callable[[frictus.FingerState], bool]) -> frictus.FingerState:
+        return self.first(frictus.FingerState, holds)
+
+
+@contextmanager
+def running(folder: Path, *, rig: bool = True, **settings: Any) -> Iterator[Lab]:
+    """Run a service that keeps everything in a folder, with patience for busy machines."""
+    config = Config(
+        router=RouterConfig(endpoint=free_endpoint()),
+        api=ApiConfig(port=free_port()),
+        registry=RegistryConfig(url=f"sqlite:///{folder / 'registry.db'}"),
+        textures=folder / "textures",
+        studies=folder / "studies",
+        limits=Limits(freeze_ms=5_000, missed_deadlines=1_000),
+        **settings,
+    )
+    parts: tuple[PartName, ...] = ("rig", "api") if rig else ("api",)
+    with Supervisor(config, parts, say=lambda _line: None) as supervisor:
+        supervisor.wait_ready(100.0)
+        with frictus.connect(config.router.endpoint, name="tester") as client:
+            yield Lab(config, supervisor, client)
+
+
+@contextmanager
+def read_only(lab: Lab, **changes: Any) -> Iterator[str]:
+    """Serve the dashboard once more, for the token `READER` alone, which only reads."""
+    token = Token(name="reader", scopes=("read",), value=READER)
+    api = ApiConfig(port=free_port(), tokens=(token,))
+    router = RouterConfig(endpoint=lab.config.router.endpoint, host=False)
+    config = lab.config.model_copy(update={"api": api, "router": router, **changes})
+    stop, ready = threading.Event(), threading.Event()
+    thread = threading.Thread(target=run_api, args=(config, stop, ready))
+    thread.start()
+    try:
+        assert ready.wait(20.0)
+        yield f"http://127.0.0.1:{api.port}/dashboard/"
+    finally:
+        stop.set()
+        thread.join(20.0)
+
+
+def enter(page: Page, url: str) -> None:
+    """Open a page that asks for a token, and give it."""
+    page.goto(url)
+    page.get_by_label("Token", exact=True).fill(READER)
+    page.get_by_role("button", name="Use it").click()
+
+
+def expect_no_violations(page: Page) -> None:
+    """Fail if the page keeps anybody out, light or dark."""
+    for scheme in ("light", "dark"):
+        page.emulate_media(color_scheme=scheme)
+        found = Axe().run(page, options=RULES)
+        assert found.violations_count == 0, found.generate_report()

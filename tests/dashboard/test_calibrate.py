@@ -1,0 +1,279 @@
+"""The view of calibrations in a browser: a participant is calibrated by clicks alone."""
+
+import os
+import re
+import signal
+import sys
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Locator, Page, expect
+from tests.dashboard.conftest import OpenPage
+from tests.dashboard.lab import Lab, enter, expect_no_violations, read_only, running
+
+from frictus_hardware import SimulatedConfig
+from frictus_hardware.simulated.guided import GuidedStrokes
+from frictus_hardware.simulated.participants import Participant
+from frictus_service.calibration.job import PaperProtocol, QuickProtocol
+from frictus_service.config import (
+    RegistryConfig,
+)
+
+pytestmark = pytest.mark.browser
+
+FASTER = 4.0
+STRANGER = Participant(cutoff_0_hz=0.6 * 385.68, slope_hz_per_mm_s=0.6 * 13.811)
+"""40 % off the population."""
+BRIEF = {
+    "Speeds, mm/s": "30, 90",
+    "Forces, N": "0.4",
+    "Precision, %": "10",
+    "Longest recording, s": "30",
+    "Approach, s": "0.8",
+    "Recorded, s": "2",
+}
+ENDLESS = {**BRIEF, "Precision, %": "0.01", "Longest recording, s": "7000"}
+BEGUN_MS = 30_000
+"""Each calibration is a process of its own, which imports numpy and scipy first."""
+DONE_MS = 90_000
+
+
+def end(lab: Lab, calibration: str) -> None:
+    """Cancel a calibration that a failed test has left, and wait for its end."""
+    path = f"{lab.url}/v1/calibrations/{calibration}"
+    with suppress(urllib.error.HTTPError):  # 409: it has just ended
+        urllib.request.urlopen(urllib.request.Request(path, method="DELETE"), timeout=20.0)
+    with urllib.request.urlopen(f"{path}/events", timeout=20.0) as events:
+        events.read()
+
+
+@pytest.fixture(scope="module")
+def lab(browser: object, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
+    """A daemon whose finger follows guidance, faster than time."""
+    folder = tmp_path_factory.mktemp("lab")
+    backend = SimulatedConfig(
+        finger=GuidedStrokes(), participant=STRANGER, clock=FASTER, lead_ms=240.0
+    )
+    with running(folder, backend=backend, block_ms=20.0) as lab:
+        yield lab
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_left(lab: Lab) -> Iterator[None]:
+    """The next test finds the rig free, whatever became of this one."""
+    yield
+    for each in lab.ask("GET", "/calibrations?limit=10")["calibrations"]:
+        if each["state"] in ("queued", "running"):
+            end(lab, each["id"])
+
+
+@pytest.fixture
+def page(lab: Lab, open_page: OpenPage) -> Iterator[Page]:
+    with open_page() as page:
+        arrive(page, lab)
+        yield page
+
+
+def arrive(page: Page, lab: Lab) -> None:
+    page.goto(lab.url)
+    expect(page.locator("#connection")).to_have_text("Live")
+    page.evaluate("window.loadedOnce = true")
+    page.get_by_role("link", name="Calibrate").click()
+    expect(page.get_by_role("heading", name="A new calibration")).to_be_visible()
+
+
+def fill_in(page: Page, participant: str, settings: dict[str, str]) -> None:
+    page.get_by_label("Participant").fill(participant)
+    if settings and not page.locator("details[open] fieldset").count():
+        page.get_by_text("Settings", exact=True).click()
+    for label, value in settings.items():
+        page.get_by_label(label).locator("visible=true").fill(value)
+
+
+def start(page: Page, participant: str, settings: dict[str, str]) -> None:
+    fill_in(page, participant, settings)
+    page.get_by_role("button", name="Start").click()
+    expect_shown(page, participant)
+
+
+def expect_shown(page: Page, participant: str) -> None:
+    expect(page.get_by_role("heading", name=re.compile(f"^{participant}, "))).to_be_visible()
+
+
+def state(page: Page) -> Locator:
+    return page.locator("#view-calibrate [role=status].summary")
+
+
+def expect_running(page: Page) -> None:
+    expect(state(page)).to_have_text("Running", timeout=BEGUN_MS)
+
+
+def cancel(page: Page) -> None:
+    page.get_by_role("button", name="Cancel").click()
+    expect_cancelled(page)
+
+
+def expect_cancelled(page: Page) -> None:
+    expect(state(page)).to_contain_text("Cancelled", timeout=BEGUN_MS)
+    expect(page.locator(".guidance")).to_be_hidden()
+
+
+def painted(page: Page) -> bool:
+    drawn: bool = page.evaluate(
+        """() => {
+          const canvas = document.querySelector(".guidance canvas");
+          const { data } = canvas.getContext("2d").getImageData(
+            0, 0, canvas.width, canvas.height);
+          return data.some((value) => value > 0);
+        }"""
+    )
+    return drawn
+
+
+def test_from_the_first_click_to_the_active_model(page: Page, lab: Lab) -> None:
+    start(page, "P01", BRIEF)
+    expect(page.get_by_role("heading", name="P01, quick protocol")).to_be_visible()
+    expect_running(page)
+    guidance = page.locator(".guidance")
+    expect(guidance.get_by_text(re.compile("^Slide at (30|90) mm/s$"))).to_be_visible()
+    expect(guidance.get_by_text(re.compile(r"^You: \d+ mm/s$"))).to_be_visible()
+    expect(guidance.get_by_text("Press with 0.40 N", exact=True)).to_be_visible()
+    yours = re.compile(r"^You: 0\.\d\d N, (good|press harder|press more lightly)$")
+    expect(guidance.get_by_text(yours)).to_be_visible()
+    assert painted(page)
+    expect_no_violations(page)
+    expect(page.locator(".readings")).to_contain_text("s of 30 s at most")
+
+    expect(state(page)).to_have_text("Done", timeout=DONE_MS)
+    expect(guidance).to_be_hidden()
+    (calibration,) = lab.ask("GET", "/calibrations?participant=P01")["calibrations"]
+    expect(page).to_have_url(re.compile(f"#/calibrate/rig1/{calibration['id']}$"))
+    protocol = calibration["spec"]["protocol"]
+    assert (protocol["speeds_mm_s"], protocol["precision"]) == ([30.0, 90.0], 0.1)
+    expect_result(page, calibration["result"])
+    expect_no_violations(page)
+
+    page.get_by_label("Comment").fill("by clicks alone")
+    page.get_by_role("button", name="Publish").click()
+    told = page.locator("#view-calibrate")
+    expect(told).to_contain_text("Published as rig1/P01@1")
+    expect(told).to_contain_text("rig1 applies a placeholder.")
+    expect(page.get_by_role("table", name="The newest first")).to_contain_text("rig1/P01@1")
+    page.get_by_role("button", name="Activate on rig1").click()
+    expect(told).to_contain_text("rig1 confirmed rig1/P01@1 as published.")
+    expect(told).to_contain_text("rig1 applies this version.")
+    version = lab.ask("GET", "/models/rig1/P01@1")
+    assert (version["comment"], version["calibration"]) == (
+        "by clicks alone",
+        calibration["id"],
+    )
+    assert lab.rig.model().etag == version["etag"]
+    # Everything is there again for who comes later.
+    page.reload()
+    expect(told).to_contain_text("rig1 applies this version.")
+    expect_result(page, calibration["result"])
+
+
+def expect_result(page: Page, result: Any) -> None:
+    rows = page.get_by_role("table", name="Cutoff at the speeds").locator("tbody tr")
+    expect(rows).to_have_count(len(result["details"]["cutoff_hz"]))
+    for index, found in enumerate(result["details"]["cutoff_hz"]):
+        row, half = rows.nth(index), found["half_width"] * found["value"]
+        expect(row.locator("th")).to_have_text(f"{found['speed_mm_s']:g}")
+        told = [float(text) for text in re.findall(r"[\d.]+", row.inner_text())]
+        expected = [
+            found["value"],
+            found["value"] - half,
+            found["value"] + half,
+            100.0 * found["half_width"],
+        ]
+        assert told[1:] == pytest.approx(expected, abs=0.51)
+    gain = result["model"]["base"]["gain_n"]
+    half = 1.959964 * result["model"]["covariance"]["matrix"][0][0] ** 0.5
+    text = page.get_by_role("row", name="Gain, N").inner_text()
+    told = [float(number) for number in re.findall(r"[\d.]+", text)]
+    assert told == pytest.approx([gain, gain - half, gain + half], abs=6e-4)
+    for note in result["notes"]:
+        expect(page.locator("#view-calibrate")).to_contain_text(note)
+
+
+def test_one_at_a_time_and_cancelled(lab: Lab, open_page: OpenPage) -> None:
+    with open_page(expected="409") as page:
+        arrive(page, lab)
+        fill_in(page, "P02", {})
+        page.get_by_label("Participant").press("Enter")
+        expect_shown(page, "P02")
+        # Fields that nobody touched ask for what the service does by itself.
+        (calibration,) = lab.ask("GET", "/calibrations?participant=P02")["calibrations"]
+        asked = QuickProtocol.model_validate(calibration["spec"]["protocol"])
+        assert asked == QuickProtocol()
+        fill_in(page, "P03", {})
+        page.get_by_role("button", name="Start").press("Space")
+        expect(page.get_by_text("Not started: ")).to_contain_text("is under way on rig 'rig1'")
+        assert lab.ask("GET", "/calibrations?participant=P03")["calibrations"] == []
+        page.get_by_role("button", name="Cancel").press("Enter")
+        expect_cancelled(page)
+        page.get_by_role("link", name="Live", exact=True).click()
+        expect(page.locator("#surface")).to_be_visible()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL for others")
+def test_rejections_are_told_over_a_death_of_the_service(lab: Lab, open_page: OpenPage) -> None:
+    # Without an approach the finger still speeds up while it is recorded.
+    hasty = {
+        "Approach, s": "0",
+        "Recorded, s": "0.5",
+        "Most repeats of a rejected trial": "100",
+    }
+    with open_page(expected="ERR_") as page:
+        arrive(page, lab)
+        start(page, "P04", {**ENDLESS, **hasty})
+        rejected = page.get_by_text(re.compile(r"^trial \S+ rejected: .+; accepted: "))
+        expect(rejected.first).to_be_visible(timeout=BEGUN_MS)
+        expect(page.locator(".readings")).to_contain_text(re.compile("Rejected [1-9]"))
+
+        os.kill(lab.supervisor.pid_of("api"), signal.SIGKILL)
+        expect(state(page)).to_contain_text("It was last heard of as: Running")
+        expect(page.get_by_role("button", name="Cancel")).to_be_hidden()
+        expect(state(page)).to_contain_text("Interrupted", timeout=BEGUN_MS)
+        before = rejected.count()
+        page.get_by_role("button", name="Resume").click()
+        expect(page.locator(".guidance")).to_contain_text("Slide at", timeout=BEGUN_MS)
+        expect_running(page)
+        expect(rejected.nth(before)).to_be_attached(timeout=BEGUN_MS)
+        cancel(page)
+        told = rejected.all_inner_texts()
+        assert len(set(told)) == len(told)
+        assert page.evaluate("window.loadedOnce")
+
+
+def test_what_is_under_way_is_found_and_seen_by_who_may_not_calibrate(
+    page: Page, lab: Lab, open_page: OpenPage, tmp_path: Path
+) -> None:
+    page.get_by_role("combobox", name="Protocol").select_option("paper")
+    start(page, "P05", {})
+    expect(page.locator(".readings")).to_contain_text("of 375 planned", timeout=BEGUN_MS)
+    (calibration,) = lab.ask("GET", "/calibrations?participant=P05")["calibrations"]
+    asked = PaperProtocol.model_validate(calibration["spec"]["protocol"])
+    assert asked == PaperProtocol()
+    # By its own address, and by that of the view.
+    page.reload()
+    expect_shown(page, "P05")
+    page.goto(f"{lab.url}/dashboard/#/live/rig1")
+    page.get_by_role("link", name="Calibrate").click()
+    expect_shown(page, "P05")
+    # It knows of no calibration.
+    registry = RegistryConfig(url=f"sqlite:///{tmp_path / 'registry.db'}")
+    with read_only(lab, registry=registry) as url, open_page() as reader:
+        enter(reader, f"{url}#/calibrate/rig1")
+        expect(reader.locator(".guidance")).to_contain_text("Slide at")
+        expect(reader.get_by_text("None was started yet.")).to_be_visible()
+        expect(reader.get_by_text("A calibration needs the scope calibrate.")).to_be_visible()
+        for name in ("Start", "Cancel", "Publish", "Activate"):
+            expect(reader.get_by_role("button", name=name)).to_be_hidden()
+    cancel(page)

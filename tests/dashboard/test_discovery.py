@@ -1,0 +1,181 @@
+"""The view of discoveries before a real daemon: started by clicks, followed, read."""
+
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Locator, Page, expect
+from tests.blind.generator.case import Case, Design, Hidden
+from tests.blind.generator.study import Seeds, make_study
+from tests.dashboard.conftest import OpenPage
+from tests.dashboard.lab import Lab, enter, expect_no_violations, read_only, running
+from tests.service.discovery.found import discovery, left, pair
+
+from frictus_service.discovery.document import Discovery
+from frictus_service.discovery.job import DiscoveryResult, DiscoverySpec
+from frictus_service.discovery.outputs import write
+from frictus_service.discovery.shelf import DiscoveryShelf
+from frictus_service.discovery.words import verdict_sentence
+
+pytestmark = [pytest.mark.browser, pytest.mark.timeout(600)]
+
+DONE_MS = 300_000
+RETURN_MS = 60_000
+HIDDEN = (Hidden("direction_asymmetry", {"share": 0.15}),)
+DESIGN = Design(participants=6, n_tones=3, n_speeds=2, n_forces=1, tones_per_trial=3)
+
+
+def make(lab: Lab, name: str, rng: np.random.Generator) -> None:
+    """Make a study in which a direction is felt more than the other."""
+    lab.config.studies.mkdir(exist_ok=True)
+    drawn = Seeds(*(int(seed) for seed in rng.integers(2**31, size=2)))
+    make_study(lab.config.studies / name, Case("test", HIDDEN, DESIGN), drawn)
+
+
+def keep(lab: Lab, found: Discovery) -> str:
+    """Put a finished discovery on the shelf, and return its id."""
+    lab.config.studies.mkdir(exist_ok=True)
+    (lab.config.studies / "kept.h5").touch()
+    shelf = DiscoveryShelf(lab.config.studies)
+    job = shelf.create(DiscoverySpec(study="kept.h5", base="constant-cutoff"), "somebody")
+    write(found, shelf.folder(job.id))
+    result = DiscoveryResult(
+        verdict=found.verdict,
+        sentence=verdict_sentence(found),
+        causes=tuple(cause.id for cause in found.causes),
+    )
+    shelf.change(job.id, "done", of=("queued",), result=result)
+    return job.id
+
+
+@pytest.fixture(scope="module")
+def lab(browser: object, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
+    """A daemon without a rig: none is needed to look at studies."""
+    with running(tmp_path_factory.mktemp("lab"), rig=False) as lab:
+        yield lab
+
+
+def arrive(page: Page, lab: Lab) -> None:
+    page.goto(lab.url)
+    expect(page.locator("#connection")).to_have_text("Connected; no rig is present")
+    page.get_by_role("link", name="Discovery", exact=True).click()
+    expect(page.get_by_role("heading", name="What does a model get wrong?")).to_be_visible()
+
+
+def state(page: Page) -> Locator:
+    return page.locator("#view-discovery [data-state]")
+
+
+def test_a_discovery_by_clicks_alone(
+    lab: Lab, open_page: OpenPage, rng: np.random.Generator
+) -> None:
+    make(lab, "visit1.h5", rng)
+    with open_page() as page:
+        arrive(page, lab)
+        page.get_by_label("Study").select_option("visit1.h5")
+        page.get_by_label("Model that is criticised").select_option(
+            label="The paper's speed law"
+        )
+        page.get_by_role("button", name="Start").click()
+        expect(state(page)).to_have_text("Runs")
+        first = page.url
+        page.get_by_role("button", name="Start").click()  # one more: it has to wait
+        expect(state(page)).to_have_text("Waits for its turn")
+        page.get_by_role("button", name="Cancel").click()
+        page.goto(first)
+        expect(page.locator("#view-discovery ol")).to_contain_text("36 trials")
+        expect(state(page)).to_have_text("Done", timeout=DONE_MS)
+        causes = page.get_by_role("table", name="Causes that the data name")
+        asymmetry = causes.get_by_role("row", name="direction asymmetry")
+        expect(asymmetry).to_contain_text("share 0.1")
+        expect(asymmetry).to_contain_text("95 %")
+        report = page.locator("#view-discovery .report")
+        expect(report).to_contain_text("6 participants")
+        expect(report).to_contain_text("Log-likelihood of held-out data")
+        earlier = page.get_by_role("table", name="The newest first").locator("tbody tr")
+        expect(earlier).to_have_count(2)
+        expect(earlier.first).to_contain_text("Cancelled")
+        with page.expect_popup() as opened:
+            page.get_by_role("link", name="Open the report with figures").click()
+        expect(opened.value.get_by_role("heading", level=1)).to_contain_text("What the model")
+        page.reload()
+        expect(asymmetry).to_be_visible()
+
+
+def test_reads_every_part_of_a_report(
+    lab: Lab, open_page: OpenPage, rng: np.random.Generator
+) -> None:
+    notes = ("the screen was changed in between",)
+    found = discovery(
+        rng,
+        verdict="partly_explained",
+        cannot_tell=(pair(),),
+        unexplained=(left(),),
+        notes=notes,
+    )
+    job = keep(lab, found)
+    with open_page() as page:
+        arrive(page, lab)
+        page.get_by_role("table", name="The newest first").get_by_role("link").first.click()
+        assert job in page.url
+        view = page.locator("#view-discovery")
+        expect(view.locator("[data-verdict]")).to_have_text("Partly explained")
+        for told in (
+            verdict_sentence(found),
+            "confirmed: the catalogue's shape fits",
+            "97 % of what is reproducibly wrong",
+            "640 to 985",
+            *notes,
+        ):
+            expect(view).to_contain_text(told)
+        told_apart = page.get_by_role("table", name="It is one of the two")
+        expect(told_apart.get_by_role("row", name="channel delay")).to_contain_text("0.96")
+        rest = page.get_by_role("table", name="Reproducible, without a cause")
+        expect(rest).to_contain_text("by position")
+        untested = page.get_by_role("table", name="These causes were not looked for")
+        expect(untested).to_contain_text("no trial says when it began")
+        for summary in view.locator("summary").all():
+            if summary.is_visible():
+                summary.click()
+        tests = page.get_by_role("table", name="p values are corrected for all causes together")
+        expect(tests.get_by_role("row", name="speed dependent cutoff")).to_contain_text("named")
+        expect_no_violations(page)
+
+
+def test_reader_reads_and_saves_but_starts_nothing(
+    lab: Lab, open_page: OpenPage, rng: np.random.Generator
+) -> None:
+    job = keep(lab, discovery(rng))
+    with read_only(lab) as url, open_page(accept_downloads=True) as page:
+        enter(page, f"{url}#/discovery//{job}")
+        expect(page.locator("#view-discovery [data-verdict]")).to_have_text("Explained")
+        expect(page.get_by_text("takes a token with the scope calibrate")).to_be_visible()
+        expect(page.get_by_role("button", name="Start")).to_be_hidden()
+        # A link could not present the token.
+        expect(page.get_by_role("link", name="Open the report")).to_have_count(0)
+        with page.expect_download() as saved:
+            page.get_by_role("button", name="Save the report with figures").click()
+        assert saved.value.suggested_filename == f"discovery-{job}.html"
+        assert "<img" in Path(saved.value.path()).read_text("utf-8")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL for others")
+def test_an_api_that_dies_is_told_and_what_it_did_is_interrupted(
+    lab: Lab, open_page: OpenPage, rng: np.random.Generator
+) -> None:
+    make(lab, "visit2.h5", rng)
+    with open_page(expected="net::ERR_") as page:
+        arrive(page, lab)
+        page.get_by_label("Study").select_option("visit2.h5")
+        page.get_by_role("button", name="Start").click()
+        expect(state(page)).to_have_text("Runs")
+        os.kill(lab.supervisor.pid_of("api"), signal.SIGKILL)
+        expect(
+            page.get_by_text("No word from the service: this is from before.")
+        ).to_be_visible()
+        expect(page.get_by_role("button", name="Cancel")).to_be_hidden()
+        expect(state(page)).to_contain_text("Interrupted", timeout=RETURN_MS)

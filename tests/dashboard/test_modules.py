@@ -1,0 +1,226 @@
+"""The page's pure modules, in the browser that runs them, against the service's own figures."""
+
+import functools
+import struct
+import threading
+from collections.abc import Iterator
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+from tests.dashboard.conftest import OpenPage
+
+from frictus_dashboard import FOLDER
+from frictus_hardware.physics.friction import FrictionLaw
+from frictus_service.fidelity.bands import CENTRES_HZ, band_power, error_db
+
+pytestmark = pytest.mark.browser
+
+RATE_HZ = 20_000.0
+SEGMENT = 8_192
+
+
+class _Quiet(SimpleHTTPRequestHandler):
+    def do_GET(self) -> None:
+        """Serve files; browsers ask for an icon besides."""
+        if self.path == "/favicon.ico":
+            self.send_response(204)
+            self.end_headers()
+        else:
+            super().do_GET()
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Say nothing."""
+
+
+@pytest.fixture(scope="module")
+def folder_url() -> Iterator[str]:
+    handler = functools.partial(_Quiet, directory=str(FOLDER))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_address[1]}"
+        server.shutdown()
+        thread.join()
+
+
+@pytest.fixture(scope="module")
+def page(open_page: OpenPage, folder_url: str) -> Iterator[Page]:
+    with open_page() as page:
+        page.goto(f"{folder_url}/style.css")
+        yield page
+
+
+def packed(
+    data: np.ndarray[Any, Any], lost: int = 0, per_column: int = 80, run: int = 7
+) -> Any:
+    """Return a min/max frame of `force`; data of shape (channels, 2, columns)."""
+    channels, _, columns = data.shape
+    header = struct.pack(
+        "<HHHHIIQQdII8x", 1, 1, channels, 64, run, columns, 1_000, lost, RATE_HZ, per_column, 1
+    )
+    return list(header + data.astype("<f4").tobytes())
+
+
+def test_frame_is_decoded(page: Page, rng: np.random.Generator) -> None:
+    data = rng.normal(size=(3, 2, 5)).astype(np.float32)
+    frame = page.evaluate(
+        """async (bytes) => {
+          const { decode } = await import("/frames.js");
+          const frame = decode(new Uint8Array(bytes).buffer);
+          const [low, high] = [frame.low, frame.high].map((rows) => rows.map((r) => [...r]));
+          return { ...frame, low, high };
+        }""",
+        packed(data, lost=160),
+    )
+    np.testing.assert_array_equal(frame.pop("low"), data[:, 0])
+    np.testing.assert_array_equal(frame.pop("high"), data[:, 1])
+    assert frame == {
+        "stream": "force",
+        "channels": 3,
+        "columns": 5,
+        "flags": 64,
+        "run": 7,
+        "firstSample": 1_000,
+        "lostSamples": 160,
+        "sampleRateHz": RATE_HZ,
+        "samplesPerColumn": 80,
+        "raw": False,
+    }
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [(0, 2), (2, 99), (44, 7), (12, 6)],
+    ids=["version", "stream", "kind", "size"],
+)
+def test_what_is_no_frame_is_refused(page: Page, place: int, value: int) -> None:
+    frame = packed(np.zeros((3, 2, 5)))
+    frame[place] = value
+    refused = page.evaluate(
+        """async (frames) => {
+          const { decode } = await import("/frames.js");
+          return frames.map((bytes) => {
+            try { decode(new Uint8Array(bytes).buffer); } catch (error) { return error.name; }
+          });
+        }""",
+        [frame, frame[:20]],
+    )
+    assert refused == ["RangeError", "RangeError"]
+
+
+WINDOW = """async (frames) => {
+  const { decode } = await import("/frames.js");
+  const { ColumnWindow } = await import("/window.js");
+  const kept = new ColumnWindow(6, 2);
+  for (const bytes of frames) kept.push(decode(new Uint8Array(bytes).buffer));
+  const { values, samples, lost } = kept;
+  return { values, samples, lost, extent: kept.extent(0) };
+}"""
+
+
+def test_window_keeps_the_newest_columns_and_shows_gaps(
+    page: Page, rng: np.random.Generator
+) -> None:
+    first, second = rng.normal(size=(2, 1, 2, 3)).astype(np.float32)
+    got = page.evaluate(WINDOW, [packed(first), packed(second, lost=160)])
+    # Two columns are lost: of the first frame only its last one is left.
+    expected = [*first[0, :, 2], None, None, None, None, *second[0].T.ravel()]
+    assert got["values"][0] == [None if v is None else float(v) for v in expected]
+    assert (got["samples"], got["lost"]) == (480, 160)
+    left = np.concatenate((first[0, :, 2], second.ravel()))
+    assert got["extent"] == [float(left.min()), float(left.max())]
+
+
+def test_window_takes_frames_longer_than_itself_and_forgets_a_former_run(
+    page: Page, rng: np.random.Generator
+) -> None:
+    former, long = rng.normal(size=(1, 2, 3)), rng.normal(size=(1, 2, 10)).astype(np.float32)
+    got = page.evaluate(WINDOW, [packed(former, run=1), packed(long, run=2)])
+    assert got["values"][0] == [float(v) for v in long[0, :, 4:].T.ravel()]
+    got = page.evaluate(WINDOW, [packed(long, run=1), packed(former, run=2)])
+    assert got["values"][0][:6] == [None] * 6
+
+
+def test_third_octaves_are_those_of_the_service(page: Page, rng: np.random.Generator) -> None:
+    felt = np.cumsum(rng.normal(size=SEGMENT)) * 1e-3 + rng.normal(size=SEGMENT)
+    target = rng.normal(size=SEGMENT)
+    got = page.evaluate(
+        """async ([felt, target, rate]) => {
+          const { bandPower, errorsDb } = await import("/spectrum.js");
+          const [a, b] = [felt, target].map((x) => bandPower(Float64Array.from(x), rate));
+          return { felt: [...a], target: [...b], errors: errorsDb(a, b) };
+        }""",
+        [felt.tolist(), target.tolist(), RATE_HZ],
+    )
+    powers = [band_power(x, RATE_HZ, [slice(0, SEGMENT)]) for x in (felt, target)]
+    np.testing.assert_allclose(got["felt"], powers[0], rtol=1e-9)
+    np.testing.assert_allclose(got["target"], powers[1], rtol=1e-9)
+    errors = [np.nan if error is None else error for error in got["errors"]]
+    np.testing.assert_allclose(errors, error_db(*powers), atol=1e-8)
+
+
+def test_uncompensated_is_what_the_model_lets_through(
+    page: Page, rng: np.random.Generator
+) -> None:
+    law = FrictionLaw(
+        gain_n=1.0, cutoff_0_hz=rng.uniform(50, 500), slope_hz_per_mm_s=rng.uniform(0, 20)
+    )
+    speed = rng.uniform(20.0, 100.0)
+    got = page.evaluate(
+        """async ([law, speed]) => {
+          const { uncompensated } = await import("/spectrum.js");
+          return [...uncompensated(new Float64Array(16).fill(1), law, -speed)];
+        }""",
+        [{"cutoff_0_hz": law.cutoff_0_hz, "slope_hz_per_mm_s": law.slope_hz_per_mm_s}, speed],
+    )
+    cutoff_hz = law.cutoff_0_hz + law.slope_hz_per_mm_s * speed
+    np.testing.assert_allclose(got, np.abs(1.0 / (1.0 + 1j * CENTRES_HZ / cutoff_hz)) ** 2)
+
+
+def test_target_follows_the_path(page: Page, rng: np.random.Generator) -> None:
+    angle_deg, turns, hz = rng.uniform(-180, 180), rng.uniform(0.2, 5.0), rng.uniform(20, 500)
+    phase = rng.uniform(0, 6, size=2)
+    amplitude = rng.uniform(0.01, 0.1, size=2)
+    x, y = rng.uniform(10, 20, size=(2, 64))
+    region = {
+        "x_mm": [-1000, 1000],
+        "y_mm": [5, 25],
+        "gain": 0.7,
+        "edge_fade_mm": 1.0,
+        "texture": {
+            "kind": "spectrum",
+            "angle_deg": angle_deg,
+            "components": [
+                {"amplitude_n": amplitude[0], "cycles_per_mm": turns, "phase_rad": phase[0]},
+                {"amplitude_n": amplitude[1], "hz": hz, "phase_rad": phase[1]},
+            ],
+        },
+    }
+    aside = {**region, "y_mm": [26, 30]}
+    across = {**region, "y_mm": [float(y.mean()), 30]}
+    friction, crossing = page.evaluate(
+        """async ([regions, across, x, y]) => {
+          const { friction, under } = await import("/target.js");
+          const path = { x: Float64Array.from(x), y: Float64Array.from(y) };
+          const over = under(regions, path);
+          return [[...friction(over, path, 40, 2e-4, 20000, 0.5)], under([across], path)];
+        }""",
+        [[region, aside], across, x.tolist(), y.tolist()],
+    )
+    along = np.cos(np.deg2rad(angle_deg)) * x + np.sin(np.deg2rad(angle_deg)) * y
+    time_s = 40 / 20_000 + 2e-4 * np.arange(64)
+    expected = amplitude[0] * np.cos(2 * np.pi * turns * along + phase[0])
+    expected += amplitude[1] * np.cos(2 * np.pi * hz * time_s + phase[1])
+    np.testing.assert_allclose(friction, 0.35 * expected, atol=1e-12)
+    assert crossing is None
+
+
+def test_page_without_a_service_says_so(open_page: OpenPage, folder_url: str) -> None:
+    with open_page(expected="WebSocket") as page:
+        page.goto(f"{folder_url}/index.html")
+        expect(page.locator("#connection")).to_contain_text("No connection to the service")
+        expect(page.locator("#rig")).to_be_hidden()
+        expect(page.locator("#stop")).to_be_visible()

@@ -1,0 +1,288 @@
+"""The page in a browser, before a real daemon: what a lab sees, and what its hands do."""
+
+import itertools
+import os
+import re
+import signal
+import statistics
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, WebSocket, WebSocketRoute, expect
+from tests.dashboard.conftest import OpenPage
+from tests.dashboard.lab import READER, Lab, enter, expect_no_violations, read_only, running
+
+import frictus
+from frictus_hardware import SimulatedConfig
+from frictus_hardware.simulated.pointer import ClientFinger
+from frictus_service.config import (
+    RegistryConfig,
+)
+
+pytestmark = pytest.mark.browser
+
+TELL_MS = 2_000
+"""Within this what has happened is on the page."""
+RETURN_MS = 60_000
+TEXTURE = frictus.Spectrum(
+    components=[
+        frictus.Component(amplitude_n=0.02, cycles_per_mm=turns)
+        for turns in (0.9, 1.3, 2.0, 3.1, 4.7)
+    ]
+)
+SCENE = frictus.Scene(name="lines", regions=[frictus.Region(texture=TEXTURE, name="Lines")])
+
+
+@pytest.fixture(scope="module")
+def lab(browser: object, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
+    """A daemon whose finger is a pointer's; none is started where there is no browser."""
+    finger = SimulatedConfig(finger=ClientFinger())
+    with running(tmp_path_factory.mktemp("lab"), backend=finger) as lab:
+        lab.rig.set_scene(SCENE)
+        yield lab
+
+
+@pytest.fixture
+def page(lab: Lab, open_page: OpenPage) -> Iterator[Page]:
+    with open_page() as page:
+        arrive(page, lab.url)
+        yield page
+
+
+def arrive(page: Page, url: str) -> None:
+    page.goto(url)
+    expect(page.locator("#connection")).to_have_text("Live")
+    page.evaluate("window.loadedOnce = true")
+
+
+def samples(page: Page, stream: str) -> int:
+    told = page.locator(f"[data-stream={stream}] .count").inner_text()
+    return int(told.split()[0]) if told else 0
+
+
+def test_charts_move_and_their_words_follow(page: Page) -> None:
+    page.emulate_media(reduced_motion="no-preference")
+    for stream in ("force", "accel", "voltage"):
+        seen = samples(page, stream)
+        page.wait_for_function(
+            """([stream, seen]) => parseInt(document.querySelector(
+              `[data-stream=${stream}] .count`).textContent) > seen + 20000""",
+            arg=[stream, seen],
+        )
+        expect(page.locator(f"[data-stream={stream}] .extent").first).to_contain_text(" to ")
+    drawn = page.evaluate(
+        """() => [...document.querySelectorAll("#traces canvas")].map((canvas) => {
+          const { data } = canvas.getContext("2d").getImageData(
+            0, 0, canvas.width, canvas.height);
+          return data.some((value) => value > 0);
+        })"""
+    )
+    assert drawn == [True, True, True]
+
+
+def test_what_the_rig_is_stands_there(page: Page) -> None:
+    badges = page.locator("#badges")
+    expect(badges).to_contain_text("Simulated")
+    expect(badges).to_contain_text("Placeholder calibration")
+    expect(badges).to_contain_text("Substitute sensor")
+    expect(page.locator("#state")).to_have_text("Disarmed")
+    expect(page.locator("#speed")).to_contain_text("20 to 100 mm/s")
+    expect(page.locator("#scene-text")).to_contain_text("lines")
+    expect(page.locator("#health-rows tr")).not_to_have_count(0)
+
+
+def test_arms_and_stops_by_a_key(page: Page, lab: Lab) -> None:
+    for key in ("Escape", "Space"):
+        page.get_by_role("button", name="Arm", exact=True).click()
+        lab.status(lambda status: status.state == "armed")
+        expect(page.locator("#state")).to_have_text("ARMED")
+        page.get_by_role("heading", name="The screen, to scale").click()
+        page.keyboard.press(key)
+        lab.status(lambda status: status.state == "disarmed")
+        expect(page.locator("#stop-outcome")).to_contain_text("rig1 answered the stop")
+        expect(page.locator("#state")).to_have_text("Disarmed")
+
+
+def test_disarms_and_stops_by_the_button(page: Page, lab: Lab) -> None:
+    for button in ("Disarm", "STOP"):
+        page.get_by_role("button", name="Arm", exact=True).click()
+        lab.status(lambda status: status.state == "armed")
+        page.get_by_role("button", name=button).click()
+        lab.status(lambda status: status.state == "disarmed")
+        expect(page.get_by_role("button", name="Arm", exact=True)).to_be_visible()
+
+
+def test_lease_ends_with_the_page(lab: Lab, open_page: OpenPage) -> None:
+    with open_page() as page:
+        arrive(page, lab.url)
+        page.get_by_role("button", name="Arm", exact=True).click()
+        lab.status(lambda status: status.state == "armed")
+    lab.status(lambda status: status.state == "disarmed")
+
+
+def test_stop_needs_no_live_connection_and_is_sent_until_it_is_answered(
+    lab: Lab, open_page: OpenPage
+) -> None:
+    with open_page(expected="ERR_FAILED") as page:
+        page.route_web_socket("**/v1/live", lambda socket: socket.close())
+        page.route("**/v1/rigs/rig1/stop", lambda route: route.abort(), times=2)
+        page.goto(f"{lab.url}/dashboard/#/live/rig1")
+        expect(page.locator("#connection")).to_contain_text("No connection")
+        with lab.rig.arm():
+            page.keyboard.press("Escape")
+            # First of all here: the routes above are played only while the browser is asked.
+            expect(page.locator("#stop-outcome")).to_contain_text("rig1 answered the stop")
+            lab.status(lambda status: status.state == "disarmed")
+
+
+def test_pointer_is_the_finger(page: Page, lab: Lab) -> None:
+    canvas = page.locator("#surface")
+    box = canvas.bounding_box()
+    assert box is not None
+    page.locator("#press").fill("0.6")
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    lab.finger(lambda finger: finger.in_contact and abs(finger.x_mm - 35.0) < 1.0)
+    page.mouse.move(box["x"] + 0.7 * box["width"], box["y"] + box["height"] / 2, steps=5)
+    pressed = lab.finger(lambda finger: finger.in_contact and finger.x_mm > 40.0)
+    assert abs(pressed.y_mm - 17.5) < 1.0
+    expect(page.locator("#force")).to_contain_text("0.60")
+    page.mouse.up()
+    lab.finger(lambda finger: not finger.in_contact)
+    expect(page.locator("#finger-text")).to_contain_text("No finger")
+
+
+def test_felt_friction_follows_the_target(page: Page, lab: Lab) -> None:
+    page.get_by_role("button", name="Arm", exact=True).click()
+    lab.status(lambda status: status.state == "armed")
+    page.locator("#surface").focus()
+    keys = itertools.cycle(("ArrowLeft", "ArrowRight"))
+    # A busy machine renders with gaps: stroke until ten windows in a row had few of them.
+    # What is not rendered at all lies tens of decibels below.
+    while not follows(page):
+        key = next(keys)
+        page.keyboard.down(key)
+        end_mm = 0.0 if key == "ArrowLeft" else 70.0
+        lab.finger(lambda finger: abs(finger.x_mm - end_mm) < 6.0)  # noqa: B023
+        page.keyboard.up(key)
+    expect(page.locator(".summary")).to_contain_text("bands within 1.21 dB")
+    page.keyboard.press("Escape")
+    lab.status(lambda status: status.state == "disarmed")
+
+
+def test_friction_is_sent_only_while_it_is_looked_at(lab: Lab, open_page: OpenPage) -> None:
+    with open_page() as page:
+        sockets: list[WebSocket] = []
+        page.on("websocket", sockets.append)
+        arrive(page, lab.url)
+        while len(sockets) < 2:  # that of the page, and that of the friction
+            page.wait_for_event("websocket")
+        with sockets[1].expect_event("close"):
+            page.get_by_role("link", name="Models", exact=True).click()
+        assert not sockets[0].is_closed()
+        with page.expect_event("websocket"):
+            page.get_by_role("link", name="Live", exact=True).click()
+
+
+def follows(page: Page) -> bool:
+    told = page.locator("#spectrum tbody td:last-child").all_text_contents()
+    errors = [abs(float(text)) for text in told if re.fullmatch(r"-?[\d.]+", text)]
+    return len(errors) >= 6 and statistics.median(errors) < 2.0
+
+
+@pytest.mark.parametrize(
+    ("view", "shown"),
+    [
+        ("Live", "No finger touches the screen."),
+        ("Textures", "textures, "),
+        ("Calibrate", "None was started yet."),
+        ("Models", "No model is published that fits."),
+        ("Discovery", "There is no study in the folder yet."),
+    ],
+)
+def test_anybody_can_use_it(view: str, shown: str, page: Page) -> None:
+    page.get_by_role("link", name=view, exact=True).click()
+    expect(page.locator("main")).to_contain_text(shown)
+    expect_no_violations(page)
+    # The tab key reaches every control that is shown and not disabled.
+    wanted = page.evaluate(
+        """() => {
+          const all = "a[href], button, input, select, textarea, summary, [tabindex='0']";
+          window.wanted = [...document.querySelectorAll(all)].filter((control) =>
+            control.checkVisibility() && !control.disabled && !control.closest("dialog"));
+          return window.wanted.length;
+        }"""
+    )
+    page.evaluate("document.activeElement.blur()")
+    for _ in range(wanted + 10):
+        page.keyboard.press("Tab")
+        page.evaluate(
+            "window.wanted = window.wanted.filter((each) => each !== document.activeElement)"
+        )
+    left = page.evaluate("window.wanted.filter((each) => each.isConnected).map(String)")
+    assert left == []
+
+
+def test_reader_enters_a_token_and_may_only_look_and_stop(
+    lab: Lab, open_page: OpenPage, tmp_path: Path
+) -> None:
+    registry = RegistryConfig(url=f"sqlite:///{tmp_path / 'registry.db'}")
+    with read_only(lab, registry=registry) as url, open_page() as page:
+        enter(page, url)
+        expect(page.locator("#connection")).to_have_text("Live")
+        expect(page.locator("#arm")).to_be_hidden()
+        expect(page.locator("#pressing")).to_be_hidden()
+        assert READER not in page.url
+        with lab.rig.arm():
+            page.locator("#stop").click()
+            lab.status(lambda status: status.state == "disarmed")
+        expect(page.locator("#session")).to_have_text(
+            "Your token lets you: look, and stop a rig."
+        )
+        page.get_by_role("button", name="Forget the token").click()
+        expect(page.locator("#connection")).to_contain_text("Not let in")
+        page.reload()  # it is kept nowhere
+        expect(page.get_by_label("Token", exact=True)).to_be_visible()
+        expect(page.locator("#session")).to_be_empty()
+
+
+def test_network_that_swallows_everything_is_noticed(lab: Lab, open_page: OpenPage) -> None:
+    cut = threading.Event()
+
+    def between(page_side: WebSocketRoute) -> None:
+        service_side = page_side.connect_to_server()
+        service_side.on_message(lambda data: None if cut.is_set() else page_side.send(data))
+        page_side.on_message(lambda data: None if cut.is_set() else service_side.send(data))
+
+    with open_page() as page:
+        page.route_web_socket("**/v1/live", between)
+        arrive(page, lab.url)
+        cut.set()
+        box = page.locator("#connection")
+        expect(box).to_contain_text("No word from the service", timeout=TELL_MS)
+        cut.clear()
+        expect(box).to_contain_text("Live again")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL for others")
+def test_loss_and_return_are_shown_without_a_reload(lab: Lab, open_page: OpenPage) -> None:
+    with open_page(expected="WebSocket") as page:
+        arrive(page, lab.url)
+        box = page.locator("#connection")
+        os.kill(lab.supervisor.pid_of("rig"), signal.SIGKILL)
+        expect(box).to_contain_text("rig1 is gone", timeout=TELL_MS)
+        expect(page.locator("#state")).to_have_text("Unknown")
+        expect(page.locator("#owner")).to_have_text("It said last: disarmed")
+        os.kill(lab.supervisor.pid_of("api"), signal.SIGKILL)
+        expect(box).to_contain_text("No connection", timeout=TELL_MS)
+        expect(box).to_contain_text("Live again", timeout=RETURN_MS)
+        expect(page.locator("#state")).to_have_text("Disarmed")
+        assert page.evaluate("window.loadedOnce")
+        page.wait_for_function(
+            """(seen) => parseInt(document.querySelector(
+              "[data-stream=force] .count").textContent) > seen""",
+            arg=samples(page, "force"),
+        )

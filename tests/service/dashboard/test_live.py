@@ -1,0 +1,337 @@
+"""Pages at a real simulated rig: what they see moves, and none is in another's way."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.service.dashboard.page import SECRETS, configuration, page_at, serving
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+import frictus
+from frictus.keys import STREAMS
+from frictus_hardware import SimulatedConfig
+from frictus_hardware.simulated.pointer import ClientFinger
+from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
+from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.dashboard.frames import Frame, Kind
+from frictus_service.ports import free_endpoint
+
+DOCS = Path(__file__).parents[3] / "docs" / "live.md"
+NAMES = {topic.suffix.removeprefix("stream/"): number for number, topic in STREAMS.items()}
+
+
+@pytest.fixture(scope="module")
+def router() -> Iterator[str]:
+    """A rig whose finger follows pages."""
+    endpoint = free_endpoint()
+    config = Config(
+        backend=SimulatedConfig(finger=ClientFinger(smoothing_hz=50.0)),
+        router=RouterConfig(endpoint=endpoint),
+        api=ApiConfig(enabled=False),
+        limits=Limits(freeze_ms=5_000, missed_deadlines=1_000),  # for busy machines
+    )
+    with Supervisor(config, ("rig",)) as supervisor:
+        supervisor.wait_ready(100.0)
+        yield endpoint
+
+
+@pytest.fixture(scope="module")
+def port(router: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+    """The API beside it, with tokens."""
+    with serving(configuration(router, tmp_path_factory.mktemp("api"), True)) as port:
+        yield port
+
+
+def test_a_page_sees_the_rig(port: int) -> None:
+    with page_at(port, who="read") as page:
+        welcome = page.told[0]
+        assert (welcome["version"], welcome["scopes"], welcome["site"]) == (1, ["read"], "lab")
+        assert page.wait("rigs", lambda told: told["rigs"] == ["rig1"])["link"] is True
+        page.say("watch", rig="rig1", streams=["force"])
+        assert page.wait("status")["status"]["simulated"] is True
+        seen = {"status"}
+        while seen < {"status", "scene", "model", "finger"}:
+            message = page.read()
+            if isinstance(message, dict):
+                assert message["rig"] == "rig1"
+                assert message["op"] in message
+                seen.add(message["op"])
+        page.say("ping", id=12)
+        page.wait("pong", lambda pong: pong["id"] == 12)
+
+
+@pytest.mark.parametrize("raw", [True, False])
+def test_frames_follow_one_another(port: int, raw: bool) -> None:
+    streams = ["force", "accel", "voltage", "truth"]
+    with page_at(port, who="read") as page:
+        page.say("watch", rig="rig1", streams=streams, raw=raw, window_s=1.0, columns=500)
+        while len(page.frames) < 80:
+            page.read()
+        for name in streams:
+            frames = [frame for frame in page.frames if frame.stream == NAMES[name]]
+            assert len(frames) > 10
+            assert frames[0].lost_samples == 0
+            for before, after in pairwise(frames):
+                assert after.run == before.run
+                assert after.first_sample == before.next_sample + after.lost_samples
+            kind = Kind.RAW if raw else Kind.EXTREMES
+            assert {frame.kind for frame in frames} == {kind}
+            # 20 kHz over 500 columns of one second
+            assert {frame.samples_per_column for frame in frames} == {1 if raw else 40}
+            if not raw:
+                assert all((frame.data[:, 0] <= frame.data[:, 1]).all() for frame in frames)
+
+
+def test_a_new_watch_takes_the_place_of_the_old(port: int) -> None:
+    with page_at(port, who="read") as page:
+        page.say("watch", rig="rig1", streams=["force"])
+        page.frame()
+        page.say("watch", rig="rig1", streams=["voltage"], columns=16, window_s=0.01)
+        frame = page.frame(lambda frame: frame.stream == NAMES["voltage"])
+        assert frame.samples_per_column == 13
+        for _ in range(20):
+            assert page.frame().stream == NAMES["voltage"]
+        page.say("watch", rig=None)
+        page.say("ping", id=1)
+        page.wait("pong")
+        page.say("ping", id=2)
+        assert page.read() == {"op": "pong", "id": 2}
+
+
+def test_the_rate_is_the_page_s(port: int) -> None:
+    with page_at(port, who="read") as page:
+        page.say("watch", rig="rig1", streams=["force"], rate_hz=5.0, raw=True)
+        frames = [page.frame() for _ in range(5)]
+        # By the rig's own clock, five a second: each holds a fifth of a second.
+        samples = [
+            after.first_sample - before.first_sample for before, after in pairwise(frames)
+        ]
+        assert min(samples) >= 2_000
+        assert sum(samples) >= 4 * 3_900
+
+
+def test_a_page_that_reads_nothing_is_in_nobody_s_way(port: int) -> None:
+    streams = ["force", "accel", "voltage", "truth"]
+    with page_at(port, who="read", max_queue=1) as stuck, page_at(port, who="read") as page:
+        stuck.say("watch", rig="rig1", streams=streams, raw=True)
+        page.say("watch", rig="rig1", streams=["force"])
+        first = page.frame()
+        last = page.frame(lambda frame: frame.first_sample > first.first_sample + 30_000)
+        assert sum(frame.lost_samples for frame in page.frames) == 0
+        assert last.run == first.run
+        stuck.connection.close_socket()  # what it was sent and did not read goes nowhere
+
+
+def test_the_pointer_moves_the_finger(port: int) -> None:
+    with page_at(port, who="render") as page:
+        page.say("watch", rig="rig1", streams=["truth"])
+        page.wait("status")
+        place = {"x_mm": 20.0, "y_mm": 30.0, "normal_force_n": 1.0}
+
+        def arrived(frame: Frame) -> bool:
+            page.say("point", **place)
+            x_mm, y_mm = frame.data[:2, 1, -1]
+            return bool(abs(x_mm - place["x_mm"]) < 0.5 and abs(y_mm - place["y_mm"]) < 0.5)
+
+        page.frame(arrived)
+        page.wait("finger", lambda told: told["finger"]["in_contact"])
+        assert not [told for told in page.told if told["op"] == "refused"]
+    with page_at(port, who="read") as page:  # the finger is lifted when its page is gone
+        page.say("watch", rig="rig1")
+        page.wait("finger", lambda told: not told["finger"]["in_contact"])
+
+
+def refused(port: int, *says: str | bytes, who: str | None = "read") -> tuple[str, int]:
+    """Return with which code a page is refused, and with which its connection is closed."""
+    with page_at(port, hello=who is not None, who=who) as page:
+        for said in says:
+            page.connection.send(said)
+        told = page.wait("refused")
+        assert told["message"]
+        with pytest.raises(ConnectionClosed) as closed:
+            page.read()
+        assert closed.value.rcvd is not None
+        assert closed.value.rcvd.reason
+        return told["code"], closed.value.rcvd.code
+
+
+HELLO = '{"op":"hello","version":1%s}'
+
+
+@pytest.mark.parametrize(
+    ("said", "code"),
+    [
+        (HELLO % "", ("unauthenticated", 1008)),
+        (HELLO % ',"token":null', ("unauthenticated", 1008)),
+        (HELLO % ',"token":"not-a-token-of-anybody"', ("unauthenticated", 1008)),
+        (HELLO % f',"token":"{SECRETS["admin"]}"', ("missing_scope", 1008)),
+        ('{"op":"watch","rig":"rig1"}', ("no_hello", 1003)),
+        ("{", ("malformed", 1003)),
+        (b"\0" * 100, ("malformed", 1003)),
+    ],
+)
+def test_who_does_not_say_who_it_is_sees_nothing(
+    port: int, said: str | bytes, code: tuple[str, int]
+) -> None:
+    assert refused(port, said, who=None) == code
+
+
+@pytest.mark.parametrize(
+    ("said", "code"),
+    [
+        ('{"op":"point","x_mm":1,"y_mm":1}', ("missing_scope", 1008)),
+        (HELLO % "", ("malformed", 1003)),
+        ('{"op":"arm","rig":"rig1"}', ("missing_scope", 1008)),
+        ('{"op":"arm me"}', ("malformed", 1003)),
+        (b"{}", ("malformed", 1003)),
+        ("[" * 60_000, ("malformed", 1003)),
+    ],
+)
+def test_malformed_and_forbidden_end_the_connection_and_no_other(
+    port: int, said: str | bytes, code: tuple[str, int]
+) -> None:
+    with page_at(port, who="read") as page:
+        page.say("watch", rig="rig1", streams=["force"])
+        page.frame()
+        assert refused(port, said) == code
+        for _ in range(10):
+            assert page.frame().lost_samples == 0
+
+
+def test_oversized_messages_end_the_connection(port: int) -> None:
+    with page_at(port, who="read") as page:
+        page.connection.send(" " * 70_000)
+        with pytest.raises(ConnectionClosed) as closed:
+            page.wait("never")
+        assert closed.value.rcvd is not None
+        assert closed.value.rcvd.code == 1009
+
+
+def test_no_rig_to_point_at_is_said(port: int) -> None:
+    with page_at(port, who="render") as page:
+        page.say("point", x_mm=1.0, y_mm=1.0)
+        assert page.wait("refused")["code"] == "no_rig"
+        page.say("watch", rig="nowhere")
+        assert page.wait("lost")["rig"] == "nowhere"
+        page.say("point", x_mm=1.0, y_mm=1.0)
+        assert page.wait("refused")["code"] == "no_rig"
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1"])
+def test_other_origins_are_refused_before_anything_is_said(port: int, origin: str) -> None:
+    with pytest.raises(InvalidStatus) as refused:
+        with page_at(port, hello=False, origin=origin):
+            pass
+    assert refused.value.response.status_code == 403
+
+
+def test_other_hosts_are_refused(port: int) -> None:
+    headers = {"Origin": "http://rebound.example"}
+    with pytest.raises(InvalidStatus) as refused:
+        with page_at(
+            port, hello=False, additional_headers=headers | {"Host": "rebound.example"}
+        ):
+            pass
+    assert refused.value.response.status_code in (400, 403, 421)
+
+
+def test_its_own_page_is_let_in(port: int) -> None:
+    with page_at(port, who="read", origin=f"http://127.0.0.1:{port}") as page:
+        page.wait("rigs")
+
+
+def armed(told: Any) -> bool:
+    return bool(told["status"]["state"] == "armed")
+
+
+def disarmed(told: Any) -> bool:
+    return bool(told["status"]["state"] == "disarmed" and told["status"]["owner"] is None)
+
+
+def test_a_page_arms_and_gives_back(port: int) -> None:
+    with page_at(port, who="read") as other, page_at(port, who="render") as page:
+        other.say("watch", rig="rig1")
+        page.say("arm", rig="rig1")
+        page.wait("armed", lambda told: told["rig"] == "rig1")
+        owner = other.wait("status", armed)["status"]["owner"]
+        with page_at(port, who="render") as third:
+            assert third.told[0]["client"] == owner
+            third.say("arm", rig="rig1")
+            assert third.wait("refused")["code"] == "not_owner"
+            third.say("disarm", rig="rig1")
+            assert third.wait("refused")["code"] == "not_owner"
+        page.say("arm", rig="rig1")
+        assert page.wait("refused")["code"] == "conflict"
+        page.say("disarm", rig="rig1")
+        assert page.wait("disarmed") == {"op": "disarmed", "rig": "rig1", "reason": ""}
+        other.wait("status", disarmed)
+
+
+@pytest.mark.parametrize("goes", ["closes", "breaks", "malformed"])
+def test_a_rig_is_given_back_with_its_page(port: int, goes: str) -> None:
+    with page_at(port, who="read") as other:
+        other.say("watch", rig="rig1")
+        with page_at(port, who="render") as page:
+            page.say("arm", rig="rig1")
+            page.wait("armed")
+            other.wait("status", armed)
+            if goes == "breaks":
+                page.connection.socket.close()
+            elif goes == "malformed":
+                page.connection.send("?")
+                page.wait("refused")
+        other.wait("status", disarmed)
+
+
+def test_a_silent_page_keeps_no_rig(port: int) -> None:
+    with page_at(port, who="render") as page:
+        page.say("arm", rig="rig1")
+        page.wait("armed")
+        assert "nothing" in page.wait("disarmed")["reason"]
+        page.say("ping", id=1)
+        page.wait("pong")
+
+
+def test_a_stop_by_anybody_ends_the_lease(port: int, router: str) -> None:
+    with page_at(port, who="render") as page:
+        page.say("arm", rig="rig1")
+        page.say("watch", rig="rig1")
+        page.wait("status", armed)
+        with frictus.connect(router, name="bystander") as client:
+            client.rig("rig1").stop()
+        assert "owner" in page.wait("disarmed")["reason"]
+
+
+def test_no_rig_to_arm_is_said(port: int) -> None:
+    with page_at(port, who="render") as page:
+        page.say("arm", rig="nowhere")
+        assert page.wait("refused")["code"] == "no_rig"
+
+
+def test_the_server_ends_with_pages_connected(router: str, tmp_path: Path) -> None:
+    with serving(configuration(router, tmp_path, False)) as port:
+        with page_at(port) as page, page_at(port) as idle, page_at(port, hello=False):
+            page.say("watch", rig="rig1", streams=["force"])
+            page.frame()
+            assert idle.told
+            ended_s = time.monotonic()
+    assert time.monotonic() - ended_s < 15.0
+
+
+def test_the_example_in_the_docs_runs(port: int) -> None:
+    example = DOCS.read_text(encoding="utf-8").split("```python\n")[1].split("```")[0]
+    example = example.replace("8420", str(port)).replace("None})", f'"{SECRETS["read"]}"}})')
+    command = [sys.executable, "-u", "-c", example]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "welcome\n"
+            while not process.stdout.readline().startswith("1 ["):
+                assert process.poll() is None
+        finally:
+            process.kill()
