@@ -19,7 +19,12 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from frictus.keys import RigKeys
 from frictus.session import DEFAULT_ROUTER
 from frictus.tls import SCHEME, Tls
-from frictus_hardware import BackendConfig, SimulatedConfig, SimulatedDeviceConfig
+from frictus_hardware import (
+    BackendConfig,
+    SimulatedConfig,
+    SimulatedDeviceConfig,
+    located,
+)
 from frictus_service.errors import ConfigurationError
 
 Scope = Literal["read", "render", "calibrate", "admin"]
@@ -95,6 +100,8 @@ class Limits(_Section):
     """Without a touch report for so long, rendering is suspended."""
     monitor_tolerance_v: Annotated[float, Field(gt=0.0, le=75.0)] = 5.0
     """How far the monitored screen voltage may be off the drive, V rms over a block."""
+    force_limit_n: Annotated[float, Field(gt=0.0, le=1_000.0)] = 10.0
+    """A force on the screen, of any direction, beyond which the rig trips."""
     freeze_ms: Annotated[int, Field(ge=50, le=10_000)] = 250
     """A block loop that stands still for so long is killed, and the device is reset."""
     missed_deadlines: Annotated[int, Field(ge=1, le=1_000)] = 40
@@ -300,6 +307,7 @@ def parse(text: str, path: Path) -> Config:
             "studies": folder / config.studies,
             "registry": config.registry.within(folder),
             "security": config.security and config.security.within(folder),
+            "backend": located(config.backend, folder),
         }
     )
 

@@ -16,7 +16,7 @@ from frictus_service.daemon.turn import Turn
 from frictus_service.synthesis.inverse import Inverse, Ranges
 from frictus_service.synthesis.undoing import inverse_of
 
-FORCE, ACCEL, VOLTAGE, TRUTH = 1, 2, 3, 4
+FORCE, ACCEL, VOLTAGE, TRUTH, AUX = 1, 2, 3, 4, 5
 """Stream ids, as `frictus.keys.STREAMS` lists them."""
 
 
@@ -88,6 +88,7 @@ def flags_of(turn: Turn, info: RigInfo, placeholder: bool) -> Flag:
         Flag.STALE_SENSOR: turn.step.stale,
         Flag.PLACEHOLDER_MODEL: placeholder,
         Flag.SUBSTITUTE_SENSOR: info.finger_source == "pointer",
+        Flag.SATURATED: exchange.saturated_samples > 0,
     }
     flags = Flag(0)
     for flag, holds in said.items():
@@ -97,7 +98,7 @@ def flags_of(turn: Turn, info: RigInfo, placeholder: bool) -> Flag:
 
 
 def blocks_of(turn: Turn, stamp: Stamp, flags: Flag, sample_rate_hz: float) -> list[Block]:
-    """Return a turn's blocks, one per stream; the truth only where the rig is simulated."""
+    """Return a turn's blocks, one per stream that the rig has."""
     exchange = turn.step.exchange
     channels: dict[int, NDArray[np.float32]] = {
         FORCE: exchange.force_n.T.astype(np.float32, order="C"),
@@ -106,6 +107,8 @@ def blocks_of(turn: Turn, stamp: Stamp, flags: Flag, sample_rate_hz: float) -> l
     }
     if exchange.truth is not None:
         channels[TRUTH] = _truth(exchange)
+    if exchange.aux is not None:
+        channels[AUX] = exchange.aux.T.astype(np.float32, order="C")
     return [
         Block(
             stream,

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Final, get_args
+from typing import Final
 
 import frictus
 from frictus.rig import StreamName
@@ -14,7 +14,7 @@ from frictus_service.benchmarks.neighbour import Neighbour, Pipe, neighbour
 from frictus_service.benchmarks.service import RIG
 from frictus_service.config import Config
 
-STREAMS: Final[tuple[StreamName, ...]] = get_args(StreamName)
+STREAMS: Final[tuple[StreamName, ...]] = ("force", "accel", "voltage", "truth")
 PATHS: Final = (
     f"/v1/rigs/{RIG}",
     "/metrics",

@@ -18,6 +18,7 @@ from frictus_service.benchmarks import (
     recording,
     throughput,
     update,
+    viewers,
 )
 from frictus_service.benchmarks.figure import SCHEMA, Figure
 
@@ -56,6 +57,7 @@ MEASUREMENTS: dict[str, Callable[[], list[Figure]]] = {
     "block latency": delivery.measure,
     "texture update": update.measure,
     "loop lateness": lateness.measure,
+    "viewers": viewers.measure,
     "kills": kills.measure,
     "identification": identification.measure,
     "discovery": discovery.measure,

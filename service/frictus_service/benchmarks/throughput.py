@@ -162,6 +162,11 @@ class OneTurn:
             self._streams[stream].put(frame)
         return len(self._frames)
 
+    @property
+    def n_blocks(self) -> int:
+        """Blocks of a turn."""
+        return len(self._blocks)
+
     def publish(self) -> int:
         """Do all that the publisher does with a turn, finger state included."""
         for block in self._made_blocks():
@@ -200,7 +205,7 @@ def measure(turns: int = 500, repeats: int = 61) -> list[Figure]:
 
         ours_s, bare_s = interleaved(repeats, timing(turn.pack_and_put), timing(turn.put))
         whole_s, all_s = interleaved(repeats, timing(turn.publish), timing(turn.put_all))
-    blocks = turns * len(STREAMS)
+    blocks = turns * turn.n_blocks
     megabytes = 1e-6 * turns * turn.bytes / ours_s
     return [
         Figure(

@@ -1,7 +1,7 @@
 """`frictus api`: the REST API alone."""
 
 from frictus_service.cli.options import AsJson, ConfigFile
-from frictus_service.cli.serve import said
+from frictus_service.cli.serve import said, where_to_look
 
 
 def api(config: ConfigFile = None, as_json: AsJson = False) -> None:
@@ -12,5 +12,5 @@ def api(config: ConfigFile = None, as_json: AsJson = False) -> None:
     from frictus_service.daemon import supervisor  # seconds, so after the configuration
 
     say = said(as_json)
-    say(f"the API will answer at http://{settings.api.host}:{settings.api.port}/docs")
+    say(where_to_look(settings.api))
     supervisor.serve(settings, ("api",), host_router=False, say=say)

@@ -21,13 +21,16 @@ from frictus_service.cli import (
     recorder,
     recover,
     rig,
+    router,
+    selftest,
     serve,
     study,
     verify,
     watch,
+    zero,
 )
 from frictus_service.cli.exits import Commands
-from frictus_service.cli.options import AsJson
+from frictus_service.cli.options import AsJson, Workers
 
 app = typer.Typer(
     name="frictus",
@@ -53,6 +56,7 @@ def frictus(
 app.command()(serve.serve)
 app.command()(rig.rig)
 app.command()(api.api)
+app.command()(router.router)
 app.command()(play.play)
 app.command()(watch.watch)
 app.command()(record.record)
@@ -61,6 +65,8 @@ app.command()(verify.verify)
 app.command()(recover.recover)
 app.command()(export.export)
 app.command()(doctor.doctor)
+app.command()(selftest.selftest)
+app.command()(zero.zero)
 app.command()(calibrate.calibrate)
 app.command()(identify.identify)
 app.command()(mount.mount)
@@ -111,10 +117,7 @@ def paper(
         typer.Option("--out", metavar="DIR", help="Keep study, identification and table."),
     ] = None,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="[default: fresh]")] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option("--workers", min=0, help="Processes.  [default: one per processor]"),
-    ] = None,
+    workers: Workers = None,
 ) -> None:
     """Simulate the paper's study, analyse it blind, and set its values beside what came out."""
     from frictus_service.cli.paper import paper as run

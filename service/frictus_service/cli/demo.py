@@ -188,6 +188,7 @@ def _print(heard: Heard, status: RigStatus, comparison: Comparison, plot: Path |
         )
     if plot is not None:
         console.print(f"picture: {plot}")
+    console.print("a rig to look at: frictus serve, then http://127.0.0.1:8420/ in a browser")
 
 
 def _shown(error_db: float) -> str:

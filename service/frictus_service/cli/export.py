@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from frictus_service.recording.segments import Declared
     from frictus_service.study.errors import Exclusion
 
-Format = Literal["h5", "mat", "parquet"]
+Format = Literal["h5", "mat", "parquet", "replay"]
 MOUNTS = ("paper", "none")
 
 
 def export(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording, or a study.")],
     to: Annotated[
-        Format, typer.Option("--to", help="Study file; MATLAB files; Parquet tables.")
+        Format, typer.Option("--to", help="Study; MATLAB; Parquet; to play as a rig.")
     ] = "h5",
     out: Annotated[
         Path | None,
@@ -49,15 +49,22 @@ def export(
     mount: Annotated[
         str, typer.Option("--mount", metavar="paper|none|FILE", help="Under the screen.")
     ] = "paper",
+    touch_latency: Annotated[
+        float | None,
+        typer.Option("--touch-latency", min=0.0, help="s, where an old recording has none."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Write FILE as a study, MATLAB files or Parquet tables.
+    """Write FILE as a study, MATLAB files, Parquet tables, or to be played as a rig.
 
     Guided trials of a recording become trials; a recording in which nobody was guided is one
     trial, of which --participant, --speed, --force and --tone have to be said.
     """
     from frictus_service.recording.segments import Declared
 
+    if to == "replay":
+        _taped(file, out or file.with_suffix(".npz"), begin, end, touch_latency, as_json)
+        return
     tones = None if tone is None else tuple(hz for hz in tone if hz > 0.0)
     declared = Declared(participant, session, speed, force, tones, begin, end)
     path = out or _beside(file, to)
@@ -87,6 +94,30 @@ def _recorded(
         done = export_study(file, study, declared, _mount_of(mount))
         trials, more = _converted(study, to, path)
     return trials, (*done.excluded, *more), str(done.ending)
+
+
+def _taped(
+    file: Path,
+    path: Path,
+    begin: float | None,
+    end: float | None,
+    touch_latency_s: float | None,
+    as_json: bool,
+) -> None:
+    """Export a recording to be played as a rig, and tell what came of it."""
+    from frictus_service.recording.tape import export_tape
+
+    done = export_tape(file, path, begin, end, touch_latency_s)
+    if wants_lines(as_json):
+        write_line(
+            out=str(path),
+            seconds=done.seconds,
+            missing_samples=done.missing,
+            ending=str(done.ending),
+        )
+        return
+    sys.stdout.write(f"{path}: {done.seconds:.2f} s, {done.missing} samples missing\n")
+    sys.stdout.write(f"the recording {done.ending}\n")
 
 
 def _converted(file: Path, to: Format, path: Path) -> tuple[int, "tuple[Exclusion, ...]"]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from frictus_service.cli.lines import write_line
-from frictus_service.cli.options import AsJson, wants_lines
+from frictus_service.cli.options import AsJson, Workers, wants_lines
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -24,10 +24,7 @@ def identify(
         Path | None,
         typer.Option("--out", metavar="DIR", help="Where to.  [default: STUDY-identification]"),
     ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option("--workers", min=0, help="Processes.  [default: one per processor]"),
-    ] = None,
+    workers: Workers = None,
     cluster: Annotated[
         str | None,
         typer.Option("--cluster", metavar="ADDR", help="dask scheduler to work on instead."),

@@ -3,7 +3,7 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -28,6 +28,17 @@ SiteOption = Annotated[
 RigOption = Annotated[str | None, typer.Option("--rig", help="Rig.  [default: the only one]")]
 Seconds = Annotated[
     float | None, typer.Option("--seconds", min=0.0, help="How long.  [default: until Ctrl-C]")
+]
+Workers = Annotated[
+    int | None,
+    typer.Option("--workers", min=0, help="Processes.  [default: one per processor]"),
+]
+RandomSeed = Annotated[
+    int | None, typer.Option("--seed", min=0, help="Of random draws.  [default: fresh]")
+]
+Response = Annotated[
+    Literal["friction", "mobility"],
+    typer.Option("--response", help="From drive to friction, or from friction to skin."),
 ]
 
 

@@ -3,9 +3,13 @@
 import sys
 import time
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from frictus_service.cli.lines import write_line
 from frictus_service.cli.options import AsJson, ConfigFile
+
+if TYPE_CHECKING:
+    from frictus_service.config import ApiConfig
 
 
 def serve(config: ConfigFile = None, as_json: AsJson = False) -> None:
@@ -17,10 +21,16 @@ def serve(config: ConfigFile = None, as_json: AsJson = False) -> None:
 
     say = said(as_json)
     if settings.api.enabled:
-        say(f"the API will answer at http://{settings.api.host}:{settings.api.port}/docs")
+        say(where_to_look(settings.api))
         supervisor.serve(settings, say=say)
     else:
         supervisor.serve(settings, ("rig", "recorder"), say=say)
+
+
+def where_to_look(api: "ApiConfig") -> str:
+    """Return what an operator is told of the API's pages."""
+    url = f"http://{api.host}:{api.port}"
+    return f"the dashboard will be at {url}/ and the API's description at {url}/docs"
 
 
 def said(as_json: bool) -> Callable[[str], None]:
