@@ -6,15 +6,23 @@ from tests.service.identification.trials import LAW, PAPER_TONES_HZ, STUDY, Made
 
 from frictus_hardware.physics.friction import cutoff_hz
 
+STUDIES = 12
 
-def test_the_paper_to_the_letter_is_biased(rng: np.random.Generator) -> None:
+
+def test_the_paper_to_the_letter_misses_the_cutoff(rng: np.random.Generator) -> None:
+    true_hz = float(cutoff_hz(LAW, 60.0))
+    found_hz = np.array([_literal_hz(rng) for _ in range(STUDIES)])
+    print(f"cutoffs to the letter: {found_hz.round()} Hz, in truth {true_hz:.0f} Hz")  # noqa: T201
+    # One of them may be right by chance (they scatter by 17 %); the lot of them is not.
+    typical = np.sqrt(np.mean(np.square(np.log(found_hz / true_hz))))
+    assert 0.05 < typical < 0.5
+
+
+def _literal_hz(rng: np.random.Generator) -> float:
     trials = [
         trial(Made((tone,), 60.0, seconds=2.04, noise_n=0.002), rng)
         for tone in PAPER_TONES_HZ[::2]
     ]
     found = literal_cutoffs(trials, STUDY)
     assert set(found) == {("P01", 60.0, 0.4)}
-    (cutoff,) = found.values()
-    true = float(cutoff_hz(LAW, 60.0))
-    print(f"cutoff to the letter: {cutoff:.0f} Hz, in truth {true:.0f} Hz")  # noqa: T201
-    assert 0.01 < abs(cutoff / true - 1.0) < 10.0
+    return found[("P01", 60.0, 0.4)]
