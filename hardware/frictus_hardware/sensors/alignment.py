@@ -1,7 +1,8 @@
-"""Which sample of the device was taken when, by the clock of the host.
+"""Which sample of a device was taken when, by the clock of the host.
 
 A block never comes before its last sample was taken, so of many blocks those that came with
-the least delay tell; what they tell fades as fast as the two clocks may run apart.
+the least delay tell; what they tell fades as fast as the two clocks may run apart. A counter in
+seconds is a device of 1 Hz.
 """
 
 from dataclasses import dataclass
@@ -35,7 +36,7 @@ class Alignment:
 
 
 def aligned(
-    before: Alignment | None, end_sample: int, now_s: float, sample_rate_hz: float
+    before: Alignment | None, end_sample: float, now_s: float, sample_rate_hz: float
 ) -> Alignment:
     """Return what is known once a block has come.
 
@@ -43,7 +44,7 @@ def aligned(
     ----------
     before : Alignment or None
         After the block before; None for the first.
-    end_sample : int
+    end_sample : float
         The sample after the block's last.
     now_s : float
         Monotonic clock of the host.

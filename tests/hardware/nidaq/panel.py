@@ -10,6 +10,8 @@ from typing import Self
 
 from tests.hardware.sensors.frames import DOWN, ENABLED, MODE_SET, MOVE, UP, touch_frame
 
+from frictus_hardware.sensors.tick_clock import TICKS_PER_S, WRAP
+
 FAKE_HID = Path(__file__).with_name("fake_hid")
 ADDRESS = "FRICTUS_FAKE_TOUCH"
 
@@ -24,14 +26,18 @@ class Panel:
         self._touched = False
         self._serving = threading.Thread(target=self._serve, daemon=True)
 
-    def show(self, x_mm: float, y_mm: float, in_contact: bool) -> None:
-        """Send a report of the finger, if there is one or has just been one."""
+    def show(self, time_s: float, x_mm: float, y_mm: float, in_contact: bool) -> None:
+        """Send a report of the finger, if there is one or has just been one.
+
+        `time_s` is the sensor's own: its counter goes with the report.
+        """
         wire, was = self._wire, self._touched
         self._touched = in_contact
         if wire is None or not self._enabled or not (in_contact or was):
             return
         event = (MOVE if was else DOWN) if in_contact else UP
-        data = touch_frame([(1, event, round(10.0 * x_mm), round(10.0 * y_mm))])
+        ticks = round(time_s * TICKS_PER_S) % WRAP
+        data = touch_frame([(1, event, round(10.0 * x_mm), round(10.0 * y_mm))], ticks)
         try:
             wire.sendall(bytes([len(data)]) + data)
         except OSError:

@@ -4,12 +4,14 @@ import queue
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
+import numpy as np
 import pytest
-from tests.hardware.sensors.frames import DOWN, ENABLED, MODE_SET, MOVE, UP, touch
+from tests.hardware.sensors.frames import BOOT, DOWN, ENABLED, MODE_SET, MOVE, UP, touch
 
 from frictus_hardware.errors import DeviceLostError
 from frictus_hardware.nidaq.touch_sensor import TouchSensorSource
 from frictus_hardware.sensors.neonode import Touchpad
+from frictus_hardware.sensors.tick_clock import TICKS_PER_S, WRAP
 from frictus_hardware.sensors.touch_link import TouchLink
 
 RATE_HZ = 20_000.0
@@ -105,6 +107,34 @@ def test_a_report_is_of_the_sample_at_which_the_finger_was_there(bench: Bench) -
     bench.tell(touch(MOVE, 130))
     (report,) = bench.block()
     assert report.measured_sample == pytest.approx(200 - LATENCY_S * RATE_HZ, abs=0.1)
+
+
+def test_what_holds_reports_up_does_not_move_the_finger_in_time(
+    bench: Bench, rng: np.random.Generator
+) -> None:
+    made_s = 0.04 * np.arange(1, 51)
+    held_s = rng.uniform(0.0, 0.03, made_s.size)
+    off = []
+    for made, held in zip(made_s, held_s, strict=True):
+        assert bench.block(round((made + held) * RATE_HZ) - bench.sample) == ()
+        ticks = round(made * TICKS_PER_S) % WRAP
+        bench.tell(touch(MOVE, 100, ticks=ticks))
+        (report,) = bench.block(20)
+        off.append(report.measured_sample - (made - LATENCY_S) * RATE_HZ)
+    # The report that was held up least places all after it; two clocks may drift, by 2e-4.
+    least = RATE_HZ * np.minimum.accumulate(held_s)
+    assert np.all(np.abs(np.array(off) - least) < 2e-4 * made_s[-1] * RATE_HZ + 2.0)
+
+
+def test_a_sensor_that_was_set_up_again_counts_anew(bench: Bench) -> None:
+    for restarted in (False, True):
+        if restarted:
+            bench.tell(BOOT)
+            bench.block(2_000)
+        bench.tell(touch(DOWN, 100, ticks=50_000 if restarted else 7))
+        (report,) = bench.block(100)
+        measured = bench.sample - 100 - LATENCY_S * RATE_HZ
+        assert report.measured_sample == pytest.approx(measured, abs=0.1)
 
 
 def test_a_sensor_that_sees_no_finger_is_told_to_see_none(bench: Bench) -> None:

@@ -45,10 +45,9 @@ FloatArray = NDArray[np.float64]
 
 KEEPING_UP = """deadline_s = 20.0
 lead_ms = 100.0
-transfer_ms = 10.0"""
-"""The device and the loop take turns here, where a real one runs meanwhile. In pieces of 5 ms
-that takes most of the time there is: a device once late stays behind, and touch reports are
-taken for those of other samples."""
+transfer_ms = 20.0"""
+"""The device and the loop take turns here, where a real one runs meanwhile. In pieces of 10 ms
+that takes 80 % of the time there is, and a device once late stays behind; of 20 ms, 40 %."""
 TOUCH_HZ = 100.0
 GAIN = 50.0
 STRANGER = Participant(cutoff_0_hz=0.6 * 385.68, slope_hz_per_mm_s=0.6 * 13.811)
@@ -122,7 +121,8 @@ class Lab:
         for place in np.flatnonzero(np.diff(scans, prepend=before) > 0.0):
             self._wait_until(float(time_s[place]))
             x_mm, y_mm = motion.position_mm[place]
-            self._panel.show(float(x_mm), float(y_mm), bool(motion.in_contact[place]))
+            touched = bool(motion.in_contact[place])
+            self._panel.show(float(time_s[place]), float(x_mm), float(y_mm), touched)
         self._wait_until(float(time_s[-1]) + 1.0 / self._config.sample_rate_hz)
         return sensor_volts(signals.force_n, signals.accel_m_s2, output_v)
 
@@ -155,7 +155,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
         device = FakeDevice(lab, at_one_time=True)
         with FakeServer(device) as server:
             text = f"""
-block_ms = 10.0
+block_ms = 20.0
 recordings = "recordings"
 router.endpoint = "{free_endpoint()}"
 limits = {{ freeze_ms = 5000, missed_deadlines = 1000 }}
