@@ -144,6 +144,35 @@ def test_window_takes_frames_longer_than_itself_and_forgets_a_former_run(
     assert got["values"][0][:6] == [None] * 6
 
 
+def test_envelope_paints_from_the_least_to_the_greatest_value_and_leaves_gaps(
+    page: Page, rng: np.random.Generator
+) -> None:
+    least = rng.uniform(-3.0, 0.0, 9)
+    greatest = least + rng.uniform(0.0, 4.0, 9)
+    least[4] = greatest[4] = np.nan
+    values = [None if np.isnan(each) else each for each in np.ravel((least, greatest), "F")]
+    ratio, painted = page.evaluate(
+        """async (values) => {
+          const { envelope } = await import("/envelope.js");
+          const pen = new OffscreenCanvas(1, 1).getContext("2d");
+          const times = values.map((_, i) => i);
+          const valToPos = (value, axis) => (axis === "x" ? 10 : -20) * value;
+          const { fill } = envelope({ data: [times, values], valToPos }, 1);
+          const heights = Array.from({ length: 1200 }, (_, i) => (i - 600) / 5);
+          const painted = times.filter((i) => i % 2 === 0).map((i) =>
+            heights.filter((y) => pen.isPointInPath(fill, 10 * i + 0.01, y)));
+          return [devicePixelRatio, painted.map((ys) => ys.length ? [ys[0], ys.at(-1)] : null)];
+        }""",
+        values,
+    )
+    assert painted[4] is None
+    # Past the last column before a gap, and past the very last one, nothing is painted.
+    for column in (0, 1, 2, 5, 6, 7):
+        top, bottom = painted[column]
+        assert top == pytest.approx(-20 * greatest[column] - 0.75 * ratio, abs=0.5)
+        assert bottom == pytest.approx(-20 * least[column] + 0.75 * ratio, abs=0.5)
+
+
 def test_third_octaves_are_those_of_the_service(page: Page, rng: np.random.Generator) -> None:
     felt = np.cumsum(rng.normal(size=SEGMENT)) * 1e-3 + rng.normal(size=SEGMENT)
     target = rng.normal(size=SEGMENT)

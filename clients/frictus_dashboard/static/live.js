@@ -46,7 +46,9 @@ export class Live {
     this.trusted = false;
     this.shown = true;
     this.open(null);
-    onSchemeChange(() => (this.traces.redraw(), this.listening.redraw()));
+    onSchemeChange(() => {
+      for (const each of [this.surface, this.traces, this.listening]) each.redraw();
+    });
     requestAnimationFrame((nowMs) => this.#draw(nowMs));
   }
 
@@ -146,7 +148,7 @@ export class Live {
 
   #showScene() {
     const { scene, applied, source } = this.state.scene;
-    this.surface.regions = source === "scene" ? scene.regions : [];
+    this.surface.setRegions(source === "scene" ? scene.regions : []);
     const gain = `rendered at ${(100 * applied.gain).toFixed(0)} % of the friction asked for`;
     const words = {
       scene: `Scene ${scene.name || "without a name"}, ${gain}`,

@@ -3,6 +3,8 @@
 import { colour } from "./colours.js";
 
 const TRAIL_S = 2.0;
+/** Steps in which the trail fades. */
+const FADES = 8;
 const MARGIN_PX = 26;
 
 export class Surface {
@@ -12,6 +14,8 @@ export class Surface {
     this.pen = canvas.getContext("2d");
     this.screenMm = null;
     this.regions = [];
+    /** Screen and regions, kept as drawn: they change seldom, the finger sixty times a second. */
+    this.ground = null;
     this.trail = [];
     this.finger = null;
     new ResizeObserver(() => this.#fit()).observe(canvas);
@@ -23,7 +27,19 @@ export class Surface {
     this.screenMm = screenMm;
     this.canvas.style.aspectRatio = `${screenMm[0]} / ${screenMm[1]}`;
     this.trail = [];
+    this.ground = null;
     this.#fit();
+  }
+
+  /** @param {object[]} regions of the scene; none where it is not known */
+  setRegions(regions) {
+    this.regions = regions;
+    this.ground = null;
+  }
+
+  /** Draw anew, in the colours of now. */
+  redraw() {
+    this.ground = null;
   }
 
   /** @param {object|null} finger a FingerState; null: not known any more */
@@ -49,19 +65,35 @@ export class Surface {
   }
 
   draw(nowMs) {
-    if (this.screenMm === null) return;
+    if (this.screenMm === null || this.canvas.width === 0) return;
     const { pen } = this;
+    this.ground ??= this.#ground();
+    pen.resetTransform();
+    pen.clearRect(0, 0, this.canvas.width, this.canvas.height);
+    pen.drawImage(this.ground, 0, 0);
+    const perMm = this.#place(pen);
+    this.#drawTrail(perMm, nowMs);
+    this.#drawFinger(perMm);
+  }
+
+  #ground() {
+    const ground = new OffscreenCanvas(this.canvas.width, this.canvas.height);
+    const pen = ground.getContext("2d");
+    const perMm = this.#place(pen);
+    this.#drawScreen(pen, perMm);
+    this.regions.forEach((region, index) => this.#drawRegion(pen, region, index, perMm));
+    return ground;
+  }
+
+  /** Put a pen's origin at the screen's, in CSS pixels; returns how many are a millimetre. */
+  #place(pen) {
     const scale = devicePixelRatio;
     const width = this.canvas.width / scale;
     const height = this.canvas.height / scale;
     const perMm = this.#perMm(width, height);
     pen.setTransform(scale, 0, 0, scale, 0, 0);
-    pen.clearRect(0, 0, width, height);
     pen.translate(...this.#origin(width, height, perMm));
-    this.#drawScreen(perMm);
-    this.regions.forEach((region, index) => this.#drawRegion(region, index, perMm));
-    this.#drawTrail(perMm, nowMs);
-    this.#drawFinger(perMm);
+    return perMm;
   }
 
   #perMm(width, height) {
@@ -74,8 +106,7 @@ export class Surface {
     return [(width - perMm * x) / 2, (height - perMm * y) / 2];
   }
 
-  #drawScreen(perMm) {
-    const { pen } = this;
+  #drawScreen(pen, perMm) {
     const [width, height] = this.screenMm;
     pen.fillStyle = colour("--screen");
     pen.strokeStyle = colour("--line");
@@ -95,8 +126,7 @@ export class Surface {
     pen.restore();
   }
 
-  #drawRegion(region, index, perMm) {
-    const { pen } = this;
+  #drawRegion(pen, region, index, perMm) {
     const [x, xEnd] = region.x_mm.map((value) => perMm * clamp(value, this.screenMm[0]));
     const [y, yEnd] = region.y_mm.map((value) => perMm * clamp(value, this.screenMm[1]));
     pen.save();
@@ -128,12 +158,16 @@ export class Surface {
     pen.strokeStyle = colour("--finger");
     pen.lineWidth = 3;
     pen.lineCap = "round";
-    for (let i = 1; i < trail.length; i++) {
-      if (trail[i - 1] === null || trail[i] === null) continue;
-      pen.globalAlpha = Math.max(0, 1 - (nowMs - trail[i][2]) / (1_000 * TRAIL_S));
+    for (let older = 0; older < FADES; older++) {
+      const [from, to] = [older, older + 1].map((i) => nowMs - (1_000 * TRAIL_S * i) / FADES);
+      pen.globalAlpha = 1 - (older + 0.5) / FADES;
       pen.beginPath();
-      pen.moveTo(perMm * trail[i - 1][0], perMm * trail[i - 1][1]);
-      pen.lineTo(perMm * trail[i][0], perMm * trail[i][1]);
+      trail.forEach((end, i) => {
+        const begin = trail[i - 1];
+        if (!begin || !end || end[2] > from || end[2] <= to) return;
+        pen.moveTo(perMm * begin[0], perMm * begin[1]);
+        pen.lineTo(perMm * end[0], perMm * end[1]);
+      });
       pen.stroke();
     }
     pen.globalAlpha = 1;
@@ -159,6 +193,7 @@ export class Surface {
     if (this.canvas.width !== width || this.canvas.height !== height) {
       this.canvas.width = width;
       this.canvas.height = height;
+      this.ground = null;
     }
   }
 }

@@ -2,6 +2,7 @@
 
 import { colour } from "./colours.js";
 import { element, say } from "./element.js";
+import { envelope } from "./envelope.js";
 import uPlot from "./vendor/uplot.mjs";
 import { ColumnWindow } from "./window.js";
 
@@ -16,7 +17,11 @@ const SHOWN = {
 };
 export const STREAMS = Object.keys(SHOWN);
 const INKS = ["--trace-1", "--trace-2", "--trace-3"];
-const DASHES = [[], [7, 3], [2, 3]];
+/** Room to the right for the names of the lines, and the least between two of them. */
+const NAMES_PX = 14;
+const APART_PX = 11;
+/** The end of a line, by which its name stands. */
+const NAMED_COLUMNS = 25;
 
 class Trace {
   constructor(root, stream) {
@@ -50,15 +55,15 @@ class Trace {
     const axis = { stroke: () => colour("--quiet"), grid: { stroke: () => colour("--grid") } };
     const line = (name, i) => ({
       label: name,
-      stroke: () => colour(INKS[i]),
-      dash: DASHES[i],
-      width: 1.5,
+      fill: () => colour(INKS[i]),
+      paths: envelope,
       points: { show: false },
     });
     return {
       width: 400,
       height: HEIGHT_PX,
       pxAlign: 0,
+      padding: [null, NAMES_PX, null, null],
       legend: { show: false },
       cursor: { show: false },
       scales: { x: { time: false, range: [-WINDOW_S, 0] } },
@@ -67,7 +72,34 @@ class Trace {
         { ...axis, size: 56, space: 16 },
       ],
       series: [{}, ...this.shown.channels.map(line)],
+      hooks: { draw: [(chart) => this.#name(chart)] },
     };
+  }
+
+  /** Write its name at the end of each line: no colour is needed to tell them apart. */
+  #name(chart) {
+    if (this.shown.channels.length === 1) return;
+    const ends = this.window.values.flatMap((_, channel) => {
+      const end = this.window.extent(channel, NAMED_COLUMNS);
+      return end === null ? [] : [{ channel, at: chart.valToPos((end[0] + end[1]) / 2, "y") }];
+    });
+    const row = ({ at }) => Math.round(at / APART_PX); // the same order, where they hardly differ
+    const { ctx } = chart;
+    const pxRatio = devicePixelRatio;
+    ctx.save();
+    ctx.scale(pxRatio, pxRatio);
+    ctx.font = "600 12px system-ui, sans-serif";
+    ctx.textAlign = "left";
+    ctx.textBaseline = "middle";
+    const right = (chart.bbox.left + chart.bbox.width) / pxRatio + 3;
+    let least = -Infinity;
+    for (const { channel, at } of ends.sort((a, b) => row(a) - row(b))) {
+      const y = Math.max(at, least);
+      ctx.fillStyle = colour(INKS[channel]);
+      ctx.fillText(this.shown.channels[channel], right, chart.bbox.top / pxRatio + y);
+      least = y + APART_PX;
+    }
+    ctx.restore();
   }
 
   #data() {

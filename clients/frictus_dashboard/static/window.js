@@ -45,11 +45,14 @@ export class ColumnWindow {
     this.lost += frame.lostSamples;
   }
 
-  /** Least and greatest value of a channel in the window; null where there is none. */
-  extent(channel) {
+  /**
+   * Least and greatest value of a channel in the window, or in its last columns; null where
+   * there is none.
+   */
+  extent(channel, columns = this.columns) {
     let low = Infinity;
     let high = -Infinity;
-    for (const value of this.values[channel] ?? []) {
+    for (const value of this.values[channel]?.slice(-2 * columns) ?? []) {
       if (value === null) continue;
       if (value < low) low = value;
       if (value > high) high = value;

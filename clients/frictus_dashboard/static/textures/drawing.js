@@ -58,7 +58,7 @@ export class Drawing {
 
   draw() {
     const drawing = this.rubber === null ? [] : [this.rubber];
-    this.surface.regions = [...this.regions, ...drawing];
+    this.surface.setRegions([...this.regions, ...drawing]);
     this.surface.draw(performance.now());
   }
 
