@@ -191,6 +191,8 @@ def _coverage(lines: Sequence[Line]) -> Rate:
 def _gains(singles: Sequence[Line], pairs: Sequence[Line]) -> list[Rate]:
     named = [line for line in (*singles, *pairs) if line["score"]["heldout_loglik"] is not None]
     fresh = [line for line in singles if "fresh" in line]
+    # A model is not extended by what cannot be told from something else.
+    extended = [line for line in fresh if line["score"]["heldout_loglik"] is not None]
     return [
         _count(
             "held-out gain is positive where a cause is named",
@@ -200,9 +202,14 @@ def _gains(singles: Sequence[Line], pairs: Sequence[Line]) -> list[Rate]:
         ),
         _count(
             "fresh data: the extended model is closer than the base model",
-            fresh,
+            extended,
             lambda line: line["fresh"]["extended"] < line["fresh"]["base"],
             least=0.95,
+        ),
+        _count(
+            "fresh data: no extended model, since causes cannot be told apart",
+            fresh,
+            lambda line: line["score"]["heldout_loglik"] is None,
         ),
     ]
 
