@@ -173,6 +173,7 @@ def test_from_the_first_click_to_the_active_model(page: Page, lab: Lab) -> None:
         calibration["id"],
     )
     assert lab.rig.model().etag == version["etag"]
+    expect(page.locator("#force .words")).to_have_text("Measured at 0.4 N only")
     # Everything is there again for who comes later.
     page.reload()
     expect(told).to_contain_text("rig1 applies this version.")

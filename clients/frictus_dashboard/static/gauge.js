@@ -26,7 +26,7 @@ export class Gauge {
     this.root = root;
   }
 
-  /** @param {[number, number]|null} range within which the model is valid */
+  /** @param {[number, number]|null} range within which the model is valid; null: not known */
   setRange(range) {
     this.range = range;
     this.zone.hidden = range === null;
@@ -48,9 +48,14 @@ export class Gauge {
     say(this.words, this.#sentence(inside));
   }
 
+  /** Whether one value was measured: nobody knows how far from it the model still holds. */
+  get #single() {
+    return this.range[0] === this.range[1];
+  }
+
   #judge(value) {
     if (value === null) return "none";
-    if (this.range === null) return "unknown";
+    if (this.range === null || this.#single) return "unknown";
     if (value < this.range[0]) return "below";
     return value > this.range[1] ? "above" : "inside";
   }
@@ -58,6 +63,7 @@ export class Gauge {
   #sentence(inside) {
     if (this.range === null) return "Valid range not known yet";
     const { unit } = this.what;
+    if (this.#single) return `Measured at ${this.range[0]} ${unit} only`;
     const range = `${this.range[0]} to ${this.range[1]} ${unit}`;
     if (inside === "none") return `No contact; valid: ${range}`;
     return inside === "inside" ? `✓ Valid: ${range}` : `▲ ${inside} the valid ${range}`;

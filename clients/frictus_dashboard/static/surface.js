@@ -1,11 +1,11 @@
 /** The screen to scale: the regions of its scene, the finger, and where it was. */
 
 import { colour } from "./colours.js";
+import { fitted, laid, outline, toScale } from "./scale.js";
 
 const TRAIL_S = 2.0;
 /** Steps in which the trail fades. */
 const FADES = 8;
-const MARGIN_PX = 26;
 
 export class Surface {
   /** @param {HTMLCanvasElement} canvas */
@@ -56,11 +56,10 @@ export class Surface {
   /** Where a pointer is, mm. */
   place(event) {
     const box = this.canvas.getBoundingClientRect();
-    const perMm = this.#perMm(box.width, box.height);
-    const [x, y] = this.#origin(box.width, box.height, perMm);
+    const { perMm, left, top } = laid(box.width, box.height, this.screenMm);
     return [
-      clamp((event.clientX - box.left - x) / perMm, this.screenMm[0]),
-      clamp((event.clientY - box.top - y) / perMm, this.screenMm[1]),
+      clamp((event.clientX - box.left - left) / perMm, this.screenMm[0]),
+      clamp((event.clientY - box.top - top) / perMm, this.screenMm[1]),
     ];
   }
 
@@ -71,7 +70,7 @@ export class Surface {
     pen.resetTransform();
     pen.clearRect(0, 0, this.canvas.width, this.canvas.height);
     pen.drawImage(this.ground, 0, 0);
-    const perMm = this.#place(pen);
+    const perMm = toScale(pen, this.screenMm);
     this.#drawTrail(perMm, nowMs);
     this.#drawFinger(perMm);
   }
@@ -79,46 +78,15 @@ export class Surface {
   #ground() {
     const ground = new OffscreenCanvas(this.canvas.width, this.canvas.height);
     const pen = ground.getContext("2d");
-    const perMm = this.#place(pen);
+    const perMm = toScale(pen, this.screenMm);
     this.#drawScreen(pen, perMm);
     this.regions.forEach((region, index) => this.#drawRegion(pen, region, index, perMm));
     return ground;
   }
 
-  /** Put a pen's origin at the screen's, in CSS pixels; returns how many are a millimetre. */
-  #place(pen) {
-    const scale = devicePixelRatio;
-    const width = this.canvas.width / scale;
-    const height = this.canvas.height / scale;
-    const perMm = this.#perMm(width, height);
-    pen.setTransform(scale, 0, 0, scale, 0, 0);
-    pen.translate(...this.#origin(width, height, perMm));
-    return perMm;
-  }
-
-  #perMm(width, height) {
-    const [x, y] = this.screenMm;
-    return Math.min((width - 2 * MARGIN_PX) / x, (height - 2 * MARGIN_PX) / y);
-  }
-
-  #origin(width, height, perMm) {
-    const [x, y] = this.screenMm;
-    return [(width - perMm * x) / 2, (height - perMm * y) / 2];
-  }
-
   #drawScreen(pen, perMm) {
-    const [width, height] = this.screenMm;
-    pen.fillStyle = colour("--screen");
-    pen.strokeStyle = colour("--line");
-    pen.lineWidth = 2;
-    pen.beginPath();
-    pen.roundRect(0, 0, perMm * width, perMm * height, 4);
-    pen.fill();
-    pen.stroke();
-    pen.fillStyle = colour("--quiet");
-    pen.font = "13px system-ui, sans-serif";
-    pen.textAlign = "center";
-    pen.fillText(`${width} mm`, (perMm * width) / 2, perMm * height + 18);
+    const height = this.screenMm[1];
+    outline(pen, this.screenMm, perMm);
     pen.save();
     pen.translate(-9, (perMm * height) / 2);
     pen.rotate(-Math.PI / 2);
@@ -187,14 +155,7 @@ export class Surface {
   }
 
   #fit() {
-    const box = this.canvas.getBoundingClientRect();
-    const width = Math.round(box.width * devicePixelRatio);
-    const height = Math.round(box.height * devicePixelRatio);
-    if (this.canvas.width !== width || this.canvas.height !== height) {
-      this.canvas.width = width;
-      this.canvas.height = height;
-      this.ground = null;
-    }
+    if (fitted(this.canvas)) this.ground = null;
   }
 }
 

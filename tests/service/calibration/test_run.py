@@ -124,7 +124,7 @@ def test_a_quick_calibration_makes_rendering_right(
 ) -> None:
     told: list[Progress] = []
     rig = client.rig("rig1")
-    with rig.guidance(timeout_s=10.0) as feed:
+    with rig.guidance(timeout_s=60.0) as feed:
         shown: list[GuidanceState] = []
         watching = threading.Thread(target=lambda: shown.extend(_until_done(feed)))
         watching.start()

@@ -2,8 +2,8 @@
 
 import { colour } from "../colours.js";
 import { element, say } from "../element.js";
+import { fitted, outline, toScale } from "../scale.js";
 
-const MARGIN_PX = 26;
 const WORDS_MS = 400;
 /** While somebody slides thirty messages come a second: longer without, they have ended. */
 const SILENT_MS = 1_000;
@@ -121,16 +121,11 @@ export class Guidance {
 
   #paint(state) {
     const { pen } = this;
-    const scale = devicePixelRatio;
-    const width = this.canvas.width / scale;
-    const height = this.canvas.height / scale;
-    const [widthMm, heightMm] = this.screenMm;
-    const room = [width - 2 * MARGIN_PX, height - 2 * MARGIN_PX];
-    const perMm = Math.min(room[0] / widthMm, room[1] / heightMm);
+    pen.resetTransform();
+    pen.clearRect(0, 0, this.canvas.width, this.canvas.height);
+    const perMm = toScale(pen, this.screenMm);
     if (!(perMm > 0)) return; // out of sight
-    pen.setTransform(scale, 0, 0, scale, 0, 0);
-    pen.clearRect(0, 0, width, height);
-    pen.translate((width - perMm * widthMm) / 2, (height - perMm * heightMm) / 2);
+    const widthMm = this.screenMm[0];
     this.#paintScreen(state, perMm);
     const sliding = SLIDING.includes(state.phase);
     this.#square(state.reference_x_mm, REFERENCE_Y, perMm, sliding ? "--accent" : "--screen");
@@ -144,14 +139,8 @@ export class Guidance {
 
   #paintScreen(state, perMm) {
     const { pen } = this;
-    const [widthMm, heightMm] = this.screenMm;
-    pen.fillStyle = colour("--screen");
-    pen.strokeStyle = colour("--line");
-    pen.lineWidth = 2;
-    pen.beginPath();
-    pen.roundRect(0, 0, perMm * widthMm, perMm * heightMm, 4);
-    pen.fill();
-    pen.stroke();
+    const heightMm = this.screenMm[1];
+    outline(pen, this.screenMm, perMm);
     pen.strokeStyle = colour("--grid");
     pen.lineWidth = 3;
     pen.beginPath();
@@ -160,10 +149,6 @@ export class Guidance {
       pen.lineTo(perMm * state.span_mm[1], perMm * y * heightMm);
     }
     pen.stroke();
-    pen.fillStyle = colour("--quiet");
-    pen.font = "13px system-ui, sans-serif";
-    pen.textAlign = "center";
-    pen.fillText(`${widthMm} mm`, (perMm * widthMm) / 2, perMm * heightMm + 18);
   }
 
   #square(xMm, y, perMm, fill) {
@@ -191,13 +176,7 @@ export class Guidance {
   }
 
   #fit() {
-    const box = this.canvas.getBoundingClientRect();
-    const width = Math.round(box.width * devicePixelRatio);
-    const height = Math.round(box.height * devicePixelRatio);
-    if (this.canvas.width === width && this.canvas.height === height) return;
-    this.canvas.width = width;
-    this.canvas.height = height;
-    this.redraw();
+    if (fitted(this.canvas)) this.redraw();
   }
 }
 

@@ -2,6 +2,7 @@
 
 import { request } from "../api.js";
 import { element, say } from "../element.js";
+import { labelled } from "../fields.js";
 import { Activation } from "../models/activation.js";
 import { pathOf as pathOfModel, referenceOf } from "../models/reference.js";
 import { Outcome } from "../outcome.js";
@@ -26,8 +27,8 @@ export class Publishing {
     this.form = element(
       "form",
       { class: "fields" },
-      element("label", {}, "Name", this.name),
-      element("label", {}, "Comment", this.comment),
+      labelled("Name", this.name),
+      labelled("Comment", this.comment),
       element("button", { type: "submit" }, "Publish"),
     );
     this.form.addEventListener("submit", (event) => {

@@ -2,6 +2,7 @@
 
 import { request } from "../api.js";
 import { element } from "../element.js";
+import { choice, labelled } from "../fields.js";
 import { Outcome } from "../outcome.js";
 
 /** What the service accepts; `per`: how many of what is shown make one. */
@@ -70,10 +71,7 @@ export class Setup {
       autocomplete: "off",
     });
     this.session = number("1", { step: 1 });
-    this.protocol = element("select", { name: "protocol" });
-    for (const [kind, { title }] of Object.entries(PROTOCOLS)) {
-      this.protocol.append(element("option", { value: kind }, title));
-    }
+    this.protocol = choice(Object.entries(PROTOCOLS).map(([kind, { title }]) => [kind, title]));
     this.settings = Object.fromEntries(
       Object.entries(PROTOCOLS).map(([kind, { fields }]) => [kind, new Settings(fields)]),
     );
@@ -195,10 +193,6 @@ function read(name, input) {
 
 function number(value, { min = 0, step = "any", ...others }) {
   return element("input", { type: "number", required: "", value, min, step, ...others });
-}
-
-function labelled(text, input) {
-  return element("label", {}, text, input);
 }
 
 /** Whole numbers below 2^31; a page that is not served over TLS has no randomUUID. */

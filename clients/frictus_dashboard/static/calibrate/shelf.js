@@ -2,6 +2,7 @@
 
 import { request } from "../api.js";
 import { element, say } from "../element.js";
+import { button } from "../fields.js";
 import { moment } from "../figures.js";
 import { Outcome } from "../outcome.js";
 import { fill, scrolling, table, words } from "../table.js";
@@ -18,8 +19,7 @@ export class Shelf {
     this.title = element("h2");
     this.table = table("The newest first", HEAD);
     this.outcome = new Outcome();
-    this.more = element("button", { type: "button" }, "Show older ones");
-    this.more.addEventListener("click", () => {
+    this.more = button("Show older ones", () => {
       this.#get(`&after=${encodeURIComponent(this.next)}`, this.calibrations);
     });
     root.append(this.title, scrolling(this.table), this.outcome.root, this.more);

@@ -2,6 +2,7 @@
 
 import { request } from "../api.js";
 import { element, say } from "../element.js";
+import { button } from "../fields.js";
 import { moment } from "../figures.js";
 import { Outcome } from "../outcome.js";
 import { active, Following, pathOf } from "./following.js";
@@ -37,10 +38,8 @@ export class Standing {
     this.title = element("h2");
     this.state = element("p", { class: "summary", role: "status" });
     this.failure = element("p", { class: "outcome", role: "alert", "data-outcome": "bad" });
-    this.cancel = element("button", { type: "button" }, "Cancel");
-    this.resume = element("button", { type: "button" }, "Resume");
-    this.cancel.addEventListener("click", () => this.#cancel());
-    this.resume.addEventListener("click", () => this.#resume());
+    this.cancel = button("Cancel", () => this.#cancel());
+    this.resume = button("Resume", () => this.#resume());
     this.outcome = new Outcome();
     const places = [1, 2, 3].map(() => element("div"));
     this.progress = new Progress(places[0]);

@@ -2,6 +2,7 @@
 
 import { request } from "../api.js";
 import { element } from "../element.js";
+import { choice, labelled, optionsOf } from "../fields.js";
 import { figure } from "../figures.js";
 import { pathOf, referenceOf } from "../models/reference.js";
 import { Outcome } from "../outcome.js";
@@ -27,15 +28,15 @@ export class Asking {
     this.started = started;
     this.models = [];
     this.study = element("select", { required: "" });
-    this.response = element("select", {}, ...options(Object.entries(RESPONSES)));
-    this.base = element("select", {});
+    this.response = choice(Object.entries(RESPONSES));
+    this.base = choice([]);
     this.button = element("button", { type: "submit" }, "Start");
     this.form = element(
       "form",
       { class: "fields" },
-      element("label", {}, "Study", this.study),
-      element("label", {}, "Response", this.response),
-      element("label", {}, "Model that is criticised", this.base),
+      labelled("Study", this.study),
+      labelled("Response", this.response),
+      labelled("Model that is criticised", this.base),
       this.button,
     );
     this.response.addEventListener("change", () => this.#offerBases());
@@ -67,7 +68,7 @@ export class Asking {
     const sized = studies.map(({ name, bytes }) => {
       return [name, `${name} (${figure(bytes / 1e6, 3)} MB)`];
     });
-    offer(this.study, options(sized));
+    offer(this.study, optionsOf(sized));
     this.models = models;
     this.#offerBases();
     this.button.disabled = studies.length === 0;
@@ -79,7 +80,7 @@ export class Asking {
     const response = this.response.value;
     const fitting = this.models.filter((model) => model.response === response).map(referenceOf);
     const published = fitting.map((name) => [pathOf(name), `Published: ${name}`]);
-    offer(this.base, options([...Object.entries(NAMED[response]), ...published]));
+    offer(this.base, optionsOf([...Object.entries(NAMED[response]), ...published]));
   }
 
   async #start() {
@@ -97,10 +98,6 @@ export class Asking {
     if (!(base in NAMED[response])) base = await request("GET", `${base}/model.json`);
     return request("POST", "/discoveries", { json: { study, response, base } });
   }
-}
-
-function options(pairs) {
-  return pairs.map(([value, text]) => element("option", { value }, text));
 }
 
 /** Offer other choices, and keep the one that was made. */

@@ -4,6 +4,7 @@ import { request } from "../api.js";
 import { save } from "../download.js";
 import { element, say } from "../element.js";
 import { follow } from "../events.js";
+import { button } from "../fields.js";
 import { moment } from "../figures.js";
 import { Outcome } from "../outcome.js";
 import { token } from "../token.js";
@@ -23,8 +24,7 @@ export class Job {
     this.told = element("ol");
     const summary = element("summary", {}, "What it told");
     this.log = element("details", {}, summary, this.told);
-    this.cancel = element("button", { type: "button" }, "Cancel");
-    this.cancel.addEventListener("click", () => this.#cancel());
+    this.cancel = button("Cancel", () => this.#cancel());
     this.outcome = new Outcome();
     this.files = element("p", { class: "fields" });
     this.report = element("div", { class: "report" });
@@ -137,15 +137,14 @@ export class Job {
   #links() {
     const path = `${this.#path}/report.html`;
     const name = `discovery-${this.id}.html`;
-    const button = element("button", { type: "button" }, "Save the report with figures");
-    button.addEventListener("click", async () => {
+    const saving = button("Save the report with figures", async () => {
       const saved = save(path, name).then(() => name);
       const done = await this.outcome.of(saved, "Not saved");
       if (done !== null) this.outcome.good(`Saved ${done}`);
     });
-    if (token() !== null) return [button];
+    if (token() !== null) return [saving];
     const where = { href: `/v1${path}`, target: "_blank", rel: "noopener" };
-    return [element("a", where, "Open the report with figures (new tab)"), button];
+    return [element("a", where, "Open the report with figures (new tab)"), saving];
   }
 
   async #cancel() {

@@ -2,6 +2,7 @@
 
 import { request } from "../api.js";
 import { element, say } from "../element.js";
+import { button } from "../fields.js";
 import { Outcome } from "../outcome.js";
 import { facts } from "../table.js";
 import { referenceOf } from "./reference.js";
@@ -12,8 +13,7 @@ export class Activation {
     this.page = page;
     this.done = done;
     this.rig = this.version = this.told = null;
-    this.button = element("button", { type: "button" });
-    this.button.addEventListener("click", () => this.#activate());
+    this.button = button("", () => this.#activate());
     this.standing = element("p");
     this.kept = element("div");
     this.outcome = new Outcome();

@@ -2,6 +2,7 @@
 
 import { request, send } from "../api.js";
 import { element } from "../element.js";
+import { labelled } from "../fields.js";
 import { moment } from "../figures.js";
 import { Outcome } from "../outcome.js";
 import { fill, table, words } from "../table.js";
@@ -30,8 +31,8 @@ export class Aliases {
     this.form = element(
       "form",
       { class: "fields" },
-      element("label", {}, "Alias", this.alias),
-      element("label", {}, "Reason", this.reason),
+      labelled("Alias", this.alias),
+      labelled("Reason", this.reason),
       this.button,
     );
     this.form.addEventListener("submit", (event) => (event.preventDefault(), this.#move()));

@@ -2,6 +2,7 @@
 
 import { request } from "../api.js";
 import { element, say } from "../element.js";
+import { labelled } from "../fields.js";
 import { Outcome } from "../outcome.js";
 import { Bode, MOST_SPEEDS } from "./bode.js";
 import { differences } from "./differences.js";
@@ -21,9 +22,9 @@ export class Comparison {
     const form = element(
       "form",
       { class: "fields" },
-      element("label", {}, "Model A", this.a),
-      element("label", {}, "Model B", this.b),
-      element("label", {}, "Speeds, mm/s", this.speeds),
+      labelled("Model A", this.a),
+      labelled("Model B", this.b),
+      labelled("Speeds, mm/s", this.speeds),
       element("button", { type: "submit" }, "Draw"),
     );
     form.addEventListener("submit", (event) => {

@@ -2,6 +2,7 @@
 
 import { request } from "../api.js";
 import { element } from "../element.js";
+import { button, labelled } from "../fields.js";
 import { moment } from "../figures.js";
 import { Outcome } from "../outcome.js";
 import { fill, table, words } from "../table.js";
@@ -22,8 +23,7 @@ export class Listing {
     this.newest = field("Newest versions only", "checkbox");
     this.newest.input.checked = true;
     this.table = table("Published models, newest first", HEAD);
-    this.more = element("button", { type: "button" }, "Show more");
-    this.more.addEventListener("click", () => this.#load(this.next));
+    this.more = button("Show more", () => this.#load(this.next));
     this.outcome = new Outcome();
     const fields = [this.rig, this.participant, this.newest];
     const form = element("form", { class: "fields" }, ...fields.map(({ label }) => label));
@@ -81,5 +81,5 @@ export class Listing {
 
 function field(title, type) {
   const input = element("input", { type });
-  return { input, label: element("label", {}, title, input) };
+  return { input, label: labelled(title, input) };
 }

@@ -1,6 +1,7 @@
 /** One published version: where it comes from, where it holds, what it adds to the base law. */
 
 import { element, say } from "../element.js";
+import { button } from "../fields.js";
 import { figure, interval, moment } from "../figures.js";
 import { save } from "../download.js";
 import { Outcome } from "../outcome.js";
@@ -14,11 +15,7 @@ export class Version {
     this.title = element("h2");
     this.body = element("div");
     this.outcome = new Outcome();
-    const buttons = FILES.map((file) => {
-      const button = element("button", { type: "button" }, `Save ${file}`);
-      button.addEventListener("click", () => this.#save(file));
-      return button;
-    });
+    const buttons = FILES.map((file) => button(`Save ${file}`, () => this.#save(file)));
     const downloads = element("p", { class: "fields" }, ...buttons);
     this.root = element("div", {}, this.title, this.body, downloads, this.outcome.root);
   }

@@ -1,9 +1,9 @@
 /** The texture that is previewed: read, felt on the rig, edited, deleted. */
 
 import { element, say } from "../element.js";
+import { button } from "../fields.js";
 import { Outcome } from "../outcome.js";
 import { Editor } from "./editor.js";
-import { button } from "./fields.js";
 import { Preview } from "./preview.js";
 import { replaceScene, words } from "./scene.js";
 import { deleteTexture, readTexture } from "./stored.js";

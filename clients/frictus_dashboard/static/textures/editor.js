@@ -1,9 +1,9 @@
 /** An editor for spectrum, beta and slope textures; saved to the library. */
 
 import { element, say } from "../element.js";
+import { button, choice, labelled, name, number, numberIn } from "../fields.js";
 import { Outcome } from "../outcome.js";
 import { Components } from "./components.js";
-import { button, choice, labelled, name, number, numberIn } from "./fields.js";
 import { etagOf, saveTexture } from "./stored.js";
 
 const PAUSE_MS = 400;

@@ -2,9 +2,9 @@
 
 import { request } from "../api.js";
 import { element, say } from "../element.js";
+import { labelled } from "../fields.js";
 import { Outcome } from "../outcome.js";
 import { address } from "../views.js";
-import { labelled } from "./fields.js";
 
 export class Library {
   /** @param {Element} into */

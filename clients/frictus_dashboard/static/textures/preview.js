@@ -2,10 +2,10 @@
 
 import { request } from "../api.js";
 import { element, say } from "../element.js";
+import { labelled, number } from "../fields.js";
 import { figure } from "../figures.js";
 import { Outcome } from "../outcome.js";
 import { NOMINAL_HZ } from "../spectrum.js";
-import { labelled, number } from "./fields.js";
 import { Plot } from "./plot.js";
 import { words } from "./scene.js";
 

@@ -2,9 +2,9 @@
 
 import { request } from "../api.js";
 import { element, say } from "../element.js";
+import { apply, labelled, name, number } from "../fields.js";
 import { figure } from "../figures.js";
 import { Outcome } from "../outcome.js";
-import { apply, labelled, name, number } from "./fields.js";
 
 const TYPES = { wav: "audio/wav", csv: "text/csv" };
 const TIMEOUT_MS = 30_000;

@@ -1,7 +1,7 @@
 /** The fields of one region of a scene. */
 
 import { element, say } from "../element.js";
-import { button, choice, labelled, number, optionsOf } from "./fields.js";
+import { button, choice, labelled, number, optionsOf } from "../fields.js";
 import { readTexture } from "./stored.js";
 
 /** Reaches past any screen: no edge is met. */

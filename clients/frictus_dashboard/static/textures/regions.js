@@ -1,9 +1,9 @@
 /** A scene for a rig: regions drawn or typed, each with a texture; applied by hand. */
 
 import { element, say } from "../element.js";
+import { button, labelled } from "../fields.js";
 import { Outcome } from "../outcome.js";
 import { Drawing } from "./drawing.js";
-import { button, labelled } from "./fields.js";
 import { RegionFields, WHOLE } from "./region.js";
 import { rendered, replaceScene, words } from "./scene.js";
 

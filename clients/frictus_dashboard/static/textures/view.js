@@ -1,10 +1,10 @@
 /** Textures: the library, what they would be like, making them, and where they are felt. */
 
 import { element } from "../element.js";
+import { button } from "../fields.js";
 import { address } from "../views.js";
 import { Chosen } from "./chosen.js";
 import { Editor } from "./editor.js";
-import { button } from "./fields.js";
 import { Library } from "./library.js";
 import { Recording } from "./recording.js";
 import { Regions } from "./regions.js";

@@ -1,6 +1,6 @@
 /** Labelled fields of a form. */
 
-import { element } from "../element.js";
+import { element } from "./element.js";
 
 /** A control below its label. */
 export function labelled(text, control) {
