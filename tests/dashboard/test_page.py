@@ -176,7 +176,7 @@ def test_felt_friction_follows_the_target(page: Page, lab: Lab) -> None:
 def test_friction_is_sent_only_while_it_is_looked_at(lab: Lab, open_page: OpenPage) -> None:
     with open_page() as page:
         sockets: list[WebSocket] = []
-        page.on("websocket", sockets.append)
+        page.on("websocket", lambda socket: sockets.append(socket))
         arrive(page, lab.url)
         while len(sockets) < 2:  # that of the page, and that of the friction
             page.wait_for_event("websocket")
