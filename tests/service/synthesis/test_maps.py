@@ -173,7 +173,7 @@ def test_every_level_keeps_what_it_should(rng: np.random.Generator) -> None:
         np.fft.fftfreq(96, WIDTH / 96)[None, :], np.fft.fftfreq(48, HEIGHT / 48)[:, None]
     )
     assert pyramid.top == pytest.approx(float(k.max()))
-    # Between samples a wave at half their rate is a cosine: it has half the power of its samples.
+    # Between samples a wave at half their rate is a cosine, of half the power of the samples.
     power = np.square(np.abs(spectrum)) * np.where(np.arange(96) == 48, 0.5, 1.0)
     power *= np.where(np.arange(48) == 24, 0.5, 1.0)[:, None]
     for number, level in enumerate(pyramid.levels):
