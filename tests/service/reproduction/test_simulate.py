@@ -106,15 +106,17 @@ def test_delay_is_that_of_the_plan(rng: np.random.Generator, delay_s: float) -> 
 
 def _steadiest(trial: Trial) -> tuple[int, float]:
     """Return where 2000 samples of the steadiest motion begin, and its speed."""
-    x, t = trial.position_mm[:, 0], trial.position_t_s
+    t = trial.position_t_s
+    speed = np.abs(np.gradient(trial.position_mm[:, 0], t))
     within = (t > 0.1) & (t < 1.4)
-    speed = np.abs(np.gradient(x, t))[within]
-    parts = np.lib.stride_tricks.sliding_window_view(speed, 8)
+    parts = np.lib.stride_tricks.sliding_window_view(speed[within], 8)
     mean = parts.mean(axis=1)
-    spread = np.where(mean > 0.5 * np.median(speed), np.ptp(parts, axis=1) / mean, np.inf)
+    spread = np.where(
+        mean > 0.5 * np.median(speed[within]), np.ptp(parts, axis=1) / mean, np.inf
+    )
     middle = t[within][np.argmin(spread) + 4]
     moving = (t > middle - 0.05) & (t < middle + 0.05)
-    return int((middle - 0.05) * 20_000), float(np.mean(np.abs(np.gradient(x, t))[moving]))
+    return int((middle - 0.05) * 20_000), float(np.mean(speed[moving]))
 
 
 def test_delay_between_steps_of_the_twin_is_refused(rng: np.random.Generator) -> None:
