@@ -73,8 +73,9 @@ def test_the_design_tells_no_drift_from_speeds_in_blocks(rng: np.random.Generato
 def test_a_large_effect_leads_no_fit_astray(rng: np.random.Generator) -> None:
     """Whole steps would end where another roll-off and another slope make up for each other."""
     law = [("speed_dependent_cutoff", {"slope_hz_per_mm_s": 9.6})]
-    found = linearise(ground(made(rng, law)), ())
+    alike = replace(USUAL, people=0.07)  # else somebody's cutoff falls to nothing when slow
+    found = linearise(ground(made(rng, law, scatter=alike)), ())
     slope = leave(found.units).estimates[:, NAMES.index("speed_dependent_cutoff")]
     np.testing.assert_allclose(slope, 9.6, atol=5.0)
     np.testing.assert_allclose(slope.mean(), 9.6, atol=1.0)
-    assert np.all(np.abs(found.own[:, :2]) < 1.5)  # people differ by a fifth
+    assert np.all(np.abs(found.own[:, :2]) < 0.7)
