@@ -8,8 +8,7 @@ and is a lost stream, so that no exchange ever tells of an underrun.
 
 from contextlib import suppress
 from dataclasses import dataclass
-from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +29,7 @@ from frictus_hardware.nidaq.conversion import Conversion
 from frictus_hardware.nidaq.devices import INSTALL
 from frictus_hardware.nidaq.pointer import PointerSource
 from frictus_hardware.nidaq.touch import TouchSource
+from frictus_hardware.opened import Opened
 from frictus_hardware.output import OutputQueue
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class _Turn:
     sensed_samples: int = 0
 
 
-class NiRig:
+class NiRig(Opened):
     """A rig on an NI device, driven by the local driver or through NI's gRPC device server.
 
     A transient fault leaves the exchange where it is: the same drive offered again goes on
@@ -262,20 +262,6 @@ class NiRig:
         finally:
             self._touch.stop()
             session.close()
-
-    def __enter__(self) -> Self:
-        """Open and return self."""
-        self.open()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Close, whatever happened."""
-        self.close()
 
     def _ready(self) -> "Session":
         if self._session is None:

@@ -1,7 +1,6 @@
 """A recording behind the interface of every rig."""
 
-from types import TracebackType
-from typing import Any, NoReturn, Self
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from frictus_hardware.errors import (
     HardwareError,
     StreamLostError,
 )
+from frictus_hardware.opened import Opened
 from frictus_hardware.output import OutputQueue
 from frictus_hardware.replay.config import ReplayConfig
 from frictus_hardware.replay.playhead import (
@@ -34,7 +34,7 @@ BUFFER_S = 10.0
 """A loop that falls further behind than this has lost the stream."""
 
 
-class ReplayRig:
+class ReplayRig(Opened):
     """See `frictus_hardware.base.Backend`. What is sensed was recorded, and hears no drive.
 
     The monitor shows the drive of now, as an ideal amplifier plays it: the volts of then would
@@ -209,20 +209,6 @@ class ReplayRig:
         """Bring the output to zero. Closing twice is harmless."""
         self.stop(0.0)
         self._open = False
-
-    def __enter__(self) -> Self:
-        """Open and return self."""
-        self.open()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Close, whatever happened."""
-        self.close()
 
     def _ready(self) -> None:
         if not self._open:

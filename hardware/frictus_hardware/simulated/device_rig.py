@@ -9,14 +9,14 @@ from multiprocessing.connection import (
     answer_challenge,
     deliver_challenge,
 )
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from frictus_hardware.base import Exchange, RigInfo
 from frictus_hardware.errors import ClosedError, ConfigError, LinkLostError
+from frictus_hardware.opened import Opened
 from frictus_hardware.output import DeviceOutput
 from frictus_hardware.simulated.config import SimulatedDeviceConfig
 from frictus_hardware.simulated.rig import info_of
@@ -92,7 +92,7 @@ def _connect(config: SimulatedDeviceConfig) -> "Connection[Any, Any]":
     return connection
 
 
-class SimulatedDeviceRig:
+class SimulatedDeviceRig(Opened):
     """See `frictus_hardware.base.Backend`; `truth` of an exchange is always there.
 
     Parameters
@@ -197,20 +197,6 @@ class SimulatedDeviceRig:
         finally:
             blocks.close()
             control.close()
-
-    def __enter__(self) -> Self:
-        """Open and return self."""
-        self.open()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Close, whatever happened."""
-        self.close()
 
     def _linked(self, link: Link | None) -> Link:
         if link is None:

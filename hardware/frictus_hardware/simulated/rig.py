@@ -1,8 +1,6 @@
 """The simulated rig: the twin behind the interface of every rig."""
 
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +13,7 @@ from frictus_hardware.errors import (
     HardwareError,
     StreamLostError,
 )
+from frictus_hardware.opened import Opened
 from frictus_hardware.output import OutputQueue
 from frictus_hardware.physics.stages import Noise, Quantisation
 from frictus_hardware.physics.twin import Signals, Stage, Twin
@@ -56,7 +55,7 @@ class HandedOver:
         return self.first_sample + self.applied_v.size
 
 
-class SimulatedRig:
+class SimulatedRig(Opened):
     """See `frictus_hardware.base.Backend`; `truth` of an exchange is always there.
 
     For one thread, except `move_finger`, `guide_finger` and `faults.add`.
@@ -252,20 +251,6 @@ class SimulatedRig:
         if self._open:
             self.silence()
         self._open = False
-
-    def __enter__(self) -> Self:
-        """Open and return self."""
-        self.open()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Close, whatever happened."""
-        self.close()
 
     def move_finger(
         self, x_mm: float, y_mm: float, in_contact: bool, normal_force_n: float = 0.4
