@@ -1,12 +1,13 @@
 /** The page: which view of which rig is shown (`#/live/rig1`), and how the connection stands. */
 
+import { address, route, VIEWS } from "./address.js";
 import { at, element, say } from "./element.js";
 import { Link } from "./link.js";
 import { Live } from "./live.js";
 import { installSession } from "./session.js";
 import { installStop } from "./stop.js";
 import { askForToken, token } from "./token.js";
-import { address, linksTo, Page, route, Views, VIEWS } from "./views.js";
+import { linksTo, Page, Views } from "./views.js";
 
 const LOOK_MS = 200;
 const link = new Link(token);

@@ -1,15 +1,7 @@
 /** The views beside the live one: made when they are first shown, and kept. */
 
+import { address, VIEWS } from "./address.js";
 import { at, element } from "./element.js";
-
-/** Names as they stand in the address, `#/textures/rig1`, and on the page. */
-export const VIEWS = {
-  live: "Live",
-  textures: "Textures",
-  calibrate: "Calibrate",
-  models: "Models",
-  discovery: "Discovery",
-};
 
 const MAKERS = {
   textures: () => import("./textures/view.js"),
@@ -99,22 +91,4 @@ export function linksTo(current, rig) {
     if (name === current) anchor.setAttribute("aria-current", "page");
     return element("li", {}, anchor);
   });
-}
-
-/** The address of a view of a rig; null: of the first that is present. */
-export function address(view, rig, ...rest) {
-  const words = rig === null ? [view] : [view, rig, ...rest];
-  return `#/${words.map(encodeURIComponent).join("/")}`;
-}
-
-/** The view, the rig or null, and the rest that an address names; what it does not say is live. */
-export function route(hash) {
-  let words = [];
-  try {
-    words = hash.slice(2).split("/").map(decodeURIComponent);
-  } catch (error) {
-    if (!(error instanceof URIError)) throw error; // typed by hand: the live view comes up
-  }
-  const [view, rig, ...rest] = words;
-  return { view: view in VIEWS ? view : "live", rig: rig || null, rest };
 }

@@ -1,12 +1,12 @@
 /** The model of a calibration: published under a name, and given to the rig. */
 
+import { address } from "../address.js";
 import { request } from "../api.js";
 import { element, say } from "../element.js";
 import { labelled } from "../fields.js";
 import { Activation } from "../models/activation.js";
 import { pathOf as pathOfModel, referenceOf } from "../models/reference.js";
 import { Outcome } from "../outcome.js";
-import { address } from "../views.js";
 import { pathOf } from "./following.js";
 
 export class Publishing {

@@ -1,12 +1,12 @@
 /** The calibrations of a rig, newest first. */
 
+import { address } from "../address.js";
 import { request } from "../api.js";
 import { element, say } from "../element.js";
 import { button } from "../fields.js";
 import { moment } from "../figures.js";
 import { Outcome } from "../outcome.js";
 import { fill, scrolling, table, words } from "../table.js";
-import { address } from "../views.js";
 
 const PAGE = 20;
 const HEAD = ["Begun", "Participant", "Protocol", "State", "Model"];

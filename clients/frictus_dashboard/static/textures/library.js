@@ -1,10 +1,10 @@
 /** The textures of the library, as links; the chosen one stands in the address. */
 
+import { address } from "../address.js";
 import { request } from "../api.js";
 import { element, say } from "../element.js";
 import { labelled } from "../fields.js";
 import { Outcome } from "../outcome.js";
-import { address } from "../views.js";
 
 export class Library {
   /** @param {Element} into */

@@ -1,8 +1,8 @@
 /** Textures: the library, what they would be like, making them, and where they are felt. */
 
+import { address } from "../address.js";
 import { element } from "../element.js";
 import { button } from "../fields.js";
-import { address } from "../views.js";
 import { Chosen } from "./chosen.js";
 import { Editor } from "./editor.js";
 import { Library } from "./library.js";
