@@ -1,7 +1,6 @@
 """What an estimator reports in the steady state, without simulating a sample."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,9 +8,7 @@ from numpy.typing import NDArray
 from frictus_hardware.physics.drive_path import DriveMap
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.schedule import Circumstances
-
-if TYPE_CHECKING:
-    from frictus_hardware.physics.simulator import Simulator
+from frictus_hardware.physics.simulator import Simulator
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -69,7 +66,7 @@ class Prediction:
 
 
 def predict(
-    simulator: "Simulator", probe: Probe, nominal_mount: TransferFunction | None
+    simulator: Simulator, probe: Probe, nominal_mount: TransferFunction | None
 ) -> Prediction:
     """Return what an estimator reports that knows nominal mount, hold and declared skews only.
 
@@ -115,7 +112,7 @@ def predict(
 
 
 def _from_drive(
-    simulator: "Simulator", frequency_hz: FloatArray, cutoff_hz: FloatArray
+    simulator: Simulator, frequency_hz: FloatArray, cutoff_hz: FloatArray
 ) -> ComplexArray:
     """Return friction over drive fraction, as a share of the gain."""
     reached: ComplexArray = np.reciprocal(1.0 + 1j * (frequency_hz / cutoff_hz))
@@ -139,7 +136,7 @@ def _misjudged(
 
 
 def _mobility(
-    simulator: "Simulator",
+    simulator: Simulator,
     tone_hz: FloatArray,
     around: Circumstances,
     nominal_mount: TransferFunction | None,

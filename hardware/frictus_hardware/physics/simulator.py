@@ -1,4 +1,4 @@
-"""What a rig and one finger are, declared: simulated in time, or predicted in frequency.
+"""What a rig and one finger are, declared: simulated here, predicted in `prediction`.
 
 Effects (`frictus_hardware.physics.effects`) extend a simulator; nothing here knows one of them.
 """
@@ -14,8 +14,7 @@ from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.mobility import Mobility
 from frictus_hardware.physics.mount import Mount
-from frictus_hardware.physics.prediction import Prediction, Probe, predict
-from frictus_hardware.physics.schedule import Circumstances, Schedule
+from frictus_hardware.physics.schedule import Schedule
 from frictus_hardware.physics.screen import Screen
 from frictus_hardware.physics.skin import LateSkin, LawfulSkin, SkinLaw
 from frictus_hardware.physics.stages import (
@@ -28,8 +27,6 @@ from frictus_hardware.physics.stages import (
     Underneath,
 )
 from frictus_hardware.physics.twin import Stage, Twin
-
-__all__ = ["Circumstances", "Prediction", "Probe", "Simulator"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,17 +116,6 @@ class Simulator:
             *sensors,
         ]
         return Twin(tuple(stages))
-
-    def predict(self, probe: Probe, nominal_mount: TransferFunction | None) -> Prediction:
-        """Return what an estimator reports in the steady state; see `prediction.predict`.
-
-        Parameters
-        ----------
-        probe : Probe
-        nominal_mount : TransferFunction or None
-            What the estimator takes the mount for.
-        """
-        return predict(self, probe, nominal_mount)
 
     def _drive_path(self, screen: Screen, first_sample: int) -> list[Stage]:
         path: list[Stage] = []

@@ -8,8 +8,9 @@ import numpy as np
 
 from frictus_hardware.physics.effect import Effect
 from frictus_hardware.physics.effects import EFFECTS
+from frictus_hardware.physics.prediction import Probe, predict
 from frictus_hardware.physics.schedule import Circumstances
-from frictus_hardware.physics.simulator import Probe, Simulator
+from frictus_hardware.physics.simulator import Simulator
 from frictus_service.discovery.lines import MAINS_HZ
 from frictus_service.discovery.own import ResponseName
 
@@ -106,5 +107,5 @@ def _shown(effect: Effect, times: float) -> float:
     at = Circumstances(10.0 * one, 0.4 * one, 35.0 * one, one, 0.0 * one)
     probe = Probe(100.0 * one, np.zeros(1, dtype=np.complex128), 0.0 * one, 0.0 * one, at)
     simulator = effect.extend(Simulator(), {dose.name: times * dose.step})
-    seen = simulator.predict(probe, Simulator().mount)
+    seen = predict(simulator, probe, Simulator().mount)
     return float(np.square(seen.line_n[0]) + seen.low_n2[0])

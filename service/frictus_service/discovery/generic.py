@@ -8,7 +8,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus_hardware.physics.simulator import Circumstances
+from frictus_hardware.physics.schedule import Circumstances
 from frictus_service.discovery.readings import Compared
 from frictus_service.discovery.subjects import Subject
 

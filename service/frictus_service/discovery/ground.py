@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus_hardware.physics.linear import TransferFunction
+from frictus_hardware.physics.prediction import predict
 from frictus_hardware.physics.simulator import Simulator
 from frictus_service.discovery.candidates import Candidate
 from frictus_service.discovery.generic import Pattern
@@ -242,8 +243,8 @@ class Ground:
 
     def _compared(self, subject: Subject, simulator: Simulator, own: FloatArray) -> Compared:
         """Return what a simulator predicts, in the form of the data."""
-        at_rows = simulator.predict(subject.rows, self.nominal_mount)
-        at_trials = simulator.predict(subject.trials, self.nominal_mount)
+        at_rows = predict(simulator, subject.rows, self.nominal_mount)
+        at_trials = predict(simulator, subject.trials, self.nominal_mount)
         response = at_rows.friction if self.response == "friction" else at_rows.mobility
         quiet = subject.quiet_n2
         if self.response == "friction":

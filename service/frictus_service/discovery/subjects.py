@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from frictus_hardware.physics.simulator import Circumstances, Probe
+from frictus_hardware.physics.prediction import Probe
+from frictus_hardware.physics.schedule import Circumstances
 from frictus_service.discovery.readings import Compared, Layout, lay_out
 
 FloatArray = NDArray[np.float64]

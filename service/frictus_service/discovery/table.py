@@ -8,8 +8,8 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_hardware.physics.prediction import Probe
 from frictus_hardware.physics.schedule import Circumstances
-from frictus_hardware.physics.simulator import Probe
 from frictus_service.discovery.evidence import TrialEvidence
 from frictus_service.discovery.readings import Compared
 from frictus_service.discovery.significance import LEAST_UNITS

@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus_hardware.physics.mount import Mount
+from frictus_hardware.physics.prediction import Prediction, Probe
+from frictus_hardware.physics.schedule import Circumstances
 from frictus_hardware.physics.screen import Screen, drive_fraction_of, screen_voltage
-from frictus_hardware.physics.simulator import Circumstances, Prediction, Probe, Simulator
+from frictus_hardware.physics.simulator import Simulator
 from frictus_hardware.physics.stages import Decimate
 from frictus_hardware.physics.twin import Signals, Twin, simulate
 

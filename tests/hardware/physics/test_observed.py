@@ -4,8 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus_hardware.physics.effects import extended
+from frictus_hardware.physics.prediction import Probe, predict
+from frictus_hardware.physics.schedule import Circumstances
 from frictus_hardware.physics.screen import Screen, screen_voltage
-from frictus_hardware.physics.simulator import Circumstances, Probe, Simulator
+from frictus_hardware.physics.simulator import Simulator
 from frictus_hardware.physics.twin import Signals, simulate
 from frictus_hardware.simulated.press import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
@@ -96,9 +98,9 @@ def test_the_estimator_reports_what_is_predicted(rng: np.random.Generator) -> No
     simulator = extended(base, MIXTURE)
     nominal = base.mount
     rows = observe(recorded(simulator, rng), StudyInfo("twin", mount=nominal)).rows
-    predicted = simulator.predict(probe_of(rows), nominal).friction
+    predicted = predict(simulator, probe_of(rows), nominal).friction
     size, turn = off(rows.friction_response, predicted)
     assert size <= 0.3
     assert turn <= 0.2
-    without = base.predict(probe_of(rows), nominal).friction
+    without = predict(base, probe_of(rows), nominal).friction
     assert off(rows.friction_response, without)[0] > 10.0

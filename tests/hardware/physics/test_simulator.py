@@ -15,6 +15,7 @@ from tests.hardware.physics.sliding import (
 )
 
 from frictus_hardware.physics.effects import EFFECTS, extended
+from frictus_hardware.physics.prediction import predict
 from frictus_hardware.physics.screen import Screen
 from frictus_hardware.physics.simulator import Simulator
 from frictus_hardware.physics.stages import Noise, Quantisation, standard_twin
@@ -84,7 +85,7 @@ def test_friction_is_as_predicted(id_: str, sign: float, rng: np.random.Generato
     simulator = extended(Simulator(), [dosed(id_, sign * REALISTIC[id_])])
     slide = drawn(rng)
     found, probe = estimated(simulator, slide, TONES_HZ, tones(TONES_HZ, rng))
-    expected = simulator.predict(probe, NOMINAL)
+    expected = predict(simulator, probe, NOMINAL)
     assert_agree(found.friction, expected.friction)
     if simulator.hum:
         np.testing.assert_allclose(found.line_n, expected.line_n, rtol=3e-3)
@@ -100,7 +101,7 @@ def test_harmonics_are_as_predicted(id_: str, tone_hz: float, rng: np.random.Gen
     found, probe = estimated(
         simulator, drawn(rng), tone, tones(tone, rng, rng.uniform(0.2, 0.49))
     )
-    expected = simulator.predict(probe, NOMINAL)
+    expected = predict(simulator, probe, NOMINAL)
     for name in ("second", "third"):
         got, wanted = getattr(found, name), getattr(expected, name)
         np.testing.assert_allclose(got, wanted, rtol=5e-3, atol=2e-5)
@@ -113,7 +114,7 @@ def test_static_map_acts_on_the_sum_of_all_tones(rng: np.random.Generator) -> No
     strong = [dosed("residual_quadratic", 0.1), dosed("amplitude_compression", 0.08)]
     simulator = extended(Simulator(), strong)
     found, probe = estimated(simulator, drawn(rng), several, tones(several, rng))
-    assert_agree(found.friction, simulator.predict(probe, NOMINAL).friction)
+    assert_agree(found.friction, predict(simulator, probe, NOMINAL).friction)
 
 
 def test_at_full_modulation_harmonics_are_the_shares_they_are_named_after() -> None:
@@ -139,9 +140,9 @@ def test_mobility_is_as_predicted(id_: str, sign: float, rng: np.random.Generato
     simulator = extended(base, [dosed(id_, sign * REALISTIC[id_])])
     slide = drawn(rng)
     found, probe = estimated_mobility(simulator, slide, TONES_HZ, tones(TONES_HZ, rng))
-    expected = simulator.predict(probe, NOMINAL).mobility
+    expected = predict(simulator, probe, NOMINAL).mobility
     assert_agree(found, expected)
-    assert not np.allclose(expected, base.predict(probe, NOMINAL).mobility, rtol=1e-4)
+    assert not np.allclose(expected, predict(base, probe, NOMINAL).mobility, rtol=1e-4)
 
 
 def test_mobility_of_all_at_once_is_as_predicted(rng: np.random.Generator) -> None:
@@ -149,7 +150,7 @@ def test_mobility_of_all_at_once_is_as_predicted(rng: np.random.Generator) -> No
         Simulator(response="mobility"), [dosed(id_, REALISTIC[id_]) for id_ in MOBILITY]
     )
     found, probe = estimated_mobility(simulator, drawn(rng), TONES_HZ, tones(TONES_HZ, rng))
-    assert_agree(found, simulator.predict(probe, NOMINAL).mobility)
+    assert_agree(found, predict(simulator, probe, NOMINAL).mobility)
 
 
 def test_a_delay_is_the_drives_for_friction_and_the_skins_for_mobility() -> None:
@@ -189,10 +190,10 @@ def test_stick_slip_has_the_power_that_is_predicted(rng: np.random.Generator) ->
     peak_n = REALISTIC["stick_slip"] * np.exp(-24.0 / 20.0) * 1.160
     np.testing.assert_allclose(np.abs(lines), 2.0 / np.pi * peak_n / np.arange(1, 7), rtol=0.02)
     probe = slide.probe(TONES_HZ, np.full(TONES_HZ.size, 0.1 + 0.0j))
-    predicted = simulator.predict(probe, NOMINAL)
+    predicted = predict(simulator, probe, NOMINAL)
     power = np.sum(np.square(np.abs(lines[:2]))) / 2.0
     np.testing.assert_allclose(predicted.low_n2, power, rtol=0.03)
-    base = Simulator().predict(probe, NOMINAL)
+    base = predict(Simulator(), probe, NOMINAL)
     np.testing.assert_array_equal(predicted.friction, base.friction)
     assert not np.any(base.low_n2)
     # With a drive it is the same: nothing of it goes through the electrostatics.
@@ -217,7 +218,7 @@ def test_none_of_an_effect_changes_nothing(id_: str, rng: np.random.Generator) -
     probe = drawn(rng).probe(TONES_HZ, np.full(TONES_HZ.size, 0.1 + 0.2j))
     nothing = {p.name: p.default or 0.0 for p in EFFECTS[id_].parameters}
     as_is, expected = (
-        simulator.predict(probe, NOMINAL)
+        predict(simulator, probe, NOMINAL)
         for simulator in (EFFECTS[id_].extend(base, nothing), base)
     )
     for name in ("friction", "second", "third", "mobility", "line_n", "low_n2"):
@@ -232,8 +233,8 @@ def test_order_of_effects_does_not_matter(rng: np.random.Generator) -> None:
     one, other = (extended(Simulator(), order) for order in (everything, shuffled))
     for name in ("friction", "second", "third", "mobility", "line_n", "low_n2"):
         np.testing.assert_allclose(
-            getattr(one.predict(probe, NOMINAL), name),
-            getattr(other.predict(probe, NOMINAL), name),
+            getattr(predict(one, probe, NOMINAL), name),
+            getattr(predict(other, probe, NOMINAL), name),
             rtol=1e-9,
         )
     signals = slide.signals(tones(TONES_HZ, rng)[:400])
@@ -271,7 +272,7 @@ def test_effects_follow_the_speed_no_further_than_the_law(rng: np.random.Generat
     )
     message = np.full(TONES_HZ.size, 0.1 + 0.0j)
     at_5, at_20, at_30 = (
-        simulator.predict(Slide(speed_mm_s=v).probe(TONES_HZ, message), NOMINAL).friction
+        predict(simulator, Slide(speed_mm_s=v).probe(TONES_HZ, message), NOMINAL).friction
         for v in (5.0, 20.0, 30.0)
     )
     np.testing.assert_array_equal(at_5, at_20)
@@ -286,5 +287,5 @@ def test_where_there_is_no_mount_nothing_resonates(rng: np.random.Generator) -> 
     np.testing.assert_array_equal(out.force_n, -out.finger_force_n)
     probe = slide.probe(TONES_HZ, np.ones(5, np.complex128))
     np.testing.assert_array_equal(
-        bare.predict(probe, None).friction, Simulator().predict(probe, NOMINAL).friction
+        predict(bare, probe, None).friction, predict(Simulator(), probe, NOMINAL).friction
     )

@@ -15,7 +15,9 @@ from frictus_hardware.physics.effects import extended
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.mobility import Mobility
 from frictus_hardware.physics.mount import Mount
-from frictus_hardware.physics.simulator import Circumstances, Prediction, Probe, Simulator
+from frictus_hardware.physics.prediction import Prediction, Probe, predict
+from frictus_hardware.physics.schedule import Circumstances
+from frictus_hardware.physics.simulator import Simulator
 from frictus_service.discovery.bases import base_model, simulator_of
 from frictus_service.discovery.discover import discover
 from frictus_service.discovery.document import Discovery, NamedCause, StudyFacts
@@ -152,7 +154,7 @@ def _trial(
     amplitude = np.full(tone.size, 0.5 / max(n_tones, 1))
     power = n_tones * amplitude**2 / 2.0
     probe = Probe(tone, amplitude.astype(complex), np.full(tone.size, 0.5), power, each)
-    seen = simulator.predict(probe, nominal)
+    seen = predict(simulator, probe, nominal)
     rows = Rows(
         sweep=np.where(each.direction > 0.0, 0, 1),
         direction=each.direction.astype(np.int64),
@@ -224,7 +226,7 @@ def _stretches(
 ) -> Stretches:
     nothing = np.zeros(6)
     probe = Probe(nothing + 100.0, nothing.astype(complex), nothing, nothing, at)
-    seen = simulator.predict(probe, simulator.mount)
+    seen = predict(simulator, probe, simulator.mount)
     line = np.square(seen.line_n) / 2.0
     beside = rng.normal(0.0, scatter.line_n2, (2, 6))
     quiet = 1e-5 * at.normal_force_n / 0.4 * np.exp(rng.normal(0.0, scatter.low, 6))

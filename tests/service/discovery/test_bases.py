@@ -11,7 +11,9 @@ from frictus.model import Effect, Model
 from frictus_hardware.errors import UnknownEffectError
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.physics.friction import FrictionLaw
-from frictus_hardware.physics.simulator import Circumstances, Probe, Simulator
+from frictus_hardware.physics.prediction import Probe, predict
+from frictus_hardware.physics.schedule import Circumstances
+from frictus_hardware.physics.simulator import Simulator
 from frictus_service.discovery.bases import MIDDLE_SPEED_MM_S, base_model, simulator_of
 from frictus_service.discovery.errors import BaseModelError
 from frictus_service.errors import ServiceError
@@ -31,7 +33,7 @@ def test_the_papers_is_its_law() -> None:
     for speed in (1.0, 60.0, 200.0):
         cutoff_hz = law.cutoff_0_hz + law.slope_hz_per_mm_s * speed
         np.testing.assert_allclose(
-            simulator.predict(at(speed), MOUNT).friction,
+            predict(simulator, at(speed), MOUNT).friction,
             law.gain_n / (1.0 + 1j * TONES_HZ / cutoff_hz),
         )
 
@@ -42,9 +44,9 @@ def test_a_constant_cutoff_agrees_in_the_middle() -> None:
         for name in ("constant-cutoff", "paper")
     )
     here = at(MIDDLE_SPEED_MM_S)
-    middle = paper.predict(here, MOUNT).friction
+    middle = predict(paper, here, MOUNT).friction
     for speed in (20.0, MIDDLE_SPEED_MM_S, 100.0):
-        np.testing.assert_allclose(constant.predict(at(speed), MOUNT).friction, middle)
+        np.testing.assert_allclose(predict(constant, at(speed), MOUNT).friction, middle)
 
 
 def test_the_skins_is_mass_damping_and_stiffness() -> None:
@@ -53,7 +55,7 @@ def test_the_skins_is_mass_damping_and_stiffness() -> None:
     skin = simulator.mobility
     s = 2j * np.pi * TONES_HZ
     np.testing.assert_allclose(
-        simulator.predict(at(60.0), None).mobility,
+        predict(simulator, at(60.0), None).mobility,
         s / (skin.mass_kg * s**2 + skin.damping_n_s_m * s + skin.stiffness_n_m),
     )
     assert simulator.response == "mobility"

@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_hardware.physics.prediction import Probe
 from frictus_hardware.physics.schedule import REFERENCE_POSITION_MM, Circumstances
-from frictus_hardware.physics.simulator import Probe
 from frictus_service.discovery.background import LEAST_LOW_S
 from frictus_service.discovery.errors import DesignError
 from frictus_service.discovery.lines import lines_of
