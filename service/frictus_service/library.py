@@ -102,7 +102,7 @@ class TextureLibrary:
         ------
         TextureNameError, UnknownTextureError, DamagedTextureError
         """
-        _check_name(name)
+        check_name(name)
         for folder, shipped in ((self._shipped, True), (self._folder, False)):
             try:
                 content = (folder / f"{name}.json").read_bytes()
@@ -130,7 +130,7 @@ class TextureLibrary:
         ------
         TextureNameError, ReadOnlyTextureError, TextureConflictError
         """
-        _check_name(name)
+        check_name(name)
         self._refuse_shipped(name)
         content = _TEXTURE.dump_json(texture)
         with self._writing:
@@ -146,7 +146,7 @@ class TextureLibrary:
         ------
         TextureNameError, UnknownTextureError, ReadOnlyTextureError, TextureConflictError
         """
-        _check_name(name)
+        check_name(name)
         self._refuse_shipped(name)
         with self._writing:
             if not (self._folder / f"{name}.json").exists():
@@ -176,7 +176,13 @@ def etag_of(texture: Texture) -> str:
     return hashlib.sha256(_TEXTURE.dump_json(texture)).hexdigest()[:32]
 
 
-def _check_name(name: str) -> None:
+def check_name(name: str) -> None:
+    """Raise if a texture cannot be called that.
+
+    Raises
+    ------
+    TextureNameError
+    """
     if not _NAME.fullmatch(name) or _RESERVED.fullmatch(name):
         raise TextureNameError(
             f"texture name {name[:80]!r}: 1 to 64 lower-case letters, digits, '-' and '_' are "

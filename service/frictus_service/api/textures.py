@@ -20,6 +20,7 @@ from frictus_service.library import (
     TextureConflictError,
     TextureLibrary,
     UnknownTextureError,
+    check_name,
 )
 
 Given = Annotated[Services, Depends(services)]
@@ -137,7 +138,8 @@ def put_texture(
     The body is a texture in JSON, or a recording in WAV or CSV; a recording needs
     `recording_speed_mm_s`, the speed of the finger or probe, so that time becomes position.
     """
-    texture = _texture_in(request, body, recording)
+    check_name(name)
+    texture = _texture_in(request, body, recording, name)
     replaces = _replaced(given.library, name, if_match, create)
     entry = given.library.put(name, texture, replaces)
     response.headers["ETag"] = quoted(entry.etag)
@@ -159,7 +161,7 @@ def delete_texture(name: str, given: Given, if_match: IfMatch = None) -> None:
     given.library.delete(name, required_match(if_match, _etag(given.library, name)))
 
 
-def _texture_in(request: Request, body: bytes, recording: Recording) -> Texture:
+def _texture_in(request: Request, body: bytes, recording: Recording, name: str) -> Texture:
     given = require_media(request, JSON, CSV, *WAV)
     if given == JSON:
         return parse_json(_TEXTURE, body)
@@ -169,7 +171,7 @@ def _texture_in(request: Request, body: bytes, recording: Recording) -> Texture:
             [problems.Place(where=["query", "recording_speed_mm_s"], what="Field required")],
         )
     with tempfile.TemporaryDirectory(prefix="frictus-") as folder:
-        file = Path(folder) / ("recording.csv" if given == CSV else "recording.wav")
+        file = Path(folder) / f"{name}.{'csv' if given == CSV else 'wav'}"  # refusals name it
         file.write_bytes(body)
         return load_texture(
             file,

@@ -217,3 +217,13 @@ def test_bad_recordings_say_what_is_wrong(
     )
     assert answer.status_code == 422
     assert answer.json()["detail"]
+
+
+def test_a_refused_recording_is_named_as_its_texture(api: TestClient) -> None:
+    headers = {**NEW, "Content-Type": "text/csv"}
+    query = {"recording_speed_mm_s": 40.0, "sample_rate_hz": 100.0}
+    answer = api.put("/v1/textures/torn", content=b"1\nrough\n", params=query, headers=headers)
+    assert "torn.csv" in answer.json()["detail"]
+    answer = api.put("/v1/textures/nul", content=b"1\n2\n3\n", params=query, headers=headers)
+    assert answer.status_code == 422
+    assert "texture name 'nul'" in answer.json()["detail"]
