@@ -120,6 +120,8 @@ def _estimates(
         if hidden[name].form != "catalogue":
             continue
         parameter, true = next(iter(hidden[name].parameters.items()))
+        if parameter not in named[name]["parameters"]:
+            continue  # only another shape of it explains the data: no size is claimed
         estimate = named[name]["parameters"][parameter]
         if estimate["ci95"] is not None:
             low, high = estimate["ci95"]

@@ -103,6 +103,9 @@ def show(found: "Discovery", console: "Console") -> None:
         for cause in found.causes:
             for name, estimate in cause.parameters.items():
                 table.add_row(title(cause.id), name, shown(estimate), f"{cause.p_value:.3g}")
+            if not cause.parameters:
+                shape = "of another shape than the catalogue's: not in the extended model"
+                table.add_row(title(cause.id), "", shape, f"{cause.p_value:.3g}")
         console.print(table)
     for pair in found.cannot_tell:
         first, second = map(title, pair.between)

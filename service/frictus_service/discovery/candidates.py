@@ -43,6 +43,14 @@ class Candidate:
     squared: bool = False
     positive: bool = False
 
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Between which coefficients a step more changes something."""
+        bounds = next(p for p in EFFECTS[self.effect].parameters if p.name == self.parameter)
+        if self.squared:
+            return 0.0, bounds.high**2 - self.step**2
+        return bounds.low, bounds.high - self.step
+
     def extend(self, simulator: Simulator, coefficient: float) -> Simulator:
         """Return the simulator with the effect in it.
 

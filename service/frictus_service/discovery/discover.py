@@ -37,11 +37,12 @@ from frictus_service.discovery.linearised import Linearised, linearise
 from frictus_service.discovery.notes import notes_on
 from frictus_service.discovery.own import OWN, ResponseName
 from frictus_service.discovery.pictures import level_bins, residual_bins, rests_of
+from frictus_service.discovery.refitted import as_predicting
 from frictus_service.discovery.residues import Residue
 from frictus_service.discovery.significance import LEAST_UNITS, signs
 from frictus_service.discovery.subjects import Rows, subjects_of
-from frictus_service.discovery.table import Units, rows_of, units_of, used
-from frictus_service.discovery.units import leave
+from frictus_service.discovery.table import Units, comparable, rows_of, units_of, used
+from frictus_service.discovery.units import joint_gain, leave
 
 FloatArray = NDArray[np.float64]
 
@@ -73,9 +74,10 @@ def discover(
         Of random sign flips, where there are too many units to try all.
     """
     response: ResponseName = base.response
-    trials = used(evidence)
-    units = units_of(trials)
-    told = notes_on(evidence, trials, units)
+    usable = used(evidence)
+    trials = comparable(usable, response)
+    units = units_of(trials, response)
+    told = notes_on(evidence, usable, trials, units, response)
     study = study.model_copy(update={"trials_used": len(trials)})
     if len(units.names) < LEAST_UNITS:
         return _nothing(study, base, seed, told)
@@ -145,12 +147,13 @@ class _Report:
     def document(self) -> Discovery:
         """Return the document."""
         found, ground = self._found, self._ground
-        base = (found.base, ())
-        extended = (self._model_of(self._chosen), tuple(self._chosen))
+        base = (as_predicting(ground, found.base), ())
+        model = as_predicting(ground, self._model_of(self._chosen))
+        extended = (model, tuple(self._chosen))
         before, after = rests_of(ground, *base), rests_of(ground, *extended)
         gain = None
         if self._chosen:
-            per_unit = np.sum([each.gain for each in self._sure if each.in_model], axis=0)
+            per_unit = joint_gain(model.units, self._chosen)
             gain = gain_of(ground, per_unit, base, extended)
         return Discovery(
             code_version=version("frictus"),
@@ -158,7 +161,7 @@ class _Report:
             study=self._study,
             response=ground.response,
             base_model=self._base,
-            extended_model=self._extended(extended[0]),
+            extended_model=self._extended(model),
             verdict=self._verdict(),
             causes=tuple(self._cause(each) for each in self._sure),
             cannot_tell=tuple(pair for each in self._unsure for pair in self._pairs(each)),
@@ -170,7 +173,7 @@ class _Report:
             unseen=tuple(unseen(ground, self._chosen)) if self._chosen else (),
             residuals=tuple(residual_bins(ground, self._rows.tones_hz, before, after)),
             levels=tuple(level_bins(ground, base, extended)),
-            notes=self._notes,
+            notes=(*self._notes, *self._beyond_bounds()),
         )
 
     def _model_of(self, effects: Sequence[int]) -> Linearised:
@@ -183,8 +186,9 @@ class _Report:
         found = self._found
         if not found.named:
             return "unexplained" if found.residues else "clean"
-        wrong_shape = any(each.verdict == "family" for each in found.named)
-        return "partly_explained" if found.residues or wrong_shape else "explained"
+        # Of two that are not told apart neither is in the extended model.
+        open_ = self._unsure or any(each.verdict == "family" for each in found.named)
+        return "partly_explained" if found.residues or open_ else "explained"
 
     def _cause(self, each: Named) -> NamedCause:
         candidate = self._ground.candidates[each.candidate]
@@ -194,14 +198,16 @@ class _Report:
             id=cause.id,
             statement=cause.statement,
             verdict=each.verdict,
-            parameters=self._parameters(each),
+            parameters=self._parameters(each) if each.in_model else {},
             p_value=each.p_value,
             gain=gain_of(
                 self._ground,
                 each.gain,
                 (self._model_of(others), others),
                 (self._model_of([*others, each.candidate]), [*others, each.candidate]),
-            ),
+            )
+            if each.in_model
+            else None,
             alternatives=tuple(
                 Alternative(
                     id=name,
@@ -302,9 +308,7 @@ class _Report:
         effects = [
             Effect(
                 id=self._ground.candidates[each.candidate].effect,
-                parameters={
-                    name: estimate.value for name, estimate in self._parameters(each).items()
-                },
+                parameters=self._accepted(each),
             )
             for each in self._sure
             if each.in_model
@@ -325,6 +329,33 @@ class _Report:
                 },
             }
         )
+
+    def _accepted(self, each: Named) -> dict[str, float]:
+        """Return the parameters of a cause as a model accepts them."""
+        candidate = self._ground.candidates[each.candidate]
+        bounds = {p.name: (p.low, p.high) for p in EFFECTS[candidate.effect].parameters}
+        return {
+            name: float(np.clip(estimate.value, *bounds[name]))
+            for name, estimate in self._parameters(each).items()
+        }
+
+    def _beyond_bounds(self) -> list[str]:
+        """Return the notes on parameters that no model accepts as they were found."""
+        notes = []
+        for each in self._sure:
+            if not each.in_model:
+                continue
+            effect = self._ground.candidates[each.candidate].effect
+            accepted = self._accepted(each)
+            for name, estimate in self._parameters(each).items():
+                limited = accepted[name]
+                if limited != estimate.value:
+                    notes.append(
+                        f"{effect}: {name} is found at "
+                        f"{estimate.value:.4g}, beyond what a model accepts: "
+                        f"the extended model has {limited:.4g}, and was measured with that."
+                    )
+        return notes
 
     def _evidence(self) -> Evidence:
         people = len(set(self._units.participant))

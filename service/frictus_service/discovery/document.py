@@ -81,7 +81,7 @@ class Evidence(_Document):
     trials: int
     rows: int
     held_out: Literal["participants", "blocks"]
-    """What was left out in turn; blocks where there is one participant."""
+    """What was left out in turn; blocks of trials where there are fewer than six."""
     statement: str
     """How strong that is, in a sentence."""
 
@@ -94,9 +94,11 @@ class NamedCause(_Document):
     verdict: Literal["confirmed", "family"]
     """`family`: the cause is of this kind, but its shape is not the catalogue's."""
     parameters: dict[str, ParameterEstimate]
+    """None where only another shape than the catalogue's explains the data."""
     p_value: Probability
     """Corrected for all causes that were tested together."""
-    gain: Gain
+    gain: Gain | None
+    """Null where it is not in the extended model: its shape is not the catalogue's."""
     alternatives: tuple[Alternative, ...]
     next_experiment: str
     evidence: Evidence | None = None
@@ -199,7 +201,7 @@ class Discovery(_Document):
     cannot_tell: tuple[CannotTell, ...]
     unexplained: tuple[Unexplained, ...]
     explained_share: FiniteFloat | None
-    """Share of what is reproducibly wrong with the base model that the causes account for."""
+    """Share of what is reproducibly wrong with the base model that the extended one has not."""
     gain: Gain | None
     """All causes together; null where none is named."""
     evidence: Evidence | None = None

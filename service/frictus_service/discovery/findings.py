@@ -20,8 +20,8 @@ from frictus_service.discovery.linearised import (
 )
 from frictus_service.discovery.residues import Residue, residues_of
 from frictus_service.discovery.selection import select
-from frictus_service.discovery.significance import Significance
-from frictus_service.discovery.units import Unit, held_out_gain, leave, similarity
+from frictus_service.discovery.significance import LEAST_UNITS, Significance
+from frictus_service.discovery.units import Unit, held_out_gain, joint_gain, leave, similarity
 
 FloatArray = NDArray[np.float64]
 
@@ -63,7 +63,7 @@ class Named:
     left : bool
         Whether something else is reproducible in its place.
     in_model : bool
-        Whether the extended model has it; one that only another form explains is not in it.
+        Whether the extended model has it; one that the data show in another form only is not.
     """
 
     candidate: int
@@ -92,6 +92,7 @@ class Findings:
     effects : tuple of int
         Candidates in the extended model.
     explained_share : float
+        By the causes that extend the model.
     accuracy : ndarray, shape (n_candidates,)
         Coefficient at which each shows as much as measuring is accurate, about the base.
     """
@@ -135,18 +136,24 @@ def find(ground: Ground, flips: FloatArray) -> Findings:
         if better != model.chosen:
             model = about(better)
             said = _said(ground, base, model, flips)
-        weak = {
-            each.candidate for each in said.named if each.share < RIGHT_FAMILY or _torn(each)
-        }
+        weak = _weak(said)
         if not weak:
             break
         banned |= weak
-    named = [each for each in said.named if each.candidate not in weak]
+    else:  # those that stood are named if they stand by themselves, or none is
+        for effects in (tuple(k for k in model.chosen if k not in weak), ()):
+            model = about(effects)
+            said = _said(ground, base, model, flips)
+            if not _weak(said):
+                break
+    named = list(said.named)
+    extending = [each.candidate for each in named if each.in_model and not each.alike]
     if said.beyond_forms:
-        present = {each.candidate for each in named}
-        named += _of_family(said, present)
-    explained = sum(float(each.gain.sum()) for each in named if each.in_model)
-    left = sum(float(each.gain.sum()) for each in said.residues)
+        named += _of_family(said, set(model.chosen))
+    explained, whole = (
+        float(joint_gain(model.units, effects).sum()) for effects in (extending, model.chosen)
+    )
+    left = max(whole - explained, 0.0) + sum(float(each.gain.sum()) for each in said.residues)
     return Findings(
         named=tuple(named),
         residues=said.residues,
@@ -189,6 +196,11 @@ def _better_of_like(
 
 def _numbers(*found: Sequence[tuple[int, float]]) -> list[int]:
     return [candidate for each in found for candidate, _ in each]
+
+
+def _weak(said: "_Said") -> set[int]:
+    """Return the causes that explain too little in their place."""
+    return {each.candidate for each in said.named if each.share < RIGHT_FAMILY or _torn(each)}
 
 
 def _torn(each: Named) -> bool:
@@ -265,18 +277,19 @@ def _said(ground: Ground, base: Linearised, model: Linearised, flips: FloatArray
                 unit.and_own(columns) for unit, (columns, _) in zip(beyond, forms, strict=True)
             ]
     rest = residues_of(ground, model, beyond, flips)
+    residues = residues_of(ground, model, units, flips) if bent else rest
     about = _Seen(ground, base, model)
     named = [
-        _named(effect, about, rest, flips, places[effect], effect in bent)
+        _named(effect, about, rest, residues, flips, places[effect], effect in bent)
         for effect in model.chosen
     ]
-    residues = residues_of(ground, model, units, flips) if bent else rest
     return _Said(tuple(named), tuple(residues), tuple(rest), about)
 
 
 def _named(
     effect: int,
     seen: _Seen,
+    beyond_forms: Sequence[Residue],
     residues: Sequence[Residue],
     flips: FloatArray,
     place: Place,
@@ -286,7 +299,10 @@ def _named(
     others = [other for other in model.chosen if other != effect]
     left = leave(model.units, others)
     gain = held_out_gain(left)[:, effect]
-    rest = sum(float(each.gain.sum()) for each in residues if _beside_each_other(each, place))
+    rest, all_rest = (
+        sum(float(each.gain.sum()) for each in found if _beside_each_other(each, place))
+        for found in (beyond_forms, residues)
+    )
     own = float(gain.sum())
     alike, near = _beside(effect, seen)
     return Named(
@@ -295,11 +311,16 @@ def _named(
         p_value=float(left.significance(flips).p[effect]),
         gain=gain,
         coefficients=left.estimates[:, effect],
-        share=own / (own + rest) if own + rest > 0.0 else 0.0,
+        share=_part(own, rest),
         alike=alike,
         near=near,
         left=rest > 0.0,
+        in_model=_part(own, all_rest) >= RIGHT_FAMILY,
     )
+
+
+def _part(own: float, rest: float) -> float:
+    return own / (own + rest) if own + rest > 0.0 else 0.0
 
 
 def _beside(
@@ -332,7 +353,9 @@ def _of_family(said: _Said, present: set[int]) -> list[Named]:
         shares = {
             k: _share(ground, alike, there, k, place)
             for k in range(len(ground.candidates))
-            if k not in present and place_of(alike.units, k, ground.patterns) == place
+            if k not in present
+            and np.isfinite(left.estimates[:, k]).sum() >= LEAST_UNITS
+            and place_of(alike.units, k, ground.patterns) == place
         }
         best = max(shares, key=lambda k: shares[k], default=None)
         if best is None or shares[best] < RIGHT_FAMILY:

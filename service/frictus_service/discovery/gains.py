@@ -12,6 +12,7 @@ from frictus_service.discovery.document import Covariate, Gain, UnseenCondition
 from frictus_service.discovery.ground import Ground
 from frictus_service.discovery.linearised import Linearised, linearise
 from frictus_service.discovery.readings import Compared
+from frictus_service.discovery.refitted import as_predicting, refitted
 from frictus_service.discovery.subjects import Subject, part_of
 from frictus_service.discovery.units import joint, mean_of_known
 
@@ -55,7 +56,8 @@ def gain_of(
 def held_out(ground: Ground, model: Linearised, effects: Sequence[int]) -> list[Compared]:
     """Return what each unit's measurement is less its prediction.
 
-    The coefficients of effects are the other units'; gain and cutoff are its own.
+    The coefficients of effects are the other units'; gain and cutoff are its own, fitted beside
+    those coefficients.
 
     Parameters
     ----------
@@ -64,11 +66,14 @@ def held_out(ground: Ground, model: Linearised, effects: Sequence[int]) -> list[
     effects : sequence of int
     """
     found = joint([unit.only(effects) for unit in model.units], range(len(effects)))
-    rests = []
-    for place, (subject, own) in enumerate(zip(ground.subjects, model.own, strict=True)):
-        others = np.delete(found, place, axis=0)
-        rests.append(ground.rest(subject, own, effects, mean_of_known(others)))
-    return rests
+    others = np.array(
+        [mean_of_known(np.delete(found, place, axis=0)) for place in range(len(found))]
+    )
+    fitted = refitted(ground, model, effects, others)
+    return [
+        ground.rest(subject, own, effects, row)
+        for subject, own, row in zip(ground.subjects, fitted, others, strict=True)
+    ]
 
 
 def rms_of(rests: Sequence[Compared]) -> tuple[float, float]:
@@ -99,7 +104,7 @@ def unseen(ground: Ground, effects: Sequence[int]) -> list[UnseenCondition]:
         kept, left = _split(ground, covariate, level)
         scores = []
         for chosen in ((), tuple(effects)):
-            model = linearise(kept, chosen, wanted=(), patterns=())
+            model = as_predicting(kept, linearise(kept, chosen, wanted=(), patterns=()))
             rests = [
                 left.rest(subject, own, chosen, row)
                 for subject, own, row in zip(
@@ -125,8 +130,11 @@ def targets_of(subject: Subject, covariate: str) -> FloatArray:
 
 
 def _middle(ground: Ground, covariate: str) -> float | None:
-    """Return the middle level that all have, None with fewer than three."""
-    levels = [set(targets_of(subject, covariate).tolist()) for subject in ground.subjects]
+    """Return the middle level at which all show the response, None with fewer than three."""
+    levels = [
+        set(targets_of(subject, covariate)[np.unique(subject.trial)].tolist())
+        for subject in ground.subjects
+    ]
     shared = sorted(set.intersection(*levels))
     return float(shared[len(shared) // 2]) if len(shared) > 2 else None
 

@@ -68,6 +68,12 @@ class Ground:
         """Candidates in which people differ by chance."""
         return [k for k, each in enumerate(self.candidates) if each.effect in LEANING]
 
+    def limits(self, chosen: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+        """Return least and largest coefficients about which candidates can be linear."""
+        limits = np.array([self.candidates[effect].limits for effect in chosen])
+        low, high = limits.reshape(-1, 2).T
+        return low, high
+
     def positive(self, chosen: Sequence[int]) -> NDArray[np.bool_]:
         """Return which candidates cannot be negative."""
         return np.array([self.candidates[effect].positive for effect in chosen], dtype=np.bool_)

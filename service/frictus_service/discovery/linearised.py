@@ -87,7 +87,7 @@ def linearise(
         units, whitenings = ground.about(own, there, at, len(chosen), there, ())
         coefficients = _settled(ground, joint(units, range(len(chosen))), chosen)
         leans = np.array([whitening.leans[places] for whitening in whitenings])
-        at = np.hstack([coefficients, leans])
+        at = np.clip(np.hstack([coefficients, leans]), *ground.limits(there))
         steps = np.array(
             [_own_step(*each, own.shape[1]) for each in zip(units, at, strict=True)]
         )

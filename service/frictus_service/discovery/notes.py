@@ -7,24 +7,55 @@ from typing import Final
 
 from frictus_service.discovery.evidence import TrialEvidence
 from frictus_service.discovery.significance import LEAST_UNITS
-from frictus_service.discovery.table import LEAST_TRIALS, Units
+from frictus_service.discovery.table import LEAST_TRIALS, ResponseName, Units, telling_of
 
 _NUMBER: Final = re.compile(r"[-+±]?\d[\d.,e+-]*")
 """Which the same reason gives anew for every trial."""
 
 
 def notes_on(
-    evidence: Sequence[TrialEvidence], used: Sequence[TrialEvidence], units: Units
+    evidence: Sequence[TrialEvidence],
+    usable: Sequence[TrialEvidence],
+    compared: Sequence[TrialEvidence],
+    units: Units,
+    response: ResponseName,
 ) -> tuple[str, ...]:
     """Return the notes.
 
     Parameters
     ----------
-    evidence, used : sequence of TrialEvidence
-        All trials of the study, and those that can be used.
+    evidence, usable, compared : sequence of TrialEvidence
+        All trials of the study, those that can be used, and those of people who are compared.
     units : Units
+    response : {'friction', 'mobility'}
     """
-    return (*_left_out(evidence, used), *_design(used), *_units(used, units))
+    return (
+        *_left_out(evidence, usable),
+        *_people(usable, compared, response),
+        *_design(compared),
+        *_units(compared, units),
+    )
+
+
+def _people(
+    usable: Sequence[TrialEvidence], compared: Sequence[TrialEvidence], response: ResponseName
+) -> list[str]:
+    """Return who is left out, and why."""
+    kept = {one.observed.info.participant for one in compared}
+    telling = telling_of(usable, response)
+    out = sorted({one.observed.info.participant for one in usable} - kept)
+    notes = []
+    for words, names in (
+        ("no usable trial says anything", [name for name in out if not telling[name]]),
+        (
+            f"fewer than {LEAST_TRIALS} usable trials, as many as a block of them needs where "
+            "blocks take the role of people, say anything",
+            [name for name in out if telling[name]],
+        ),
+    ):
+        if names:
+            notes.append(f"Left out: {', '.join(names)}: {words} of the {response} response.")
+    return notes
 
 
 def _left_out(evidence: Sequence[TrialEvidence], used: Sequence[TrialEvidence]) -> list[str]:
@@ -33,7 +64,10 @@ def _left_out(evidence: Sequence[TrialEvidence], used: Sequence[TrialEvidence]) 
         return []
     told = [one.observed.reasons[0] for one in evidence if one.observed.reasons]
     if not told:
-        return [f"{missing} of {len(evidence)} trials are not used: they hold no steady sweep."]
+        return [
+            f"{missing} of {len(evidence)} trials are not used: they hold no steady sweep "
+            "of which speed, force and position are known."
+        ]
     kinds = [_NUMBER.sub("", reason) for reason in told]
     kind, count = Counter(kinds).most_common(1)[0]
     example = told[kinds.index(kind)]
@@ -64,7 +98,8 @@ def _units(used: Sequence[TrialEvidence], units: Units) -> list[str]:
         return [
             f"Nothing was tested: {len(used)} usable trials of {people} participants make "
             f"{len(units.names)} units to compare. Accepted: {LEAST_UNITS} participants, or "
-            f"fewer with {LEAST_UNITS * LEAST_TRIALS} trials together; measure more."
+            f"fewer whose trials make {LEAST_UNITS} blocks of {LEAST_TRIALS} each; measure "
+            "more."
         ]
     if units.held_out == "blocks":
         return [

@@ -16,7 +16,8 @@ from frictus_service.discovery.units import Unit, held_out_gain, joint, leave
 FloatArray = NDArray[np.float64]
 
 OMNIBUS: Final = 0.025
-"""Family-wise, of all patterns: noticing something unknown in nothing is a false alarm too."""
+"""Family-wise, of all patterns: noticing something unknown in nothing is a false alarm too. Six
+units cannot reach it: theirs is the smallest p there is, 0.031."""
 MOST_PATTERNS: Final = 6
 HALF: Final = 0.5
 """Of the largest misfit at any tone: where it is."""
@@ -61,7 +62,8 @@ def residues_of(
         About the model; their effects are the patterns, all that is known is their own.
     flips : ndarray
     """
-    found = select(lambda chosen: units, flips, OMNIBUS, most=MOST_PATTERNS).effects
+    level = max(OMNIBUS, 2.0 / len(flips))
+    found = select(lambda chosen: units, flips, level, most=MOST_PATTERNS).effects
     means = joint(units, found).mean(axis=0) if found else np.zeros(0)
     residues = []
     for place, pattern in enumerate(found):

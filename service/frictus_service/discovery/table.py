@@ -1,5 +1,6 @@
 """From the evidence of trials to the rows of a study, and to the units that are compared."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -49,7 +50,7 @@ class Units:
 
 def used(evidence: Sequence[TrialEvidence]) -> list[TrialEvidence]:
     """Return the trials that may be used and say something, by participant and order."""
-    kept = [one for one in evidence if one.observed.valid and one.stretches.sweep.size]
+    kept = [one for one in evidence if one.observed.valid and _placed(one)]
     return sorted(
         kept,
         key=lambda one: (
@@ -61,27 +62,119 @@ def used(evidence: Sequence[TrialEvidence]) -> list[TrialEvidence]:
     )
 
 
-def units_of(evidence: Sequence[TrialEvidence]) -> Units:
-    """Return participants, or blocks of their trials where there are fewer than six.
+def _placed(one: TrialEvidence) -> bool:
+    """Return whether a trial has a steady sweep of which place, speed and force are known."""
+    at = one.stretches
+    where = np.array([at.speed_mm_s, at.normal_force_n, at.position_mm])
+    return bool(np.isfinite(where).all(axis=0).any())
 
-    Blocks are dealt out like cards, so that each has trials from the whole of the session.
+
+def comparable(trials: Sequence[TrialEvidence], response: ResponseName) -> list[TrialEvidence]:
+    """Return the trials of people whose trials say enough of a response.
+
+    Parameters
+    ----------
+    trials : sequence of TrialEvidence
+        From `used`.
+    response : {'friction', 'mobility'}
+    """
+    telling = telling_of(trials, response)
+    least = 1 if len(telling) >= LEAST_UNITS else LEAST_TRIALS
+    return [one for one in trials if telling[one.observed.info.participant] >= least]
+
+
+def telling_of(trials: Sequence[TrialEvidence], response: ResponseName) -> Counter[str]:
+    """Return how many trials of each participant say something of a response.
+
+    Parameters
+    ----------
+    trials : sequence of TrialEvidence
+    response : {'friction', 'mobility'}
+    """
+    return Counter(one.observed.info.participant for one in trials if _tells(one, response))
+
+
+def _tells(one: TrialEvidence, response: ResponseName) -> bool:
+    rows = one.observed.rows
+    measured = rows.friction_response if response == "friction" else rows.mobility
+    return bool(
+        np.any(_known(measured, rows.speed_mm_s, rows.normal_force_n, rows.position_mm))
+    )
+
+
+def _known(measured: ComplexArray, *where: FloatArray) -> NDArray[np.bool_]:
+    """Return which rows say something, and where that was."""
+    placed = np.isfinite(np.array(where)).all(axis=0)
+    found: NDArray[np.bool_] = np.isfinite(measured) & (measured != 0.0) & placed
+    return found
+
+
+def blocks_of(trials: Sequence[int]) -> list[int]:
+    """Return into how many blocks the trials of each person are dealt: no more than needed.
+
+    Parameters
+    ----------
+    trials : sequence of int
+        How many each person has.
+    """
+    most = [count // LEAST_TRIALS for count in trials]
+    each = 1
+    while sum(min(each, m) for m in most) < BLOCKS and each < max(most, default=0):
+        each += 1
+    return [min(each, m) for m in most]
+
+
+def dealt(tones: Sequence[tuple[float, ...]], blocks: int) -> IntArray:
+    """Return the block of each of a person's trials, shape (n_trials,).
+
+    They are dealt out like cards, those with the same tones after each other, in time: each
+    block has trials of all tones and of the whole session. Who gets which card of a round is
+    drawn, or blocks might have one force each.
+
+    Parameters
+    ----------
+    tones : sequence of tuple of float
+        Of each trial, in the order of time.
+    blocks : int
+    """
+    rng = np.random.default_rng(0)  # the same trials make the same blocks
+    rounds = -(-len(tones) // blocks)
+    cards = [rng.permutation(blocks) for _ in range(rounds)]
+    found = np.empty(len(tones), dtype=np.int64)
+    order = sorted(range(len(tones)), key=lambda trial: tones[trial])
+    found[order] = np.concatenate([*cards, np.empty(0, dtype=np.int64)])[: len(tones)]
+    return found
+
+
+def units_of(evidence: Sequence[TrialEvidence], response: ResponseName) -> Units:
+    """Return participants, or blocks of their trials where there are fewer than six.
 
     Parameters
     ----------
     evidence : sequence of TrialEvidence
-        From `used`.
+        From `comparable`.
+    response : {'friction', 'mobility'}
     """
     people = [one.observed.info.participant for one in evidence]
     names = sorted(set(people))
     number = np.array([names.index(each) for each in people], dtype=np.int64)
     if len(names) >= LEAST_UNITS or not names:
         return Units(tuple(names), tuple(names), number, "participants")
-    fewest = min(np.bincount(number))
-    each = max(1, min(-(-BLOCKS // len(names)), int(fewest) // LEAST_TRIALS))
-    place = np.array([people[:k].count(people[k]) for k in range(len(people))]) % each
-    labels = tuple(f"{name}, block {k + 1}" for name in names for k in range(each))
-    owners = tuple(name for name in names for _ in range(each))
-    return Units(labels, owners, number * each + place, "blocks")
+    telling = telling_of(evidence, response)
+    blocks = blocks_of([telling[name] for name in names])
+    first = np.cumsum([0, *blocks])
+    unit = np.empty(number.size, dtype=np.int64)
+    for person, count in enumerate(blocks):
+        own = np.flatnonzero(number == person)
+        tones = [evidence[trial].observed.info.tones_hz for trial in own.tolist()]
+        unit[own] = first[person] + dealt(tones, count)
+    owners = tuple(name for place, name in enumerate(names) for _ in range(blocks[place]))
+    labels = tuple(
+        f"{name}, block {k + 1}"
+        for place, name in enumerate(names)
+        for k in range(blocks[place])
+    )
+    return Units(labels, owners, unit, "blocks")
 
 
 def rows_of(evidence: Sequence[TrialEvidence], units: Units, response: ResponseName) -> Rows:
@@ -105,7 +198,8 @@ def rows_of(evidence: Sequence[TrialEvidence], units: Units, response: ResponseN
         return np.concatenate([getattr(one.harmonics, name) for one in evidence])
 
     measured = column("friction_response" if response == "friction" else "mobility")
-    known = np.isfinite(measured) & (measured != 0.0)
+    where = ("speed_mm_s", "normal_force_n", "position_mm")
+    known = _known(measured, *(column(name) for name in where))
     tones_hz, tone = np.unique(column("tone_hz"), return_inverse=True)
     keys = np.stack([trial, np.ravel(tone), column("direction"), column("third")])
     keys, group = np.unique(keys[:, known], axis=1, return_inverse=True)

@@ -265,6 +265,67 @@ def held_out_gain(left: Left) -> FloatArray:
     return np.where(known & (known.sum(axis=0) > 1), gain, 0.0)
 
 
+def joint_gain(units: Sequence[Unit], chosen: Sequence[int]) -> FloatArray:
+    """Return by how much several effects together make each unit more likely.
+
+    As `held_out_gain`, of all coefficients at once: where signatures are alike, the gains of
+    each beside the others do not add up to it.
+
+    Parameters
+    ----------
+    units : sequence of Unit
+    chosen : sequence of int
+
+    Returns
+    -------
+    ndarray, shape (n_units,)
+    """
+    if not chosen:
+        return np.zeros(len(units))
+    parts = [_together(unit, list(chosen)) for unit in units]
+    value, noise = (np.stack(part) for part in zip(*parts, strict=True))
+    known = np.isfinite(value)
+    return np.array([_gain_of_one(value, noise, known, unit) for unit in range(len(units))])
+
+
+def _together(unit: Unit, chosen: list[int]) -> tuple[FloatArray, FloatArray]:
+    """Return the coefficients fitted together, NaN where unknown, and their covariance.
+
+    Of parameters, and not of their squares, as in `Left.tested`.
+    """
+    effects, readings = _projected(unit, [])
+    effects = effects[:, chosen]
+    told = np.einsum("ij,ij->j", effects, effects) > 0.0
+    gram = effects.T @ effects
+    covariance = np.linalg.pinv(gram, rcond=LEAST_SHARE**2, hermitian=True)
+    value = covariance @ (effects.T @ readings)
+    root = np.sign(value) * np.sqrt(np.abs(value))
+    squared = unit.squared[chosen]
+    slope = 2.0 * np.maximum(np.abs(root), np.maximum(np.diagonal(covariance), 0.0) ** 0.25)
+    scale = np.where(squared & told, 1.0 / np.maximum(slope, np.finfo(float).tiny), 1.0)
+    value = np.where(told, np.where(squared, root, value), np.nan)
+    return value, scale[:, np.newaxis] * covariance * scale
+
+
+def _gain_of_one(value: FloatArray, noise: FloatArray, known: BoolArray, unit: int) -> float:
+    """Return the gain of one unit, whose coefficients are expected to be the others' mean."""
+    others = np.arange(len(value)) != unit
+    count = known[others].sum(axis=0)
+    kept = np.flatnonzero(known[unit] & (count > 0))
+    if not kept.size:
+        return 0.0
+    there = known[others][:, kept]
+    least = int(count[kept].min())
+    values = np.where(there, value[others][:, kept], 0.0)
+    mean = values.sum(axis=0) / count[kept]
+    apart = np.where(there, values - mean, 0.0)
+    expected = noise[others][:, kept][:, :, kept].mean(axis=0)
+    variance = (PRIOR_DEGREES * expected + apart.T @ apart) / (PRIOR_DEGREES + least - 1)
+    variance *= 1.0 + 1.0 / least
+    towards = np.linalg.lstsq(variance, mean, rcond=None)[0]
+    return float(towards @ (value[unit, kept] - 0.5 * mean))
+
+
 def similarity(units: Sequence[Unit], chosen: Sequence[int] = ()) -> FloatArray:
     """Return the cosine between what is left of any two signatures, over all units.
 

@@ -40,9 +40,9 @@ def verdict_sentence(found: Discovery) -> str:
     what = "; ".join(part for part in (named, unsure) if part)
     if found.verdict == "explained":
         return f"The base model is wrong, and the data say why: {what}. Nothing else is left."
-    return f"The base model is wrong, and the data say partly why: {what}. More is left" + (
-        f"{_where(found)}."
-    )
+    why = "the data say partly why" if found.causes else "the data leave open why"
+    more = f" More is left{_where(found)}." if found.unexplained else ""
+    return f"The base model is wrong, and {why}: {what}.{more}"
 
 
 def _named(cause: NamedCause) -> str:

@@ -151,7 +151,7 @@ class TestFewPeople:
         assert found.evidence.statement.startswith("6 participants, each of whom counts once")
 
     def test_too_few_trials_say_nothing(self, rng: np.random.Generator) -> None:
-        says_nothing(found_in(made(rng, ASYMMETRY, Design(2))[:47]), "48 trials together")
+        says_nothing(found_in(made(rng, ASYMMETRY, Design(2))[:47]), "make 6 blocks of 8 each")
 
     def test_no_trial_at_all(self) -> None:
         says_nothing(found_in([]), "0 usable trials")

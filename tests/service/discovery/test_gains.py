@@ -11,7 +11,7 @@ from frictus_service.discovery.linearised import linearise
 from frictus_service.discovery.readings import Compared
 from frictus_service.discovery.subjects import subjects_of
 from frictus_service.discovery.table import rows_of, units_of, used
-from frictus_service.discovery.units import held_out_gain, leave
+from frictus_service.discovery.units import Unit, held_out_gain, joint_gain, leave
 
 SHARE = 0.06
 CANDIDATES = tuple(candidates_of("friction"))
@@ -21,7 +21,7 @@ ASYMMETRY = [one.effect for one in CANDIDATES].index("direction_asymmetry")
 def ground_of(rng: np.random.Generator, share: float, design: Design | None = None) -> Ground:
     effects = [("direction_asymmetry", {"share": share})]
     trials = used(made(rng, effects, design or Design()))
-    units = units_of(trials)
+    units = units_of(trials, "friction")
     subjects = tuple(subjects_of(rows_of(trials, units, "friction"), len(units.names)))
     return Ground(PAPER, MOUNT, "friction", subjects, CANDIDATES, ())
 
@@ -61,7 +61,39 @@ def test_held_out_sizes_are_those_of_others(rng: np.random.Generator) -> None:
     for place, (rest, subject) in enumerate(zip(rests, ground.subjects, strict=True)):
         size = float(np.delete(others, place).mean())
         own = ground.rest(subject, model.own[place], (ASYMMETRY,), np.array([size]))
-        np.testing.assert_allclose(rest.size, own.size, atol=1e-9)
+        # Gain and cutoff are fitted beside that size, which tells no direction from another.
+        moved = rest.size - own.size
+        forth = subject.rows.circumstances.direction > 0.0
+        assert abs(moved[forth].mean() - moved[~forth].mean()) < 1e-3
+        assert np.all(np.abs(moved) < 0.1)
+
+
+def of_two(rng: np.random.Generator) -> tuple[tuple[Unit, ...], list[int]]:
+    """Return the units about a model of two effects that look alike, and the two."""
+    names = [one.effect for one in CANDIDATES]
+    pair = [names.index(name) for name in ("channel_delay", "fractional_rolloff")]
+    delay, rolloff = {"delay_s": 2e-5}, {"excess_order": 0.1}
+    trials = used(made(rng, [("channel_delay", delay), ("fractional_rolloff", rolloff)]))
+    subjects = subjects_of(rows_of(trials, units_of(trials, "friction"), "friction"), 8)
+    ground = Ground(PAPER, MOUNT, "friction", tuple(subjects), CANDIDATES, ())
+    return linearise(ground, pair).units, pair
+
+
+def test_the_gain_of_one_effect_is_its_own(rng: np.random.Generator) -> None:
+    units = linearise(ground_of(rng, SHARE), (ASYMMETRY,)).units
+    alone = held_out_gain(leave(units))[:, ASYMMETRY]
+    np.testing.assert_allclose(joint_gain(units, [ASYMMETRY]), alone, rtol=1e-6)
+    assert not joint_gain(units, []).any()
+
+
+def test_gains_together_know_no_order(rng: np.random.Generator) -> None:
+    """Nor do they add up, where signatures are alike."""
+    units, pair = of_two(rng)
+    together = joint_gain(units, pair)
+    np.testing.assert_allclose(joint_gain(units, pair[::-1]), together, rtol=1e-6)
+    each = [held_out_gain(leave(units, pair[1 - k : 2 - k]))[:, pair[k]].sum() for k in (0, 1)]
+    assert together.sum() > max(each)
+    assert sum(each) != pytest.approx(together.sum(), rel=0.02)
 
 
 def test_rms_is_of_all_rows(rng: np.random.Generator) -> None:

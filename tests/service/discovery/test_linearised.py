@@ -36,7 +36,7 @@ def people(rng: np.random.Generator, slopes: Sequence[float]) -> list[TrialEvide
 
 def ground(evidence: Sequence[TrialEvidence]) -> Ground:
     trials = used(evidence)
-    units = units_of(trials)
+    units = units_of(trials, "friction")
     subjects = subjects_of(rows_of(trials, units, "friction"), len(units.names))
     return Ground(PAPER, MOUNT, "friction", tuple(subjects), CANDIDATES, ())
 

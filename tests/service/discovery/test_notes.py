@@ -7,12 +7,13 @@ from tests.service.discovery.made import Design, made
 
 from frictus_service.discovery.evidence import TrialEvidence
 from frictus_service.discovery.notes import notes_on
-from frictus_service.discovery.table import units_of, used
+from frictus_service.discovery.table import LEAST_TRIALS, comparable, units_of, used
 
 
 def notes(evidence: list[TrialEvidence]) -> tuple[str, ...]:
-    trials = used(evidence)
-    return notes_on(evidence, trials, units_of(trials))
+    usable = used(evidence)
+    trials = comparable(usable, "friction")
+    return notes_on(evidence, usable, trials, units_of(trials, "friction"), "friction")
 
 
 def invalid(one: TrialEvidence, *reasons: str) -> TrialEvidence:
@@ -44,7 +45,7 @@ def test_trials_without_a_sweep(rng: np.random.Generator) -> None:
     none = {name: getattr(evidence[0].stretches, name)[:0] for name in names}
     evidence[0] = replace(evidence[0], stretches=replace(evidence[0].stretches, **none))
     (told,) = notes(evidence)
-    assert told == f"1 of {len(evidence)} trials are not used: they hold no steady sweep."
+    assert told.startswith(f"1 of {len(evidence)} trials are not used: they hold no steady")
 
 
 def test_designs_of_one_level(rng: np.random.Generator) -> None:
@@ -64,3 +65,24 @@ def test_few_people(rng: np.random.Generator) -> None:
     (few,) = notes(made(rng, design=Design(1, repeats=3)))
     assert few.startswith("Nothing was tested: 36 usable trials of 1 participants")
     assert notes([])[0].startswith("Nothing was tested: 0 usable trials")
+
+
+def test_who_is_left_out_and_why(rng: np.random.Generator) -> None:
+    evidence = made(rng, design=Design(5))
+    of_last = [one for one in evidence if one.observed.info.participant == "P04"]
+    few = [one for one in evidence if one not in of_last[LEAST_TRIALS - 1 :]]
+    told, blocks = notes(few)
+    assert told.startswith(f"Left out: P04: fewer than {LEAST_TRIALS} usable trials")
+    assert blocks.startswith("4 participants, below 6: blocks")
+    of_one = [
+        silent(one) if one.observed.info.participant == "P07" else one for one in made(rng)
+    ]
+    (told,) = notes(of_one)
+    assert told == "Left out: P07: no usable trial says anything of the friction response."
+
+
+def silent(one: TrialEvidence) -> TrialEvidence:
+    """Return a trial of which nothing measured the response."""
+    rows = one.observed.rows
+    rows = replace(rows, friction_response=rows.friction_response * np.nan)
+    return replace(one, observed=replace(one.observed, rows=rows))

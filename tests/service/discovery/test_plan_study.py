@@ -52,7 +52,7 @@ class Study:
         self.evidence: list[TrialEvidence] = used(
             study_evidence(path, workers=1, cache=path.parent)
         )
-        rows = rows_of(self.evidence, units_of(self.evidence), "friction")
+        rows = rows_of(self.evidence, units_of(self.evidence, "friction"), "friction")
         subjects = tuple(subjects_of(rows, TRUTH.participants))
         ground = Ground(base, mount, "friction", subjects, self.setup.candidates, ())
         with threadpool_limits(limits=1):

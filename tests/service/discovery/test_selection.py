@@ -50,7 +50,10 @@ def chosen(found: Sequence[Unit], rng: np.random.Generator) -> tuple[int, ...]:
 def test_what_is_there_is_found_and_nothing_else(rng: np.random.Generator) -> None:
     size = [0.0] * 12
     size[2], size[9] = 0.6, -0.5
-    assert set(chosen(units(rng, size), rng)) == {2, 9}
+    found = [set(chosen(units(rng, size), rng)) for _ in range(40)]
+    assert all(each >= {2, 9} for each in found)
+    more = sum(each > {2, 9} for each in found)
+    assert more <= 10  # 2 of 40 expected; more than five standard deviations beyond
 
 
 def test_nothing_is_rarely_something(rng: np.random.Generator) -> None:

@@ -15,7 +15,7 @@ FloatArray = NDArray[np.float64]
 
 def subject(rng: np.random.Generator) -> Subject:
     trials = used(made(rng))
-    units = units_of(trials)
+    units = units_of(trials, "friction")
     return subjects_of(rows_of(trials, units, "friction"), len(units.names))[0]
 
 

@@ -9,7 +9,14 @@ from tests.service.discovery.made import EVERY_MINUTES, Design, Scatter, made
 
 from frictus_service.discovery.evidence import TrialEvidence
 from frictus_service.discovery.subjects import part_of, subjects_of
-from frictus_service.discovery.table import LEAST_TRIALS, rows_of, units_of, used
+from frictus_service.discovery.table import (
+    LEAST_TRIALS,
+    blocks_of,
+    dealt,
+    rows_of,
+    units_of,
+    used,
+)
 
 SMALL = Design(6, repeats=1)
 NO_SCATTER = Scatter(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -42,7 +49,7 @@ def test_what_may_be_used(rng: np.random.Generator) -> None:
 
 
 def test_people_are_units(rng: np.random.Generator) -> None:
-    units = units_of(used(made(rng, design=SMALL)))
+    units = units_of(used(made(rng, design=SMALL)), "friction")
     assert units.held_out == "participants"
     assert units.names == units.participant
     assert len(units.names) == 6
@@ -52,7 +59,7 @@ def test_people_are_units(rng: np.random.Generator) -> None:
 @pytest.mark.parametrize("people", [1, 2, 3, 4, 5])
 def test_blocks_are_dealt_out(people: int, rng: np.random.Generator) -> None:
     trials = used(made(rng, design=Design(people, repeats=6)))
-    units = units_of(trials)
+    units = units_of(trials, "friction")
     assert units.held_out == "blocks"
     assert len(units.names) >= 8
     assert min(np.bincount(units.of_trial)) >= LEAST_TRIALS
@@ -63,18 +70,46 @@ def test_blocks_are_dealt_out(people: int, rng: np.random.Generator) -> None:
             if of == unit
         ]
         assert {info.participant for info in own} == {owner}
-        assert min(info.order for info in own) < 8  # from the whole of the session
-        assert max(info.order for info in own) >= 72 - 8
+        orders = [info.order for info in own]
+        assert min(orders) < 72 / 2 <= max(orders)  # from the whole of the session
+        assert len({info.tones_hz for info in own}) == 2
+
+
+def test_no_order_of_trials_gives_a_block_one_condition(rng: np.random.Generator) -> None:
+    """Dealt by their place alone, blocks of eight would have one tone of eight each."""
+    tones, speeds = [(31.0 * 2**k,) for k in range(8)], (20.0, 60.0, 100.0)
+    trials = [(tone, speed) for _ in range(4) for speed in speeds for tone in tones]
+    block = dealt([tone for tone, _ in trials], 8)
+    assert np.ptp(np.bincount(block)) <= 1
+    for k in range(8):
+        own = [trial for trial, of in zip(trials, block, strict=True) if of == k]
+        assert {tone for tone, _ in own} == set(tones)
+        assert len({speed for _, speed in own}) > 1
+
+
+@pytest.mark.parametrize(
+    ("trials", "blocks"),
+    [
+        ([60], [7]),
+        ([60, 20], [6, 2]),
+        ([16, 16, 16], [2, 2, 2]),
+        ([60, 60, 60, 60, 7], [2, 2, 2, 2, 0]),
+        ([15] * 5, [1] * 5),
+        ([], []),
+    ],
+)
+def test_how_many_blocks(trials: list[int], blocks: list[int]) -> None:
+    assert blocks_of(trials) == blocks
 
 
 def test_no_trials_no_units() -> None:
-    assert units_of([]).names == ()
+    assert units_of([], "friction").names == ()
 
 
 def test_sweeps_of_equal_direction_and_third_are_one_row(rng: np.random.Generator) -> None:
     trials = used(made(rng, design=SMALL))
     doubled = [twice(one) for one in trials]
-    units = units_of(trials)
+    units = units_of(trials, "friction")
     one, other = (rows_of(each, units, "friction") for each in (trials, doubled))
     assert one.tone.size == len(trials) * 6 * SMALL.tones_per_trial
     np.testing.assert_array_equal(other.tone, one.tone)
@@ -86,7 +121,7 @@ def test_sweeps_of_equal_direction_and_third_are_one_row(rng: np.random.Generato
 def test_what_is_measured_is_what_was_there(rng: np.random.Generator) -> None:
     share = 0.2
     trials = used(made(rng, [("direction_asymmetry", {"share": share})], scatter=NO_SCATTER))
-    rows = rows_of(trials, units_of(trials), "friction")
+    rows = rows_of(trials, units_of(trials, "friction"), "friction")
     at = rows.rows.circumstances
     cutoff_hz = 385.68 + 13.811 * at.speed_mm_s
     true = (1.0 + share * at.direction) / (1.0 + 1j * rows.rows.tone_hz / cutoff_hz)
@@ -106,7 +141,8 @@ def test_minutes_count_from_each_persons_first_trial_of_a_session(
         if info.order >= 6:  # the second session is as long after as it likes
             info = replace(info, session=2)
         later.append(replace(one, observed=replace(one.observed, info=info)))
-    minutes = rows_of(used(later), units_of(used(later)), "friction").trials.circumstances
+    kept = used(later)
+    minutes = rows_of(kept, units_of(kept, "friction"), "friction").trials.circumstances
     counted = Counter(np.round(minutes.minutes / EVERY_MINUTES).astype(int).tolist())
     assert counted == {k: 12 for k in range(6)}
 
@@ -118,15 +154,15 @@ def test_a_row_that_was_not_measured_is_none(rng: np.random.Generator) -> None:
     response[:2] = np.nan
     observed = replace(trials[0].observed, rows=replace(rows, friction_response=response))
     fewer = [replace(trials[0], observed=observed), *trials[1:]]
-    all_rows = rows_of(trials, units_of(trials), "friction")
-    known = rows_of(fewer, units_of(fewer), "friction")
+    all_rows = rows_of(trials, units_of(trials, "friction"), "friction")
+    known = rows_of(fewer, units_of(fewer, "friction"), "friction")
     assert known.tone.size == all_rows.tone.size - 2
     assert np.isfinite(known.measured.size).all()
 
 
 def test_of_the_skin_only_the_response_counts(rng: np.random.Generator) -> None:
     trials = used(made(rng, design=SMALL))
-    rows = rows_of(trials, units_of(trials), "mobility").measured
+    rows = rows_of(trials, units_of(trials, "friction"), "mobility").measured
     assert np.isfinite(rows.size).all()
     for unseen in (rows.second, rows.third, rows.line50, rows.line60, rows.low):
         assert np.isnan(unseen).all()
@@ -134,7 +170,7 @@ def test_of_the_skin_only_the_response_counts(rng: np.random.Generator) -> None:
 
 def test_a_part_of_a_subject_is_the_subject_of_these_trials(rng: np.random.Generator) -> None:
     trials = used(made(rng, design=SMALL))
-    rows = rows_of(trials, units_of(trials), "friction")
+    rows = rows_of(trials, units_of(trials, "friction"), "friction")
     whole = subjects_of(rows, 6)[2]
     kept = rng.random(whole.target_mm_s.size) < 0.5
     part = part_of(whole, kept)

@@ -123,7 +123,7 @@ def test_no_reading_is_better_than_measuring_is(rng: np.random.Generator) -> Non
 
 def test_a_whole_study_has_unit_variance(rng: np.random.Generator) -> None:
     trials = used(made(rng, design=Design(repeats=3)))
-    units = units_of(trials)
+    units = units_of(trials, "friction")
     subjects = tuple(subjects_of(rows_of(trials, units, "friction"), len(units.names)))
     ground = Ground(PAPER, MOUNT, "friction", subjects, tuple(candidates_of("friction")), ())
     readings = []

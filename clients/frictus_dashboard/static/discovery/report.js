@@ -3,7 +3,7 @@
 import { element } from "../element.js";
 import { figure, interval, percent, probability } from "../figures.js";
 import { facts, scrolling, table, words } from "../table.js";
-import { gainOf, parametersOf, resultOf, surenessOf, titleOf, verdictOf } from "./words.js";
+import { briefGainOf, gainOf, parametersOf, resultOf, surenessOf, titleOf, verdictOf } from "./words.js";
 
 /**
  * @param {object} found
@@ -35,7 +35,7 @@ function verdict(found, sentence) {
   said.append(verdictOf(found.verdict));
   const parts = [said, paragraph(sentence)];
   if (found.gain !== null) parts.push(paragraph(gainOf(found.gain)));
-  if (found.explained_share !== null) {
+  if (found.gain !== null && found.explained_share !== null) {
     const share = percent(found.explained_share);
     parts.push(paragraph(`Explained: ${share} of what is reproducibly wrong.`));
   }
@@ -55,7 +55,7 @@ function causes({ causes: named }) {
     words(surenessOf(cause)),
     words(...parametersOf(cause).map(paragraph)),
     probability(cause.p_value),
-    `${figure(cause.gain.heldout_loglik, 3)} (${interval(cause.gain.ci95, 3)})`,
+    words(briefGainOf(cause)),
   ]);
   return [
     heading("Causes"),
@@ -69,7 +69,7 @@ function cause(named) {
     return [`Could be ${titleOf(id)} (similarity ${figure(similarity, 2)})`, how];
   });
   const known = facts([
-    ["Gain", gainOf(named.gain)],
+    ["Gain", named.gain === null ? briefGainOf(named) : gainOf(named.gain)],
     ["Evidence", named.evidence?.statement ?? null],
     ["Next experiment", named.next_experiment],
     ...alike,

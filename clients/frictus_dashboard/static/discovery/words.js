@@ -65,6 +65,13 @@ export function gainOf({ heldout_loglik: gain, ci95, residual_db: db, residual_d
   return `Log-likelihood of held-out data ${figure(gain, 3)} nats${span}; ${left}.`;
 }
 
+/** The gain of one cause in nats, or why it has none. */
+export function briefGainOf({ gain }) {
+  if (gain === null) return "none: not in the extended model";
+  const span = gain.ci95 === null ? "" : ` (${interval(gain.ci95, 3)})`;
+  return `${figure(gain.heldout_loglik, 3)}${span}`;
+}
+
 /** What came of a cause of the catalogue. */
 export function resultOf({ id, not_tested: why }, { causes, cannot_tell: unsure }) {
   if (why !== null) return `not tested: ${why}`;

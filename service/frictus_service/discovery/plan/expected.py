@@ -15,7 +15,7 @@ from frictus_service.discovery.plan.setup import Setup
 from frictus_service.discovery.readings import Layout
 from frictus_service.discovery.significance import LEAST_UNITS
 from frictus_service.discovery.subjects import subjects_of
-from frictus_service.discovery.table import BLOCKS, LEAST_TRIALS
+from frictus_service.discovery.table import blocks_of, dealt
 from frictus_service.discovery.units import Unit
 from frictus_service.discovery.whitening import Raw, Whitening
 
@@ -30,9 +30,18 @@ def units_of_people(programme: Programme) -> list[tuple[Asked, ...]]:
     people = list(programme.people)
     if programme.participants >= LEAST_UNITS:
         return people
-    fewest = min(len(trials) for trials in people)
-    blocks = max(1, min(-(-BLOCKS // programme.participants), fewest // LEAST_TRIALS))
-    return [trials[block::blocks] for trials in people for block in range(blocks)]
+    blocks = blocks_of([sum(bool(trial.tones_hz) for trial in trials) for trials in people])
+    if not any(blocks):
+        return people
+    units = []
+    for trials, count in zip(people, blocks, strict=True):
+        if count:
+            block = dealt([trial.tones_hz for trial in trials], count)
+            units += [
+                tuple(trial for trial, of in zip(trials, block, strict=True) if of == k)
+                for k in range(count)
+            ]
+    return units
 
 
 def expected(

@@ -196,8 +196,8 @@ def _notes(programme: Programme, units: int) -> tuple[str, ...]:
     if units < LEAST_UNITS:
         notes.append(
             f"Nothing can be tested: {people} participants with these trials make {units} "
-            f"units to compare. Accepted: {LEAST_UNITS} participants, or fewer with "
-            f"{LEAST_UNITS * LEAST_TRIALS} trials together."
+            f"units to compare. Accepted: {LEAST_UNITS} participants, or fewer whose trials "
+            f"make {LEAST_UNITS} blocks of {LEAST_TRIALS} each."
         )
     elif people < LEAST_UNITS:
         notes.append(

@@ -26,7 +26,7 @@ from frictus_service.discovery.plan.rows import strength
 from frictus_service.discovery.plan.setup import Setup
 from frictus_service.discovery.plan.sizes import wanted_sizes
 from frictus_service.discovery.subjects import Rows, subjects_of
-from frictus_service.discovery.table import rows_of, units_of, used
+from frictus_service.discovery.table import comparable, rows_of, units_of, used
 from frictus_service.study.importers import open_study
 
 ORDINARY_S = 20.0
@@ -104,7 +104,7 @@ def of_study(
     Parameters
     ----------
     trials : sequence of TrialEvidence
-        From `table.used`.
+        From `table.used`; those of people of whom they say too little are left out.
     seconds : mapping of str to float
         Length of each trial, by id.
     setup : Setup
@@ -119,7 +119,8 @@ def of_study(
             "no usable trial of this study says its tones: there is no design to plan with; "
             "accepted: a study of trials with tones, or a design/1 file"
         )
-    units = units_of(trials)
+    trials = comparable(trials, setup.response)
+    units = units_of(trials, setup.response)
     rows = rows_of(trials, units, setup.response)
     programme = _programme(trials, seconds, rows)
     ground = Ground(

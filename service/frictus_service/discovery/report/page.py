@@ -41,6 +41,7 @@ def render(found: Discovery) -> str:
         places=_maybe(places(found)),
         left=[(place_of(one), one.p_value) for one in found.unexplained],
         levels=_maybe(levels(found)),
+        compared="participants" if _of_people(found) else "blocks of trials",
         literature={
             one.id: cause.literature for one in found.causes if (cause := CAUSES.get(one.id))
         },
@@ -57,6 +58,10 @@ def model_in_words(model: Model) -> str:
 
 def _values(parameters: dict[str, float]) -> str:
     return ", ".join(f"{name} {number(value)}" for name, value in parameters.items())
+
+
+def _of_people(found: Discovery) -> bool:
+    return found.evidence is None or found.evidence.held_out == "participants"
 
 
 def _state(cause_id: str, named: set[str], unsure: set[str]) -> str:
