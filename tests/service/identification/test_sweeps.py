@@ -79,7 +79,8 @@ def test_the_whole_sweep_is_used_in_thirds_of_equal_width(rng: np.random.Generat
 def test_lost_reports_lose_no_sweep(rng: np.random.Generator) -> None:
     position, time_s = reported(60.0, rng)
     _, all_sweeps, _ = found(position, time_s)
-    lost = rng.uniform(size=time_s.size) < 0.15
+    # Never two after each other: a longer silence ends a sweep, and should.
+    lost = (rng.uniform(size=time_s.size) < 0.3) & (np.arange(time_s.size) % 2 == 1)
     position[lost] = np.nan
     _, sweeps, segments = found(position, time_s)
     assert [s.direction for s in sweeps] == [s.direction for s in all_sweeps]
