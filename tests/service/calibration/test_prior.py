@@ -59,7 +59,7 @@ def test_many_people_tell_how_people_differ(rng: np.random.Generator) -> None:
 
 def test_a_new_person_is_where_the_prior_says(rng: np.random.Generator) -> None:
     inside = []
-    for _ in range(400):
+    for _ in range(1600):
         prior = Prior.learn(people(rng, 8))
         new = rng.multivariate_normal(MEAN, BETWEEN)
         inside.append(np.abs(new - prior.mean) < 1.96 * np.sqrt(np.diag(prior.covariance)))

@@ -77,9 +77,10 @@ def test_noise_and_line_are_told_apart(rng: np.random.Generator) -> None:
 
 
 def test_noise_alone_has_no_line(rng: np.random.Generator) -> None:
-    noise = noise_of(rng.normal(0.0, 1.0, 80_000), RATE_HZ)
-    assert not noise.found
-    assert noise.rms == pytest.approx(1.0, abs=max(3.0 * noise.rms_half, 0.02))
+    draws = [noise_of(rng.normal(0.0, 1.0, 80_000), RATE_HZ) for _ in range(5)]
+    assert sum(noise.found for noise in draws) <= 1  # one of two thousand has
+    for noise in draws:
+        assert noise.rms == pytest.approx(1.0, abs=max(3.0 * noise.rms_half, 0.02))
 
 
 def test_silence_has_neither() -> None:
