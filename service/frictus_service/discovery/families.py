@@ -18,12 +18,18 @@ FloatArray = NDArray[np.float64]
 FORMS: Final = 2
 """A signature times the covariate, and times its square: a saturating or a stepped effect is
 made of these and the signature itself to nine tenths."""
+MOST: Final = 0.5
+"""Of a signature: patterns in no covariate have two thirds or more of one that is a function of
+frequency, and a fifth or less of one that is not (own gain and cutoff taken out)."""
 BESIDE: Final[tuple[Covariate, ...]] = ("speed", "force", "minutes")
 """What an effect may grow with besides."""
 
 
 def place_of(units: Sequence[Unit], effect: int, patterns: Sequence[Pattern]) -> Place:
     """Return the family of patterns that comes closest to an effect's signature.
+
+    It is the one that is alike in all conditions if that makes up most of it: beside everybody's
+    own cutoff, another roll-off looks much as if it came with speed.
 
     Parameters
     ----------
@@ -33,17 +39,22 @@ def place_of(units: Sequence[Unit], effect: int, patterns: Sequence[Pattern]) ->
     """
     family = places_of(patterns)
     names = list(dict.fromkeys(family))
-    explained = np.zeros(len(names))
+    explained, whole = np.zeros(len(names)), 0.0
     for unit in units:
         own = orthonormal(unit.own)
         signature = unit.effects[:, effect]
         signature = signature - own @ (own.T @ signature)
+        whole += float(signature @ signature)
         for place, name in enumerate(names):
             columns = unit.generic[:, [each == name for each in family]]
             columns = columns - own @ (own.T @ columns)
             found = np.linalg.lstsq(columns, signature, rcond=1e-9)[0]
             explained[place] += float(signature @ columns @ found)
-    return names[int(np.argmax(explained))]
+    best = names[int(np.argmax(explained))]
+    anywhere: Place = (best[0], "none")
+    if anywhere in names and explained[names.index(anywhere)] > MOST * whole:
+        return anywhere
+    return best
 
 
 def other_forms(

@@ -199,8 +199,12 @@ def _numbers(*found: Sequence[tuple[int, float]]) -> list[int]:
 
 
 def _weak(said: "_Said") -> set[int]:
-    """Return the causes that explain too little in their place."""
-    return {each.candidate for each in said.named if each.share < RIGHT_FAMILY or _torn(each)}
+    """Return the causes that explain too little in their place, or show no longer."""
+    return {
+        each.candidate
+        for each in said.named
+        if each.share < RIGHT_FAMILY or each.p_value > NAMING or _torn(each)
+    }
 
 
 def _torn(each: Named) -> bool:
