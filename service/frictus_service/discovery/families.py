@@ -28,8 +28,8 @@ BESIDE: Final[tuple[Covariate, ...]] = ("speed", "force", "minutes")
 def place_of(units: Sequence[Unit], effect: int, patterns: Sequence[Pattern]) -> Place:
     """Return the family of patterns that comes closest to an effect's signature.
 
-    It is the one that is alike in all conditions if that makes up most of it: beside everybody's
-    own cutoff, another roll-off looks much as if it came with speed.
+    It is the one that is alike in all conditions if that makes up most of it: beside
+    everybody's own cutoff, another roll-off looks much as if it came with speed.
 
     Parameters
     ----------

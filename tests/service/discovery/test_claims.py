@@ -71,6 +71,7 @@ def test_six_people_are_enough_to_see_what_nothing_explains(
         lambda rows: np.where((rows.tone_hz == 217.0) & (rows.position_mm < 20.0), 1.3, 1.0),
     )
     found = found_in(evidence)
+    assert all(cause.p_value <= 0.05 for cause in found.causes)
     assert found.verdict == "unexplained"
     assert {one.covariate for one in found.unexplained} == {"position"}
 
