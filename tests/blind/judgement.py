@@ -148,7 +148,9 @@ def _singles(lines: Sequence[Line]) -> list[Rate]:
 
 
 def _is_exact(line: Line) -> bool:
-    return _all_found(line) and not _accuses(line) and line["score"]["verdict"] == "explained"
+    score = line["score"]
+    rest = score["flagged"] or "family" in score["found"].values()
+    return _all_found(line) and not _accuses(line) and not rest
 
 
 def _unknown(lines: Sequence[Line]) -> list[Rate]:
