@@ -6,7 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from hypothesis import settings
 from threadpoolctl import threadpool_limits
+
+settings.register_profile("frictus", deadline=None)  # the machine may be busy
+settings.load_profile("frictus")
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -129,6 +129,7 @@ def test_a_slow_reader_loses_its_own_blocks_only(client: Client, fake: Any) -> N
         first = begin(quick, fake)
         at_first = next(slow)
         assert isinstance(at_first, Block | Gap)
+        before = slow.lost
         for sequence in range(first + 1, first + 101):
             fake.say(fake_topic(), fake.block(sequence))
         received = [item.sequence for item in islice(quick, 100) if isinstance(item, Block)]
@@ -141,10 +142,10 @@ def test_a_slow_reader_loses_its_own_blocks_only(client: Client, fake: Any) -> N
                 break
     gaps = [item for item in items if isinstance(item, Gap)]
     blocks = [item for item in items if isinstance(item, Block)]
-    assert [gap.reason for gap in gaps] == ["overflow"]
+    assert {gap.reason for gap in gaps} == {"overflow"}
     assert [one.sequence for one in blocks[-4:]] == list(range(first + 97, first + 101))
     assert quick.lost == 0
-    assert slow.lost == gaps[0].missing_blocks > 90
+    assert slow.lost - before == sum(gap.missing_blocks for gap in gaps) > 90
 
 
 def test_garbage_and_foreign_streams_are_gaps_with_a_reason(client: Client, fake: Any) -> None:

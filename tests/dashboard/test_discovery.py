@@ -23,6 +23,8 @@ from frictus_service.discovery.words import verdict_sentence
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(600)]
 
+BEGUN_MS = 60_000
+"""A job imports all that it needs first."""
 DONE_MS = 300_000
 RETURN_MS = 60_000
 HIDDEN = (Hidden("direction_asymmetry", {"share": 0.15}),)
@@ -87,7 +89,10 @@ def test_a_discovery_by_clicks_alone(
         expect(state(page)).to_have_text("Waits for its turn")
         page.get_by_role("button", name="Cancel").click()
         page.goto(first)
-        expect(page.locator("#view-discovery ol")).to_contain_text("36 trials")
+        expect(page.locator("#view-discovery ol")).to_contain_text(
+            "36 trials",
+            timeout=BEGUN_MS,
+        )
         expect(state(page)).to_have_text("Done", timeout=DONE_MS)
         causes = page.get_by_role("table", name="Causes that the data name")
         asymmetry = causes.get_by_role("row", name="direction asymmetry")

@@ -91,9 +91,13 @@ def test_wander_can_be_off() -> None:
 
 def test_wander_has_its_size(rng: np.random.Generator) -> None:
     wandering = SteadyStrokes(press=Press(target_n=0.5, wander_n=0.05))
-    motion = wandering.start(SCREEN_MM, rng).at(np.arange(0.0, 2_000.0, 0.05))
-    assert np.mean(motion.normal_force_n) == pytest.approx(0.5, abs=0.01)
-    assert np.std(motion.normal_force_n) == pytest.approx(0.05, rel=0.1)
+    time_s = np.arange(0.0, 200.0, 0.05)
+    # Of ten fingers: two of one finger's six waves may beat for minutes.
+    force_n = np.concatenate(
+        [wandering.start(SCREEN_MM, rng).at(time_s).normal_force_n for _ in range(10)]
+    )
+    assert np.mean(force_n) == pytest.approx(0.5, abs=0.01)
+    assert np.std(force_n) == pytest.approx(0.05, rel=0.1)
 
 
 def test_steady_strokes_are_steady() -> None:

@@ -82,7 +82,12 @@ def test_its_errors_are_of_the_stated_size(rng: np.random.Generator) -> None:
     assert drawn.size > 300
     assert np.std(drawn / 100.0) == pytest.approx(0.08, rel=0.15)
     assert np.mean(drawn / 100.0) == pytest.approx(1.0, abs=0.02)
-    assert np.std(motion.normal_force_n / 0.4) == pytest.approx(0.1, rel=0.15)
+    forces = []
+    for _ in range(8):  # two of one finger's six waves may beat for minutes
+        finger = start(errors, int(rng.integers(2**31)))
+        finger.push(100.0, 0.4, SPAN_MM)
+        forces.append(move(finger, 0.0, 60.0).normal_force_n)
+    assert np.std(np.concatenate(forces) / 0.4) == pytest.approx(0.1, rel=0.15)
 
 
 pushes = st.lists(

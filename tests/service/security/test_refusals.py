@@ -128,7 +128,6 @@ def test_a_router_without_certificates_is_named_as_such(lab: Lab) -> None:
 
 def test_a_link_ends_when_its_certificate_expires(lab: Lab) -> None:
     router = lab.authority.sign("router:strict", ["127.0.0.1"])
-    brief = lab.authority.sign("rig:lab/brief", lasts=datetime.timedelta(seconds=2))
     endpoint = f"tls/127.0.0.1:{free_port()}"
     tokens: queue.Queue[zenoh.SampleKind] = queue.Queue()
 
@@ -138,6 +137,7 @@ def test_a_link_ends_when_its_certificate_expires(lab: Lab) -> None:
     key = RigKeys("lab", "brief").alive
     with open_router(endpoint, router) as hub:
         watch = hub.liveliness().declare_subscriber(key, Callback(note), history=True)
+        brief = lab.authority.sign("rig:lab/brief", lasts=datetime.timedelta(seconds=5))
         with frictus.connect(endpoint, tls=brief) as client:
             token = client.session.liveliness().declare_token(key)
             assert tokens.get(timeout=WAIT_S) == zenoh.SampleKind.PUT
