@@ -60,7 +60,7 @@ def _where(found: Discovery) -> str:
 def place_of(one: Unexplained) -> str:
     """Return where something unexplained is."""
     low, high = one.band_hz
-    where = f"{one.channel}, {low:.3g} to {high:.3g} Hz"
+    where = f"{one.channel}, {low:.4g} to {high:.4g} Hz"
     if one.covariate is None:
         return f"{where}, in all conditions"
     return f"{where}, by {one.covariate}"
