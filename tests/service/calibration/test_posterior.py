@@ -30,7 +30,8 @@ STEADY = Variation(condition_cutoff=0.0)
 
 
 def somebody(rng: np.random.Generator) -> FloatArray:
-    person = Prior.weak().mean + rng.normal(0.0, [0.2, 0.2, 0.3, 0.0])
+    person = Prior.weak().mean + rng.normal(0.0, [0.08, 0.08, 0.3, 0.0])
+    person[:2] += rng.normal(0.0, 0.2)  # both ends together: a cutoff at rest there always is
     person[3] = rng.uniform(-50e-6, 250e-6)
     return person
 

@@ -50,5 +50,5 @@ def test_noise_alone_is_no_scatter(rng: np.random.Generator) -> None:
     residual = rng.normal(0.0, 0.1, parent.size)
     levels = Levels(None, parent, 500)
     found = scatter_of(residual, np.full(parent.size, 100.0), levels, 0.0)
-    assert found.inner < 1e-3
+    assert found.inner < 1.6e-3  # five standard deviations of 2000 degrees of freedom
     assert found.outer < 1e-3

@@ -52,7 +52,7 @@ def test_derivatives_are_those_of_the_response(rng: np.random.Generator) -> None
 
 def test_errors_are_as_large_as_they_say(rng: np.random.Generator) -> None:
     bench = Bench(speeds=(40.0, 80.0), forces=(0.3, 0.5), seconds=4.0, noise=0.01)
-    fit = fitted([Finger() for _ in range(12)], bench, rng)
+    fit = fitted([Finger() for _ in range(24)], bench, rng)
     z = (fit.log_parameters - np.log([0.004, 1.3, 500.0])) / np.sqrt(
         np.einsum("cii->ci", fit.covariance)
     )

@@ -111,7 +111,7 @@ def test_a_low_estimate_weighs_no_more(rng: np.random.Generator) -> None:
     speed = np.tile([20.0, 60.0, 100.0], 40)
     truth = 385.68 + 13.811 * speed
     found = []
-    for _ in range(40):
+    for _ in range(100):
         value = truth * np.exp(rng.normal(-0.02, 0.2, speed.size))
         none = np.zeros((0, 2))
         evidence = Evidence(

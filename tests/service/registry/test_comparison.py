@@ -83,7 +83,7 @@ def test_interval_covers_draws(
         ci95 = compare(a, b).cutoff_hz[4].ci95
         assert ci95 is not None
         inside.append(ci95[0] <= 0.0 <= ci95[1])
-    assert 0.91 < np.mean(inside) < 0.985
+    assert 0.89 < np.mean(inside) < 0.9925  # of 400: one in a million outside, at each end
 
 
 def test_without_covariance_there_is_no_interval(publish: Publish, model: MakeModel) -> None:

@@ -18,7 +18,7 @@ def test_paper_likelihoods_come_back(name: str) -> None:
 
 
 def test_formula_is_the_largest_likelihood_of_data(rng: np.random.Generator) -> None:
-    people, conditions = 6, 8
+    people, conditions = 20, 8  # of six, one time in a thousand none seems to differ
     data = rng.normal(0.0, 2.0, (people, 1)) + rng.normal(0.0, 1.0, (people, conditions))
     data -= data.mean()
     within = np.sum((data - data.mean(axis=1, keepdims=True)) ** 2) / (
