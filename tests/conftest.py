@@ -2,6 +2,7 @@
 
 import secrets
 import signal
+import zlib
 from collections.abc import Iterator
 
 import numpy as np
@@ -9,7 +10,11 @@ import pytest
 from hypothesis import settings
 from threadpoolctl import threadpool_limits
 
-settings.register_profile("frictus", deadline=None)  # the machine may be busy
+settings.register_profile(
+    "frictus",
+    deadline=None,  # the machine may be busy
+    derandomize=True,  # a test that passed once passes again; campaigns draw anew
+)
 settings.load_profile("frictus")
 
 
@@ -20,12 +25,32 @@ def single_threaded() -> Iterator[None]:
         yield
 
 
+def _seed_of(node: pytest.Item | pytest.Collector) -> int:
+    """Return the seed of a test or a module: of its node id, fresh in a campaign.
+
+    It is printed when the test fails.
+    """
+    campaign = node.get_closest_marker("campaign") or node.get_closest_marker("blind")
+    seed = secrets.randbits(31) if campaign else zlib.crc32(node.nodeid.encode()) >> 1
+    print(f"seed of {node.nodeid}: {seed}")  # noqa: T201 - shown by pytest on failure
+    return seed
+
+
 @pytest.fixture
-def rng(request: pytest.FixtureRequest) -> np.random.Generator:
-    """A generator with a fresh seed, printed when the test fails."""
-    seed = secrets.randbits(32)
-    request.node.add_report_section("setup", "seed", f"np.random.default_rng({seed})")
-    print(f"seed: np.random.default_rng({seed})")  # noqa: T201 - shown by pytest on failure
+def seed(request: pytest.FixtureRequest) -> int:
+    """The test's own seed, 31 bits."""
+    return _seed_of(request.node)
+
+
+@pytest.fixture(scope="module")
+def module_seed(request: pytest.FixtureRequest) -> int:
+    """The seed of what a module's tests share, 31 bits."""
+    return _seed_of(request.node)
+
+
+@pytest.fixture
+def rng(seed: int) -> np.random.Generator:
+    """A generator with the test's own seed."""
     return np.random.default_rng(seed)
 
 

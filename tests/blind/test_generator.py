@@ -1,6 +1,5 @@
 """The generator against analytic responses, through the estimator that judges real trials."""
 
-import secrets
 from collections.abc import Callable
 from pathlib import Path
 
@@ -71,11 +70,12 @@ RATIOS: dict[str, Expected] = {
 
 
 @pytest.fixture(scope="module")
-def plain(tmp_path_factory: pytest.TempPathFactory) -> tuple[int, list[TrialObservations]]:
-    """A study in which nothing is hidden, and its fresh seed."""
-    seed = secrets.randbits(31)
-    print(f"seed of the study: {seed}")  # noqa: T201 - shown by pytest on failure
-    return seed, observations(tmp_path_factory.mktemp("plain"), (), seed)
+def plain(
+    tmp_path_factory: pytest.TempPathFactory, module_seed: int
+) -> tuple[int, list[TrialObservations]]:
+    """A study in which nothing is hidden, and its seed."""
+    folder = tmp_path_factory.mktemp("plain")
+    return module_seed, observations(folder, (), module_seed)
 
 
 @pytest.mark.parametrize("name", RATIOS)

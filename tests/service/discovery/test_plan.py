@@ -77,11 +77,6 @@ def pair(found: Plan, *ids: str) -> PlannedPair | None:
     return next((one for one in found.pairs if set(one.between) == set(ids)), None)
 
 
-@pytest.fixture
-def seed(rng: np.random.Generator) -> int:
-    return int(rng.integers(2**31))
-
-
 def test_blocked_speeds_are_not_told_from_time_and_random_ones_are(seed: int) -> None:
     blocked = planned(design(order="speed blocks"), seed)
     drift = pair(blocked, "gain_drift", "speed_dependent_gain")

@@ -4,7 +4,6 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from frictus_service.reproduction.plan import Design
@@ -22,11 +21,9 @@ TINY = Design(
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory: pytest.TempPathFactory) -> Reproduction:
-    seed = int(np.random.default_rng().integers(2**32))
-    print(f"seed {seed}")  # noqa: T201
+def found(tmp_path_factory: pytest.TempPathFactory, module_seed: int) -> Reproduction:
     folder = tmp_path_factory.mktemp("paper")
-    return reproduce(folder / "study.h5", TINY, 2, seed, 0, lambda _: None)
+    return reproduce(folder / "study.h5", TINY, 2, module_seed, 0, lambda _: None)
 
 
 def test_every_value_of_the_paper_has_a_row(found: Reproduction) -> None:
