@@ -39,7 +39,6 @@ from frictus_service.daemon.timebase import UtcReading
 from frictus_service.daemon.turn import Turn
 from frictus_service.synthesis.chain import Chain, Step
 from frictus_service.synthesis.estimator import EstimatorTuning, FingerEstimator
-from frictus_service.synthesis.inverse import Invertible
 from frictus_service.synthesis.renderer import RAMP_S, Renderer
 from frictus_service.translate import screen_of
 
@@ -76,10 +75,9 @@ class BlockLoop:
     backend : Backend
         Open.
     config : Config
-    law : FrictionLaw or Inverse
-        To begin with.
     interlock : Interlock
     orders : Orders
+        With the model to begin with.
     heartbeat : Heartbeat
         Counts the turns.
     run : int
@@ -92,7 +90,6 @@ class BlockLoop:
         self,
         backend: Backend,
         config: Config,
-        law: Invertible,
         interlock: Interlock,
         orders: Orders,
         heartbeat: Heartbeat,
@@ -101,8 +98,7 @@ class BlockLoop:
         utc_ns: Callable[[], int],
     ) -> None:
         self._backend = backend
-        self._law = law
-        self._law_since_s = 1e-9 * monotonic_ns()
+        self._model_since_s = 1e-9 * monotonic_ns()
         self._interlock = interlock
         self._orders = orders
         self._heartbeat = heartbeat
@@ -219,20 +215,20 @@ class BlockLoop:
     def _new_renderer(self) -> Renderer:
         scene = self._standing.scene if self._standing is not None else None
         return Renderer(
-            self._law,
+            self._orders.model.in_force.inverse,
             self._screen,
             self._rate_hz,
             self._block_samples,
             scene,
-            self._law_began_sample(),
+            self._model_began_sample(),
         )
 
-    def _law_began_sample(self) -> float:
-        """Return when the law came into force, in samples of the device's present run.
+    def _model_began_sample(self) -> float:
+        """Return when the model came into force, in samples of the device's present run.
 
         A drift counts from there: through armings, and through a device lost and found.
         """
-        in_force_s = self._now_s() - self._law_since_s
+        in_force_s = self._now_s() - self._model_since_s
         return self._backend.next_play_sample - in_force_s * self._rate_hz
 
     def _new_chain(self) -> Chain:
@@ -243,12 +239,13 @@ class BlockLoop:
             # What it was for ended before the device was armed: no ramp is under way.
             self._order = self._standing
             self._chain.renderer = self._new_renderer()
-        if self._orders.law and not self._energised:
-            change = self._orders.law.popleft()
-            self._law, self._law_since_s = change.law, now_s
-            self._chain.renderer.set_law(change.law, self._law_began_sample())
-            self._play(SceneOrder(change.scene))
+        change = None if self._energised else self._orders.model.take()
+        if change is not None:
+            self._orders.scene.clear()  # it was compiled for the former model
+            self._model_since_s = now_s
+            self._order = self._standing = SceneOrder(change.scene)
             change.done.set()
+            self._chain.renderer = self._new_renderer()
         if self._orders.scene:
             coming = self._orders.scene.popleft()
             if not coming.ended(safety):

@@ -5,8 +5,9 @@ import threading
 from collections import deque
 from dataclasses import dataclass, field
 
+from frictus.messages import ModelState
 from frictus_service.daemon.safety import Safety
-from frictus_service.synthesis.inverse import Invertible
+from frictus_service.synthesis.inverse import Inverse
 from frictus_service.synthesis.renderer import Playable
 from frictus_service.synthesis.scene import CompiledScene
 
@@ -43,25 +44,87 @@ class SceneOrder:
 
 
 @dataclass(frozen=True, slots=True)
-class LawOrder:
-    """Invert another law from now on, with a scene compiled for it; only while disarmed.
+class RenderedModel:
+    """A model, and what is undone for it.
 
     Attributes
     ----------
-    law : FrictionLaw or Inverse
-    scene : CompiledScene
-    done : threading.Event
-        Set once it is in force.
+    state : ModelState
+        With the etag by which everybody names it.
+    inverse : Inverse
     """
 
-    law: Invertible
+    state: ModelState
+    inverse: Inverse
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModelOrder:
+    """Render with another model from now on; only while disarmed.
+
+    Attributes
+    ----------
+    model : RenderedModel
+    scene : CompiledScene
+        The standing scene, compiled for it.
+    done : threading.Event
+        Set once both are in force.
+    """
+
+    model: RenderedModel
     scene: CompiledScene
     done: threading.Event = field(default_factory=threading.Event)
 
 
+class ModelSlot:
+    """The model in force, and at most one that waits to replace it.
+
+    What waits is either taken, which puts it in force, or withdrawn, after which it never
+    will be: one lock decides, so that nobody can hear one and the loop do the other.
+
+    Parameters
+    ----------
+    in_force : RenderedModel
+        To begin with.
+    """
+
+    def __init__(self, in_force: RenderedModel) -> None:
+        self._lock = threading.Lock()
+        self._in_force = in_force
+        self._waiting: ModelOrder | None = None
+
+    @property
+    def in_force(self) -> RenderedModel:
+        """What the loop renders with."""
+        return self._in_force
+
+    def offer(self, order: ModelOrder) -> None:
+        """Leave an order for the loop; the newest wins."""
+        with self._lock:
+            self._waiting = order
+
+    def take(self) -> ModelOrder | None:
+        """Put what waits in force and return it; the loop's part alone."""
+        if self._waiting is None:
+            return None
+        with self._lock:
+            order, self._waiting = self._waiting, None
+            if order is not None:
+                self._in_force = order.model
+            return order
+
+    def withdraw(self, order: ModelOrder) -> bool:
+        """Take an order back; return False where it is in force already."""
+        with self._lock:
+            waits = self._waiting is order
+            if waits:
+                self._waiting = None
+            return waits
+
+
 @dataclass(frozen=True, slots=True)
 class Orders:
-    """Slots of one: a deque's append and popleft need no lock."""
+    """Slots of one; of the scenes, a deque's append and popleft need no lock."""
 
+    model: ModelSlot
     scene: deque[SceneOrder] = field(default_factory=lambda: deque(maxlen=1))
-    law: deque[LawOrder] = field(default_factory=lambda: deque(maxlen=1))

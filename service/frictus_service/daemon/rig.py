@@ -22,11 +22,11 @@ from frictus_service.daemon.control import Control
 from frictus_service.daemon.heartbeat import Heartbeat
 from frictus_service.daemon.interlock import Interlock
 from frictus_service.daemon.loop import BlockLoop
-from frictus_service.daemon.orders import Orders
+from frictus_service.daemon.orders import ModelSlot, Orders
 from frictus_service.daemon.patience import PatientBackend
 from frictus_service.daemon.publisher import Publisher
 from frictus_service.daemon.safety import Safety
-from frictus_service.daemon.stage import Stage
+from frictus_service.daemon.stage import Stage, rendered_model
 from frictus_service.daemon.warmup import warm_up
 from frictus_service.errors import ConfigurationError, StartError
 from frictus_service.security.identity import tls_of_rig
@@ -145,10 +145,9 @@ class _Parts:
         self.config = config
         self.backend = backend
         self.interlock = Interlock(Safety(fault=fault))
-        self.orders = Orders()
+        self.orders = Orders(ModelSlot(rendered_model(model, screen_of(info))))
         self.info = info
         self.stage = Stage(
-            model,
             screen_of(info),
             info.sample_rate_hz,
             self.interlock,
@@ -158,7 +157,6 @@ class _Parts:
         self.loop = BlockLoop(
             backend,
             config,
-            inverse_of_model(model, screen_of(info)),
             self.interlock,
             self.orders,
             heartbeat,

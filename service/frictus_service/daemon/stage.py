@@ -22,7 +22,7 @@ from frictus.stream import StreamFrame
 from frictus.textures import Scene
 from frictus_hardware.physics.screen import Screen
 from frictus_service.daemon.interlock import Interlock
-from frictus_service.daemon.orders import LawOrder, Orders, SceneOrder
+from frictus_service.daemon.orders import ModelOrder, Orders, RenderedModel, SceneOrder
 from frictus_service.daemon.safety import refusal
 from frictus_service.etag import etag_of
 from frictus_service.synthesis.excitation import compile_excitation
@@ -31,8 +31,8 @@ from frictus_service.synthesis.scene import CompiledScene, compile_scene
 from frictus_service.synthesis.stream import StreamBudget
 from frictus_service.translate import inverse_of_model
 
-LAW_CHANGE_S: Final = 1.0
-"""Within which the loop must have taken up a new law; it takes one block."""
+MODEL_CHANGE_S: Final = 1.0
+"""Within which the loop must have taken up a new model; it takes one block."""
 
 
 @dataclass(slots=True)
@@ -58,19 +58,17 @@ class Stage:
 
     Parameters
     ----------
-    model : Model
-        To begin with.
     screen : Screen
     sample_rate_hz : float
     interlock : Interlock
     orders : Orders
+        With the model to begin with.
     monotonic_s : callable
         Monotonic clock, s.
     """
 
     def __init__(
         self,
-        model: Model,
         screen: Screen,
         sample_rate_hz: float,
         interlock: Interlock,
@@ -82,15 +80,18 @@ class Stage:
         self._interlock = interlock
         self._orders = orders
         self._monotonic_s = monotonic_s
-        self._inverse = inverse_of_model(model, screen)
         self._stream: _Stream | None = None
         self._tickets = itertools.count(secrets.randbits(31))
-        self.model = self._model_state(model)
-        self._standing, self._standing_scene = self._compiled(Scene())
+        self._standing, self._standing_scene = self._compiled(Scene(), self._inverse)
         self._guest: _Guest | None = None
         self.scaled_scenes = 0
         self.updates = 0
         orders.scene.append(SceneOrder(self._standing_scene))
+
+    @property
+    def model(self) -> ModelState:
+        """The model that the loop renders with."""
+        return self._orders.model.in_force.state
 
     @property
     def stream_open(self) -> bool:
@@ -116,7 +117,7 @@ class Stage:
         self._check_owner(request.client)
         self._check_match(request.if_match, self.scene.etag, "scene")
         try:
-            state, compiled = self._compiled(request.scene)
+            state, compiled = self._compiled(request.scene, self._inverse)
         except TextureError as error:
             raise RefusedError("not_feasible", str(error)) from error
         self._check_owner(request.client)  # compiling may have outlasted the lease
@@ -233,29 +234,23 @@ class Stage:
         self._check_match(request.if_match, self.model.etag, "model")
         if self._interlock.state.state != "disarmed":
             raise RefusedError("conflict", "the model changes only while disarmed")
-        former = self._inverse
         try:
-            self._inverse = inverse_of_model(request.model, self._screen)
-            state, compiled = self._compiled(self._standing.scene)
+            model = rendered_model(request.model, self._screen)
+            state, compiled = self._compiled(self._standing.scene, model.inverse)
         except TextureError as error:
-            self._inverse = former
             raise RefusedError("not_feasible", str(error)) from error
-        order = LawOrder(self._inverse, compiled)
-        self._orders.law.append(order)
-        if not order.done.wait(LAW_CHANGE_S):
-            self._orders.law.clear()
-            if not order.done.is_set():
-                self._inverse = former
-                raise RefusedError("conflict", "the rig is armed or stands still; try again")
+        order = ModelOrder(model, compiled)
+        self._orders.model.offer(order)
+        if not order.done.wait(MODEL_CHANGE_S) and self._orders.model.withdraw(order):
+            raise RefusedError("conflict", "the rig is armed or stands still; try again")
+        order.done.wait()  # it is in force; the loop is about to say so
         self._standing, self._standing_scene = state, compiled
-        self.model = self._model_state(request.model)
-        message = remarks_on(self._inverse)
-        return Reply(ok=True, etag=self.model.etag, message=message, applied=state.applied)
+        message = remarks_on(model.inverse)
+        return Reply(ok=True, etag=model.state.etag, message=message, applied=state.applied)
 
-    def _model_state(self, model: Model) -> ModelState:
-        return ModelState(
-            etag=etag_of(model), model=model, not_rendered=self._inverse.not_rendered
-        )
+    @property
+    def _inverse(self) -> Inverse:
+        return self._orders.model.in_force.inverse
 
     def _live_stream(self) -> _Stream | None:
         stream = self._stream
@@ -274,8 +269,8 @@ class Stage:
             raise RefusedError("not_armed", "arm the rig before anything is played on it")
         return safety.armings
 
-    def _compiled(self, scene: Scene) -> tuple[SceneState, CompiledScene]:
-        compiled = compile_scene(scene, self._inverse, self._screen, self._rate_hz)
+    def _compiled(self, scene: Scene, inverse: Inverse) -> tuple[SceneState, CompiledScene]:
+        compiled = compile_scene(scene, inverse, self._screen, self._rate_hz)
         return SceneState(etag=etag_of(scene), scene=scene, applied=compiled.applied), compiled
 
     def _check_owner(self, client: str) -> None:
@@ -288,6 +283,19 @@ class Stage:
             raise RefusedError(
                 "conflict", f"the {what} is {present!r} now, not {wanted!r}: read it again"
             )
+
+
+def rendered_model(model: Model, screen: Screen) -> RenderedModel:
+    """Return a model with what is undone for it on a screen.
+
+    Raises
+    ------
+    TextureError
+        If it is not one of friction, or an effect has a parameter out of its range.
+    """
+    inverse = inverse_of_model(model, screen)
+    state = ModelState(etag=etag_of(model), model=model, not_rendered=inverse.not_rendered)
+    return RenderedModel(state, inverse)
 
 
 def remarks_on(inverse: Inverse) -> str:

@@ -107,26 +107,6 @@ class Renderer:
         self._next_scene = scene
         self._share = 0.0
 
-    def set_law(self, law: Invertible, began_sample: float = 0.0) -> None:
-        """Invert another law from now on; only while the output is zero.
-
-        Parameters
-        ----------
-        law : FrictionLaw or Inverse
-        began_sample : float
-            Device sample from which a drift counts.
-
-        Raises
-        ------
-        RuntimeError
-            If there is output: the drive would jump.
-        """
-        if self._level > 0.0:
-            raise RuntimeError("the law changes only while the output is zero")
-        self._inverter = Inverter(
-            as_inverse(law), self._rate_hz, self._drive.size, began_sample
-        )
-
     def render(self, first_sample: int, course: Course, allow: bool) -> Rendered:
         """Render the block that starts to play at `first_sample`.
 

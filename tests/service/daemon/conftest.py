@@ -8,22 +8,30 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from frictus.model import Model
 from frictus.textures import Component, Region, Scene, Spectrum
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.physics.friction import FrictionLaw
+from frictus_hardware.physics.screen import Screen
 from frictus_hardware.simulated.clock import VirtualClock
 from frictus_hardware.simulated.rig import SimulatedRig
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.config import Config, Limits
 from frictus_service.daemon.interlock import Interlock
 from frictus_service.daemon.loop import BlockLoop
-from frictus_service.daemon.orders import Orders, SceneOrder
+from frictus_service.daemon.orders import ModelSlot, Orders, SceneOrder
 from frictus_service.daemon.patience import PatientBackend
 from frictus_service.daemon.safety import Arm, Event
+from frictus_service.daemon.stage import rendered_model
 from frictus_service.daemon.turn import Turn
 from frictus_service.synthesis.scene import compile_scene
+from frictus_service.translate import placeholder_model
 
 UTC_NS = 1_795_000_000_000_000_000
+
+
+def orders_of(model: Model) -> Orders:
+    return Orders(ModelSlot(rendered_model(model, Screen())))
 
 
 class NoWaiting(threading.Event):
@@ -121,7 +129,7 @@ def make_bench() -> MakeBench:
         clock = VirtualClock()
         rig = SimulatedRig(simulated, clock=clock)
         rig.open()
-        interlock, orders, heartbeat = Interlock(), Orders(), Heartbeat()
+        interlock, orders, heartbeat = Interlock(), orders_of(placeholder_model()), Heartbeat()
         bench: Bench
 
         def monotonic_ns() -> int:
@@ -132,7 +140,6 @@ def make_bench() -> MakeBench:
         bench.loop = BlockLoop(
             backend,
             config,
-            FrictionLaw(),
             interlock,
             orders,
             heartbeat,

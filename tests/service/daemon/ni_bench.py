@@ -27,9 +27,9 @@ from frictus_service.daemon.patience import PatientBackend
 from frictus_service.daemon.safety import Arm, Reset
 from frictus_service.daemon.turn import Turn
 from frictus_service.synthesis.scene import compile_scene
-from frictus_service.translate import screen_of
+from frictus_service.translate import placeholder_model, screen_of
 
-from .conftest import UTC_NS, Heartbeat, NoWaiting
+from .conftest import UTC_NS, Heartbeat, NoWaiting, orders_of
 
 FloatArray = NDArray[np.float64]
 
@@ -173,14 +173,13 @@ def running() -> Iterator[Bench]:
         rig = NiRig(config, Sensors(world, conversion(config)), Touch(world))
         time = DeviceTime(server.device)
         backend = PatientBackend(rig, time)
-        interlock, orders = Interlock(), Orders()
+        interlock, orders = Interlock(), orders_of(placeholder_model())
         settings = Config(backend=SimulatedConfig(clock="virtual"))
         rig.open()
         try:
             loop = BlockLoop(
                 backend,
                 settings,
-                LAW,
                 interlock,
                 orders,
                 Heartbeat(),

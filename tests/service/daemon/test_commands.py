@@ -2,7 +2,6 @@
 
 import json
 import threading
-from collections import deque
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,10 +19,9 @@ from frictus_service.daemon.commands import RENDERING_CALLS, Commands, Message
 from frictus_service.daemon.control import Control
 from frictus_service.daemon.interlock import Interlock
 from frictus_service.daemon.mailbox import Mailbox
-from frictus_service.daemon.orders import LawOrder, Orders
+from frictus_service.daemon.orders import ModelOrder, ModelSlot, Orders
 from frictus_service.daemon.safety import FaultRaised, OutputQuiet
-from frictus_service.daemon.stage import Stage
-from frictus_service.synthesis.inverse import as_inverse
+from frictus_service.daemon.stage import Stage, rendered_model
 from frictus_service.translate import placeholder_model
 
 UTC_NS = 1_795_000_000_000_000_000
@@ -32,12 +30,22 @@ TEXTURE = {"kind": "spectrum", "components": [{"amplitude_n": 0.05, "cycles_per_
 SCENE = {"regions": [{"texture": TEXTURE}]}
 
 
-class Obeyed(deque[LawOrder]):
+class Obeyed(ModelSlot):
     """A slot whose orders are in force at once, as with a loop that turns."""
 
-    def append(self, order: LawOrder) -> None:
-        super().append(order)
+    def offer(self, order: ModelOrder) -> None:
+        super().offer(order)
+        self.take()
         order.done.set()
+
+
+class TakenAtTheLastMoment(ModelSlot):
+    """A slot whose orders the loop takes just before they would be withdrawn."""
+
+    def withdraw(self, order: ModelOrder) -> bool:
+        self.take()
+        order.done.set()
+        return super().withdraw(order)
 
 
 @dataclass
@@ -72,12 +80,12 @@ class Desk:
     limits: Limits = field(default_factory=Limits)
     backend: Any = field(default_factory=NoFinger)
     now_s: float = 100.0
+    slot: type[ModelSlot] = Obeyed
 
     def __post_init__(self) -> None:
         self.interlock = Interlock()
-        self.orders = Orders(law=Obeyed(maxlen=1))
+        self.orders = Orders(self.slot(rendered_model(placeholder_model(), Screen())))
         self.stage = Stage(
-            placeholder_model(),
             Screen(),
             20_000.0,
             self.interlock,
@@ -235,7 +243,29 @@ def test_model_changes_only_while_disarmed_and_matching(desk: Desk) -> None:
     reply = desk.call("model", model=model, if_match=desk.stage.model.etag)
     assert reply.ok
     assert reply.etag == desk.stage.model.etag
-    assert as_inverse(desk.orders.law[-1].law).law.gain_n == 0.5
+    assert desk.orders.model.in_force.inverse.law.gain_n == 0.5
+
+
+@pytest.mark.parametrize(("slot", "ok"), [(TakenAtTheLastMoment, True), (ModelSlot, False)])
+def test_a_model_is_in_force_if_and_only_if_the_reply_says_so(
+    slot: type[ModelSlot], ok: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("frictus_service.daemon.stage.MODEL_CHANGE_S", 0.0)
+    desk = Desk(slot=slot)
+    before = desk.stage.model.etag
+    model = placeholder_model().model_dump(mode="json", by_alias=True)
+    model["base"]["gain_n"] = 0.5
+    reply = desk.call("model", model=model)
+    assert reply.ok == ok
+    assert desk.orders.model.take() is None, "nothing is left that could be taken later"
+    in_force = desk.orders.model.in_force
+    assert in_force.state.etag == desk.stage.model.etag
+    assert (in_force.inverse.law.gain_n == 0.5) == ok
+    if ok:
+        assert reply.etag == desk.stage.model.etag
+    else:
+        assert reply.code == "conflict"
+        assert desk.stage.model.etag == before
 
 
 def test_mobility_model_cannot_be_rendered(desk: Desk) -> None:

@@ -6,13 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from frictus.messages import FaultKind
+from frictus.errors import RefusedError
+from frictus.messages import FaultKind, ModelRequest
+from frictus.model import Effect, Model
 from frictus.stream import StreamFrame
 from frictus.textures import Component, Region, Scene, Spectrum
 from frictus_hardware.base import Exchange, FloatArray
 from frictus_hardware.errors import StreamLostError, TransientError
 from frictus_hardware.physics.friction import FrictionLaw
-from frictus_hardware.physics.screen import drive_fraction_of
+from frictus_hardware.physics.screen import Screen, drive_fraction_of
 from frictus_hardware.simulated.faults import (
     EmptyOutput,
     LostSamples,
@@ -22,12 +24,15 @@ from frictus_hardware.simulated.faults import (
 )
 from frictus_service.config import Limits
 from frictus_service.daemon.loop import HANDOVER_BLOCKS
-from frictus_service.daemon.orders import LawOrder, SceneOrder
+from frictus_service.daemon.orders import ModelOrder, SceneOrder
 from frictus_service.daemon.patience import PatientBackend
 from frictus_service.daemon.safety import ClientVanished, Disarm, FaultRaised, Reset, Stop
+from frictus_service.daemon.stage import Stage, rendered_model
+from frictus_service.etag import etag_of
+from frictus_service.synthesis.inverter import Inverter
 from frictus_service.synthesis.scene import compile_scene
 from frictus_service.synthesis.stream import StreamBudget
-from frictus_service.synthesis.undoing import inverse_of
+from frictus_service.translate import placeholder_model
 
 SETTLED_S = 0.5
 
@@ -40,6 +45,19 @@ def driven(bench: Any, texture: Scene, lease_s: float = 10.0) -> Any:
     turns = bench.turn(SETTLED_S)
     assert any(turn.step.exchange.voltage_v.any() for turn in turns)
     return bench
+
+
+def stronger() -> Model:
+    model = placeholder_model()
+    return model.model_copy(update={"base": model.base.model_copy(update={"gain_n": 0.5})})
+
+
+def ordered(bench: Any, model: Model, texture: Scene) -> ModelOrder:
+    """Return an order of a model that the loop was left."""
+    rendered = rendered_model(model, Screen())
+    scene = compile_scene(texture, rendered.inverse, Screen(), bench.rate_hz)
+    bench.orders.model.offer(order := ModelOrder(rendered, scene))
+    return order
 
 
 def test_nothing_is_output_while_disarmed(make_bench: Any, texture: Scene) -> None:
@@ -283,15 +301,61 @@ def test_stream_does_not_outlive_its_lease(make_bench: Any, texture: Scene) -> N
 
 def test_law_changes_only_without_output(make_bench: Any, texture: Scene) -> None:
     bench = driven(make_bench(), texture)
-    law = FrictionLaw(gain_n=0.5)
-    scene = compile_scene(texture, law, bench.rig.config.screen, bench.rate_hz)
-    order = LawOrder(law, scene)
-    bench.orders.law.append(order)
+    order = ordered(bench, stronger(), texture)
+    before = bench.orders.model.in_force
     bench.turn(0.1)
     assert not order.done.is_set()
+    assert bench.orders.model.in_force is before
     bench.feed(Stop("ben"))
     bench.turn(0.2)
     assert order.done.is_set()
+    assert bench.orders.model.in_force is order.model
+
+
+def test_a_scene_compiled_for_the_former_model_gives_way(
+    make_bench: Any, texture: Scene
+) -> None:
+    bench = make_bench()
+    bench.turn(0.2)
+    bench.play(Scene())
+    order = ordered(bench, stronger(), texture)
+    bench.turn(0.1)
+    assert bench.loop._chain.renderer.scene is order.scene
+
+
+def test_reply_state_and_loop_agree_on_the_model_though_the_loop_stands_still(
+    make_bench: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = make_bench()
+    stage = Stage(Screen(), bench.rate_hz, bench.interlock, bench.orders, lambda: bench.now_s)
+    bench.turn(0.1)
+    stands, goes_on = threading.Event(), threading.Event()
+
+    class Slow(Inverter):
+        def __init__(self, *arguments: Any) -> None:
+            stands.set()
+            assert goes_on.wait(30.0)
+            super().__init__(*arguments)
+
+    def turn_until_it_stands() -> None:
+        while not stands.is_set():
+            bench.loop.turn()
+
+    monkeypatch.setattr("frictus_service.synthesis.renderer.Inverter", Slow)
+    loop = threading.Thread(target=turn_until_it_stands)
+    loop.start()
+    try:
+        request = ModelRequest(client="ann", utc_ns=0, model=stronger())
+        try:
+            etag = stage.set_model(request).etag
+        except RefusedError:
+            etag = etag_of(placeholder_model())
+    finally:
+        goes_on.set()
+        loop.join()
+    in_force = bench.orders.model.in_force
+    assert etag == stage.model.etag == in_force.state.etag
+    assert bench.loop._chain.renderer._inverter.inverse is in_force.inverse
 
 
 def test_a_drift_counts_from_when_the_law_came_and_through_armings(
@@ -301,10 +365,9 @@ def test_a_drift_counts_from_when_the_law_came_and_through_armings(
     texture = Scene(regions=[Region(texture=hum)])
     bench = make_bench()
     bench.turn(1.0)
-    inverse = inverse_of(FrictionLaw(), [("gain_drift", {"per_minute": 1.0})])
-    screen = bench.rig.config.screen
-    scene = compile_scene(texture, inverse, screen, bench.rate_hz)
-    bench.orders.law.append(LawOrder(inverse, scene))
+    drift = Effect(id="gain_drift", parameters={"per_minute": 1.0})
+    drifting = placeholder_model().model_copy(update={"effects": [drift]})
+    scene = ordered(bench, drifting, texture).scene
     bench.turn(0.005)
     came_s = bench.now_s
     levels = []
@@ -315,7 +378,7 @@ def test_a_drift_counts_from_when_the_law_came_and_through_armings(
         turns = bench.turn(0.5)
         voltage = np.concatenate([turn.step.exchange.voltage_v for turn in turns])
         since_min = (bench.now_s - 0.25 - came_s) / 60.0
-        levels.append(drive_fraction_of(screen, voltage).mean() * np.exp(since_min))
+        levels.append(drive_fraction_of(Screen(), voltage).mean() * np.exp(since_min))
         bench.feed(Stop("ann"))
         bench.turn(0.2)
     assert levels[1] == pytest.approx(levels[0], rel=2e-3)

@@ -28,9 +28,10 @@ from frictus_service.cli.exits import Exit
 from frictus_service.config import Config, parse
 from frictus_service.daemon.interlock import Interlock
 from frictus_service.daemon.loop import BlockLoop
-from frictus_service.daemon.orders import Orders, SceneOrder
+from frictus_service.daemon.orders import ModelSlot, Orders, SceneOrder
 from frictus_service.daemon.patience import PatientBackend
 from frictus_service.daemon.safety import Arm
+from frictus_service.daemon.stage import rendered_model
 from frictus_service.daemon.timebase import Stamp
 from frictus_service.daemon.turn import Turn
 from frictus_service.recording.errors import ExportError, NotWrittenError
@@ -38,7 +39,13 @@ from frictus_service.recording.notes import RecordingInfo
 from frictus_service.recording.tape import Taped, export_tape
 from frictus_service.recording.writer import RecordingWriter
 from frictus_service.synthesis.scene import compile_scene
-from frictus_service.translate import blocks_of, flags_of, screen_of, touch_of
+from frictus_service.translate import (
+    blocks_of,
+    flags_of,
+    placeholder_model,
+    screen_of,
+    touch_of,
+)
 
 RATE_HZ, BLOCK = 20_000.0, 100
 UTC_NS = 1_795_000_000_000_000_000
@@ -82,13 +89,12 @@ def loop_of(backend: Backend, clock: VirtualClock, config: Config) -> BlockLoop:
     def monotonic_ns() -> int:
         return round(clock.sample() * 1e9 / RATE_HZ)
 
-    orders = Orders()
+    orders = Orders(ModelSlot(rendered_model(placeholder_model(), screen_of(backend.info))))
     scene = compile_scene(TEXTURE, FrictionLaw(), screen_of(backend.info), RATE_HZ)
     orders.scene.append(SceneOrder(scene))
     return BlockLoop(
         PatientBackend(backend, monotonic_ns),
         config,
-        FrictionLaw(),
         Interlock(),
         orders,
         Heartbeat(),

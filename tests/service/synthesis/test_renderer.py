@@ -177,27 +177,6 @@ def test_nothing_is_counted_while_there_is_no_output() -> None:
     assert stroke.go().extrapolated_samples == BLOCK
 
 
-def test_the_law_changes_only_while_there_is_no_output() -> None:
-    slower = FrictionLaw(LAW.gain_n, 200.0, 5.0)
-    stroke = Stroke(STRONG)
-    stroke.renderer.set_law(slower)
-    stroke.renderer.set_law(LAW)
-    before = stroke.go(allow=True)
-    assert before.level > 0.0
-    with pytest.raises(RuntimeError, match="only while the output is zero"):
-        stroke.renderer.set_law(slower)
-    for _ in range(3):
-        if stroke.go(allow=False).level == 0.0:
-            break
-    stroke.renderer.set_law(slower)
-    stroke.target(5)
-    rendered = stroke.go()
-    drive, target = rendered.drive.copy(), rendered.target_n.copy()
-    decay = np.exp(-2.0 * np.pi * float(cutoff_hz(slower, 60.0)) / RATE)
-    asked = (target[1:] - decay * target[:-1]) / ((1.0 - decay) * slower.gain_n)
-    np.testing.assert_allclose(drive[:-1], np.clip(asked, 0.0, 1.0), atol=1e-9)
-
-
 def test_blocks_follow_one_another_without_a_jump_when_a_motion_is_left() -> None:
     stroke = Stroke(STRONG)
     stroke.target(5)
