@@ -75,22 +75,18 @@ def screen_of(info: RigInfo) -> Screen:
 
 
 def flags_of(turn: Turn, info: RigInfo, placeholder: bool) -> Flag:
-    """Return what a reader must know of a block."""
-    exchange, rendered = turn.step.exchange, turn.step.rendered
+    """Return what a reader must know of a block's own samples."""
+    exchange = turn.step.exchange
     said = {
         Flag.ARMED: turn.armed,
-        Flag.CLIPPED: bool(rendered.clipped_samples or exchange.clipped_samples),
-        Flag.SCALED: turn.scaled,
-        Flag.EXTRAPOLATED: rendered.extrapolated_samples > 0,
         Flag.OVERRUN: exchange.overrun_samples > 0,
-        Flag.UNDERRUN: exchange.underrun_samples > 0,
         Flag.SIMULATED: info.simulated,
         Flag.STALE_SENSOR: turn.step.stale,
         Flag.PLACEHOLDER_MODEL: placeholder,
         Flag.SUBSTITUTE_SENSOR: info.finger_source == "pointer",
         Flag.SATURATED: exchange.saturated_samples > 0,
     }
-    flags = Flag(0)
+    flags = turn.output
     for flag, holds in said.items():
         if holds:
             flags |= flag
@@ -152,7 +148,7 @@ def finger_of(turn: Turn, stamp: Stamp, info: RigInfo) -> FingerState:
         source=info.finger_source,
         age_ms=age_ms,
         stale=step.stale,
-        extrapolated=step.rendered.extrapolated_samples > 0,
+        extrapolated=Flag.EXTRAPOLATED in turn.output,
     )
 
 

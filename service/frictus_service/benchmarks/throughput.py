@@ -13,7 +13,7 @@ from typing import Final
 import zenoh
 from zenoh.handlers import Callback
 
-from frictus.block import Block
+from frictus.block import Block, Flag
 from frictus.keys import STREAMS, RigKeys, Topic, Topics
 from frictus.session import open_router, open_session
 from frictus_hardware import SimulatedConfig, open_backend
@@ -122,7 +122,7 @@ class OneTurn:
                 len(steps),
                 steps[-1],
                 True,
-                False,
+                Flag(0),
                 finger,
                 0.03,
                 self._read[0],

@@ -28,6 +28,7 @@ from frictus_service.daemon.interlock import Interlock
 from frictus_service.daemon.lateness import Lateness
 from frictus_service.daemon.monitor import Monitor
 from frictus_service.daemon.orders import Orders, SceneOrder
+from frictus_service.daemon.output_flags import OutputFlags
 from frictus_service.daemon.safety import (
     Event,
     FaultCleared,
@@ -110,6 +111,7 @@ class BlockLoop:
         self._monotonic_ns = monotonic_ns
         self._utc_ns = utc_ns
         self._monitor = Monitor(backend.info.lead_samples)
+        self._output_flags = OutputFlags(backend.info.lead_samples, config.block_samples)
         self._screen = screen_of(backend.info)
         self._rate_hz = backend.info.sample_rate_hz
         self.run = run
@@ -277,6 +279,7 @@ class BlockLoop:
         tally.stale_touches += step.stale and not self._was_stale
         self._was_stale = step.stale
         self._broken = False
+        self._output_flags.note(step, self._chain.renderer.scene.applied.scaled)
         if late_in_a_row >= self._missed_limit and self._energised:
             late_ms = 1e3 * n * late_in_a_row / self._rate_hz
             self._feed(
@@ -300,7 +303,7 @@ class BlockLoop:
             number,
             step,
             self._energised,
-            self._chain.renderer.scene.applied.scaled,
+            self._output_flags.over(exchange.first_sample, exchange.voltage_v.size),
             (x, y, vx, vy),
             estimator.report_age_s(end),
             returned_ns,
@@ -404,6 +407,7 @@ class BlockLoop:
         self._zero_from = 0
         self.lateness.restart()
         self._monitor.restart()
+        self._output_flags.restart()
         self._renew_chain()
         return True
 

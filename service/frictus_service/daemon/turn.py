@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from frictus.block import Flag
 from frictus_service.daemon.timebase import UtcReading
 from frictus_service.synthesis.chain import Step
 
@@ -19,8 +20,8 @@ class Turn:
     step : Step
     armed : bool
         Whether the device was armed.
-    scaled : bool
-        Whether the scene in force was scaled to fit.
+    output : Flag
+        What became of the output that played during the block.
     finger : tuple of float
         Estimate at the end of the sensed samples: x, y in mm and vx, vy in mm/s.
     report_age_s : float
@@ -34,7 +35,7 @@ class Turn:
     number: int
     step: Step
     armed: bool
-    scaled: bool
+    output: Flag
     finger: tuple[float, float, float, float]
     report_age_s: float
     returned_ns: int

@@ -1,11 +1,13 @@
 """The block loop on a virtual clock: what it plays, counts, and does about faults."""
 
 import threading
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from frictus.block import Flag
 from frictus.errors import RefusedError
 from frictus.messages import FaultKind, ModelRequest
 from frictus.model import Effect, Model
@@ -28,11 +30,13 @@ from frictus_service.daemon.orders import ModelOrder, SceneOrder
 from frictus_service.daemon.patience import PatientBackend
 from frictus_service.daemon.safety import ClientVanished, Disarm, FaultRaised, Reset, Stop
 from frictus_service.daemon.stage import Stage, rendered_model
+from frictus_service.daemon.timebase import Stamp
 from frictus_service.etag import etag_of
 from frictus_service.synthesis.inverter import Inverter
+from frictus_service.synthesis.renderer import Rendered, Renderer
 from frictus_service.synthesis.scene import compile_scene
 from frictus_service.synthesis.stream import StreamBudget
-from frictus_service.translate import placeholder_model
+from frictus_service.translate import VOLTAGE, blocks_of, flags_of, placeholder_model
 
 SETTLED_S = 0.5
 
@@ -114,6 +118,80 @@ def test_momentary_faults_are_counted_not_fatal(make_bench: Any, texture: Scene)
     assert bench.loop.tally.overruns == 1
     assert bench.loop.tally.underruns == 2, "what was lost played zero too"
     assert bench.interlock.state.state == "armed", bench.interlock.state.fault
+
+
+def flagged(bench: Any, flag: Flag) -> list[range]:
+    """Return the samples of each published block with a flag."""
+    blocks = [
+        block
+        for turn in bench.turns
+        for block in blocks_of(
+            turn, Stamp(0, 0), flags_of(turn, bench.rig.info, False), bench.rate_hz
+        )
+        if block.stream == VOLTAGE and flag in block.flags
+    ]
+    return [
+        range(block.first_sample, block.first_sample + block.data.shape[1]) for block in blocks
+    ]
+
+
+@pytest.mark.parametrize("lead_ms", [20.0, 17.3])
+@pytest.mark.parametrize(("fault", "samples"), [(EmptyOutput, 40), (LostSamples, 150)])
+def test_the_block_flagged_with_an_underrun_is_the_one_that_lacks_samples(
+    make_bench: Any, texture: Scene, fault: Any, samples: int, lead_ms: float
+) -> None:
+    bench = driven(make_bench(lead_ms=lead_ms), texture)
+    bench.rig.faults.add(fault(at_sample=bench.clock.sample() + 1_000, samples=samples))
+    bench.turn(SETTLED_S)
+    (step,) = [turn.step for turn in bench.turns if turn.step.exchange.underrun_samples]
+    play = step.exchange.play_sample - step.exchange.overrun_samples
+    lacking = set(range(play, play + samples))
+    ranges = flagged(bench, Flag.UNDERRUN)
+    assert lacking <= {sample for each in ranges for sample in each}
+    assert all(lacking & set(each) for each in ranges)
+
+
+@pytest.mark.parametrize(
+    ("count", "flag"),
+    [("clipped_samples", Flag.CLIPPED), ("extrapolated_samples", Flag.EXTRAPOLATED)],
+)
+@pytest.mark.parametrize("lead_ms", [20.0, 17.3])
+def test_the_blocks_flagged_are_those_whose_samples_did_not_fit(
+    make_bench: Any,
+    texture: Scene,
+    count: str,
+    flag: Flag,
+    lead_ms: float,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bench = driven(make_bench(lead_ms=lead_ms), texture)
+    render = Renderer.render
+    rendered_at: list[int] = []
+
+    def render_one_badly(*arguments: Any) -> Rendered:
+        rendered = render(*arguments)
+        bad = len(rendered_at) == 10
+        rendered_at.append(arguments[1])
+        counts = {"clipped_samples": 0, "extrapolated_samples": 0, count: int(bad)}
+        return replace(rendered, **counts)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Renderer, "render", render_one_badly)
+    bench.turn(0.1)
+    cause = set(range(rendered_at[10], rendered_at[10] + 100))
+    ranges = [each for each in flagged(bench, flag) if each[0] >= rendered_at[0]]
+    assert cause <= {sample for each in ranges for sample in each}
+    assert all(cause & set(each) for each in ranges)
+
+
+def test_blocks_are_flagged_as_scaled_from_the_sample_on_that_is(
+    make_bench: Any, texture: Scene
+) -> None:
+    bench = driven(make_bench(), texture)
+    region = texture.regions[0].model_copy(update={"gain": 100.0})
+    bench.play(Scene(regions=[region]))
+    first = bench.rig.next_play_sample
+    bench.turn(0.1)
+    assert flagged(bench, Flag.SCALED)[0] == range(first, first + 100)
 
 
 def test_transient_errors_are_tried_again(make_bench: Any, texture: Scene) -> None:
@@ -290,7 +368,7 @@ def test_stream_does_not_outlive_its_lease(make_bench: Any, texture: Scene) -> N
     budget = StreamBudget.open(0.1, FrictionLaw())
     bench.orders.scene.append(SceneOrder(budget.quiet, afterwards=budget.quiet, arming=1))
     bench.turn(0.1)
-    assert bench.turns[-1].scaled == budget.applied.scaled
+    assert (Flag.SCALED in bench.turns[-1].output) == budget.applied.scaled
     bench.feed(Stop("ben"))
     bench.turn(0.1)
     bench.arm()

@@ -1,0 +1,62 @@
+"""What became of the output, remembered until its samples have played and are published."""
+
+from collections import deque
+
+from frictus.block import Flag
+from frictus_service.synthesis.chain import Step
+
+
+class OutputFlags:
+    """Flags of the ranges handed over lately, looked up by device sample.
+
+    A drive is played one lead after it was handed over, and a block must say of its own
+    samples what became of them.
+
+    Parameters
+    ----------
+    lead_samples, block_samples : int
+        They bound how many ranges are kept.
+    """
+
+    def __init__(self, lead_samples: int, block_samples: int) -> None:
+        # Two ranges per block, of the lead and of the blocks at both of its ends.
+        blocks = lead_samples // block_samples + 3
+        self._ranges: deque[tuple[int, int, Flag]] = deque(maxlen=2 * blocks)
+
+    def restart(self) -> None:
+        """Forget everything: the device's samples begin anew."""
+        self._ranges.clear()
+
+    def note(self, step: Step, scaled: bool) -> None:
+        """Take note of a block that was handed over, and of the gap before it.
+
+        Parameters
+        ----------
+        step : Step
+        scaled : bool
+            Whether its scene was scaled to fit.
+        """
+        exchange, rendered = step.exchange, step.rendered
+        first = exchange.play_sample
+        if exchange.underrun_samples:
+            empty = first - exchange.overrun_samples
+            self._ranges.append((empty, empty + exchange.underrun_samples, Flag.UNDERRUN))
+        flags = Flag(0)
+        if rendered.clipped_samples or exchange.clipped_samples:
+            flags |= Flag.CLIPPED
+        if rendered.extrapolated_samples:
+            flags |= Flag.EXTRAPOLATED
+        if scaled:
+            flags |= Flag.SCALED
+        self._ranges.append((first, first + exchange.applied_v.size, flags))
+
+    def over(self, first: int, n_samples: int) -> Flag:
+        """Return what became of any of the samples from `first` on."""
+        end = first + n_samples
+        flags = Flag(0)
+        for begins, ends, noted in reversed(self._ranges):
+            if ends <= first:
+                break
+            if begins < end:
+                flags |= noted
+        return flags
