@@ -93,7 +93,8 @@ class Exchange:
     touches : tuple of TouchReport
         Reports that arrived during the block, oldest first.
     applied_v : ndarray, shape (n_samples,)
-        The drive as it was accepted, after clamping, volts at the screen.
+        What plays of the drive, after clamping and the ramp that follows a gap, volts at the
+        screen.
     play_sample : int
         Device index at which `applied_v` starts to play.
     clipped_samples : int
@@ -101,7 +102,9 @@ class Exchange:
     margin_samples : int
         Output still queued when the drive was handed over; the lead less the lateness.
     underrun_samples : int
-        Samples that the output had nothing to play for; it played zero.
+        Samples that the output had nothing to play for; it played zero, or held its value
+        where the device cannot but do so. What follows comes back over a ramp of
+        `output.RETURN_S`.
     overrun_samples : int
         Sensed samples that were lost before this block.
     saturated_samples : int

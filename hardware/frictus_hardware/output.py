@@ -1,11 +1,15 @@
 """The output queue of a device: what plays at each sample of its clock, or has played."""
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+
+RETURN_S: Final = 0.02
+"""After a gap the output comes back over a ramp of this length: a step would be felt."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +36,8 @@ class DeviceOutput:
 class OutputQueue:
     """A ring of output samples, addressed by device sample.
 
-    What nobody handed over plays zero or, on a device that holds, the last value. Every call
-    takes `now`, the sample that is about to play.
+    What nobody handed over plays zero or, on a device that holds, the last value; what follows
+    fades in from there. Every call takes `now`, the sample that is about to play.
 
     Parameters
     ----------
@@ -41,15 +45,27 @@ class OutputQueue:
         Samples kept, played and queued together; reserved at once.
     holds : bool
         Whether the device holds its last value when the queue runs dry.
+    return_samples : int
+        Length of the ramp over which the output comes back after a gap.
     past : ndarray, shape (n_samples,), optional
         What played before sample 0; `read` finds it at negative samples.
     """
 
-    def __init__(self, capacity: int, holds: bool, past: FloatArray | None = None) -> None:
+    def __init__(
+        self,
+        capacity: int,
+        holds: bool,
+        return_samples: int,
+        past: FloatArray | None = None,
+    ) -> None:
         self._ring = np.zeros(capacity)
         self._holds = holds
+        self._return_samples = return_samples
+        self._returned = return_samples
+        self._return_from_v = 0.0
         self._idle_v = 0.0
         self._end = 0
+        self._handed_over_to: int | None = None
         if past is not None:
             self._put(-past.size, past)
 
@@ -63,8 +79,8 @@ class OutputQueue:
         """What plays from `end` on."""
         return self._idle_v
 
-    def write(self, first: int, values_v: FloatArray, now: int) -> int:
-        """Queue a block; return how many of its samples are too late to play.
+    def write(self, first: int, values_v: FloatArray, now: int) -> tuple[int, FloatArray]:
+        """Queue a block, faded in where it follows a gap.
 
         Parameters
         ----------
@@ -72,15 +88,35 @@ class OutputQueue:
             When it shall play, at or after `end`.
         values_v : ndarray, shape (n_samples,)
         now : int
+
+        Returns
+        -------
+        late : int
+            How many of its samples are too late to play.
+        plays_v : ndarray, shape (n_samples,)
+            What plays instead of the block.
         """
         late = min(max(now - first, 0), values_v.size)
         self.settle(first + late)
+        if late or self._handed_over_to not in (None, first):
+            self._returned, self._return_from_v = 0, self._idle_v
+        self._handed_over_to = first + values_v.size
+        plays_v = np.full(values_v.size, self._idle_v)
         if late < values_v.size:
-            self._put(first + late, values_v[late:])
+            plays_v[late:] = self._faded_in(values_v[late:])
+            self._put(first + late, plays_v[late:])
             self._end = first + values_v.size
             if self._holds:
-                self._idle_v = float(values_v[-1])
-        return late
+                self._idle_v = float(plays_v[-1])
+        return late, plays_v
+
+    def _faded_in(self, values_v: FloatArray) -> FloatArray:
+        if self._returned >= self._return_samples:
+            return values_v
+        since = self._returned + np.arange(1, values_v.size + 1)
+        self._returned += values_v.size
+        share = np.minimum(since / self._return_samples, 1.0)
+        return self._return_from_v + share * (values_v - self._return_from_v)
 
     def read(self, first: int, n_samples: int) -> FloatArray:
         """Return what plays, or played, at given samples."""
@@ -105,7 +141,7 @@ class OutputQueue:
         gain = np.zeros(queued)
         gain[:length] = 1.0 - np.arange(1, length + 1) / max(length, 1)
         self._ring[places] *= gain
-        self._idle_v = 0.0
+        self._idle_v = self._return_from_v = 0.0
 
     def _put(self, first: int, values_v: FloatArray) -> None:
         self._ring[self._places(first, values_v.size)] = values_v

@@ -28,7 +28,9 @@ from frictus_hardware.errors import (
     NotArmedError,
     UnsafeDriveError,
 )
+from frictus_hardware.output import RETURN_S
 from frictus_hardware.replay.tape import write_tape
+from frictus_hardware.simulated.faults import EmptyOutput, LostSamples
 
 FloatArray = NDArray[np.float64]
 Maker = Callable[[], Backend]
@@ -81,6 +83,34 @@ def rig(make: Maker) -> Backend:
     backend = make()
     backend.open()
     return backend
+
+
+STARVED = ["virtual", "scaled", "real", "device", "replay"]
+"""Backends that tell of underruns; on the NI device one is a lost stream."""
+
+
+@pytest.fixture(params=STARVED)
+def starved(request: pytest.FixtureRequest) -> Iterator[Backend]:
+    """An open backend that lacks samples at 3000 and at 6000."""
+    if request.param == "replay":
+        path = request.getfixturevalue("tmp_path") / "gaps.npz"
+        with path.open("xb") as file:
+            write_tape(file, sine_tape([(0, 3_000), (3_150, 6_000), (6_070, 12_000)]))
+        config: BackendConfig = ReplayConfig(file=path, clock="virtual")
+    else:
+        faults = (
+            EmptyOutput(at_sample=3_000, samples=40),
+            LostSamples(at_sample=6_000, samples=150),
+        )
+        address = request.getfixturevalue("device_address") if request.param == "device" else ""
+        config = configured(request.param, address)
+        if isinstance(config, SimulatedDeviceConfig):
+            rig = config.rig.model_copy(update={"faults": faults})
+            config = config.model_copy(update={"rig": rig})
+        else:
+            config = config.model_copy(update={"faults": faults})
+    with make_backend(config) as backend:
+        yield backend
 
 
 def random_drive(rng: np.random.Generator, n_samples: int) -> FloatArray:
@@ -139,6 +169,28 @@ def test_applied_appears_in_the_monitor_exactly_one_lead_later(
     assert np.any(voltage)
     assert np.any(here[lead:])
     np.testing.assert_array_equal(voltage[here], applied[: voltage.size][here])
+
+
+def test_after_a_gap_the_output_comes_back_over_a_ramp(starved: Backend) -> None:
+    starved.arm()
+    lead = starved.info.lead_samples
+    underruns = 0
+    stretches: list[list[Exchange]] = [[]]
+    while starved.next_play_sample < 9_000 + 2 * lead:
+        got = starved.exchange(np.full(100, 50.0))
+        underruns += got.underrun_samples > 0
+        if got.overrun_samples:
+            stretches.append([])
+        stretches[-1].append(got)
+    assert underruns >= 2
+    slope_v = 50.0 / round(RETURN_S * starved.info.sample_rate_hz)
+    for stretch in stretches:
+        voltage = np.concatenate([got.voltage_v for got in stretch])
+        begins = max(lead + 1 - stretch[0].first_sample, 0)  # the caller's own step
+        rises_v = np.diff(voltage[begins:])
+        assert np.max(rises_v, initial=0.0) <= slope_v * (1.0 + 1e-9)
+        assert np.all((voltage[begins:] >= 0.0) & (voltage[begins:] <= 50.0))
+    assert voltage[-1] == 50.0
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])

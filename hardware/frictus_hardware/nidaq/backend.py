@@ -30,7 +30,7 @@ from frictus_hardware.nidaq.devices import INSTALL
 from frictus_hardware.nidaq.pointer import PointerSource
 from frictus_hardware.nidaq.touch import TouchSource
 from frictus_hardware.opened import Opened
-from frictus_hardware.output import OutputQueue
+from frictus_hardware.output import RETURN_S, OutputQueue
 
 if TYPE_CHECKING:
     from frictus_hardware.nidaq.session import Session
@@ -85,7 +85,11 @@ class NiRig(Opened):
         self._delivered = 0
         self._written = config.device_lead_samples
         self._turn: _Turn | None = None
-        self._queue = OutputQueue(config.lead_samples + 2 * self._max_block, holds=False)
+        self._queue = OutputQueue(
+            config.lead_samples + 2 * self._max_block,
+            holds=False,
+            return_samples=ramp_samples(RETURN_S, config.sample_rate_hz),
+        )
         self._queue.write(0, np.zeros(config.lead_samples), 0)
 
     @property

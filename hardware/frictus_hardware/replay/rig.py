@@ -15,7 +15,7 @@ from frictus_hardware.errors import (
     StreamLostError,
 )
 from frictus_hardware.opened import Opened
-from frictus_hardware.output import OutputQueue
+from frictus_hardware.output import RETURN_S, OutputQueue
 from frictus_hardware.replay.config import ReplayConfig
 from frictus_hardware.replay.playhead import (
     Cut,
@@ -78,7 +78,11 @@ class ReplayRig(Opened):
         self._touches = touches_of(tape, self._loops)
         self._coming = next(self._touches, None)
         self._sensed = self._ahead = first  # ahead: device samples that the clock has not seen
-        self._output = OutputQueue(tape.lead_samples + 2 * self._max_block, holds=False)
+        self._output = OutputQueue(
+            tape.lead_samples + 2 * self._max_block,
+            holds=False,
+            return_samples=ramp_samples(RETURN_S, tape.sample_rate_hz),
+        )
         self._output.write(first, np.zeros(tape.lead_samples), first)
 
     @property
@@ -154,8 +158,7 @@ class ReplayRig(Opened):
         self._ahead += lost
         now, play = self._now(), cut.first_sample + self.tape.lead_samples
         peak = self.tape.screen_peak_v
-        applied = np.clip(drive_v, -peak, peak)
-        late = self._output.write(play, applied, now)
+        late, applied = self._output.write(play, np.clip(drive_v, -peak, peak), now)
         self._sensed = cut.first_sample + n_samples
         self._clock.wait_until(self._sensed - self._ahead)
         rows = slice(cut.row, cut.row + n_samples)

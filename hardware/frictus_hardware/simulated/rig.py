@@ -14,7 +14,7 @@ from frictus_hardware.errors import (
     StreamLostError,
 )
 from frictus_hardware.opened import Opened
-from frictus_hardware.output import OutputQueue
+from frictus_hardware.output import RETURN_S, OutputQueue
 from frictus_hardware.physics.stages import Noise, Quantisation
 from frictus_hardware.physics.twin import Signals, Stage, Twin
 from frictus_hardware.simulated.clock import Clock, RealClock, VirtualClock
@@ -104,7 +104,9 @@ class SimulatedRig(Opened):
         config = self.config
         rate = config.sample_rate_hz
         capacity = config.lead_samples + 2 * self._max_block + round(self._history_s * rate)
-        self._output = OutputQueue(capacity, self._holds_output, self._past_v)
+        self._output = OutputQueue(
+            capacity, self._holds_output, ramp_samples(RETURN_S, rate), self._past_v
+        )
         self._output.write(0, np.zeros(config.lead_samples), 0)
         self._touch = TouchSensor(config.touch, rate)
         self._finger: Finger = config.finger.start(
@@ -180,9 +182,10 @@ class SimulatedRig(Opened):
         play = first + self.config.lead_samples
         now = self._clock.sample() + self.faults.take(LateBlock, end)
         peak = self.config.screen_peak_v
-        applied = np.clip(drive_v, -peak, peak)
         missed = min(self.faults.take(EmptyOutput, end), drive_v.size)
-        late = self._output.write(play, applied, max(now, play + missed))
+        late, applied = self._output.write(
+            play, np.clip(drive_v, -peak, peak), max(now, play + missed)
+        )
         return HandedOver(
             first_sample=first,
             applied_v=applied,

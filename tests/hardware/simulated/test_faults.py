@@ -23,6 +23,8 @@ from frictus_hardware.simulated.rig import SimulatedRig
 
 N = 100
 LEAD = 400
+RAMP = 400
+"""After a gap."""
 
 
 def rig_with(*faults: Fault) -> SimulatedRig:
@@ -82,12 +84,14 @@ def test_lost_samples_are_counted_and_time_goes_on() -> None:
 
 def test_empty_output_plays_zero_and_keeps_the_time() -> None:
     with rig_with(EmptyOutput(at_sample=150, samples=30)) as rig:
-        got = run(rig, 10)
+        got = run(rig, 12)
     assert [one.underrun_samples for one in got[:3]] == [0, 30, 0]
     heard = np.concatenate([one.voltage_v for one in got])
     hole = got[1].play_sample
     assert not np.any(heard[hole : hole + 30])
-    assert np.all(heard[hole + 30 :] == 30.0)
+    back = hole + 30 + RAMP
+    np.testing.assert_allclose(heard[hole + 30 : back], 30.0 * np.arange(1, RAMP + 1) / RAMP)
+    assert np.all(heard[back:] == 30.0)
 
 
 @pytest.mark.parametrize(("late", "missed"), [(300, 0), (430, 30), (900, N)])
@@ -163,6 +167,7 @@ def test_a_stalled_loop_underruns_and_catches_up() -> None:
     expected = np.full(3_000, 30.0)
     expected[:LEAD] = 0.0
     expected[1_400:1_650] = 0.0
+    expected[1_650 : 1_650 + RAMP] *= np.arange(1, RAMP + 1) / RAMP
     np.testing.assert_array_equal(heard, expected)
 
 

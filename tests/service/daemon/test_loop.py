@@ -6,19 +6,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.lib.stride_tricks import sliding_window_view
 
 from frictus.block import Flag
 from frictus.errors import RefusedError
-from frictus.messages import FaultKind, ModelRequest
+from frictus.messages import Excitation, FaultKind, ModelRequest
 from frictus.model import Effect, Model
 from frictus.stream import StreamFrame
 from frictus.textures import Component, Region, Scene, Spectrum
 from frictus_hardware.base import Exchange, FloatArray
 from frictus_hardware.errors import StreamLostError, TransientError
+from frictus_hardware.output import RETURN_S
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen, drive_fraction_of
 from frictus_hardware.simulated.faults import (
     EmptyOutput,
+    LateBlock,
     LostSamples,
     MonitorMismatch,
     Raised,
@@ -32,6 +35,7 @@ from frictus_service.daemon.safety import ClientVanished, Disarm, FaultRaised, R
 from frictus_service.daemon.stage import Stage, rendered_model
 from frictus_service.daemon.timebase import Stamp
 from frictus_service.etag import etag_of
+from frictus_service.synthesis.excitation import compile_excitation
 from frictus_service.synthesis.inverter import Inverter
 from frictus_service.synthesis.renderer import Rendered, Renderer
 from frictus_service.synthesis.scene import compile_scene
@@ -118,6 +122,38 @@ def test_momentary_faults_are_counted_not_fatal(make_bench: Any, texture: Scene)
     assert bench.loop.tally.overruns == 1
     assert bench.loop.tally.underruns == 2, "what was lost played zero too"
     assert bench.interlock.state.state == "armed", bench.interlock.state.fault
+
+
+@pytest.mark.parametrize("samples", [1, 40, 260, 730])
+@pytest.mark.parametrize("fault", [EmptyOutput, LostSamples, LateBlock])
+def test_output_comes_back_over_a_ramp_after_a_gap(
+    make_bench: Any, fault: Any, samples: int
+) -> None:
+    bench = make_bench()
+    bench.arm()
+    steady = compile_excitation(Excitation(bias=0.5), FrictionLaw(), bench.rate_hz)
+    bench.orders.scene.append(SceneOrder(steady, arming=1))
+    bench.turn(SETTLED_S)
+    at = bench.clock.sample() + 1_000
+    bench.rig.faults.add(fault(at_sample=at, samples=samples))
+    bench.turn(SETTLED_S)
+    played = np.full(bench.rig.next_play_sample, np.nan)
+    for turn in bench.turns:
+        for block in blocks_of(turn, Stamp(0, 0), Flag(0), bench.rate_hz):
+            if block.stream == VOLTAGE:
+                first = block.first_sample
+                played[first : first + block.data.shape[1]] = block.data[0]
+    period = 20  # in which the carrier takes all its phases
+    # NaN where a window has samples that were lost on the way here.
+    envelope = np.max(sliding_window_view(np.abs(played[at - 500 : at + 3_000]), period), 1)
+    full_v = bench.rig.info.screen_peak_v * np.sqrt(0.5)
+    assert envelope[0] == pytest.approx(full_v, rel=1e-6)
+    assert envelope[-1] == pytest.approx(full_v, rel=1e-6)
+    rises = envelope[period:] - envelope[:-period]
+    assert np.nanmax(rises) <= 2.0 * period * full_v / (RETURN_S * bench.rate_hz)
+    margin = bench.rig.info.lead_samples if fault is LateBlock else 0
+    if samples > margin + period:
+        assert np.nanmin(envelope) < 0.1 * full_v
 
 
 def flagged(bench: Any, flag: Flag) -> list[range]:
