@@ -5,10 +5,11 @@ Readers are lenient to what newer writers add; NaN and infinities are refused.
 
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from frictus.errors import FrameError, explain
 from frictus.model import Model
+from frictus.names import of_a_file
 from frictus.textures import Scene
 
 RefusalCode = Literal[
@@ -143,6 +144,8 @@ class RecordingState(Message):
     lost_blocks: int = 0
     problem: str | None = None
     """Why the last recording ended, where nobody ended it."""
+    refused_calls: int = 0
+    """Calls that were refused since the recorder started, the unreadable ones among them."""
 
 
 class Fault(Message):
@@ -362,7 +365,12 @@ class ExciteRequest(Request):
 class RecordRequest(Request):
     """Start a recording."""
 
-    name: Annotated[str, Field(min_length=1, max_length=100, pattern=r"^[A-Za-z0-9._-]+$")]
+    name: Annotated[
+        str,
+        Field(min_length=1, max_length=100, pattern=r"^[A-Za-z0-9._-]+$"),
+        AfterValidator(of_a_file),
+    ]
+    """Of the file, too: it ends without a dot and is no device of Windows, such as ``nul``."""
     participant: Annotated[str, Field(max_length=64)] | None = None
     notes: Annotated[str, Field(max_length=10_000)] = ""
 

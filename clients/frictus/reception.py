@@ -248,7 +248,7 @@ class Feed(Generic[T]):
 
     def _accept(self, arrival: Arrival) -> None:
         try:
-            self._ready.extend(self._decode(arrival))
+            self._ready.extend(_decoded(lambda one: list(self._decode(one)), arrival))
         except FrameError as error:
             self.unreadable += 1
             log.warning("skipped what arrived under %s: %s", arrival.key, error)
@@ -335,6 +335,16 @@ class Feed(Generic[T]):
         self.close()
 
 
+def _decoded(decode: Callable[[Arrival], T], arrival: Arrival) -> T:
+    """Decode an arrival; whatever fails on it, it is a `FrameError`: none ends its reader."""
+    try:
+        return decode(arrival)
+    except FrameError:
+        raise
+    except Exception as error:
+        raise FrameError(f"{type(error).__name__}: {error}") from error
+
+
 class Latest(Generic[T]):
     """The newest value under a key; also the one published before we came.
 
@@ -378,7 +388,7 @@ class Latest(Generic[T]):
             if arrival is None and self._value is None:
                 arrival = self._mailbox.take(timeout_s)
             if arrival is not None:
-                self._value = self._decode(arrival)
+                self._value = _decoded(self._decode, arrival)
             assert self._value is not None
             return self._value
 

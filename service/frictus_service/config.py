@@ -14,13 +14,23 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
 
 from frictus.keys import RigKeys
 from frictus.session import DEFAULT_ROUTER
 from frictus.tls import SCHEME, Tls
 from frictus_hardware import (
     BackendConfig,
+    NiRigConfig,
+    ReplayConfig,
     SimulatedConfig,
     SimulatedDeviceConfig,
     located,
@@ -31,6 +41,8 @@ Scope = Literal["read", "render", "calibrate", "admin"]
 Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9._-]+$")]
 DEFAULT_FILE = Path("frictus.toml")
 _SQLITE = "sqlite:///"
+Place = tuple[str | int, ...]
+"""Of a key in the file: tables, and numbers in arrays of tables."""
 _DATABASE = r"^(sqlite:///[^?:]|postgresql\+psycopg://)"
 
 
@@ -38,10 +50,31 @@ class _Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+def _fault_at(place: Place, what: str) -> PydanticCustomError:
+    """Return the error of a section as a whole, for `_describe` to name the line at fault.
+
+    Parameters
+    ----------
+    place : tuple of str and int
+        The key below the section that it is best mended at.
+    what : str
+    """
+    return PydanticCustomError("misfit", "{what}", {"what": what, "place": place})
+
+
+def _with_port(endpoint: str) -> str:
+    port = endpoint.rpartition(":")[2]
+    if not 1 <= int(port[:6]) <= 65_535:
+        raise ValueError(f"port {port[:20]}: 1 to 65535 are accepted")
+    return endpoint
+
+
 class RouterConfig(_Section):
     """Where the parts of the system meet."""
 
-    endpoint: Annotated[str, Field(pattern=r"^(tcp|tls)/.+:\d+$")] = DEFAULT_ROUTER
+    endpoint: Annotated[
+        str, Field(pattern=r"^(tcp|tls)/.+:\d+$"), AfterValidator(_with_port)
+    ] = DEFAULT_ROUTER
     """Zenoh endpoint: `tcp/ADDRESS:PORT`, or `tls/HOST:PORT` with a [security] section."""
     host: bool = True
     """Whether `frictus serve` listens there itself; false connects to a router elsewhere."""
@@ -153,13 +186,15 @@ class ApiConfig(_Section):
     @model_validator(mode="after")
     def _guarded(self) -> Self:
         if not self.loopback and not self.tokens:
-            raise ValueError(
+            raise _fault_at(
+                ("host",),
                 f"host {self.host!r} can be reached by other machines: add [[api.tokens]], "
-                "or bind 127.0.0.1"
+                "or bind 127.0.0.1",
             )
         names = [token.name for token in self.tokens]
-        if len(set(names)) != len(names):
-            raise ValueError("two tokens bear the same name")
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                raise _fault_at(("tokens", index, "name"), f"another token is called {name!r}")
         return self
 
 
@@ -211,6 +246,18 @@ class Config(_Section):
         return None if self.security is None else self.security.of(who)
 
     @property
+    def rig_files(self) -> dict[Place, Path]:
+        """The files that the rig is made from, by the keys that name them."""
+        files: dict[Place, Path] = {}
+        if self.model_file is not None:
+            files["model_file",] = self.model_file
+        if isinstance(self.backend, ReplayConfig):
+            files["backend", "file"] = self.backend.file
+        if isinstance(self.backend, NiRigConfig):
+            files["backend", "force", "calibration"] = self.backend.force.calibration
+        return files
+
+    @property
     def keys(self) -> RigKeys:
         """The keys of this rig."""
         return RigKeys(self.site, self.rig)
@@ -232,9 +279,10 @@ class Config(_Section):
     def _encrypted_with_certificates(self) -> Self:
         endpoint = self.router.endpoint
         if (self.security is not None) != endpoint.startswith(SCHEME):
-            raise ValueError(
+            raise _fault_at(
+                ("router", "endpoint") if "router" in self.model_fields_set else ("security",),
                 f"router.endpoint {endpoint!r}: tls/HOST:PORT goes with a [security] section, "
-                "and tcp/HOST:PORT without"
+                "and tcp/HOST:PORT without",
             )
         return self
 
@@ -242,14 +290,16 @@ class Config(_Section):
     def _whole_blocks(self) -> Self:
         samples = 1e-3 * self.block_ms * self.sample_rate_hz
         if abs(samples - round(samples)) > 1e-6:
-            raise ValueError(
+            own = "block_ms" in self.model_fields_set
+            raise _fault_at(
+                ("block_ms",) if own else ("backend", "sample_rate_hz"),
                 f"block_ms {self.block_ms:g} is {samples:g} samples at "
-                f"{self.sample_rate_hz:g} Hz: a whole number is accepted"
+                f"{self.sample_rate_hz:g} Hz: a whole number is accepted",
             )
         return self
 
 
-def load(path: Path | None = None) -> Config:
+def load(path: Path | None = None, *, runs_rig: bool = False) -> Config:
     """Read a configuration file.
 
     Parameters
@@ -257,6 +307,9 @@ def load(path: Path | None = None) -> Config:
     path : Path or None
         None reads `frictus.toml` of the working folder where there is one, and takes the
         defaults where there is none. Relative paths in the file are relative to it.
+    runs_rig : bool
+        Whether the rig runs on this machine: then the files it is made from must be here. One
+        file may configure several machines, and the others have no use for them.
 
     Raises
     ------
@@ -272,10 +325,10 @@ def load(path: Path | None = None) -> Config:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f"{path}: cannot be read: {error}") from error
-    return parse(text, path)
+    return parse(text, path, runs_rig=runs_rig)
 
 
-def parse(text: str, path: Path) -> Config:
+def parse(text: str, path: Path, *, runs_rig: bool = False) -> Config:
     """Return the configuration that `text` states; `path` is named in errors.
 
     Raises
@@ -289,17 +342,17 @@ def parse(text: str, path: Path) -> Config:
         place = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
         line = place[1] if place else str(text.count("\n") + 1)
         raise ConfigurationError(f"{path}:{line}: not TOML: {error}") from error
+    lines = _lines_of_keys(text)
     try:
         # By way of JSON, whose strict mode still turns text into paths and arrays into tuples.
         config = Config.model_validate_json(json.dumps(document, default=str), strict=True)
     except ValidationError as error:
-        lines = _lines_of_keys(text)
         faults = sorted(_describe(fault, document, lines) for fault in error.errors())
         told = [f"{path}:{line}: {what}" for line, what in faults]
         raise ConfigurationError("\n".join(told)) from error
     folder = path.parent
     model_file = config.model_file and folder / config.model_file
-    return config.model_copy(
+    located_config = config.model_copy(
         update={
             "model_file": model_file,
             "textures": folder / config.textures,
@@ -310,17 +363,24 @@ def parse(text: str, path: Path) -> Config:
             "backend": located(config.backend, folder),
         }
     )
-
-
-Place = tuple[str | int, ...]
+    absent = [
+        f"{path}:{_line_of(place, lines)}: {'.'.join(map(str, place))}: there is no file {file}"
+        for place, file in located_config.rig_files.items()
+        if runs_rig and not file.is_file()
+    ]
+    if absent:
+        raise ConfigurationError("\n".join(absent))
+    return located_config
 
 
 def _describe(fault: Any, document: dict[str, Any], lines: dict[Place, int]) -> tuple[int, str]:
     """Return the line of a fault and what is wrong there."""
     place = _place_in(document, fault["loc"])
-    if fault["type"].startswith("union_tag"):
+    if fault["type"] == "misfit":
+        place = (*place, *fault["ctx"]["place"])
+    elif fault["type"].startswith("union_tag"):
         place = (*place, "kind")
-    line = next((lines[place[:n]] for n in range(len(place), 0, -1) if place[:n] in lines), 1)
+    line = _line_of(place, lines)
     dotted = ".".join(str(part) for part in place) or "the file"
     message = fault["msg"].removeprefix("Value error, ")
     if fault["type"] == "extra_forbidden":
@@ -337,6 +397,11 @@ def _describe(fault: Any, document: dict[str, Any], lines: dict[Place, int]) -> 
     elif not isinstance(fault["input"], dict | list):
         message = f"{message}, not {fault['input']!r}"
     return line, f"{dotted}: {message}"
+
+
+def _line_of(place: Place, lines: dict[Place, int]) -> int:
+    """Return the line of a key, or of the innermost table above it that is written down."""
+    return next((lines[place[:n]] for n in range(len(place), 0, -1) if place[:n] in lines), 1)
 
 
 def _place_in(document: Any, loc: Place) -> Place:

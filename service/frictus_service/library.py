@@ -7,9 +7,7 @@ unknowingly. One process writes to a folder; any number may read.
 """
 
 import hashlib
-import os
 import re
-import tempfile
 import threading
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,13 +15,14 @@ from typing import Final
 
 from pydantic import TypeAdapter, ValidationError
 
+from frictus.names import RESERVED
 from frictus.textures import Texture
+from frictus_service.durable import replace_file, sync_folder
 from frictus_service.errors import ServiceError
 
 SHIPPED: Final = Path(__file__).parent / "textures"
 # Lower case only: Sand.json and sand.json are one file on Windows and two on Linux.
 _NAME: Final = re.compile(r"[a-z0-9][a-z0-9_-]{0,63}", re.ASCII)
-_RESERVED: Final = re.compile(r"con|prn|aux|nul|com[0-9]|lpt[0-9]")  # devices on Windows
 _TEXTURE: Final[TypeAdapter[Texture]] = TypeAdapter(Texture)
 
 NAMED_IN_ERRORS = 12
@@ -136,7 +135,7 @@ class TextureLibrary:
         with self._writing:
             self._check_replaced(name, replaces)
             self._folder.mkdir(parents=True, exist_ok=True)
-            _replace(self._folder / f"{name}.json", content)
+            replace_file(self._folder / f"{name}.json", content)
         return Entry(name, texture, etag_of(texture), shipped=False)
 
     def delete(self, name: str, replaces: str) -> None:
@@ -153,6 +152,7 @@ class TextureLibrary:
                 raise UnknownTextureError(f"no texture {name!r} in the library")
             self._check_replaced(name, replaces)
             (self._folder / f"{name}.json").unlink()
+            sync_folder(self._folder)
 
     def _refuse_shipped(self, name: str) -> None:
         if (self._shipped / f"{name}.json").exists():
@@ -183,7 +183,7 @@ def check_name(name: str) -> None:
     ------
     TextureNameError
     """
-    if not _NAME.fullmatch(name) or _RESERVED.fullmatch(name):
+    if not _NAME.fullmatch(name) or RESERVED.fullmatch(name):
         raise TextureNameError(
             f"texture name {name[:80]!r}: 1 to 64 lower-case letters, digits, '-' and '_' are "
             "accepted, beginning with a letter or digit; device names such as 'nul' are not"
@@ -192,7 +192,7 @@ def check_name(name: str) -> None:
 
 def _names_in(folder: Path) -> set[str]:
     names = {path.stem for path in folder.glob("*.json")}
-    return {name for name in names if _NAME.fullmatch(name) and not _RESERVED.fullmatch(name)}
+    return {name for name in names if _NAME.fullmatch(name) and not RESERVED.fullmatch(name)}
 
 
 def _entry(name: str, content: bytes, path: Path, shipped: bool) -> Entry:
@@ -206,16 +206,3 @@ def _entry(name: str, content: bytes, path: Path, shipped: bool) -> Entry:
             "Replace or delete it."
         ) from error
     return Entry(name, texture, etag_of(texture), shipped)
-
-
-def _replace(path: Path, content: bytes) -> None:
-    handle, beside = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=".tmp")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(beside, path)
-    except BaseException:
-        Path(beside).unlink(missing_ok=True)
-        raise

@@ -1,5 +1,6 @@
 """Prometheus metrics: of the rigs, read when they are asked for, and of the API itself."""
 
+import sys
 import time
 from collections.abc import Iterator
 from typing import Final, get_args
@@ -137,7 +138,10 @@ def _of_rigs(statuses: list[RigStatus]) -> Iterator[Metric]:
         text = f"{name.replace('_', ' ')} since the rig started."
         counter = CounterMetricFamily(f"frictus_rig_{name}", text, labels=_RIG)
         for status in statuses:
-            counter.add_metric([status.site, status.rig], getattr(status.counters, name))
+            counter.add_metric(
+                [status.site, status.rig],
+                float(min(getattr(status.counters, name), sys.maxsize)),
+            )
         yield counter
     for name in LoopTiming.model_fields:
         seconds = GaugeMetricFamily(

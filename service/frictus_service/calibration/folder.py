@@ -5,7 +5,6 @@ with the verdict on it; all of them together become ``study.h5``.
 """
 
 import json
-import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final, Self
@@ -15,6 +14,7 @@ from pydantic import ValidationError
 from frictus_service.calibration.errors import FolderError
 from frictus_service.calibration.job import CalibrationSpec
 from frictus_service.calibration.plan import Done
+from frictus_service.durable import put_in_place, replace_file
 from frictus_service.study.errors import Exclusion, TrialError
 from frictus_service.study.reader import StudyReader
 from frictus_service.study.trial import StudyInfo, Trial
@@ -61,7 +61,7 @@ class CalibrationFolder:
         elif any((path / TRIALS).glob("*.h5")):
             raise FolderError(f"{path} holds trials but no {SPEC}; choose another folder")
         else:
-            _write(path / SPEC, spec.model_dump_json(indent=1).encode())
+            replace_file(path / SPEC, spec.model_dump_json(indent=1).encode())
         done = [_done(trial) for trial in sorted((path / TRIALS).glob("*.h5"))]
         return cls(path, spec, done)
 
@@ -129,7 +129,7 @@ class CalibrationFolder:
         with StudyWriter(unfinished, info) as writer:
             for trial in self.trials(left_out.append):
                 writer.add(trial)
-        os.replace(unfinished, self.study)
+        put_in_place(unfinished, self.study)
         return tuple(left_out)
 
     def _file(self, trial_id: str) -> Path:
@@ -175,12 +175,3 @@ def _require_same(path: Path, begun: CalibrationSpec, spec: CalibrationSpec) -> 
             f"{path} holds a calibration with another {', '.join(differing)}; "
             "ask for the same again, or choose another folder"
         )
-
-
-def _write(file: Path, content: bytes) -> None:
-    unfinished = file.with_suffix(".new")
-    with unfinished.open("wb") as stream:
-        stream.write(content)
-        stream.flush()
-        os.fsync(stream.fileno())
-    os.replace(unfinished, file)

@@ -71,7 +71,8 @@ class QuickProtocol(_Strict):
 class CalibrationSpec(_Strict):
     """One calibration."""
 
-    rig: str
+    rig: Pseudonym
+    """Name of a rig: letters, digits, dots, ``_`` and ``-``."""
     participant: Pseudonym
     protocol: Annotated[PaperProtocol | QuickProtocol, Field(discriminator="kind")] = (
         QuickProtocol()

@@ -16,7 +16,7 @@ def serve(config: ConfigFile = None, as_json: AsJson = False) -> None:
     """Run router, rig, recorder and API on this machine until Ctrl-C."""
     from frictus_service.config import load
 
-    settings = load(config)
+    settings = load(config, runs_rig=True)
     from frictus_service.daemon import supervisor  # seconds, so after the configuration
 
     say = said(as_json)

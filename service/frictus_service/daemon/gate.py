@@ -9,6 +9,7 @@ from frictus.stream import StreamFrame
 from frictus_service.config import Limits
 
 Kind = TypeVar("Kind", bound=Request)
+CENTURY_NS: Final = 100 * 365 * 86_400 * 10**9
 GUIDANCE_TTL_MS: Final = 500
 """Guidance comes 30 times a second; what a frozen sender left behind guides nobody."""
 
@@ -90,7 +91,8 @@ class Gate:
         RefusedError
             `stale`, where it is too old, or made in the future.
         """
-        age_ms = 1e-6 * (utc_ns - sent_ns)
+        # Beyond a century either way all ages are alike; an integer may be of any size.
+        age_ms = 1e-6 * max(-CENTURY_NS, min(utc_ns - sent_ns, CENTURY_NS))
         if -age_ms > self.limits.max_clock_ahead_ms:
             raise RefusedError(
                 "stale",

@@ -1,15 +1,18 @@
 """One viewer: what it may, what it watches, and what of it is new to it."""
 
+import logging
 from collections.abc import Collection
 from typing import Final
 
 from frictus_service.config import Scope
 from frictus_service.dashboard.channels import VALUES, Channel, Stream, Value
+from frictus_service.dashboard.frames import LiveFrameError
 from frictus_service.dashboard.hub import Hub
 from frictus_service.dashboard.messages import Lost, Rigs, Watch
 from frictus_service.dashboard.refusal import NOT_ALLOWED, RefusedViewerError
 from frictus_service.dashboard.trace import Trace
 
+_LOG: Final = logging.getLogger(__name__)
 IDLE_RATE_HZ: Final = 10.0
 _NOTHING: Final = Watch(op="watch", rig=None, rate_hz=IDLE_RATE_HZ)
 
@@ -112,12 +115,17 @@ class Viewer:
 
     def _frames(self, rig: str) -> list[str | bytes]:
         news: list[str | bytes] = []
-        for name, trace in self._traces.items():
+        for name, trace in list(self._traces.items()):
             stream = self._hub.channel(rig, name)
             if isinstance(stream, Stream):
                 blocks = stream.since(self._cursor(name, stream, stream.count))
                 self._seen[name] = (stream, stream.count)
-                news.extend(frame.pack() for frame in trace.push(blocks))
+                try:
+                    news.extend([frame.pack() for frame in trace.push(blocks)])
+                except (LiveFrameError, ArithmeticError) as error:
+                    # Not of a rig: its numbers do not fit a frame. What follows is shown anew.
+                    _LOG.warning("stream %s of rig %s is not shown: %s", name, rig, error)
+                    self._traces[name] = Trace(self.watching)
         return news
 
     def _cursor(self, name: str, channel: Channel, start: int) -> int:

@@ -6,6 +6,7 @@ from typing import Final
 
 from frictus_service.discovery.errors import DiscoveryCancelledError
 from frictus_service.discovery.job import DiscoveryProgress, DiscoveryResult, DiscoverySpec
+from frictus_service.durable import replace_file
 
 BASE: Final = "base_model.json"
 OBSERVATIONS: Final = "observations"
@@ -67,5 +68,5 @@ def _base(spec: DiscoverySpec, folder: Path) -> str:
     if isinstance(spec.base, str):
         return spec.base
     kept = folder / BASE
-    kept.write_bytes(spec.base.to_json())
+    replace_file(kept, spec.base.to_json())
     return str(kept)

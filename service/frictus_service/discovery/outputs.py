@@ -1,11 +1,11 @@
 """What a discovery leaves behind: report, document, and the extended model."""
 
 import json
-import os
 from pathlib import Path
 from typing import Final
 
 from frictus_service.discovery.document import Discovery
+from frictus_service.durable import replace_file
 
 REPORT: Final = "report.html"
 DOCUMENT: Final = "report.json"
@@ -31,7 +31,5 @@ def write(found: Discovery, folder: Path) -> list[Path]:
         folder / MODEL: model.encode(),
     }
     for path, content in contents.items():
-        beside = path.with_suffix(f"{path.suffix}.new")
-        beside.write_bytes(content)
-        os.replace(beside, path)
+        replace_file(path, content)
     return list(contents)

@@ -1,10 +1,13 @@
 """The discoveries of a folder of studies: one folder each, with job, events and report.
 
 ``studies/discoveries/ID/`` holds `job.json`, where the discovery stands; `events.jsonl`, what
-it told; and, once it is done, what `discovery.outputs` writes.
+it told; and, once it is done, what `discovery.outputs` writes. A `job.json` that cannot be read
+is set aside as `job.json.damaged`, with a warning in the log, and the others are served.
 """
 
+import contextlib
 import json
+import logging
 import os
 import re
 import secrets
@@ -14,7 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from pydantic import BaseModel
+from pydantic import ValidationError
 
 from frictus_service.discovery.errors import (
     DiscoveryStateError,
@@ -31,13 +34,16 @@ from frictus_service.discovery.job import (
     DiscoverySpec,
     State,
 )
+from frictus_service.durable import replace_file
 
 FOLDER: Final = "discoveries"
 JOB: Final = "job.json"
 EVENTS: Final = "events.jsonl"
+DAMAGED: Final = ".damaged"
 _ID: Final = re.compile(r"[0-9a-f-]{1,64}")
 _NAME: Final = re.compile(STUDY_NAME)
 _MOST_LISTED: Final = 20
+_LOG: Final = logging.getLogger(__name__)
 
 
 class DiscoveryShelf:
@@ -125,7 +131,10 @@ class DiscoveryShelf:
         """Return all discoveries, newest first."""
         with self._lock:
             kept = (self._studies / FOLDER).glob(f"*/{JOB}")
-            jobs = [self._read(path.parent.name) for path in kept]
+            jobs = []
+            for path in list(kept):
+                with contextlib.suppress(UnknownDiscoveryError):  # set aside, and said
+                    jobs.append(self._read(path.parent.name))
         return sorted(jobs, key=lambda job: (job.created_utc_ns, job.id), reverse=True)
 
     def change(
@@ -186,7 +195,10 @@ class DiscoveryShelf:
         """Note that whatever ran, or waited, does so no more."""
         for job in self.all():
             if job.state in ACTIVE:
-                self.change(job.id, "interrupted", of=ACTIVE)
+                try:
+                    self.change(job.id, "interrupted", of=ACTIVE)
+                except OSError as error:  # what can be read is served nevertheless
+                    _LOG.warning("discovery %s cannot be kept: %s", job.id, error)
 
     def events(self, discovery: str, after: int) -> list[DiscoveryEvent]:
         """Return what a discovery told after an event, in order.
@@ -205,7 +217,17 @@ class DiscoveryShelf:
         path = self.folder(discovery) / JOB
         if not _ID.fullmatch(discovery) or not path.is_file():
             raise UnknownDiscoveryError(f"no discovery {discovery[:80]!r}")
-        return DiscoveryJob.model_validate_json(path.read_bytes())
+        try:
+            return DiscoveryJob.model_validate_json(path.read_bytes())
+        except (ValidationError, OSError) as error:
+            reason = error.strerror if isinstance(error, OSError) else "it is torn or not a job"
+            told = f"{path} cannot be read ({reason})"
+            if isinstance(error, ValidationError):
+                with contextlib.suppress(OSError):  # of a folder that is read-only
+                    os.replace(path, path.with_name(path.name + DAMAGED))
+                    told += f" and was set aside as {path.name}{DAMAGED}"
+            _LOG.warning("%s: the other discoveries are served", told)
+            raise UnknownDiscoveryError(told) from error
 
     def _tell(self, job: DiscoveryJob, kind: str, data: str) -> None:
         # The event first: whoever sees that a job has ended finds its last event.
@@ -215,16 +237,12 @@ class DiscoveryShelf:
         with (folder / EVENTS).open("ab") as told:
             told.truncate(len(before))
             told.write(json.dumps(event).encode() + b"\n")
-        _replace(folder / JOB, job)
+            told.flush()
+            os.fsync(told.fileno())
+        replace_file(folder / JOB, job.model_dump_json(by_alias=True, indent=2).encode())
 
 
 def _whole_lines(path: Path) -> bytes:
     """Return a file up to its last whole line: a crash may have cut one off."""
     content = path.read_bytes() if path.exists() else b""
     return content[: content.rfind(b"\n") + 1]
-
-
-def _replace(path: Path, document: BaseModel) -> None:
-    beside = path.with_suffix(".new")
-    beside.write_text(document.model_dump_json(by_alias=True, indent=2), encoding="utf-8")
-    os.replace(beside, path)

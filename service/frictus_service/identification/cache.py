@@ -8,8 +8,6 @@ time stay the same, its trials need not even be read.
 
 import hashlib
 import json
-import os
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from frictus_service.durable import replace_file
 from frictus_service.identification.observation import Rows, TrialObservations
 from frictus_service.identification.reading import Reader, Reading, version_of
 from frictus_service.identification.tables import Table, columns_of, table_of
@@ -166,14 +165,7 @@ def _tables(
 def _seal(place: Path, content: bytes) -> None:
     """Write a file with its hash, whole or not at all."""
     place.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=place.parent, suffix=".part")
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(hashlib.sha256(content).digest() + content)
-        os.replace(name, place)
-    except BaseException:
-        os.unlink(name)
-        raise
+    replace_file(place, hashlib.sha256(content).digest() + content)
 
 
 def _unsealed(place: Path) -> bytes | None:

@@ -1,12 +1,12 @@
 """What an identification leaves behind: report, JSON, and models that can be published."""
 
 import json
-import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
 
 from frictus.model import Model
+from frictus_service.durable import replace_file
 from frictus_service.identification.documents import Identification
 from frictus_service.identification.models import (
     participant_models,
@@ -45,9 +45,7 @@ def write(
         if stale not in contents:
             stale.unlink()  # of an earlier run: its participant is no longer in the study
     for path, content in contents.items():
-        beside = path.with_suffix(f"{path.suffix}.new")
-        beside.write_bytes(content)
-        os.replace(beside, path)
+        replace_file(path, content)
     return list(contents)
 
 

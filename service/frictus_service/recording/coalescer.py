@@ -4,11 +4,11 @@ from typing import Final
 
 import numpy as np
 
-from frictus.block import Block
+from frictus.block import MAX_SAMPLES, Block
 from frictus_service.recording.samples import Samples
 
 MESSAGE_S: Final = 0.1
-"""Longest message, unless one block is longer."""
+"""Longest message, unless one block is longer; none has more than `MAX_SAMPLES`."""
 UTC_NS: Final = 1_000_000
 """How far a block's UTC may be off the one before it plus its length: more is a step."""
 
@@ -30,7 +30,7 @@ class Coalescer:
         """Take a block and return the messages that are finished by it."""
         finished = []
         samples = block.data.shape[1]
-        most = MESSAGE_S * block.sample_rate_hz
+        most = min(MESSAGE_S * block.sample_rate_hz, MAX_SAMPLES)
         if self._held and not (self._continues(block) and self.held_samples + samples <= most):
             finished += self.flush()
         self._held.append(block)

@@ -7,6 +7,7 @@ from typing import Final, Self
 
 import zenoh
 
+from frictus.errors import FrameError
 from frictus.gaps import BlockFeed, Gap
 from frictus.keys import STREAMS, RigKeys, Topic
 from frictus.messages import MESSAGES
@@ -146,4 +147,7 @@ class Intake:
 
 def _came(topic: Topic, arrival: Arrival) -> list[_Came]:
     message = MESSAGES[topic.message].from_json(arrival.payload)
-    return [_Came(arrival.index, arrival.payload, getattr(message, "utc_ns", None))]
+    utc_ns = getattr(message, "utc_ns", None)
+    if utc_ns is not None and not 0 <= utc_ns < 2**63:
+        raise FrameError("utc_ns is out of range: nanoseconds from 1970 to 2262 are accepted")
+    return [_Came(arrival.index, arrival.payload, utc_ns)]

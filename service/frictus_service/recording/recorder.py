@@ -1,5 +1,6 @@
 """The recorder part: records its rig when it is asked to, by client, REST or command line."""
 
+import logging
 import queue
 import threading
 import time
@@ -32,6 +33,7 @@ STATE_S: Final = 0.5
 """The state is told this often while something is recorded, and at every change."""
 TIMEOUT_S: Final = 2.0
 WAITING_CALLS: Final = 16
+_LOG: Final = logging.getLogger(__name__)
 
 
 class Ready(Protocol):
@@ -65,6 +67,7 @@ class Recorder:
         self._calls: queue.Queue[tuple[str, zenoh.Query]] = queue.Queue(WAITING_CALLS)
         self._recording: Recording | None = None
         self._idle = RecordingState(utc_ns=time.time_ns(), recording=False)
+        self._refused_calls = 0
         self._told_s = 0.0
         self._client = frictus.connect(
             config.router.endpoint, timeout_s=TIMEOUT_S, tls=tls_of_rig(config)
@@ -130,6 +133,13 @@ class Recorder:
             reply = Reply(ok=False, code=code, message=str(error))
         except FrictusError as error:
             reply = Reply(ok=False, code="unavailable", message=str(error))
+        except Exception as error:  # a call must never end the recorder
+            _LOG.exception("a call of %s", name)
+            told = f"the recorder failed on it: {type(error).__name__}: {error}"
+            reply = Reply(ok=False, code="not_feasible", message=told)
+        if not reply.ok:
+            self._refused_calls += 1
+            self._tell()
         try:
             with query:
                 # A query may have asked under a wildcard; a reply must not.
@@ -178,7 +188,8 @@ class Recorder:
     def _tell(self) -> None:
         recording = self._recording
         state = self._idle if recording is None else recording.state()
-        self._publisher.put(state.to_json())
+        told = state.model_copy(update={"refused_calls": self._refused_calls})
+        self._publisher.put(told.to_json())
         self._told_s = time.monotonic()
 
     def __enter__(self) -> Self:

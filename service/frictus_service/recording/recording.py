@@ -1,8 +1,10 @@
 """A recording under way: what comes from the network goes into the file, beat by beat."""
 
+import contextlib
+import logging
 import platform
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
@@ -23,6 +25,7 @@ GONE_S: Final = 60.0
 """A rig that has vanished may come back within this time, as one that is started again does;
 then the recording ends."""
 SUFFIX: Final = ".mcap"
+_LOG: Final = logging.getLogger(__name__)
 SECRETS: Final[dict[str, bool | set[str]]] = {
     "api": {"tokens"},
     "registry": True,
@@ -109,12 +112,11 @@ class Recording:
         """
         if self._ended:
             return
-        try:
+        with self._finished_by_failure():
             self._follow_presence()
             self._intake.drain_into(self._writer, self._utc_ns())
             self._writer.tick()
-        except NotWrittenError as error:
-            self._finish(str(error))
+        if self._ended:
             return
         gone_s = 0.0
         if self._gone_since_s is not None:
@@ -128,12 +130,9 @@ class Recording:
         """Write what has come, and finish the file. Ending twice is harmless."""
         if self._ended:
             return
-        try:
+        with self._finished_by_failure():
             self._intake.drain_into(self._writer, self._utc_ns())
             self._writer.end(reason, self._utc_ns())
-        except NotWrittenError as error:
-            self._finish(str(error))
-        else:
             self._finish(None)
 
     def state(self) -> RecordingState:
@@ -157,6 +156,16 @@ class Recording:
                 continue
             self._gone_since_s = None if change.present else self._monotonic_s()
             self._writer.presence(change.present, self._utc_ns())
+
+    @contextlib.contextmanager
+    def _finished_by_failure(self) -> Iterator[None]:
+        try:
+            yield
+        except NotWrittenError as error:
+            self._finish(str(error))
+        except Exception as error:  # what comes from the network never ends the recorder
+            _LOG.exception("recording %s", self.path)
+            self._finish(f"the recorder failed: {type(error).__name__}: {error}")
 
     def _finish(self, problem: str | None) -> None:
         self._ended = True

@@ -8,6 +8,7 @@ from typing import Any, Final
 from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, IndexType, Writer
 
+from frictus_service.durable import sync_folder
 from frictus_service.recording.errors import NotWrittenError, RecordingError
 from frictus_service.recording.notes import END, PROFILE, EndNote, StreamTotal
 from frictus_service.recording.reader import RecordingReader
@@ -52,6 +53,7 @@ def recover(path: Path, out: Path) -> Summary:
             _copy(path, summary, Writer(file, CHUNK_BYTES, *_SETTINGS, enable_data_crcs=True))
             file.flush()
             os.fsync(file.fileno())
+        sync_folder(out.parent)
     except OSError as error:
         out.unlink(missing_ok=True)
         raise NotWrittenError(f"{out} cannot be written: {error.strerror or error}") from error

@@ -17,6 +17,7 @@ from mcap.writer import CompressionType, IndexType, Writer
 from frictus.block import Block
 from frictus.keys import STREAMS, Topic, Topics
 from frictus.messages import MESSAGES
+from frictus_service.durable import sync_folder
 from frictus_service.recording.coalescer import Coalescer
 from frictus_service.recording.errors import NotWrittenError
 from frictus_service.recording.notes import (
@@ -212,7 +213,7 @@ class RecordingWriter:
         # The first chunk carries the channels: on the disk before anything else is.
         self.presence(True, now_ns)
         self.sync()
-        _sync_folder(self.path.parent)
+        sync_folder(self.path.parent)
 
     def _declare(self) -> None:
         samples = self._writer.register_schema(SAMPLES_SCHEMA, "", b"")
@@ -286,14 +287,3 @@ def _not_made(path: Path, error: OSError) -> NotWrittenError:
         f"{path} cannot be made ({error.strerror or error}): choose a folder that this user "
         "may write to"
     )
-
-
-def _sync_folder(folder: Path) -> None:
-    """Have the disk keep the file's name; Windows does so with the file."""
-    if os.name != "posix":
-        return
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

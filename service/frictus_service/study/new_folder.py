@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from frictus_service.durable import sync_folder
 from frictus_service.study.errors import StudyError
 
 
@@ -30,6 +31,7 @@ def new_folder(folder: Path) -> Iterator[Path]:
     try:
         yield unfinished
         unfinished.rename(folder)
+        sync_folder(folder.parent)
     except BaseException:
         shutil.rmtree(unfinished)
         raise

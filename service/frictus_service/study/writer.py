@@ -9,6 +9,7 @@ from typing import Any, Final, Self
 import h5py
 import numpy as np
 
+from frictus_service.durable import put_in_place
 from frictus_service.study.digest import digest
 from frictus_service.study.encoding import Encoded, Step, encode
 from frictus_service.study.errors import FieldError, StudyError
@@ -68,9 +69,7 @@ class StudyWriter:
         if not self._file:
             return
         self._file.close()
-        with self._unfinished.open("rb+") as stream:
-            os.fsync(stream.fileno())
-        os.replace(self._unfinished, self.path)
+        put_in_place(self._unfinished, self.path)
 
     def add(self, trial: Trial, steps: Mapping[str, Step] | None = None) -> str:
         """Write a trial.

@@ -232,8 +232,11 @@ def test_what_cannot_be_started(api: TestClient, rig: Any) -> None:
         {"protocol": {"kind": "slow"}},
         {"protocol": {"kind": "quick", "precision": 2.0}},
         {"participant": "Jane Doe"},
+        {"rig": ""},
+        {"rig": "a/b"},
+        {"rig": "*"},
     ):
-        said = start(api, rig.name, **({"participant": "P01"} | more))
+        said = start(api, **({"rig": rig.name, "participant": "P01"} | more))
         assert (said.status_code, said.json()["code"]) == (422, "bad_request")
     text = json.dumps({"rig": rig.name, "participant": "P", "seed": 1, "protocol": {}})
     bad = text.replace("{}", '{"kind": "quick", "record_s": NaN}')

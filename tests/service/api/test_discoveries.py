@@ -168,6 +168,24 @@ def test_a_link_out_of_the_folder_is_not_followed(api: TestClient, studies: Path
     assert {one["name"] for one in listed} == set(STUDIES)
 
 
+@pytest.mark.parametrize("torn", [b"", b'{"id": "2026', b"\0" * 400, b"[" * 100_000])
+def test_a_torn_job_is_set_aside_and_the_rest_served(
+    studies: Path, serve: Serve, caplog: pytest.LogCaptureFixture, torn: bytes
+) -> None:
+    shelf = DiscoveryShelf(studies)
+    whole, lost = (shelf.create(DiscoverySpec(study="visit.h5"), by="me") for _ in range(2))
+    job = studies / "discoveries" / lost.id / "job.json"
+    job.write_bytes(torn)
+    api = serve(discover=RUN)
+    listed = api.get("/v1/discoveries").json()["discoveries"]
+    assert [one["id"] for one in listed] == [whole.id]
+    assert api.get(f"/v1/discoveries/{whole.id}").json()["state"] == "interrupted"
+    assert api.get(f"/v1/discoveries/{lost.id}").json()["code"] == "no_discovery"
+    assert job.with_name("job.json.damaged").read_bytes() == torn
+    assert not job.exists()
+    assert "job.json.damaged" in caplog.text
+
+
 def test_an_api_that_ends_leaves_interrupted_ones(
     router: str, tmp_path: Path, studies: Path
 ) -> None:

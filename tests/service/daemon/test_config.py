@@ -90,7 +90,7 @@ def test_registries_that_cannot_be_shared_are_refused(url: str) -> None:
         ("[backend]\nlead_ms = 10.0\n", 1, ["backend.kind", "required", "'simulated'"]),
         ('[backend]\nkind = "nidaq"\n', 2, ["backend", "'simulated'", "'simulated_device'"]),
         ('backend.kind = "simulated"\nbackend.lead_ms = -1.0\n', 2, ["backend.lead_ms"]),
-        ('[api]\nhost = "0.0.0.0"\n', 1, ["other machines", "[[api.tokens]]", "127.0.0.1"]),
+        ('[api]\nhost = "0.0.0.0"\n', 2, ["other machines", "[[api.tokens]]", "127.0.0.1"]),
         (
             '[[api.tokens]]\nname = "a"\nscopes = ["read"]\nvalue = "0123456789abcdef"\n'
             '[[api.tokens]]\nname = "b"\nscopes = ["write"]\nvalue = "0123456789abcdef"\n',
@@ -102,6 +102,23 @@ def test_registries_that_cannot_be_shared_are_refused(url: str) -> None:
         ('[router]\nendpoint = "localhost"\n', 2, ["router.endpoint", "'localhost'"]),
         ('site = "lab"\nrig = \n', 2, ["not TOML"]),
         ('site = "a/b"\n', 1, ["site", "'a/b'"]),
+        ('[router]\n\nendpoint = "tcp/a:99999"\n', 3, ["router.endpoint", "1 to 65535"]),
+        ('[router]\nendpoint = "tcp/[::1]:0"\n', 2, ["router.endpoint", "1 to 65535"]),
+        ('site = "a"\n[router]\nendpoint = "tls/a:7447"\n', 3, ["tls/HOST:PORT"]),
+        ('site = "a"\n[security]\nauthority = "a.pem"\n', 2, ["tls/HOST:PORT"]),
+        ('site = "a"\nrig = "b"\nblock_ms = 5.03\n', 3, ["block_ms", "whole number"]),
+        (
+            'site = "a"\n[backend]\nkind = "simulated"\nsample_rate_hz = 20010.0\n',
+            4,
+            ["backend.sample_rate_hz", "whole number"],
+        ),
+        ('site = "a"\n[api]\nport = 80\nhost = "0.0.0.0"\n', 4, ["api.host", "tokens"]),
+        (
+            '[[api.tokens]]\nname = "a"\nscopes = ["read"]\nvalue = "0123456789abcdef"\n'
+            '[[api.tokens]]\nname = "a"\nscopes = ["read"]\nvalue = "0123456789abcdef"\n',
+            6,
+            ["api.tokens.1.name", "'a'"],
+        ),
     ],
 )
 def test_fault_is_named_with_its_line(text: str, line: int, words: list[str]) -> None:
@@ -109,6 +126,25 @@ def test_fault_is_named_with_its_line(text: str, line: int, words: list[str]) ->
     assert message.startswith(f"frictus.toml:{line}: "), message
     for word in words:
         assert word in message
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ('site = "a"\nmodel_file = "m.json"\n', 2),
+        ('[backend]\nkind = "replay"\nfile = "m.json"\n', 3),
+    ],
+)
+def test_files_of_the_rig_must_be_there_where_it_runs(
+    tmp_path: Path, text: str, line: int
+) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text(text, encoding="utf-8")
+    load(path)  # of another machine
+    with pytest.raises(ConfigurationError, match=rf"rig\.toml:{line}: .*no file .*m\.json"):
+        load(path, runs_rig=True)
+    (tmp_path / "m.json").touch()
+    load(path, runs_rig=True)
 
 
 def test_every_fault_is_named_at_once() -> None:

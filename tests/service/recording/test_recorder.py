@@ -1,13 +1,15 @@
 """A real recorder beside a real simulated rig: driven by client, REST and command line."""
 
+import json
 import os
 import queue
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -15,8 +17,9 @@ from fastapi.testclient import TestClient
 from typer.testing import CliRunner
 
 import frictus
-from frictus.keys import STREAMS, Topics
-from frictus.messages import RecordingState, RecordRequest
+from frictus.keys import RECORDER_CALLS, STREAMS, Topic, Topics
+from frictus.messages import RecordingState, RecordRequest, RefusalCode, Reply
+from frictus.protocol import EXAMPLE_BLOCK
 from frictus_hardware import ReplayConfig, SimulatedConfig
 from frictus_hardware.replay.rig import ReplayRig
 from frictus_hardware.replay.tape import read_tape
@@ -193,6 +196,102 @@ def test_refusals(service: Service, rig: frictus.Rig) -> None:
     rig.end_recording()
     with pytest.raises(frictus.RefusedError, match="already"):
         rig.record("refusals")
+
+
+HUGE = 10**400
+HOSTILE_FIELDS: list[dict[str, Any]] = [
+    {"utc_ns": HUGE},
+    {"utc_ns": -HUGE},
+    {"utc_ns": 2**63},
+    {"utc_ns": 10**4_299},
+    {"utc_ns": 1e308},
+    {"utc_ns": None},
+    {"ttl_ms": HUGE},
+    {"ttl_ms": -1},
+    {"client": ""},
+]
+HOSTILE_NAMES = ("..", ".", "nul", "x/y", "x\0", "", "a" * 101, "a.")
+HOSTILE_BYTES = (
+    b"",
+    b"null",
+    b"[]",
+    b"\xff\xfe",
+    b"[" * 100_000,
+    b'{"a":' * 100_000,
+    b"1" * 5_000,
+    b'{"utc_ns":1e999}',
+    b"x" * 300_000,
+)
+
+
+def hostile_calls() -> Iterator[tuple[str, bytes]]:
+    """Give calls of the recorder that it must refuse, one and all."""
+    for call in RECORDER_CALLS:
+        asked = {"client": "stranger", "utc_ns": time.time_ns(), "name": "hostile"}
+        for fields in HOSTILE_FIELDS:
+            yield call, json.dumps(asked | fields).encode()
+        for content in HOSTILE_BYTES:
+            yield call, content
+    for name in HOSTILE_NAMES:
+        yield "record", json.dumps(asked | {"name": name}).encode()
+
+
+def hostile_publications() -> Iterator[tuple[Topic, bytes]]:
+    """Give what a stranger may put where a rig publishes."""
+    finger = {
+        "sequence": 1,
+        "sample": 1,
+        "utc_ns": 1,
+        "uncertainty_ns": 1,
+        "in_contact": True,
+        "source": "touch",
+        "stale": False,
+        "extrapolated": False,
+    } | dict.fromkeys(("x_mm", "y_mm", "vx_mm_s", "vy_mm_s", "normal_force_n", "age_ms"), 0.0)
+    for utc_ns in (HUGE, -HUGE, -1, 2**63, 2**64):
+        yield Topics.FINGER, json.dumps(finger | {"utc_ns": utc_ns}).encode()
+    for content in HOSTILE_BYTES:
+        yield Topics.FINGER, content
+        yield Topics.FORCE, content
+    extremes: dict[str, list[Any]] = {
+        "sample_rate_hz": [1e-300, 9.9e8],
+        "first_sample": [2**64 - 1],
+        "utc_ns": [-(2**63), 2**63 - 1],
+        "sequence": [2**64 - 1],
+        "flags": [frictus.Flag(2**32 - 1)],
+    }
+    for field, values in extremes.items():
+        for value in values:
+            yield Topics.FORCE, replace(EXAMPLE_BLOCK, **{field: value}).pack()
+
+
+def test_no_payload_ends_the_recorder(
+    service: Service, client: frictus.Client, rig: frictus.Rig
+) -> None:
+    session = client.session
+    before = until(rig, lambda state: not state.recording).refused_calls
+    asked = list(hostile_calls())
+    for call, payload in asked:
+        (answer,) = session.get(rig.keys.call(call), payload=payload, timeout=60.0)
+        assert answer.ok is not None, (call, payload[:80])
+        reply = Reply.from_json(answer.ok.payload.to_bytes())
+        assert not reply.ok, (call, payload[:80])
+        assert reply.code in get_args(RefusalCode)
+        assert reply.message
+    begun = rig.record("under-attack")
+    assert begun.refused_calls == before + len(asked)
+    for topic, payload in hostile_publications():
+        session.put(rig.keys.of(topic), payload)
+    rig.end_recording()
+    rig.record("after-attack")
+    until(rig, lambda state: state.blocks > 100)
+    ended = rig.end_recording()
+    assert ended.problem is None
+    recordings = service.config.recordings
+    assert summary_of(recordings / "after-attack.mcap").sound
+    attacked = summary_of(recordings / "under-attack.mcap")
+    assert attacked.ending.complete
+    assert attacked.states["state/finger"] > 0
 
 
 def test_rest(service: Service, rig: frictus.Rig) -> None:

@@ -12,6 +12,7 @@ from frictus_service.cli.checks.installation import (
     library_folder,
     packages,
     python_version,
+    rig_files,
 )
 from frictus_service.cli.checks.network import router_and_rigs
 from frictus_service.cli.checks.timing import (
@@ -35,6 +36,7 @@ __all__ = [
     "packages",
     "python_version",
     "real_time_priority",
+    "rig_files",
     "router_and_rigs",
     "timer_lateness",
 ]
@@ -49,6 +51,7 @@ def all_checks(config_file: Path | None, router: str | None) -> Iterator[Check]:
     yield found
     settings = config or Config()
     if config is not None:
+        yield from rig_files(config)
         yield library_folder(config.textures)
         yield from device_checks(config.backend)
         yield disk_rate(config.recordings, config.sample_rate_hz)

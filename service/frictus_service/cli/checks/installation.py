@@ -3,6 +3,7 @@
 import importlib.metadata
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
@@ -66,6 +67,15 @@ def configuration(path: Path | None) -> tuple[Config | None, Check]:
         return None, Check("configuration", "fail", str(error), "correct the lines named")
     where = path or "frictus.toml or the defaults"
     return config, Check("configuration", "ok", f"{where}: rig {config.rig} at {config.site}")
+
+
+def rig_files(config: Config) -> Iterator[Check]:
+    """See whether the files are here that the rig is made from, where it runs here."""
+    for key, file in config.rig_files.items():
+        if not file.is_file():
+            dotted = ".".join(map(str, key))
+            to_do = "put it there, or correct the key, where the rig runs on this machine"
+            yield Check("rig files", "warn", f"{dotted}: there is no file {file}", to_do)
 
 
 def library_folder(folder: Path) -> Check:

@@ -1,0 +1,64 @@
+"""Files replaced whole: what is synced when, and that nothing replaces files another way."""
+
+import os
+import re
+from pathlib import Path
+
+import pytest
+
+from frictus_service.durable import replace_file
+
+SERVICE = Path(__file__).parents[2] / "service"
+
+
+def test_content_then_name_then_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "job.json"
+    path.write_bytes(b"old")
+    done: list[str] = []
+    sync, replace = os.fsync, os.replace
+
+    def synced(descriptor: int) -> None:
+        whole = os.fstat(descriptor).st_size == 3
+        done.append("folder" if os.path.isdir(f"/dev/fd/{descriptor}") else f"file {whole}")
+        sync(descriptor)
+
+    def replaced(source: Path, target: Path) -> None:
+        done.append("name")
+        replace(source, target)
+
+    monkeypatch.setattr(os, "fsync", synced)
+    monkeypatch.setattr(os, "replace", replaced)
+    replace_file(path, b"new")
+    assert done == ["file True", "name", *(["folder"] if os.name == "posix" else [])]
+    assert path.read_bytes() == b"new"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_disk_that_refuses_leaves_the_old_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "job.json"
+    path.write_bytes(b"old")
+
+    def refuse(_: int) -> None:
+        raise OSError("no room")
+
+    monkeypatch.setattr(os, "fsync", refuse)
+    with pytest.raises(OSError, match="no room"):
+        replace_file(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_nothing_replaces_files_another_way() -> None:
+    other_ways = re.compile(r"os\.re(?:place|name)\(|\.rename\(|\.replace\(self\.path")
+    found = {
+        path.relative_to(SERVICE / "frictus_service").as_posix()
+        for path in SERVICE.rglob("*.py")
+        if other_ways.search(path.read_text(encoding="utf-8"))
+    }
+    assert found == {
+        "durable.py",
+        "discovery/shelf.py",  # sets a damaged file aside
+        "study/new_folder.py",  # a folder; it syncs the folder above
+    }
