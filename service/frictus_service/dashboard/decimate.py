@@ -6,8 +6,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-MOST_PER_COLUMN: Final = 1 << 20
-"""Held until a column is complete; 10 minutes in 16 columns take 750,000 at 20 kHz."""
+MOST_PER_COLUMN: Final = 1 << 23
+"""Held until a column is complete; 10 minutes in 16 columns take 7,500,000 at 200 kHz."""
 
 
 def samples_per_column(sample_rate_hz: float, window_s: float, columns: int) -> int:
@@ -20,7 +20,7 @@ def samples_per_column(sample_rate_hz: float, window_s: float, columns: int) -> 
     window_s : float
         Above 0.
     columns : int
-        At least 1; never more are needed, but at rates beyond 28 kHz over 10 minutes.
+        At least 1; never more are needed, but at rates above 200 kHz.
     """
     return min(max(1, math.ceil(sample_rate_hz * window_s / columns)), MOST_PER_COLUMN)
 
