@@ -1,5 +1,7 @@
 """Every error the client raises on purpose; each is also the natural builtin."""
 
+import reprlib
+
 from pydantic import ValidationError
 
 
@@ -51,6 +53,11 @@ class ArgumentError(FrictusError, ValueError):
     """An argument of a call is out of range; the text says which and what is accepted."""
 
 
+_SHORT = reprlib.Repr()
+_SHORT.maxlevel = 2
+"""What a sender wrote may be megabytes: it is shortened before it is written out."""
+
+
 def explain(error: ValidationError) -> str:
     """Say in one line what a message, texture or model got wrong, and where.
 
@@ -62,8 +69,7 @@ def explain(error: ValidationError) -> str:
     complaints = []
     for detail in error.errors(include_url=False)[:3]:
         where = ".".join(str(part) for part in detail["loc"])
-        given = repr(detail["input"])
-        given = given if len(given) <= 40 else given[:37] + "..."
+        given = _SHORT.repr(detail["input"])
         complaints.append(f"{where or 'document'}: {detail['msg']} (got {given})")
     more = error.error_count() - len(complaints)
     return "; ".join(complaints) + (f"; and {more} more" if more else "")

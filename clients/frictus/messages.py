@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, 
 from frictus.errors import FrameError, explain
 from frictus.model import Model
 from frictus.names import of_a_file
-from frictus.textures import Scene
+from frictus.textures import PhaseRad, PositionMm, RmsFriction, Scene
 
 RefusalCode = Literal[
     "bad_request",  # the payload cannot be read; the text says where
@@ -35,6 +35,13 @@ FaultKind = Literal[
     "deadline",
     "internal",
 ]
+
+
+UtcNs = Annotated[int, Field(ge=0, lt=2**63)]
+"""UTC since 1970, ns: 64 bits reach to the year 2262."""
+Count = Annotated[int, Field(ge=0, lt=2**63)]
+Int64 = Annotated[int, Field(ge=-(2**63), lt=2**63)]
+SpanMm = tuple[PositionMm, PositionMm]
 
 
 class Message(BaseModel):
@@ -69,11 +76,11 @@ class Message(BaseModel):
 class FingerState(Message):
     """Where the finger is and how it moves, as the sensors say it."""
 
-    sequence: int
-    sample: int
+    sequence: Count
+    sample: Int64
     """Device sample index this state holds for."""
-    utc_ns: int
-    uncertainty_ns: int
+    utc_ns: UtcNs
+    uncertainty_ns: Count
     x_mm: FiniteFloat
     y_mm: FiniteFloat
     vx_mm_s: FiniteFloat
@@ -91,7 +98,7 @@ class FingerState(Message):
 class TouchState(Message):
     """One report of the touch sensor as it came, before any prediction."""
 
-    run: int
+    run: Count
     sample: FiniteFloat
     """Device sample index at which the finger was there; a report arrives later than that."""
     x_mm: FiniteFloat
@@ -107,23 +114,23 @@ class GuidanceState(Message):
     calibrates, about 30 times a second.
     """
 
-    utc_ns: int
+    utc_ns: UtcNs
     participant: str
     phase: Literal["break", "approach", "record", "analyse", "done"]
-    trial: int
+    trial: Count
     """Number of the trial, from 1."""
-    trials: int | None = None
-    seconds_left: FiniteFloat
+    trials: Count | None = None
+    seconds_left: Annotated[FiniteFloat, Field(ge=-1e6, le=1e6)]
     """Of this phase."""
-    target_speed_mm_s: FiniteFloat
-    target_force_n: FiniteFloat
-    reference_x_mm: FiniteFloat
-    span_mm: tuple[FiniteFloat, FiniteFloat]
+    target_speed_mm_s: Annotated[FiniteFloat, Field(ge=0.0, le=10_000.0)]
+    target_force_n: Annotated[FiniteFloat, Field(ge=0.0, le=100.0)]
+    reference_x_mm: PositionMm
+    span_mm: SpanMm
     """Ends of the strokes."""
-    x_mm: FiniteFloat | None = None
-    speed_mm_s: FiniteFloat | None = None
+    x_mm: PositionMm | None = None
+    speed_mm_s: Annotated[FiniteFloat, Field(ge=-1e6, le=1e6)] | None = None
     """Actual; None where the finger is not seen."""
-    force_n: FiniteFloat | None = None
+    force_n: Annotated[FiniteFloat, Field(ge=-10_000.0, le=10_000.0)] | None = None
     colour: Literal["green", "yellow", "red", "grey"] = "grey"
     """Force in the target range, below, above; grey: no contact."""
     message: str = ""
@@ -132,19 +139,19 @@ class GuidanceState(Message):
 class RecordingState(Message):
     """What a rig's recorder does."""
 
-    utc_ns: int
+    utc_ns: UtcNs
     recording: bool
     name: str | None = None
     """Of the recording under way, or of the last one."""
     path: str | None = None
     """On the recorder's machine."""
-    bytes_written: int = 0
+    bytes_written: Count = 0
     seconds: FiniteFloat = 0.0
-    blocks: int = 0
-    lost_blocks: int = 0
+    blocks: Count = 0
+    lost_blocks: Count = 0
     problem: str | None = None
     """Why the last recording ended, where nobody ended it."""
-    refused_calls: int = 0
+    refused_calls: Count = 0
     """Calls that were refused since the recorder started, the unreadable ones among them."""
 
 
@@ -153,7 +160,7 @@ class Fault(Message):
 
     kind: FaultKind
     reason: str
-    utc_ns: int
+    utc_ns: UtcNs
     action: str
     """What an operator should do."""
 
@@ -161,21 +168,21 @@ class Fault(Message):
 class Counters(Message):
     """Counts since the rig started; they only grow."""
 
-    blocks: int = 0
-    deadline_misses: int = 0
-    overruns: int = 0
-    underruns: int = 0
-    clipped_samples: int = 0
-    extrapolated_samples: int = 0
-    scaled_scenes: int = 0
-    stale_touches: int = 0
-    refused_commands: int = 0
-    stream_updates: int = 0
-    stream_updates_expired: int = 0
-    blocks_published: int = 0
-    blocks_dropped: int = 0
+    blocks: Count = 0
+    deadline_misses: Count = 0
+    overruns: Count = 0
+    underruns: Count = 0
+    clipped_samples: Count = 0
+    extrapolated_samples: Count = 0
+    scaled_scenes: Count = 0
+    stale_touches: Count = 0
+    refused_commands: Count = 0
+    stream_updates: Count = 0
+    stream_updates_expired: Count = 0
+    blocks_published: Count = 0
+    blocks_dropped: Count = 0
     """Blocks that the publisher's bounded queue could not take."""
-    trips: int = 0
+    trips: Count = 0
 
 
 class LoopTiming(Message):
@@ -202,8 +209,8 @@ class RigStatus(Message):
     site: str
     rig: str
     version: str
-    run: int
-    utc_ns: int
+    run: Count
+    utc_ns: UtcNs
     state: SafetyState
     fault: Fault | None = None
     owner: str | None = None
@@ -212,7 +219,7 @@ class RigStatus(Message):
     simulated: bool
     finger_source: Literal["touch", "pointer", "simulated"]
     sample_rate_hz: FiniteFloat
-    block_samples: int
+    block_samples: Count
     lead_ms: FiniteFloat
     screen_mm: tuple[FiniteFloat, FiniteFloat]
     screen_peak_v: FiniteFloat
@@ -252,10 +259,10 @@ class Applied(Message):
 class Tone(Message):
     """One component of an excitation."""
 
-    hz: Annotated[FiniteFloat, Field(gt=0.0, le=5_000.0)]
-    amplitude: Annotated[FiniteFloat, Field(gt=0.0, le=0.5)]
+    hz: Annotated[FiniteFloat, Field(ge=0.01, le=5_000.0)]
+    amplitude: Annotated[FiniteFloat, Field(ge=1e-9, le=0.5)]
     """Of the drive fraction."""
-    phase_rad: FiniteFloat = 0.0
+    phase_rad: PhaseRad = 0.0
 
 
 class Excitation(Message):
@@ -268,7 +275,7 @@ class Excitation(Message):
 
     tones: Annotated[list[Tone], Field(max_length=1_000)] = []
     bias: Annotated[FiniteFloat, Field(ge=0.0, le=1.0)] = 0.5
-    period_s: Annotated[FiniteFloat, Field(gt=0.0, le=10.0)] | None = None
+    period_s: Annotated[FiniteFloat, Field(ge=1e-3, le=10.0)] | None = None
     """Every tone is a multiple of its inverse."""
 
 
@@ -299,14 +306,14 @@ class TimeState(Message):
     `uncertainty_ns` (95 %).
     """
 
-    run: int
-    sample: int
-    utc_ns: int
+    run: Count
+    sample: Int64
+    utc_ns: UtcNs
     ns_per_sample: FiniteFloat
-    uncertainty_ns: int
+    uncertainty_ns: Count
     skew_ppm: FiniteFloat
     """Rate of the device clock against this machine's, parts per million."""
-    utc_steps: int
+    utc_steps: Count
     """How often this machine's UTC clock was stepped since the rig started."""
 
     def utc_of(self, sample: float) -> int:
@@ -326,7 +333,7 @@ class Request(Message):
     """What every call carries."""
 
     client: Annotated[str, Field(min_length=1, max_length=64)]
-    utc_ns: int
+    utc_ns: UtcNs
     ttl_ms: Annotated[int, Field(gt=0, le=60_000)] = 1_000
 
 
@@ -346,7 +353,7 @@ class SceneRequest(Request):
 class OpenStreamRequest(Request):
     """Announce a streamed texture: its peak friction fixes bias and gain until it ends."""
 
-    peak_n: Annotated[FiniteFloat, Field(gt=0.0, le=10.0)]
+    peak_n: RmsFriction
 
 
 class ModelRequest(Request):
@@ -382,8 +389,8 @@ class LeaseRenewal(Request):
 class PointerState(Request):
     """Drives the virtual finger of a simulated rig whose finger is set to `client`."""
 
-    x_mm: FiniteFloat
-    y_mm: FiniteFloat
+    x_mm: PositionMm
+    y_mm: PositionMm
     in_contact: bool
     normal_force_n: Annotated[FiniteFloat, Field(ge=0.0, le=5.0)] = 0.4
 
@@ -397,7 +404,7 @@ class Reply(Message):
     state: SafetyState = "disarmed"
     etag: str | None = None
     applied: Applied | None = None
-    ticket: int | None = None
+    ticket: Count | None = None
     """Of an opened stream; goes into every `StreamFrame`."""
 
 

@@ -9,9 +9,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
-Positive = Annotated[FiniteFloat, Field(gt=0.0)]
-NonNegative = Annotated[FiniteFloat, Field(ge=0.0)]
-Range = tuple[FiniteFloat, FiniteFloat]
+Bound = Annotated[FiniteFloat, Field(ge=0.0, le=100_000.0)]
+Range = tuple[Bound, Bound]
+Value = Annotated[FiniteFloat, Field(ge=-1e15, le=1e15)]
+MAX_EFFECTS = 64
 
 
 class _Carried(BaseModel):
@@ -24,9 +25,9 @@ class FirstOrderSpeedLaw(_Carried):
     """Friction response ``g w0 / (s + w0)``, ``w0 = 2 pi (cutoff_0 + slope |v|)``."""
 
     law: Literal["first_order_speed"] = "first_order_speed"
-    gain_n: Annotated[FiniteFloat, Field(gt=0.0, le=50.0)]
+    gain_n: Annotated[FiniteFloat, Field(ge=1e-6, le=50.0)]
     """Friction per unit of drive fraction, N."""
-    cutoff_0_hz: Annotated[FiniteFloat, Field(gt=0.0, le=20_000.0)]
+    cutoff_0_hz: Annotated[FiniteFloat, Field(ge=1e-3, le=20_000.0)]
     slope_hz_per_mm_s: Annotated[FiniteFloat, Field(ge=-1_000.0, le=1_000.0)]
 
 
@@ -34,16 +35,16 @@ class MassSpringDamper(_Carried):
     """Finger mobility ``s / (m s^2 + b s + k)``, friction force to skin velocity."""
 
     law: Literal["mass_spring_damper"] = "mass_spring_damper"
-    mass_kg: Positive
-    damping_n_s_m: NonNegative
-    stiffness_n_m: Positive
+    mass_kg: Annotated[FiniteFloat, Field(ge=1e-9, le=10.0)]
+    damping_n_s_m: Annotated[FiniteFloat, Field(ge=0.0, le=1e6)]
+    stiffness_n_m: Annotated[FiniteFloat, Field(ge=1e-6, le=1e9)]
 
 
 class Effect(_Carried):
     """An effect that extends the base law; ids are open strings on the wire."""
 
     id: Annotated[str, Field(min_length=1, max_length=100)]
-    parameters: dict[str, FiniteFloat] = {}
+    parameters: Annotated[dict[str, Value], Field(max_length=MAX_EFFECTS)] = {}
 
 
 class Validity(_Carried):
@@ -65,8 +66,11 @@ class Validity(_Carried):
 class Covariance(_Carried):
     """Covariance of the base parameters, in the order and units of `parameters`."""
 
-    parameters: list[str]
-    matrix: list[list[FiniteFloat]]
+    parameters: Annotated[list[str], Field(max_length=MAX_EFFECTS)]
+    matrix: Annotated[
+        list[Annotated[list[Value], Field(max_length=MAX_EFFECTS)]],
+        Field(max_length=MAX_EFFECTS),
+    ]
 
 
 class Model(_Carried):
@@ -77,11 +81,11 @@ class Model(_Carried):
     base: Annotated[FirstOrderSpeedLaw | MassSpringDamper, Field(discriminator="law")]
     input_definition: Literal["drive_fraction"] = "drive_fraction"
     """`drive_fraction`: the input is m in [0, 1], screen volts are V_pk sqrt(m) cos."""
-    hold_s: NonNegative = 5e-5
+    hold_s: Annotated[FiniteFloat, Field(ge=0.0, le=1.0)] = 5e-5
     """How long one output sample is held; belongs to the base model."""
-    skew_s: FiniteFloat = 0.0
+    skew_s: Annotated[FiniteFloat, Field(ge=-10.0, le=10.0)] = 0.0
     validity: Validity = Validity()
-    effects: list[Effect] = []
+    effects: Annotated[list[Effect], Field(max_length=MAX_EFFECTS)] = []
     covariance: Covariance | None = None
     participant: str | None = None
     """Pseudonym; None for a population model."""
@@ -90,10 +94,13 @@ class Model(_Carried):
     provenance: dict[str, Any] = {}
 
     @model_validator(mode="after")
-    def _finite(self) -> "Model":
+    def _representable(self) -> "Model":
         # What is only carried is of any type; NaN in it could not be written as JSON again.
-        if not _all_finite(self.model_dump()):
-            raise ValueError("NaN and infinities are not accepted, provenance included")
+        if not _all_representable(self.model_dump()):
+            raise ValueError(
+                "NaN, infinities and integers beyond 64 bits are not accepted, "
+                "provenance included"
+            )
         return self
 
     @model_validator(mode="after")
@@ -116,9 +123,11 @@ class Model(_Carried):
         return self.model_dump_json(by_alias=True).encode()
 
 
-def _all_finite(value: object) -> bool:
+def _all_representable(value: object) -> bool:
     if isinstance(value, dict):
-        return all(_all_finite(item) for item in value.values())
+        return all(_all_representable(item) for item in value.values())
     if isinstance(value, list | tuple):
-        return all(_all_finite(item) for item in value)
+        return all(_all_representable(item) for item in value)
+    if isinstance(value, int):
+        return -(2**63) <= value < 2**63
     return not isinstance(value, float) or math.isfinite(value)

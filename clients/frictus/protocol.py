@@ -138,6 +138,10 @@ def _type_of(shape: dict[str, Any]) -> str:
     return kind + _limits_of(shape)
 
 
+def _limit(value: float) -> str:
+    return "2^63" if value == 2**63 else "-2^63" if value == -(2**63) else f"{value:g}"
+
+
 def _limits_of(shape: dict[str, Any]) -> str:
     signs = {
         "minimum": "≥",
@@ -149,7 +153,7 @@ def _limits_of(shape: dict[str, Any]) -> str:
         "minLength": "length ≥",
         "maxLength": "length ≤",
     }
-    limits = [f"{sign} {shape[name]:g}" for name, sign in signs.items() if name in shape]
+    limits = [f"{sign} {_limit(shape[name])}" for name, sign in signs.items() if name in shape]
     return f" ({', '.join(limits)})" if limits else ""
 
 

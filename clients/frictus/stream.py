@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus.errors import FrameError
+from frictus.textures import PERIOD_MM, PERIOD_S
 
 MAGIC: Final = b"FRTX"
 VERSION: Final = 1
@@ -144,9 +145,8 @@ def _check(
         raise FrameError("friction must be finite and within -10 to 10 N")
     if not 0 < ttl_ms <= MAX_TTL_MS:
         raise FrameError(f"ttl_ms {ttl_ms}: 1 to {MAX_TTL_MS} accepted")
-    longest = 1_000.0 if spatial else 10.0
-    if not 0.0 < period <= longest:
-        unit = "mm" if spatial else "s"
-        raise FrameError(f"period {period} {unit}: above 0 and up to {longest:g} accepted")
+    (shortest, longest), unit = (PERIOD_MM, "mm") if spatial else (PERIOD_S, "s")
+    if not shortest <= period <= longest:
+        raise FrameError(f"period {period} {unit}: {shortest:g} to {longest:g} accepted")
     if not (math.isfinite(angle_deg) and abs(angle_deg) <= 360.0):
         raise FrameError(f"angle {angle_deg} deg: -360 to 360 accepted")

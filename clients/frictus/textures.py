@@ -17,10 +17,17 @@ BAND_HZ = (20.0, 1000.0)
 
 Friction = Annotated[FiniteFloat, Field(ge=-10.0, le=10.0)]
 Amplitude = Annotated[FiniteFloat, Field(ge=0.0, le=10.0)]
-Hertz = Annotated[FiniteFloat, Field(gt=0.0, le=10_000.0)]
-CyclesPerMm = Annotated[FiniteFloat, Field(gt=0.0, le=1_000.0)]
-SpeedMmS = Annotated[FiniteFloat, Field(gt=0.0, le=1_000.0)]
+RmsFriction = Annotated[FiniteFloat, Field(ge=1e-6, le=10.0)]
+Hertz = Annotated[FiniteFloat, Field(ge=0.01, le=10_000.0)]
+CyclesPerMm = Annotated[FiniteFloat, Field(ge=1e-3, le=1_000.0)]
+PhaseRad = Annotated[FiniteFloat, Field(ge=-10_000.0, le=10_000.0)]
+SpeedMmS = Annotated[FiniteFloat, Field(ge=1.0, le=1_000.0)]
 AngleDeg = Annotated[FiniteFloat, Field(ge=-360.0, le=360.0)]
+PositionMm = Annotated[FiniteFloat, Field(ge=-10_000.0, le=10_000.0)]
+PERIOD_MM = (1e-3, 1_000.0)
+"""Accepted periods of a spatial texture, mm."""
+PERIOD_S = (1e-4, 10.0)
+"""Accepted periods of a temporal texture, s."""
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
 
 
@@ -36,7 +43,7 @@ class Component(_Texture):
     amplitude_n: Amplitude
     cycles_per_mm: CyclesPerMm | None = None
     hz: Hertz | None = None
-    phase_rad: FiniteFloat = 0.0
+    phase_rad: PhaseRad = 0.0
 
     @model_validator(mode="after")
     def _one_frequency(self) -> "Component":
@@ -59,8 +66,8 @@ class Profile(_Texture):
 
     kind: Literal["profile"] = "profile"
     friction_n: Annotated[list[Friction], Field(min_length=2, max_length=MAX_PROFILE_SAMPLES)]
-    period_mm: Annotated[FiniteFloat, Field(gt=0.0, le=1_000.0)] | None = None
-    period_s: Annotated[FiniteFloat, Field(gt=0.0, le=10.0)] | None = None
+    period_mm: Annotated[FiniteFloat, Field(ge=PERIOD_MM[0], le=PERIOD_MM[1])] | None = None
+    period_s: Annotated[FiniteFloat, Field(ge=PERIOD_S[0], le=PERIOD_S[1])] | None = None
     angle_deg: AngleDeg = 0.0
 
     @model_validator(mode="after")
@@ -79,10 +86,10 @@ class Beta(_Texture):
     """
 
     kind: Literal["beta"] = "beta"
-    alpha: Annotated[FiniteFloat, Field(gt=0.0, le=1_000.0)]
-    beta: Annotated[FiniteFloat, Field(gt=0.0, le=1_000.0)]
-    rms_n: Annotated[FiniteFloat, Field(gt=0.0, le=10.0)]
-    scale: Annotated[FiniteFloat, Field(gt=0.0)] = 1.0
+    alpha: Annotated[FiniteFloat, Field(ge=1e-3, le=1_000.0)]
+    beta: Annotated[FiniteFloat, Field(ge=1e-3, le=1_000.0)]
+    rms_n: RmsFriction
+    scale: Annotated[FiniteFloat, Field(ge=1e-9, le=1e9)] = 1.0
     seed: Seed = 0
     speed_mm_s: SpeedMmS | None = None
     angle_deg: AngleDeg = 0.0
@@ -101,7 +108,7 @@ class Slope(_Texture):
     """Order of the high-pass: the slope below the peak."""
     high_order: Annotated[int, Field(ge=1, le=8)]
     """Order of the low-pass: the slope above the peak."""
-    rms_n: Annotated[FiniteFloat, Field(gt=0.0, le=10.0)]
+    rms_n: RmsFriction
     seed: Seed = 0
     speed_mm_s: SpeedMmS | None = None
     angle_deg: AngleDeg = 0.0
@@ -127,9 +134,9 @@ class Region(_Texture):
     """A rectangle of the screen that feels like `texture`; overlapping regions add."""
 
     texture: Texture
-    x_mm: tuple[FiniteFloat, FiniteFloat] = (-1_000.0, 1_000.0)
+    x_mm: tuple[PositionMm, PositionMm] = (-1_000.0, 1_000.0)
     """From, to. The default reaches past any screen and is cut to it."""
-    y_mm: tuple[FiniteFloat, FiniteFloat] = (-1_000.0, 1_000.0)
+    y_mm: tuple[PositionMm, PositionMm] = (-1_000.0, 1_000.0)
     gain: Annotated[FiniteFloat, Field(ge=0.0, le=100.0)] = 1.0
     edge_fade_mm: Annotated[FiniteFloat, Field(ge=0.0, le=50.0)] = 1.0
     """Width over which the texture fades in from the edge; 0 is taken as 0.1 mm."""

@@ -269,7 +269,7 @@ def test_a_constant_sine_of_hjif_is_a_component() -> None:
         (hjif(effect={"position": 10}), "starts later"),
         (hjif(effect={"keyframes": []}), "takes 0 values"),
         (hjif().replace('0.5, "frequency', '0.6, "frequency', 1), "takes 2 values"),
-        (hjif().replace("150", "-150"), "greater than 0"),
+        (hjif().replace("150", "-150"), "greater than or equal to 0.01"),
         (hjif().replace("150", "1e400"), "not finite"),
         ('{"perceptions": [5]}', "an object was expected"),
     ],

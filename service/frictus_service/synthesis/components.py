@@ -16,6 +16,8 @@ from frictus.textures import (
 
 FloatArray = NDArray[np.float64]
 
+FREQUENCY = (1e-4, 1e8)
+"""Accepted, in cycles/mm or Hz: wider than any texture; rows of tables are counted from it."""
 LONGEST_PERIOD_S = 10.0
 """Temporal textures repeat after at most this; their lines stand at multiples of 0.1 Hz."""
 NOISE_PERIOD_S = 1.0
@@ -38,6 +40,11 @@ class Components:
         Direction of the phase of a spatial texture, from x towards y.
     notes : tuple of str
         What was rounded or left out.
+
+    Raises
+    ------
+    TextureError
+        If a frequency lies outside `FREQUENCY`, or anything is not finite.
     """
 
     frequency: FloatArray
@@ -47,6 +54,19 @@ class Components:
     period: float | None
     angle_deg: float = 0.0
     notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse what no table can hold."""
+        lowest, highest = FREQUENCY
+        # Compiled code indexes by these, so they are checked wherever they come from.
+        wrong = ~((self.frequency >= lowest) & (self.frequency <= highest))  # NaN is wrong
+        if np.any(wrong):
+            raise TextureError(
+                f"a frequency of {self.frequency[wrong][0]:.3g} "
+                f"{'cycles/mm' if self.spatial else 'Hz'}: {lowest:g} to {highest:g} accepted"
+            )
+        if not (np.all(np.isfinite(self.amplitude_n)) and np.all(np.isfinite(self.phase_rad))):
+            raise TextureError("an amplitude or a phase is not finite")
 
 
 def components_of(texture: Spectrum | Profile | Beta | Slope) -> list[Components]:

@@ -116,5 +116,5 @@ def look_up(table, drive):  # type: ignore[no-untyped-def]
     """Replace a drive in [0, 1] by what a table, even over [0, 1], says of it."""
     steps = table.size - 1
     for n in range(drive.size):
-        at = min(int(drive[n] * steps), steps - 1)
+        at = max(min(int(drive[n] * steps), steps - 1), 0)  # NaN is cast to what it may be
         drive[n] = table[at] + (drive[n] * steps - at) * (table[at + 1] - table[at])

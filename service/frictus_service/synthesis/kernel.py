@@ -110,7 +110,7 @@ def _weight(real, x, y):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True, inline="always")
 def _level(rate, offset, n_rows):  # type: ignore[no-untyped-def]
     """Return row and fraction for a speed: 12 rows per octave above the table's own."""
-    if rate < 1e-3:
+    if not rate >= 1e-3:  # NaN too: a row is indexed by it
         return 0, 0.0
     level = 12.0 * np.log2(rate) + offset
     if level <= 0.0:

@@ -23,6 +23,8 @@ from frictus_service.synthesis.tables import (
 FloatArray = NDArray[np.float64]
 
 NARROWEST_FADE_MM = 0.1
+NARROWEST_MM = 1e-3
+"""Of a region, as far as it lies on the screen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,8 +76,11 @@ def layers_of(region: Region, screen: Screen) -> list[Layer]:
     rectangle = (*region.x_mm, *region.y_mm)
     x0, x1 = max(region.x_mm[0], 0.0), min(region.x_mm[1], width)
     y0, y1 = max(region.y_mm[0], 0.0), min(region.y_mm[1], height)
-    if not (x0 < x1 and y0 < y1):
-        raise TextureError(f"lies beside the screen of {width:g} x {height:g} mm")
+    if not min(x1 - x0, y1 - y0) >= NARROWEST_MM:
+        raise TextureError(
+            f"lies beside the screen of {width:g} x {height:g} mm, or less than "
+            f"{NARROWEST_MM:g} mm of it on the screen"
+        )
     inner = (region.x_mm[0], width - region.x_mm[1], region.y_mm[0], height - region.y_mm[1])
     fades = max(inner) + max(region.edge_fade_mm, NARROWEST_FADE_MM) > 0.0
     if isinstance(region.texture, Map):

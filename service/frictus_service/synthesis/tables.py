@@ -137,8 +137,9 @@ def build_table(components: Components, stretch_mm: tuple[float, float]) -> Tabl
             f"at most {MAX_POINTS} are kept. Lower the highest frequency, the texture's length "
             "or the region's size"
         )
-    row = np.floor(ROWS_PER_OCTAVE * np.log2(top / frequency) + 1e-9).astype(np.int64)
-    last = np.minimum(row, n_rows - 1)  # that holds the component
+    row = np.floor(ROWS_PER_OCTAVE * np.log2(top / frequency) + 1e-9)
+    # The last row that holds the component; `_sum_rows` writes there unchecked.
+    last = np.clip(row, 0, n_rows - 1).astype(np.int64)
     amplitude, phase = components.amplitude_n[kept], components.phase_rad[kept]
     if components.period is not None:
         harmonic = np.rint(frequency * length).astype(np.int64)

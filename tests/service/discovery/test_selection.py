@@ -51,7 +51,8 @@ def test_what_is_there_is_found_and_nothing_else(rng: np.random.Generator) -> No
     size = [0.0] * 12
     size[2], size[9] = 0.6, -0.5
     found = [set(chosen(units(rng, size), rng)) for _ in range(40)]
-    assert all(each >= {2, 9} for each in found)
+    missed = sum(not each >= {2, 9} for each in found)
+    assert missed <= 1  # 1 of 1600 expected: some study draws people who hardly show it
     more = sum(each > {2, 9} for each in found)
     assert more <= 10  # 2 of 40 expected; more than five standard deviations beyond
 

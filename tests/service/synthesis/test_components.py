@@ -96,7 +96,7 @@ def test_a_beta_texture_follows_its_law(alpha: float, beta: float, speed: float 
     np.testing.assert_allclose(share, share[0], rtol=1e-9)
 
 
-@pytest.mark.parametrize("scale", [1e-300, 0.3, 1e308])
+@pytest.mark.parametrize("scale", [1e-9, 0.3, 1e9])
 def test_the_scale_of_a_beta_law_gives_way_to_the_rms(scale: float) -> None:
     (plain,) = components_of(Beta(alpha=2.0, beta=3.0, rms_n=0.1))
     (scaled,) = components_of(Beta(alpha=2.0, beta=3.0, rms_n=0.1, scale=scale))

@@ -42,7 +42,7 @@ SPATIAL = Spectrum(
     angle_deg=20.0,
 )
 TEMPORAL = Spectrum(components=[Component(amplitude_n=0.05, hz=f) for f in (40.0, 310.0)])
-FAR = Region(texture=SPATIAL, x_mm=(-1e300, 1e300), y_mm=(-1e300, 1e300), gain=0.3)
+FAR = Region(texture=SPATIAL, x_mm=(-1e4, 1e4), y_mm=(-1e4, 1e4), gain=0.3)
 EVERYTHING = scene_of(
     Region(texture=SPATIAL), Region(texture=TEMPORAL, x_mm=(10.0, 40.0), edge_fade_mm=0.0), FAR
 )
