@@ -118,7 +118,7 @@ def test_every_accepted_texture_renders_within_the_drive_or_is_refused(
     assert 0.0 < compiled.applied.gain <= 1.0
     assert np.isfinite(compiled.applied.bias_n)
     renderer = Renderer(LAW, SCREEN, RATE_HZ, BLOCK, compiled)
-    course = Course(Motion(*motion, abs(motion[2]), abs(motion[4])))
+    course = Course(Motion._make((*motion, abs(motion[2]), abs(motion[4]))))
     with np.errstate(all="ignore"):  # a motion that cannot be
         for block in range(2):
             rendered = renderer.render(first_sample + block * BLOCK, course, True)
