@@ -1,11 +1,13 @@
 """The whole service at free ports, and an eye on whatever of it ends, trips or drives."""
 
 import datetime
+import http.client
+import json
 import threading
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -126,6 +128,22 @@ class Said:
                 lambda: any(ENDED in line for line in self.lines[self._looked :]), timeout_s
             )
 
+    def await_line(self, is_wanted: Callable[[str], bool], timeout_s: float) -> bool:
+        """Wait until something was said; return whether it was."""
+        with self._more:
+            return self._more.wait_for(lambda: any(map(is_wanted, self.lines)), timeout_s)
+
+    def await_ready(self, parts: Iterable[str], timeout_s: float) -> bool:
+        """Wait until all of these parts have become ready; return whether they have."""
+        with self._more:
+            return self._more.wait_for(
+                lambda: all(
+                    any(line.startswith(f"{part} is ready") for line in self.lines)
+                    for part in parts
+                ),
+                timeout_s,
+            )
+
     def await_recovery(self, timeout_s: float = START_S) -> bool:
         """Wait until every process that ended is ready again; return whether they are."""
         with self._more:
@@ -196,8 +214,37 @@ def http_status(config: Config, path: str) -> int:
     except urllib.error.HTTPError as error:
         with error:
             return error.code
-    except OSError:
+    except (OSError, http.client.HTTPException):
         return 0
+
+
+def publish(config: Config) -> tuple[int, str]:
+    """Publish a model; return the API's status, 0 for none, and the reference."""
+    model = {
+        "schema": "model/1",
+        "base": {
+            "law": "first_order_speed",
+            "gain_n": 0.4,
+            "cutoff_0_hz": 400.0,
+            "slope_hz_per_mm_s": 12.0,
+        },
+        "participant": "P01",
+        "provenance": {"study_sha256": "ab" * 32, "code_version": "0.1.0", "settings": {}},
+    }
+    body = json.dumps({"name": "rig1/P01", "rig": "rig1", "model": model}).encode()
+    request = urllib.request.Request(
+        f"http://127.0.0.1:{config.api.port}/v1/models",
+        body,
+        {"Content-Type": "application/json"},
+    )
+    try:
+        with urllib.request.urlopen(request, timeout=HTTP_S) as answer:
+            return int(answer.status), str(answer.headers["Location"]).rsplit("models/")[1]
+    except urllib.error.HTTPError as error:
+        with error:
+            return error.code, ""
+    except (OSError, http.client.HTTPException):
+        return 0, ""
 
 
 def run_of(rig: frictus.Rig) -> int:

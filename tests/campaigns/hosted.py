@@ -1,0 +1,244 @@
+"""A whole service in processes of its own, supervisor included, so that any can be killed.
+
+The device is a process too and outlives them all: it holds what its rig last gave it, as a real
+one does, and tells what it has output.
+"""
+
+import contextlib
+import multiprocessing
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from multiprocessing.connection import Connection
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+import psutil
+from tests.campaigns.service import START_S, Said
+
+import frictus
+from frictus.errors import FrictusError
+from frictus_hardware import SimulatedDeviceConfig
+from frictus_hardware.simulated.config import SimulatedConfig
+from frictus_hardware.simulated.device_rig import recent_output
+from frictus_hardware.simulated.strokes import SteadyStrokes
+from frictus_service.config import Config
+from frictus_service.daemon.supervisor import ALL, Supervisor
+
+Pipe: TypeAlias = "Connection[Any, Any]"
+LEASE_MS: Final = 300
+UPDATE_S: Final = 0.2
+QUIET_S: Final = 0.15
+"""A device that has output nothing for so long is quiet."""
+HISTORY_S: Final = 4.0
+GONE_S: Final = 20.0
+
+
+def host(config: Config, pipe: Pipe) -> None:
+    """Run the service until the other end of the pipe closes; say there what it says."""
+
+    def say(line: str) -> None:
+        with contextlib.suppress(OSError):  # whoever listened has closed the pipe
+            pipe.send(line)
+
+    with Supervisor(config, ALL, say=say) as supervisor:
+        supervisor.wait_ready(START_S)
+        with contextlib.suppress(EOFError):
+            pipe.recv()
+
+
+def own(endpoint: str, pipe: Pipe) -> None:
+    """Be a client that arms again and again, and streams a texture at 5 Hz.
+
+    It resets a rig that tripped: on a machine too busy for it a rig trips by itself.
+    """
+    threading.Thread(target=_end_with, args=(pipe,), daemon=True).start()
+    wave = 0.08 * np.sin(np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False))
+    due = threading.Event()  # never set: a pause
+    while True:
+        with (
+            contextlib.suppress(FrictusError),
+            frictus.connect(endpoint, name="owner") as client,
+        ):
+            rig = client.rig("rig1")
+            if rig.status().state == "tripped":
+                rig.reset()
+            with rig.arm(LEASE_MS) as lease, rig.open_stream(0.1) as stream:
+                while not lease.lost:
+                    stream.send(wave, period_mm=1.0, ttl_ms=1_000)
+                    due.wait(UPDATE_S)
+        due.wait(UPDATE_S)
+
+
+def _end_with(pipe: Pipe) -> None:
+    with contextlib.suppress(EOFError, OSError):
+        pipe.recv()
+    os._exit(0)
+
+
+@contextmanager
+def device() -> Iterator[SimulatedDeviceConfig]:
+    """Run a device until the context ends."""
+    command = [sys.executable, "-m", "frictus_hardware.simulated.device"]
+    with subprocess.Popen(
+        [*command, "--address", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            assert process.stdout is not None
+            address = process.stdout.readline().strip()
+            yield SimulatedDeviceConfig(
+                address=address, rig=SimulatedConfig(finger=SteadyStrokes())
+            )
+        finally:
+            process.kill()
+
+
+class Spawned:
+    """A process that ends when its pipe closes, or is killed."""
+
+    def __init__(self, work: Callable[..., None], *given: object) -> None:
+        context = multiprocessing.get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self.process = context.Process(target=work, args=(*given, theirs))
+        self.process.start()
+        theirs.close()
+
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        assert self.process.pid is not None
+        return self.process.pid
+
+    def end(self, timeout_s: float = GONE_S) -> None:
+        """Have it end in order; kill it where it does not."""
+        self.pipe.close()
+        self.process.join(timeout_s)
+        self.kill()
+
+    def kill(self) -> None:
+        """Kill it, frozen or not."""
+        if self.process.is_alive():
+            self.process.kill()
+        self.process.join()
+
+
+class Hosted:
+    """The service in its own processes; started again by `start`."""
+
+    def __init__(self, config: Config) -> None:
+        self.config = config
+        self.said = Said()
+        self.starts = 0
+        self._host: Spawned | None = None
+        self._listener: threading.Thread | None = None
+
+    def start(self) -> None:
+        """Start the supervisor, and wait until every part is ready.
+
+        Raises
+        ------
+        TimeoutError
+            If it does not get ready.
+        """
+        self.said = Said()
+        self._host = Spawned(host, self.config)
+        self._listener = threading.Thread(target=self._listen, args=(self._host.pipe,))
+        self._listener.start()
+        self.starts += 1
+        if not self.said.await_ready(ALL, START_S):
+            raise TimeoutError(f"the service did not start: {self.said.lines[-5:]}")
+
+    def _listen(self, pipe: Pipe) -> None:
+        with contextlib.suppress(EOFError, OSError):
+            while True:
+                self.said(pipe.recv())
+
+    def pid(self, name: str) -> int:
+        """Return the process id of a part, or of the supervisor."""
+        assert self._host is not None
+        if name == "supervisor":
+            return self._host.pid
+        ready = re.compile(rf"{name} is ready \(process (\d+)")
+        found = [match[1] for line in self.said.lines if (match := ready.match(line))]
+        return int(found[-1])
+
+    def end_with(self, pids: list[int]) -> list[int]:
+        """Wait until processes that lost their supervisor have ended; return those left."""
+        assert self._host is not None
+        self._host.kill()
+        until_s = time.monotonic() + GONE_S
+        while (left := [pid for pid in pids if _runs(pid)]) and time.monotonic() < until_s:
+            time.sleep(0.02)
+        for pid in left:
+            send(pid, "SIGKILL")
+        self._forget()
+        return left
+
+    def end(self) -> None:
+        """End it in order."""
+        if self._host is not None:
+            self._host.end()
+            self._forget()
+
+    def _forget(self) -> None:
+        assert self._host is not None
+        assert self._listener is not None
+        self._host.pipe.close()
+        self._listener.join()
+        self._host = None
+
+
+def _runs(pid: int) -> bool:
+    """Return whether a process runs; one that nobody has waited for does not."""
+    try:
+        return bool(psutil.Process(pid).status() != psutil.STATUS_ZOMBIE)
+    except psutil.NoSuchProcess:
+        return False
+
+
+def send(pid: int, name: str) -> None:
+    """Send a signal to a process, if it is still there."""
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(pid, getattr(signal, name))
+
+
+def silent_after_ms(config: SimulatedDeviceConfig, since_s: float, limit_s: float) -> float:
+    """Return how long after an instant a device output its last voltage, ms.
+
+    Parameters
+    ----------
+    config : SimulatedDeviceConfig
+    since_s : float
+        Monotonic.
+    limit_s : float
+        A device that is still driven so long after it is returned as driven: infinity.
+    """
+    while True:
+        output = recent_output(config, HISTORY_S)
+        read_s = time.monotonic()
+        rate_hz = config.rig.sample_rate_hz
+        driven = np.flatnonzero(output.voltage_v)
+        quiet_s = (
+            (output.voltage_v.size - 1 - int(driven[-1])) / rate_hz
+            if driven.size
+            else HISTORY_S
+        )
+        if quiet_s >= QUIET_S:
+            return max(0.0, 1e3 * (read_s - quiet_s - since_s))
+        if read_s - since_s > limit_s:
+            return float("inf")
+
+
+def await_driven(config: SimulatedDeviceConfig, timeout_s: float) -> bool:
+    """Wait until a device outputs a voltage; return whether it does."""
+    until_s = time.monotonic() + timeout_s
+    while time.monotonic() < until_s:
+        if recent_output(config, 0.1).voltage_v.any():
+            return True
+    return False
