@@ -8,6 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from statistics import median
 from typing import Final
 
 from tests.campaigns.lines import Line, read
@@ -25,11 +26,30 @@ stay the owner's; *owner*: the owner sent; *free*: all three sent anything. A fa
 process that ends, a trip, a voltage without owner, a call without a `Reply` that is
 accepted or bears a code, an API that does not answer 200, a recording that cannot be
 read. *denied*: the router let it pass to nobody, as it should."""
+KILLS: Final = """\
+Processes of a whole service (supervisor with router, rig, API, recorder) and its client
+are sent SIGKILL or SIGSTOP (for 1.5 s), one or two at once, at a random moment, while the
+client streams a texture at 5 Hz, everything is recorded and models are published. The
+device is a process that nobody kills and that holds its last value, as a real one does;
+*zero* is its last driven sample, *again* when it is driven once more. A failure is a
+screen that is driven for longer than lease (300 ms), freeze limit (250 ms) and 100 ms
+together, a published model that is gone, a recording that ends more than 1.5 s before the
+attack, a part that does not come back or outlives its supervisor. Rig and supervisor at
+once are left out: nobody is left to reset the device, which is what the interlock line is
+for ([Safety](safety.md))."""
+STARTS: Final = """\
+`frictus serve` on a folder in which a service has worked, after something was done to it.
+It must serve, so that a client can arm, or end with a sentence and a code of its own, and
+start once the fault is gone. *Torn* files are cut, emptied, zeroed or have bits flipped,
+at random. Where nothing can be written, the recorder must say so and the API answer 503
+or 507, while the rig goes on; where UTC steps by an hour either way under an armed rig,
+its owner loses the lease and can arm again once the clocks agree; two services in one
+folder must both be able to publish."""
 COMMANDS: Final = """\
 Made by `uv run python -m tests.campaigns.{campaign} lines.jsonl {options}`, which goes on
 where it was stopped, and `uv run python -m tests.campaigns.reliability {campaign}
-lines.jsonl`. A batch that failed is made again with its seed; its line holds the
-payloads."""
+lines.jsonl`. A batch that failed is made again with its seed; its line holds
+what was sent or done."""
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -103,8 +123,58 @@ def wire(lines: Sequence[Line]) -> str:
     )
 
 
+def kills(lines: Sequence[Line]) -> str:
+    """Return the section of the kills."""
+    kinds: dict[str, list[Line]] = {}
+    for line in lines:
+        attack = line["attack"]
+        kinds.setdefault("two at once" if " + " in attack else attack, []).append(line)
+    rows = [
+        [
+            kind,
+            str(len(of_kind)),
+            _spread([line["zero_ms"] for line in of_kind if line.get("zero_ms") is not None]),
+            _spread([line["again_s"] for line in of_kind if "again_s" in line]),
+            str(sum(bool(line["failures"]) for line in of_kind)),
+        ]
+        for kind, of_kind in sorted(kinds.items())
+    ]
+    header = ["attack", "count", "zero, ms: median, worst", "again, s: median, worst", "failed"]
+    models = sum(line.get("published", 0) for line in lines)
+    return (
+        f"{len(lines)} attacks, {models} models published, in {circumstances(lines)}. "
+        f"{KILLS}\n\n"
+        f"{table(header, rows)}\n\n{failures(lines)}\n\n"
+        f"{COMMANDS.format(campaign='kills', options='--attacks 200')}"
+    )
+
+
+def _spread(values: Sequence[float]) -> str:
+    return f"{median(values):.3g}, {max(values):.3g}" if values else "-"
+
+
+def starts(lines: Sequence[Line]) -> str:
+    """Return the section of the starts."""
+    faults: dict[str, list[Line]] = {}
+    for line in lines:
+        faults.setdefault(line["name"].rsplit("/", 1)[0], []).append(line)
+    rows = []
+    for fault, of_fault in faults.items():
+        came = Counter(line["came"].split(":")[0] for line in of_fault)
+        failed = sum(bool(line["failures"]) for line in of_fault)
+        told = ", ".join(f"{how} {count}" for how, count in sorted(came.items()))
+        rows.append([fault, str(len(of_fault)), told, str(failed)])
+    return (
+        f"{len(lines)} starts in {circumstances(lines)}. {STARTS}\n\n"
+        f"{table(['fault', 'starts', 'what came (exit code)', 'failed'], rows)}\n\n"
+        f"{failures(lines)}\n\n{COMMANDS.format(campaign='starts', options='--repeats 5')}"
+    )
+
+
 SECTIONS: Final[Mapping[str, tuple[str, Callable[[Sequence[Line]], str]]]] = {
     "wire": ("Wire", wire),
+    "kills": ("Kills and freezes", kills),
+    "starts": ("Starts", starts),
 }
 """Heading and writer of the section of each campaign."""
 

@@ -354,6 +354,11 @@ FAULTS: Final[dict[str, Break]] = {
 }
 
 
+def names(repeats: int) -> list[str]:
+    """Return the names of so many starts on each fault."""
+    return [f"{fault}/{number}" for number in range(repeats) for fault in FAULTS]
+
+
 def impossible(name: str) -> str:
     """Return why a fault cannot be made on this machine; empty where it can."""
     if sys.platform == "win32" and name.split()[0] in ("64", "1", "files"):
@@ -423,15 +428,10 @@ def main() -> None:
     parser.add_argument("--seed", type=int, help="of the first; drawn where not given")
     parser.add_argument("--only", default="", help="faults that begin so")
     arguments = parser.parse_args()
-    names = [
-        f"{fault}/{number}"
-        for number in range(arguments.repeats)
-        for fault in FAULTS
-        if fault.startswith(arguments.only)
-    ]
+    wanted = [name for name in names(arguments.repeats) if name.startswith(arguments.only)]
     campaign = Campaign()
     with contextlib.closing(campaign):
-        for line in go_on(arguments.results, names, arguments.seed, campaign.run):
+        for line in go_on(arguments.results, wanted, arguments.seed, campaign.run):
             wrong = [failure["what"][:300] for failure in line["failures"]]
             print(line["name"], line["seed"], line["came"], *wrong, sep="\n  ", flush=True)  # noqa: T201
 

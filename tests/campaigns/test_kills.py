@@ -1,0 +1,68 @@
+"""Kills, freezes and starts: what is drawn; the campaigns themselves are marked."""
+
+import contextlib
+import random
+import sys
+from pathlib import Path
+
+import pytest
+from tests.campaigns import kills, starts
+from tests.campaigns.lines import Line, go_on, read
+from tests.campaigns.reliability import with_section
+
+SEED = 7
+
+
+def test_rig_and_supervisor_at_once_are_left_to_the_interlock() -> None:
+    rng = random.Random(SEED)
+    drawn = [kills.Attack.draw(rng) for _ in range(500)]
+    assert {len(attack.signals) for attack in drawn} == {1, 2}
+    assert not any({"rig", "supervisor"} <= attack.signals.keys() for attack in drawn)
+    sent = {item for attack in drawn for item in attack.signals.items()}
+    assert sent == {(target, name) for target in kills.TARGETS for name in kills.SIGNALS}
+
+
+def test_a_section_is_replaced_and_the_others_stay() -> None:
+    text = "# Title\n\nIntroduction.\n"
+    text = with_section(text, "One", "first")
+    text = with_section(text, "Two", "second")
+    text = with_section(text, "One", "third")
+    assert text == "# Title\n\nIntroduction.\n\n## One\n\nthird\n\n## Two\n\nsecond\n"
+    assert with_section(text, "One", "third") == text
+
+
+def wrong_in(path: Path) -> list[str]:
+    """What failed, by the lines of a campaign."""
+    return [
+        f"{line['name']} seed {line['seed']}: {failure['what']}"
+        for line in read(path)
+        for failure in line["failures"]
+    ]
+
+
+def run_all(campaign: "kills.Campaign | starts.Campaign", path: Path, names: list[str]) -> None:
+    """Run what of a campaign has no clean line yet."""
+    lines: list[Line] = []
+    with contextlib.closing(campaign):
+        lines.extend(go_on(path, names, None, campaign.run))
+
+
+@pytest.mark.campaign
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signals to stop a process")
+@pytest.mark.timeout(6 * 3600)
+def test_two_hundred_kills_and_freezes(request: pytest.FixtureRequest) -> None:
+    cache = request.config.cache
+    assert cache is not None
+    path = cache.mkdir("campaigns") / "kills.jsonl"
+    run_all(kills.Campaign(), path, [f"kill/{number}" for number in range(200)])
+    assert not wrong_in(path), "\n".join(wrong_in(path))
+
+
+@pytest.mark.campaign
+@pytest.mark.timeout(6 * 3600)
+def test_starts_on_what_is_torn_taken_or_full(request: pytest.FixtureRequest) -> None:
+    cache = request.config.cache
+    assert cache is not None
+    path = cache.mkdir("campaigns") / "starts.jsonl"
+    run_all(starts.Campaign(), path, starts.names(5))
+    assert not wrong_in(path), "\n".join(wrong_in(path))
