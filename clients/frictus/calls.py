@@ -93,6 +93,7 @@ class Caller:
                 self.keys.call(name),
                 payload=payload,
                 encoding=zenoh.Encoding.APPLICATION_JSON,
+                attachment=self.client,
                 timeout=self._timeout_s,
                 priority=zenoh.Priority.REAL_TIME,
                 congestion_control=zenoh.CongestionControl.BLOCK,

@@ -11,6 +11,8 @@ from typing import Final
 from frictus.errors import FrictusError
 
 ROOT: Final = "frictus/@v1"
+MAX_NAME: Final = 64
+"""Characters of the name of a site, a rig or a client."""
 
 
 class InvalidNameError(FrictusError, ValueError):
@@ -127,8 +129,10 @@ RECORDER_CALLS: Final = {
 
 
 def _checked(name: str, what: str) -> str:
-    if not name or len(name) > 64 or not name.isascii():
-        raise InvalidNameError(f"{what} name {name!r}: 1 to 64 ASCII characters are accepted")
+    if not name or len(name) > MAX_NAME or not name.isascii():
+        raise InvalidNameError(
+            f"{what} name {name!r}: 1 to {MAX_NAME} ASCII characters are accepted"
+        )
     if not all(letter.isalnum() or letter in "-_." for letter in name):
         raise InvalidNameError(f"{what} name {name!r}: letters, digits, '-', '_' and '.' only")
     return name

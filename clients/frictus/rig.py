@@ -376,7 +376,7 @@ class Rig:
             )
         except ValueError as error:
             raise ArgumentError(str(error)) from error
-        self._pointer.put(state.to_json())
+        self._pointer.put(state.to_json(), attachment=self._caller.client)
 
     def close(self) -> None:
         """Disarm if armed, end every feed and stream. Closing twice is harmless."""

@@ -132,6 +132,25 @@ class StreamFrame:
         )
 
 
+def ticket_of(frame: bytes) -> int:
+    """Return the ticket of a frame without reading the rest of it.
+
+    Parameters
+    ----------
+    frame : bytes
+        Header and data.
+
+    Raises
+    ------
+    FrameError
+        If it is longer or shorter than any frame.
+    """
+    longest = HEADER_BYTES + 4 * MAX_SAMPLES
+    if not HEADER_BYTES <= len(frame) <= longest:
+        raise FrameError(f"{len(frame)} bytes: {HEADER_BYTES} to {longest} are a frame")
+    return int(HEADER.unpack_from(frame)[3])
+
+
 def _check(
     friction_n: NDArray[np.float32],
     period: float,

@@ -1,50 +1,53 @@
-"""Commands from the network: callbacks enqueue, two threads decide and answer.
+"""Commands from the network: what makes the output safe is decided in the callback itself.
 
-What makes the output safe (stop, disarm, leases) has a thread of its own, so that it never
-waits for a scene to be compiled. Whatever is refused is counted, and answered where it was a
-call; no payload can do more harm than that.
+Stop, disarm, arming, leases and fallen tokens are one short step of the safety machine each:
+they wait in no box, so that nobody else's burst can push one out. Whatever has to be compiled,
+and every answer, waits for a thread, each sender's in turn. Whatever is refused is counted,
+and answered where it was a call; no payload can do more harm than that.
 """
 
 import contextlib
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Any, Final, Self
 
 import zenoh
 from zenoh.handlers import Callback
 
-from frictus.errors import RefusedError
-from frictus.keys import CALLS, RigKeys, Topics
+from frictus.errors import FrameError, RefusedError
+from frictus.keys import CALLS, MAX_NAME, RigKeys, Topics
 from frictus.messages import (
     MESSAGES,
+    ArmRequest,
     LeaseRenewal,
     PointerState,
     RefusalCode,
     Reply,
     Request,
 )
+from frictus.stream import ticket_of
 from frictus_service.config import Limits
 from frictus_service.daemon.control import Control
 from frictus_service.daemon.gate import Gate
 from frictus_service.daemon.interlock import Interlock
 from frictus_service.daemon.mailbox import Mailbox
+from frictus_service.daemon.presence import Presence
 from frictus_service.daemon.stage import Stage
 
-URGENT: Final = {
-    "stop": 8,
-    "vanished": 16,
-    "lease": 16,
-    "pointer": 1,
-    "guidance": 1,
-    "call": 32,
-}
-"""Boxes of the thread that keeps the rig safe, most urgent first."""
+ANSWERING: Final = {"pointer": 1, "guidance": 1, "answer": 64}
+"""Boxes of the thread that moves virtual fingers and answers, by the sender."""
 RENDERING: Final = {"texture": 1, "call": 16}
 """Boxes of the thread that compiles; of texture updates the newest wins."""
 RENDERING_CALLS: Final = ("scene", "open_stream", "close_stream", "excite", "model")
+SHORT_BYTES: Final = 4_096
+"""What is decided in a callback is at most so long; it takes microseconds to read."""
+SHORT: Final = ("arm", "disarm", "reset", "lease", "pointer")
+OVERRUN: Final = Reply(
+    ok=False, code="unavailable", message="newer calls of the same sender took its place"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,20 +55,24 @@ class Message:
     """A payload with the call it is to answer, if it is one."""
 
     name: str
-    payload: bytes
+    payload: bytes = b""
+    sender: str = ""
+    """As the attachment names it; empty without one."""
     query: zenoh.Query | None = None
     key: str = ""
     """Of the call; a query may have asked under a wildcard, a reply must not."""
+    reply: Reply | None = None
+    """Once it is decided."""
 
-    def answer(self, reply: Reply) -> None:
+    def answer(self) -> None:
         """Send the reply."""
-        if self.query is None:
+        if self.query is None or self.reply is None:
             return
         # Whoever asked may be gone; that must not end the thread that keeps the rig safe.
         with contextlib.suppress(Exception), self.query:
             self.query.reply(
                 self.key,
-                reply.to_json(),
+                self.reply.to_json(),
                 encoding=zenoh.Encoding.APPLICATION_JSON,
             )
 
@@ -97,20 +104,19 @@ class Commands:
         self._limits = limits
         self._gate = Gate(limits)
         self._utc_ns = utc_ns
-        self._urgent: Mailbox[Message] = Mailbox(URGENT)
+        self._presence = Presence(control.vanish)
+        self._answering: Mailbox[Message] = Mailbox(ANSWERING)
         self._rendering: Mailbox[Message] = Mailbox(RENDERING)
         self._declared: list[Any] = []
         self._threads: list[threading.Thread] = []
+        self._counting = threading.Lock()
         self._refused = 0
-        self._refused_rendering = 0
         self.updates_expired = 0
 
     @property
     def refused(self) -> int:
         """Commands refused so far, those that full boxes lost included."""
-        lost = (self._urgent.lost, self._rendering.lost)
-        overrun = sum(count for box in lost for name, count in box.items() if name == "call")
-        return self._refused + self._refused_rendering + overrun
+        return self._refused
 
     @property
     def updates_lost(self) -> int:
@@ -130,67 +136,126 @@ class Commands:
             key = keys.call(name)
             post = Callback(self._poster_of_call(name, key), indirect=False)
             self._declared.append(session.declare_queryable(key, post, complete=True))
-        listeners: dict[str, tuple[Mailbox[Message], str]] = {
-            keys.of(Topics.TEXTURE): (self._rendering, "texture"),
-            keys.of(Topics.LEASE): (self._urgent, "lease"),
-            keys.of(Topics.POINTER): (self._urgent, "pointer"),
+        posts: dict[str, Callable[[zenoh.Sample], None]] = {
+            keys.of(Topics.TEXTURE): self._post_texture,
+            keys.of(Topics.LEASE): self._take_lease,
+            keys.of(Topics.POINTER): self._post_pointer,
         }
         if self._control.follows_guidance:
-            listeners[keys.of(Topics.GUIDANCE)] = (self._urgent, "guidance")
-        for key, (mailbox, box) in listeners.items():
+            posts[keys.of(Topics.GUIDANCE)] = self._post_guidance
+        for key, listen in posts.items():
             self._declared.append(
-                session.declare_subscriber(
-                    key, Callback(_poster_of_topic(mailbox, box), indirect=False)
-                )
+                session.declare_subscriber(key, Callback(listen, indirect=False))
             )
         self._declared.append(
             session.liveliness().declare_subscriber(
-                keys.any_client_alive, Callback(self._on_token, indirect=False)
+                keys.any_client_alive, Callback(self._on_token, indirect=False), history=True
             )
         )
 
     def _poster_of_call(self, name: str, key: str) -> Callable[[zenoh.Query], None]:
-        mailbox = self._rendering if name in RENDERING_CALLS else self._urgent
-        box = "stop" if name == "stop" else "call"
-
         def post(query: zenoh.Query) -> None:
-            payload = query.payload.to_bytes() if query.payload else b""
-            mailbox.post(box, Message(name, payload, query, key))
+            sender = _name_in(query.attachment)
+            message = Message(name, sender=sender, query=query, key=key)
+            if name == "stop":  # its payload is of no account
+                self._decide(message)
+                return
+            refused = self._refusal_unread(name, sender, query.payload)
+            if refused is not None:
+                self._to_answer(message, refused)
+                return
+            payload = b"" if query.payload is None else query.payload.to_bytes()
+            message = replace(message, payload=payload)
+            if name not in RENDERING_CALLS:
+                self._decide(message)
+                return
+            for lost in self._rendering.post("call", message, sender):
+                self._to_answer(lost, OVERRUN)
 
         return post
 
-    def _on_token(self, sample: zenoh.Sample) -> None:
-        if sample.kind == zenoh.SampleKind.DELETE:
-            client = str(sample.key_expr).rsplit("/", 1)[1]
-            self._urgent.post("vanished", Message("vanished", client.encode()))
+    def _refusal_unread(
+        self, name: str, sender: str, payload: zenoh.ZBytes | None
+    ) -> Reply | None:
+        """Return why a payload is not even copied: who sent it, or how long it is."""
 
-    def serve_urgent(self) -> None:
-        """Work through the urgent boxes until closed."""
-        while (taken := self._urgent.take()) is not None:
-            message = taken[1]
-            reply = self.keep_safe(message)
-            self._refused += not reply.ok
-            message.answer(reply)
+        def check() -> None:
+            if name in RENDERING_CALLS and sender:
+                self._stage.check_owner(sender)
+            self._gate.check_size(len(payload or b""), self._most_bytes(name))
+
+        reply = self._answered(check)
+        return None if reply.ok else reply
+
+    def _most_bytes(self, name: str) -> int:
+        if name == "scene":
+            return self._limits.max_scene_bytes
+        most = self._limits.max_payload_bytes
+        return min(SHORT_BYTES, most) if name in SHORT else most
+
+    def _decide(self, message: Message) -> None:
+        self._to_answer(message, self.keep_safe(message))
+
+    def _to_answer(self, message: Message, reply: Reply) -> None:
+        self._count(reply)
+        if message.query is not None:
+            self._answering.post("answer", replace(message, reply=reply), message.sender)
+
+    def _count(self, reply: Reply) -> None:
+        if not reply.ok:
+            with self._counting:
+                self._refused += 1
+
+    def _take_lease(self, sample: zenoh.Sample) -> None:
+        refused = self._refusal_unread("lease", "", sample.payload)
+        if refused is not None:
+            self._count(refused)
+            return
+        self._count(self.keep_safe(Message("lease", sample.payload.to_bytes())))
+
+    def _post_texture(self, sample: zenoh.Sample) -> None:
+        payload = sample.payload.to_bytes()
+        # Anybody's would push out the update of whom the stream belongs to.
+        reply = self._answered(lambda: self._stage.check_ticket(ticket_of(payload)))
+        self._count(reply)
+        if reply.ok:
+            self._rendering.post("texture", Message("texture", payload))
+
+    def _post_pointer(self, sample: zenoh.Sample) -> None:
+        sender = _name_in(sample.attachment)
+        self._answering.post("pointer", Message("pointer", sample.payload.to_bytes()), sender)
+
+    def _post_guidance(self, sample: zenoh.Sample) -> None:
+        self._answering.post("guidance", Message("guidance", sample.payload.to_bytes()))
+
+    def _on_token(self, sample: zenoh.Sample) -> None:
+        client = str(sample.key_expr).rsplit("/", 1)[1]
+        self._presence.on_token(client, sample.kind == zenoh.SampleKind.PUT)
+
+    def serve_answers(self) -> None:
+        """Move virtual fingers and answer calls until closed."""
+        while (taken := self._answering.take()) is not None:
+            box, message = taken
+            if box == "answer":
+                message.answer()
+            else:
+                self._count(self.keep_safe(message))
 
     def serve_rendering(self) -> None:
         """Work through what has to be compiled until closed."""
         while (taken := self._rendering.take()) is not None:
             message = taken[1]
-            reply = self.render(message)
-            self._refused_rendering += not reply.ok
-            message.answer(reply)
+            self._to_answer(message, self.render(message))
 
     def keep_safe(self, message: Message) -> Reply:
-        """Decide on an urgent message."""
+        """Decide on a message that is about safety, or moves a virtual finger."""
         if message.name == "stop":
             # Whatever it carries and however old it is: a stop always stops.
             return self._answered(lambda: self._control.stop("anyone"))
-        if message.name == "vanished":
-            return self._answered(lambda: self._done(self._control.vanish, message))
         if message.name == "guidance":
             return self._answered(lambda: self._guide(message.payload))
         handlers: Mapping[str, tuple[type[Request], Callable[[Any], Reply | None]]] = {
-            "arm": (MESSAGES["ArmRequest"], self._control.arm),  # type: ignore[dict-item]
+            "arm": (ArmRequest, self._arm),
             "disarm": (Request, self._control.disarm),
             "reset": (Request, self._control.reset),
             "lease": (LeaseRenewal, self._control.renew),
@@ -222,14 +287,23 @@ class Commands:
             raise
         self._stage.update(frame, good_for_s)
 
+    def _arm(self, request: ArmRequest) -> Reply:
+        reply = self._control.arm(request)
+        self._presence.on_armed(request.client)
+        return reply
+
     def _guide(self, payload: bytes) -> None:
         self._control.guide(self._gate.read_guidance(payload, self._utc_ns()))
 
     def _read(self, kind: Any, message: Message) -> Any:
-        limits = self._limits
-        scene = message.name == "scene"
-        most = limits.max_scene_bytes if scene else limits.max_payload_bytes
-        return self._gate.read(kind, message.payload, self._utc_ns(), most)
+        most_bytes = self._most_bytes(message.name)
+        request = self._gate.read(kind, message.payload, self._utc_ns(), most_bytes)
+        if message.sender not in ("", request.client):
+            raise RefusedError(
+                "bad_request",
+                f"client: {request.client!r}, but the attachment names {message.sender!r}",
+            )
+        return request
 
     def _answered(self, handle: Callable[[], Reply | None]) -> Reply:
         """Return what the handler says, with the state after it; refusals become replies."""
@@ -238,6 +312,8 @@ class Commands:
         except RefusedError as error:
             code: RefusalCode = error.code  # type: ignore[assignment]
             reply = Reply(ok=False, code=code, message=str(error))
+        except FrameError as error:
+            reply = Reply(ok=False, code="bad_request", message=str(error))
         except Exception as error:  # a command must never end this thread
             reply = Reply(
                 ok=False,
@@ -246,13 +322,10 @@ class Commands:
             )
         return reply.model_copy(update={"state": self._interlock.state.state})
 
-    def _done(self, handle: Callable[[str], None], message: Message) -> None:
-        handle(message.payload.decode())
-
     def __enter__(self) -> Self:
         """Start the threads."""
         self._threads = [
-            threading.Thread(target=self.serve_urgent, name="frictus-control", daemon=True),
+            threading.Thread(target=self.serve_answers, name="frictus-answers", daemon=True),
             threading.Thread(target=self.serve_rendering, name="frictus-stage", daemon=True),
         ]
         for thread in self._threads:
@@ -269,14 +342,15 @@ class Commands:
         for declared in self._declared:
             declared.undeclare()
         self._declared.clear()
-        self._urgent.close()
+        self._presence.close()
+        self._answering.close()
         self._rendering.close()
         for thread in self._threads:
             thread.join()
 
 
-def _poster_of_topic(mailbox: Mailbox[Message], box: str) -> Callable[[zenoh.Sample], None]:
-    def post(sample: zenoh.Sample) -> None:
-        mailbox.post(box, Message(box, sample.payload.to_bytes()))
-
-    return post
+def _name_in(attachment: zenoh.ZBytes | None) -> str:
+    """Return the client's name that an attachment holds; empty where it holds none."""
+    if attachment is None or len(attachment) > MAX_NAME:
+        return ""
+    return attachment.to_bytes().decode("ascii", "replace")

@@ -44,7 +44,7 @@ class Gate:
         RefusedError
             `too_large`, `bad_request` (the text names the field) or `stale`.
         """
-        self._check_size(payload, most_bytes)
+        self.check_size(len(payload), most_bytes)
         try:
             request = kind.from_json(payload)
         except FrameError as error:
@@ -60,7 +60,7 @@ class Gate:
         RefusedError
             As `read`.
         """
-        self._check_size(payload, self.limits.max_payload_bytes)
+        self.check_size(len(payload), self.limits.max_payload_bytes)
         try:
             frame = StreamFrame.unpack(payload)
         except FrameError as error:
@@ -75,7 +75,7 @@ class Gate:
         RefusedError
             As `read`.
         """
-        self._check_size(payload, self.limits.max_payload_bytes)
+        self.check_size(len(payload), self.limits.max_payload_bytes)
         try:
             guidance = GuidanceState.from_json(payload)
         except FrameError as error:
@@ -110,8 +110,15 @@ class Gate:
             )
         return 1e-3 * left_ms
 
-    def _check_size(self, payload: bytes, most_bytes: int) -> None:
-        if len(payload) > most_bytes:
+    def check_size(self, size_bytes: int, most_bytes: int) -> None:
+        """Refuse a payload for its length, before it is looked into.
+
+        Raises
+        ------
+        RefusedError
+            `too_large`.
+        """
+        if size_bytes > most_bytes:
             raise RefusedError(
-                "too_large", f"{len(payload)} bytes; at most {most_bytes} are accepted"
+                "too_large", f"{size_bytes} bytes; at most {most_bytes} are accepted"
             )

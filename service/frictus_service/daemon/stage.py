@@ -106,6 +106,28 @@ class Stage:
             return self._standing
         return guest.state
 
+    def check_owner(self, client: str) -> None:
+        """Refuse a client that may not change what is rendered now.
+
+        Raises
+        ------
+        RefusedError
+            `not_owner`.
+        """
+        refused = refusal(self._interlock.state, client)
+        if refused is not None:
+            raise RefusedError(refused.code, refused.message)
+
+    def check_ticket(self, ticket: int) -> None:
+        """Refuse a texture update of another stream than the one that is open.
+
+        Raises
+        ------
+        RefusedError
+            `not_armed`.
+        """
+        self._stream_of(ticket)
+
     def set_scene(self, request: SceneRequest) -> Reply:
         """Replace the standing scene; ends an open stream or an excitation.
 
@@ -114,13 +136,13 @@ class Stage:
         RefusedError
             `not_owner`, `conflict` or `not_feasible`.
         """
-        self._check_owner(request.client)
+        self.check_owner(request.client)
         self._check_match(request.if_match, self.scene.etag, "scene")
         try:
             state, compiled = self._compiled(request.scene, self._inverse)
         except TextureError as error:
             raise RefusedError("not_feasible", str(error)) from error
-        self._check_owner(request.client)  # compiling may have outlasted the lease
+        self.check_owner(request.client)  # compiling may have outlasted the lease
         self._stream = self._guest = None
         self._standing, self._standing_scene = state, compiled
         self._orders.scene.append(SceneOrder(compiled))
@@ -186,7 +208,7 @@ class Stage:
         RefusedError
             `not_owner`.
         """
-        self._check_owner(request.client)
+        self.check_owner(request.client)
         if self._stream is not None:
             self._stream = self._guest = None
             self._orders.scene.append(SceneOrder(self._standing_scene))
@@ -208,9 +230,7 @@ class Stage:
             first, `not_feasible` if it exceeds what the stream declared.
         """
         until_s = self._monotonic_s() + good_for_s
-        stream = self._live_stream()
-        if stream is None or stream.ticket != frame.ticket:
-            raise RefusedError("not_armed", f"no stream with ticket {frame.ticket} is open")
+        stream = self._stream_of(frame.ticket)
         if frame.sequence <= stream.sequence:
             raise RefusedError("stale", f"update {stream.sequence} came before")
         try:
@@ -230,7 +250,7 @@ class Stage:
         RefusedError
             `conflict` while not disarmed or where the etag differs, `not_feasible`.
         """
-        self._check_owner(request.client)
+        self.check_owner(request.client)
         self._check_match(request.if_match, self.model.etag, "model")
         if self._interlock.state.state != "disarmed":
             raise RefusedError("conflict", "the model changes only while disarmed")
@@ -256,6 +276,12 @@ class Stage:
         stream = self._stream
         return stream if stream is not None and self._holds(stream.arming) else None
 
+    def _stream_of(self, ticket: int) -> _Stream:
+        stream = self._live_stream()
+        if stream is None or stream.ticket != ticket:
+            raise RefusedError("not_armed", f"no stream with ticket {ticket} is open")
+        return stream
+
     def _holds(self, arming: int) -> bool:
         safety = self._interlock.state
         return safety.state == "armed" and safety.armings == arming
@@ -272,11 +298,6 @@ class Stage:
     def _compiled(self, scene: Scene, inverse: Inverse) -> tuple[SceneState, CompiledScene]:
         compiled = compile_scene(scene, inverse, self._screen, self._rate_hz)
         return SceneState(etag=etag_of(scene), scene=scene, applied=compiled.applied), compiled
-
-    def _check_owner(self, client: str) -> None:
-        refused = refusal(self._interlock.state, client)
-        if refused is not None:
-            raise RefusedError(refused.code, refused.message)
 
     def _check_match(self, wanted: str | None, present: str, what: str) -> None:
         if wanted is not None and wanted != present:

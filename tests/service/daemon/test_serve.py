@@ -38,6 +38,17 @@ with frictus.connect(sys.argv[1], name="doomed") as client, client.rig("rig1").a
     time.sleep(60.0)
 """
 
+CROWD = """
+import sys, time, frictus
+with frictus.connect(sys.argv[1], name="doomed") as client:
+    rig = client.rig("rig1")
+    crowd = [rig.keys.client_alive(f"one{n}") for n in range(999)]
+    tokens = [client.session.liveliness().declare_token(key) for key in crowd]
+    with rig.arm(10_000):
+        print("armed", flush=True)
+        time.sleep(60.0)
+"""
+
 
 def config_with(backend: Any) -> Config:
     endpoint = free_endpoint()
@@ -147,6 +158,22 @@ def test_output_is_zero_soon_after_its_client_ends(
     silent_ns = loud.utc_ns + 1e9 * (last_driven_sample(loud) - loud.first_sample) / rate_hz
     allowed_ns = 1e6 * LEASE_MS + 1e9 * LIMIT_S + loud.uncertainty_ns
     assert silent_ns <= ended_ns + allowed_ns
+
+
+def test_an_owner_that_dies_with_a_thousand_tokens_leaves_nothing_armed(
+    service: Service, observer: frictus.Rig
+) -> None:
+    command = [sys.executable, "-c", CROWD, service.endpoint]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline().strip() == "armed"
+            until(observer, lambda status: status.owner == "doomed")
+        finally:
+            process.kill()
+        killed_s = time.monotonic()
+    until(observer, lambda status: status.state == "disarmed")
+    assert time.monotonic() - killed_s < 3.0, "far below the lease of 10 s"
 
 
 @posix_signals

@@ -1,0 +1,115 @@
+"""A rig's commands without a network, as the tests of the daemon send them."""
+
+import json
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from frictus.messages import Reply
+from frictus.stream import StreamFrame
+from frictus_hardware.physics.screen import Screen
+from frictus_service.config import Limits
+from frictus_service.daemon.commands import RENDERING_CALLS, Commands, Message
+from frictus_service.daemon.control import Control
+from frictus_service.daemon.interlock import Interlock
+from frictus_service.daemon.orders import ModelOrder, ModelSlot, Orders
+from frictus_service.daemon.stage import Stage, rendered_model
+from frictus_service.translate import placeholder_model
+
+UTC_NS = 1_795_000_000_000_000_000
+WAVE = (0.05 * np.sin(2.0 * np.pi * np.arange(64) / 64.0)).astype(np.float32)
+TEXTURE = {"kind": "spectrum", "components": [{"amplitude_n": 0.05, "cycles_per_mm": 1.0}]}
+SCENE = {"regions": [{"texture": TEXTURE}]}
+
+
+class Obeyed(ModelSlot):
+    """A slot whose orders are in force at once, as with a loop that turns."""
+
+    def offer(self, order: ModelOrder) -> None:
+        super().offer(order)
+        self.take()
+        order.done.set()
+
+
+class TakenAtTheLastMoment(ModelSlot):
+    """A slot whose orders the loop takes just before they would be withdrawn."""
+
+    def withdraw(self, order: ModelOrder) -> bool:
+        self.take()
+        order.done.set()
+        return super().withdraw(order)
+
+
+@dataclass
+class Info:
+    finger_source: str
+
+
+class NoFinger:
+    """A backend without a virtual finger."""
+
+    info = Info("touch")
+
+
+class Finger:
+    """A backend whose virtual finger clients move."""
+
+    info = Info("pointer")
+
+    def __init__(self) -> None:
+        self.moves: list[tuple[float, float, bool, float]] = []
+
+    def move_finger(
+        self, x_mm: float, y_mm: float, in_contact: bool, normal_force_n: float
+    ) -> None:
+        self.moves.append((x_mm, y_mm, in_contact, normal_force_n))
+
+
+@dataclass
+class Desk:
+    """Commands without a network; both clocks are set by hand."""
+
+    limits: Limits = field(default_factory=Limits)
+    backend: Any = field(default_factory=NoFinger)
+    now_s: float = 100.0
+    slot: type[ModelSlot] = Obeyed
+
+    def __post_init__(self) -> None:
+        self.interlock = Interlock()
+        self.orders = Orders(self.slot(rendered_model(placeholder_model(), Screen())))
+        self.stage = Stage(
+            Screen(),
+            20_000.0,
+            self.interlock,
+            self.orders,
+            lambda: self.now_s,
+        )
+        control = Control(self.interlock, self.backend, self.limits, lambda: self.now_s)
+        self.commands = Commands(
+            control, self.stage, self.interlock, self.limits, lambda: self.utc_ns
+        )
+
+    @property
+    def utc_ns(self) -> int:
+        return UTC_NS + round(1e9 * self.now_s)
+
+    def send(self, name: str, payload: bytes) -> Reply:
+        renders = name in RENDERING_CALLS or name == "texture"
+        decide = self.commands.render if renders else self.commands.keep_safe
+        return decide(Message(name, payload))
+
+    def call(self, name: str, client: str = "ann", **fields: Any) -> Reply:
+        request = {"client": client, "utc_ns": self.utc_ns, **fields}
+        return self.send(name, json.dumps(request).encode())
+
+    def frame(self, ticket: int, sequence: int = 0, **fields: Any) -> bytes:
+        frame = StreamFrame(ticket, sequence, self.utc_ns, 200, 1.0, True, 0.0, WAVE)
+        values = {name: getattr(frame, name) for name in StreamFrame.__slots__}
+        return StreamFrame(**{**values, **fields}).pack()
+
+    def streaming(self) -> int:
+        assert self.call("arm").ok
+        ticket = self.call("open_stream", peak_n=0.06).ticket
+        assert ticket is not None
+        return ticket

@@ -1,0 +1,140 @@
+"""What callbacks decide: whatever somebody else sends before, and however much of it."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+import zenoh
+
+from frictus.keys import RigKeys, Topics
+from frictus_service.daemon.commands import Message
+
+from .desk import SCENE, Desk
+
+KEYS = RigKeys("here", "rig1")
+BURST = 1_000
+
+
+@dataclass
+class Query:
+    """A query as callbacks see it; nothing is sent."""
+
+    payload: Any
+    attachment: zenoh.ZBytes | None = None
+
+
+@dataclass
+class Sample:
+    key_expr: str
+    payload: zenoh.ZBytes = field(default_factory=lambda: zenoh.ZBytes(b""))
+    attachment: zenoh.ZBytes | None = None
+    kind: Any = field(default_factory=lambda: zenoh.SampleKind.PUT)
+
+
+class Session:
+    """Keeps the callbacks that are declared."""
+
+    def __init__(self) -> None:
+        self.callbacks: dict[str, Callable[[Any], Any]] = {}
+
+    def liveliness(self) -> "Session":
+        return self
+
+    def declare_queryable(self, key: str, post: Any, **_options: Any) -> None:
+        self.callbacks[key] = post
+
+    def declare_subscriber(self, key: str, post: Any, **_options: Any) -> None:
+        self.callbacks[key] = post
+
+
+class Wired(Desk):
+    """A desk whose messages come by callbacks; no thread works through its boxes."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        session = Session()
+        self.commands.declare(session, KEYS)  # type: ignore[arg-type]
+        self.callbacks = session.callbacks
+
+    def post(self, name: str, client: str, payload: bytes | None = None, **fields: Any) -> None:
+        if payload is None:
+            payload = json.dumps({"client": client, "utc_ns": self.utc_ns, **fields}).encode()
+        query = Query(zenoh.ZBytes(payload), zenoh.ZBytes(client))
+        self.callbacks[KEYS.call(name)](query)
+
+    def put(self, topic: Any, payload: bytes) -> None:
+        self.callbacks[KEYS.of(topic)](Sample(KEYS.of(topic), zenoh.ZBytes(payload)))
+
+    def token(self, client: str, kind: zenoh.SampleKind) -> None:
+        sample = Sample(KEYS.client_alive(client), kind=kind)
+        self.callbacks[KEYS.any_client_alive](sample)
+
+
+@pytest.fixture
+def desk() -> Wired:
+    desk = Wired()
+    desk.post("arm", "ann", lease_ms=10_000)
+    assert desk.interlock.state.owner == "ann"
+    return desk
+
+
+def renewal(desk: Wired, client: str) -> bytes:
+    return json.dumps({"client": client, "utc_ns": desk.utc_ns}).encode()
+
+
+def test_an_owner_that_vanishes_in_a_crowd_is_noticed(desk: Wired) -> None:
+    desk.token("ann", zenoh.SampleKind.DELETE)
+    for number in range(BURST):
+        desk.token(f"client{number}", zenoh.SampleKind.DELETE)
+    assert desk.interlock.state.state == "stopping"
+
+
+@pytest.mark.parametrize("name", ["stop", "disarm"])
+def test_a_burst_of_calls_pushes_out_no_stop_and_no_disarm(desk: Wired, name: str) -> None:
+    desk.post(name, "ann")
+    for number in range(BURST):
+        desk.post("arm", f"ben{number % 7}", b"{}")
+        desk.post("disarm", "ben")
+    assert desk.interlock.state.state == "stopping"
+
+
+def test_a_burst_of_renewals_pushes_out_no_renewal(desk: Wired) -> None:
+    desk.now_s += 5.0
+    desk.put(Topics.LEASE, renewal(desk, "ann"))
+    for _ in range(BURST):
+        desk.put(Topics.LEASE, renewal(desk, "ben"))
+    assert desk.interlock.state.lease_until_s == desk.now_s + 10.0
+
+
+def test_a_strangers_updates_push_out_no_update(desk: Wired) -> None:
+    ticket = desk.call("open_stream", peak_n=0.06).ticket
+    assert ticket is not None
+    desk.put(Topics.TEXTURE, desk.frame(ticket))
+    for _ in range(BURST):
+        desk.put(Topics.TEXTURE, desk.frame(ticket + 1))
+        desk.put(Topics.TEXTURE, b"x" * 100_000)
+    assert desk.commands.updates_lost == 0
+    assert desk.commands.refused == 2 * BURST
+
+
+def test_a_strangers_scene_is_refused_before_it_is_copied(desk: Wired) -> None:
+    class Unread:
+        def __len__(self) -> int:
+            return 6_500_000
+
+        def to_bytes(self) -> bytes:
+            raise AssertionError("it was read")
+
+    query = Query(Unread(), zenoh.ZBytes("ben"))
+    desk.callbacks[KEYS.call("scene")](query)
+    assert desk.commands.refused == 1
+
+
+def test_a_name_that_is_not_the_attachments_is_refused(desk: Wired) -> None:
+    request = {"client": "ann", "utc_ns": desk.utc_ns, "scene": SCENE}
+    message = Message("scene", json.dumps(request).encode(), "ben")
+    reply = desk.commands.render(message)
+    assert reply.code == "bad_request"
+    assert "'ben'" in reply.message
