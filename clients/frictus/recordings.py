@@ -20,6 +20,8 @@ from frictus.textures import MAX_PROFILE_SAMPLES, Profile, Texture
 FloatArray = NDArray[np.float64]
 
 MAX_JSON_BYTES: Final = 10_000_000
+MAX_CSV_COLUMNS: Final = 100
+"""Looked at; a header may have more than the samples."""
 EVEN_SHARE: Final = 0.01  # times may stray from an even grid by this share of a step
 
 
@@ -205,7 +207,12 @@ def _read_csv(path: Path, sample_rate_hz: float | None) -> tuple[FloatArray, flo
     rows: list[list[float]] = []
     first_line = True
     for number, line in enumerate(_read_text(path).splitlines(), 1):
-        cells = [cell.strip() for cell in line.split("," if "," in line else ";")]
+        if len(rows) > MAX_PROFILE_SAMPLES:
+            break  # too long already, which `profile_of` tells
+        separator = "," if "," in line else ";"
+        columns = line.count(separator) + 1
+        _require(columns <= MAX_CSV_COLUMNS, f"{path.name}, line {number}: {columns} columns")
+        cells = [cell.strip() for cell in line.split(separator)]
         if not any(cells):
             continue
         try:

@@ -170,6 +170,10 @@ class ApiConfig(_Section):
     enabled: bool = True
     host: str = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65_535)] = 8420
+    max_connections: Annotated[int, Field(ge=10, le=100_000)] = 1_000
+    """Beyond, requests are answered with 503; the descriptors of the process bound it, too."""
+    max_requests_per_s: Annotated[float, Field(ge=1.0, le=100_000.0)] = 500.0
+    """Of one address, in the long run; twice as many may come at once."""
     tokens: tuple[Token, ...] = ()
     """Without any, the API is open to this machine and must stay on loopback."""
 

@@ -24,6 +24,7 @@ from frictus_service.api import (
     textures,
 )
 from frictus_service.api.gate import Gate
+from frictus_service.api.limits import Limits, Rate
 from frictus_service.api.link import RigLink
 from frictus_service.api.services import Services
 from frictus_service.config import Config
@@ -105,19 +106,24 @@ def build_app(config: Config, run: str = RUN, discover: str = DISCOVER) -> FastA
     library = TextureLibrary(config.textures)
     app.state.services = Services(config, link, library, registry, jobs, analyses)
     app.state.hub = hub
+    app.state.limits = Limits()
     app.state.metrics = metrics.ApiMetrics(link)
     for part in _PARTS:
         app.include_router(part.router)
     app.mount(pages.PAGE, pages.Pages(), name="dashboard")
     problems.install(app)
     app.add_middleware(Gate, loopback_only=config.api.loopback)
+    app.add_middleware(Rate, per_s=config.api.max_requests_per_s)
     app.add_middleware(metrics.CountRequests, metrics=app.state.metrics)
     _document_problems(app)
     return app
 
 
 def _document_problems(app: FastAPI) -> None:
-    """Put the schema of `Problem` in the OpenAPI page, in place of FastAPI's own errors."""
+    """Put the schema of `Problem` in the OpenAPI page, in place of FastAPI's own errors.
+
+    What any path may answer, whatever it is, is added to each.
+    """
     made = app.openapi
 
     def described() -> dict[str, Any]:
@@ -126,6 +132,13 @@ def _document_problems(app: FastAPI) -> None:
         for unused in ("HTTPValidationError", "ValidationError"):
             schemas.pop(unused, None)
         template = "#/components/schemas/{model}"
+        for path in page["paths"].values():
+            for operation in path.values():
+                kinds = problems.EVERYWHERE + (
+                    problems.OF_BODIES if "requestBody" in operation else ()
+                )
+                for status, said in problems.documented(*kinds).items():
+                    operation["responses"].setdefault(str(status), said)
         problem = problems.Problem.model_json_schema(ref_template=template)
         schemas.update(problem.pop("$defs"))
         schemas["Problem"] = problem

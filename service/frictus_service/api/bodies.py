@@ -1,15 +1,23 @@
 """Request bodies, read strictly: bounded, typed, finite, and without unknown fields."""
 
+import asyncio
 import math
+import re
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from typing import Any, Final, Literal, TypeVar
 
 from fastapi import Request
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import from_json
+from starlette.requests import ClientDisconnect
 
+from frictus_service.api.limits import LARGE_BYTES, Limits
 from frictus_service.api.problems import (
+    GoneError,
     InvalidError,
     Place,
+    SlowBodyError,
     TooLargeError,
     UnsupportedMediaError,
     places,
@@ -19,6 +27,16 @@ from frictus_service.api.services import services
 T = TypeVar("T")
 JSON: Final = "application/json"
 MAX_PLACES: Final = 100
+MAX_FAULTS: Final = 10_000
+"""With more, none is listed: a list of them would be larger than the body."""
+MOST: Final = {(b"[", b"{"): 100_000, (b",",): 2_000_000}
+"""Most lists and objects, and most values, counted before anything is parsed: 10 MB of empty
+lists would take half a gigabyte."""
+BODY_S: Final = 10.0
+SLOWEST_BYTES_S: Final = 100_000
+"""A body may take `BODY_S`, and as long as it takes at this rate."""
+# A number overflows by an exponent of three digits, or by 200 digits before a smaller one.
+_MAYBE_NOT_FINITE: Final = re.compile(rb"NaN|Infinity|[eE]\+?0*[1-9]\d\d|\d{200}")
 
 
 def media_type(request: Request) -> str:
@@ -26,20 +44,56 @@ def media_type(request: Request) -> str:
     return request.headers.get("content-type", "").partition(";")[0].strip().lower()
 
 
-async def raw_body(request: Request) -> bytes:
-    """Return the whole body; a dependency.
+async def raw_body(request: Request) -> AsyncIterator[bytes]:
+    """Give the whole body of a command; a dependency. As `large_body`, but smaller."""
+    async with _body(request, services(request).config.limits.max_payload_bytes) as body:
+        yield body
 
-    Reading stops as soon as the body is too large, whatever Content-Length says.
+
+async def large_body(request: Request) -> AsyncIterator[bytes]:
+    """Give the whole body of a scene or a texture; a dependency.
+
+    Reading stops as soon as the body is too large, whatever Content-Length says. Bodies share
+    a bounded memory, and few large ones are parsed at once.
 
     Raises
     ------
     TooLargeError
         If it is larger than the rigs take scenes.
+    SlowBodyError
+        If it does not come in time.
+    BusyError
+        If there are too many at once.
     """
-    limit_bytes = services(request).config.limits.max_scene_bytes
+    async with _body(request, services(request).config.limits.max_scene_bytes) as body:
+        yield body
+
+
+@asynccontextmanager
+async def _body(request: Request, limit_bytes: int) -> AsyncIterator[bytes]:
+    limits: Limits = request.app.state.limits
     announced = request.headers.get("content-length", "")
-    if announced.isdecimal() and int(announced[:20]) > limit_bytes:
+    most = int(announced[:20]) if announced.isdecimal() else limit_bytes
+    if most > limit_bytes:
         raise _too_large(limit_bytes)
+    with limits.bodies.held(most):
+        allowed_s = BODY_S + most / SLOWEST_BYTES_S
+        try:
+            async with asyncio.timeout(allowed_s):
+                body = await _read(request, limit_bytes)
+        except TimeoutError:
+            told = f"a body of up to {most} bytes is to come within {allowed_s:.0f} s"
+            raise SlowBodyError(told, headers={"Connection": "close"}) from None
+        except ClientDisconnect:
+            raise GoneError("the connection ended before the body did") from None
+        if len(body) <= LARGE_BYTES:
+            yield body
+        else:
+            async with limits.large:
+                yield body
+
+
+async def _read(request: Request, limit_bytes: int) -> bytes:
     body = bytearray()
     async for chunk in request.stream():
         body += chunk
@@ -78,8 +132,12 @@ def parse_json(
     InvalidError
         With the place of every fault.
     """
+    for what, most in MOST.items():
+        count = sum(body.count(byte) for byte in what)
+        if count > most:
+            raise InvalidError(f"the body has {count} of {what}: at most {most} are read here")
     try:
-        faults = _not_finite(from_json(body))
+        faults = _not_finite(from_json(body)) if _MAYBE_NOT_FINITE.search(body) else []
     except ValueError as error:
         raise InvalidError(f"the body is not JSON: {error}") from error
     if faults:
@@ -87,6 +145,11 @@ def parse_json(
     try:
         return adapter.validate_json(body, strict=True, extra=extra)
     except ValidationError as error:
+        if error.error_count() > MAX_FAULTS:
+            raise InvalidError(f"the body has {error.error_count()} faults") from None
+        first = error.errors(include_url=False, include_input=False)[0]
+        if first["type"] == "json_invalid":
+            raise InvalidError(f"the body is not JSON: {first['ctx']['error']}") from error
         found = places(error.errors(include_url=False, include_input=False), ("body",))
         raise InvalidError(f"the body has {len(found)} fault(s), see errors", found) from error
 

@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field, TypeAdapter
 from frictus_service.api import problems
 from frictus_service.api.access import needs
 from frictus_service.api.bodies import JSON, parse_json, raw_body, require_media
-from frictus_service.api.following import follow
+from frictus_service.api.following import follow, place
 from frictus_service.api.models import body_of
 from frictus_service.api.once import IdempotencyKey, once_of
 from frictus_service.api.services import Services, services
@@ -126,7 +126,7 @@ def get_calibration(found: Existing) -> Calibration:
 
 @router.get(
     "/{calibration}/events",
-    dependencies=[Depends(needs("read"))],
+    dependencies=[Depends(needs("read")), Depends(place)],
     response_class=EventSourceResponse,
     responses=problems.documented(*_READ),
 )

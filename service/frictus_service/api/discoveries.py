@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 from frictus_service.api import problems
 from frictus_service.api.access import needs
 from frictus_service.api.bodies import JSON, parse_json, raw_body, require_media
-from frictus_service.api.following import follow
+from frictus_service.api.following import follow, place
 from frictus_service.api.models import body_of
 from frictus_service.api.services import Services, services
 from frictus_service.discovery.document import Discovery
@@ -96,7 +96,7 @@ def get_discovery(found: Existing) -> DiscoveryJob:
 
 @router.get(
     "/{discovery}/events",
-    dependencies=[Depends(needs("read"))],
+    dependencies=[Depends(needs("read")), Depends(place)],
     response_class=EventSourceResponse,
     responses=problems.documented(*_READ),
 )

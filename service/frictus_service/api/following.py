@@ -4,8 +4,11 @@ from collections.abc import AsyncIterator, Callable, Sequence
 from typing import Final, Protocol
 
 import anyio
+from fastapi import Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.sse import ServerSentEvent
+
+from frictus_service.api.limits import Limits
 
 LOOK_S: Final = 0.2
 """How often a stream of events looks for more."""
@@ -27,6 +30,13 @@ class Event(Protocol):
         """JSON."""
 
 
+async def place(request: Request) -> AsyncIterator[None]:
+    """Hold one of the places for streams of events while a request is served; a dependency."""
+    limits: Limits = request.app.state.limits
+    with limits.streams.held():
+        yield
+
+
 async def follow(
     active: Callable[[], bool],
     events: Callable[[int], Sequence[Event]],
@@ -46,10 +56,13 @@ async def follow(
     after : int
         Number of the last event that is known; 0: from the beginning.
     """
-    while not closing():
+
+    def look(after: int) -> tuple[bool, Sequence[Event]]:
         # First the state: what was told before it changed is then among the events.
-        still = await run_in_threadpool(active)
-        told = await run_in_threadpool(events, after)
+        return active(), events(after)
+
+    while not closing():
+        still, told = await run_in_threadpool(look, after)
         for event in told:
             yield ServerSentEvent(raw_data=event.data, event=event.kind, id=str(event.number))
             after = event.number

@@ -11,7 +11,7 @@ from frictus.textures import Texture
 from frictus_hardware.physics.screen import Screen
 from frictus_service.api import problems
 from frictus_service.api.access import needs
-from frictus_service.api.bodies import JSON, parse_json, raw_body, require_media
+from frictus_service.api.bodies import JSON, large_body, parse_json, require_media
 from frictus_service.api.services import Services, services
 from frictus_service.api.textures import TEXTURE_SCHEMA
 
@@ -71,7 +71,7 @@ class Preview(BaseModel):
 def preview(
     given: Given,
     request: Request,
-    body: Annotated[bytes, Depends(raw_body)],
+    body: Annotated[bytes, Depends(large_body)],
     asked: Annotated[Asked, Query()],
 ) -> Preview:
     """Return what a texture would be; changes nothing."""

@@ -217,6 +217,30 @@ class TooLargeError(ApiError):
     status, code, title = 413, "too_large", "The body is too large"
 
 
+class SlowBodyError(ApiError):
+    """The body does not come."""
+
+    status, code, title = 408, "slow_body", "The body did not come in time"
+
+
+class GoneError(ApiError):
+    """Whoever asked left before the whole body was here; nobody reads this."""
+
+    status, code, title = 400, "client_gone", "The client left"
+
+
+class TooOftenError(ApiError):
+    """One address asks more often than it is answered."""
+
+    status, code, title = 429, "too_often", "Too many requests"
+
+
+class BusyError(ApiError):
+    """As much is done at once as can be."""
+
+    status, code, title = 503, "busy", "Too much is asked at once"
+
+
 class UnsupportedMediaError(ApiError):
     """The body is of a type that cannot be read here."""
 
@@ -335,6 +359,15 @@ _FOREIGN: Final[dict[type[Exception], type[ApiError]]] = {
     registry.RegistryUnavailableError: NoRegistryError,
     registry.RegistryError: InvalidError,  # what is left: names, cursors, provenance
 }
+EVERYWHERE: Final = (
+    HttpError,
+    CrossOriginError,
+    WrongHostError,
+    TooOftenError,
+    BusyError,
+)
+"""What a request may be answered with before its path is looked at."""
+OF_BODIES: Final = (SlowBodyError, TooLargeError)
 _BY_STATUS: Final = {404: PathNotFoundError, 405: MethodNotAllowedError}
 
 

@@ -10,7 +10,7 @@ from frictus.model import Model
 from frictus.textures import Scene
 from frictus_service.api import problems
 from frictus_service.api.access import needs
-from frictus_service.api.bodies import JSON, parse_json, raw_body, require_media
+from frictus_service.api.bodies import JSON, large_body, parse_json, raw_body, require_media
 from frictus_service.api.etags import not_modified, quoted, required_match
 from frictus_service.api.services import Services, services
 
@@ -127,7 +127,7 @@ def put_scene(
     given: Given,
     request: Request,
     response: Response,
-    body: Annotated[bytes, Depends(raw_body)],
+    body: Annotated[bytes, Depends(large_body)],
     if_match: IfMatch = None,
 ) -> Applied | None:
     """Replace the scene, with a cross-fade, and return what the rig made of it.

@@ -8,6 +8,7 @@ from typing import Final, Protocol
 import uvicorn
 
 from frictus_service.api.app import build_app
+from frictus_service.api.connections import HEAD_BYTES, PatientProtocol
 from frictus_service.config import Config
 from frictus_service.dashboard.messages import MAX_BYTES
 from frictus_service.errors import StartError
@@ -104,6 +105,9 @@ def run_api(config: Config, stop: Stop, ready: Ready) -> None:
             log_level="warning",
             access_log=False,
             server_header=False,
+            http=PatientProtocol,
+            h11_max_incomplete_event_size=HEAD_BYTES,
+            limit_concurrency=config.api.max_connections,
             timeout_graceful_shutdown=GRACE_S,
             ws_max_size=MAX_BYTES,
             ws_per_message_deflate=False,  # samples hardly shrink, and it costs a core

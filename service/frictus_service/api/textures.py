@@ -11,7 +11,7 @@ from frictus.recordings import load_texture
 from frictus.textures import Texture
 from frictus_service.api import problems
 from frictus_service.api.access import needs
-from frictus_service.api.bodies import JSON, parse_json, raw_body, require_media
+from frictus_service.api.bodies import JSON, large_body, parse_json, require_media
 from frictus_service.api.etags import not_modified, quoted, required_match
 from frictus_service.api.services import Services, services
 from frictus_service.library import (
@@ -128,7 +128,7 @@ def put_texture(
     given: Given,
     request: Request,
     response: Response,
-    body: Annotated[bytes, Depends(raw_body)],
+    body: Annotated[bytes, Depends(large_body)],
     recording: Annotated[Recording, Query()],
     if_match: IfMatch = None,
     create: Create = None,

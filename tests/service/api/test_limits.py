@@ -1,0 +1,220 @@
+"""What one client may cost: time, memory, connections, requests."""
+
+import asyncio
+import json
+import logging
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+from tests.service.api.test_server import configuration, get
+
+from frictus_service.api import bodies, connections, limits
+from frictus_service.api.bodies import MAX_FAULTS, MOST
+from frictus_service.api.problems import BusyError, GoneError
+from frictus_service.api.server import run_api
+from frictus_service.ports import free_port
+
+HALF_BODY = (
+    b"POST /v1/calibrations HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\n"
+    b'Content-Length: 1000\r\n\r\n{"a":'
+)
+
+
+@pytest.fixture
+def port(router: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """A real server that is quickly impatient."""
+    monkeypatch.setattr(connections, "HEAD_S", 0.5)
+    monkeypatch.setattr(connections, "TAKE_S", 0.5)
+    monkeypatch.setattr(bodies, "BODY_S", 0.5)
+    stop, ready = threading.Event(), threading.Event()
+    port = free_port()
+    thread = threading.Thread(
+        target=run_api, args=(configuration(router, tmp_path, port), stop, ready)
+    )
+    thread.start()
+    assert ready.wait(20.0)
+    yield port
+    stop.set()
+    thread.join(20.0)
+    assert not thread.is_alive()
+
+
+def connected(port: int, sent: bytes) -> socket.socket:
+    opened = socket.create_connection(("127.0.0.1", port), timeout=30.0)
+    opened.sendall(sent)
+    return opened
+
+
+def all_of(opened: socket.socket) -> bytes:
+    """Return what comes until the connection ends."""
+    received = b""
+    try:
+        while more := opened.recv(1 << 16):
+            received += more
+    except ConnectionResetError:
+        pass
+    return received
+
+
+@pytest.mark.parametrize(
+    "sent", [b"", b"GET /v1/hea", b"GET /v1/health HTTP/1.1\r\nHost: 127.0.0.1\r\nA"]
+)
+def test_heads_that_do_not_come_end_their_connections(port: int, sent: bytes) -> None:
+    with ExitStack() as opened:
+        many = [opened.enter_context(connected(port, sent)) for _ in range(50)]
+        assert {all_of(one) for one in many} == {b""}
+    assert get(port, "/v1/health")[0] == 200
+
+
+def test_a_half_head_after_an_answer_ends_its_connection(port: int) -> None:
+    whole = b"GET /v1/health HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
+    with connected(port, whole + b"GET /v1/hea") as opened:
+        assert all_of(opened).startswith(b"HTTP/1.1 200")
+
+
+def test_a_body_that_does_not_come_is_told_so(port: int) -> None:
+    with connected(port, HALF_BODY) as opened:
+        answer = all_of(opened)
+    assert answer.startswith(b"HTTP/1.1 408")
+    assert json.loads(answer.partition(b"\r\n\r\n")[2])["code"] == "slow_body"
+
+
+def test_who_leaves_within_a_body_leaves_no_fault(
+    port: int, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    left = threading.Semaphore(0)
+
+    def gone(text: str) -> GoneError:
+        left.release()
+        return GoneError(text)
+
+    monkeypatch.setattr(bodies, "GoneError", gone)
+    monkeypatch.setattr(bodies, "BODY_S", 60.0)
+    with ExitStack() as opened:
+        for _ in range(20):
+            opened.enter_context(connected(port, HALF_BODY))
+        assert get(port, "/v1/health")[0] == 200
+    for _ in range(20):
+        assert left.acquire(timeout=20.0)
+    assert get(port, "/v1/health")[0] == 200
+    assert [one for one in caplog.records if one.levelno >= logging.ERROR] == []
+
+
+def test_who_does_not_take_its_answers_is_cut(
+    port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cut = threading.Event()
+    lost = connections.PatientProtocol.connection_lost
+
+    def noted(self: connections.PatientProtocol, error: Exception | None) -> None:
+        cut.set()
+        lost(self, error)
+
+    monkeypatch.setattr(connections.PatientProtocol, "connection_lost", noted)
+    asked = b"GET /openapi.json HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n" * 400
+    with connected(port, asked):  # and nothing is read
+        assert cut.wait(30.0)
+    assert get(port, "/v1/health")[0] == 200
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"[" + b"[]," * 3_300_000 + b"[]]",
+        b"[" * 10_000_000,
+        b'{"kind":"profile","friction_n":[' + b"0," * 4_000_000 + b"0]}",
+    ],
+    ids=["lists", "depth", "values"],
+)
+def test_what_would_fill_the_memory_is_not_parsed(
+    api: TestClient, body: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bodies, "from_json", lambda _: pytest.fail("it was parsed"))
+    said = put(api, body)
+    assert said.status_code in (413, 422)
+    assert said.json()["code"] in ("too_large", "bad_request")
+
+
+def test_more_faults_than_a_list_should_have_are_counted(api: TestClient) -> None:
+    entries = MAX_FAULTS + 1
+    assert entries < min(MOST.values())
+    text = b'{"kind":"profile","friction_n":[' + b'"",' * (entries - 1) + b'""]}'
+    said = put(api, text)
+    assert said.status_code == 422
+    assert "errors" not in said.json()
+    assert str(entries) in said.json()["detail"]
+
+
+@pytest.mark.parametrize(
+    "number", ["1e999", "1E+0400", "9" * 400, "NaN", "-Infinity", "9" * 250 + "e99"]
+)
+def test_no_number_that_is_not_finite_slips_through(api: TestClient, number: str) -> None:
+    document = '{"kind":"profile","friction_n":[0.0,NUMBER],"period_mm":1.0}'
+    assert put(api, document.replace("NUMBER", "0.1").encode()).status_code == 201
+    said = put(api, document.replace("NUMBER", number).encode())
+    assert said.status_code == 422
+
+
+def put(api: TestClient, body: bytes) -> Any:
+    headers = {"Content-Type": "application/json", "If-None-Match": "*"}
+    return api.put("/v1/textures/new", content=body, headers=headers)
+
+
+def test_a_command_is_smaller_than_a_scene(api: TestClient) -> None:
+    headers = {"Content-Type": "application/json"}
+    said = api.post("/v1/calibrations", content=b" " * 300_000, headers=headers)
+    assert (said.status_code, said.json()["code"]) == (413, "too_large")
+
+
+def test_places_are_given_back() -> None:
+    places = limits.Places(3, "streams")
+    with places.held(2):
+        with pytest.raises(BusyError, match="at most 3 streams"), places.held(2):
+            pass
+        with places.held():
+            pass
+    with places.held(3):
+        pass
+
+
+def test_no_more_streams_of_events_than_there_are_places(
+    api: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(api.app.state.limits, "streams", limits.Places(0, "streams"))  # type: ignore[attr-defined]
+    said = api.get("/v1/discoveries/0/events")
+    assert (said.status_code, said.json()["code"]) == (503, "busy")
+
+
+def test_a_client_asks_as_often_as_it_may() -> None:
+    now_s = 100.0
+    passed: list[str] = []
+
+    async def app(scope: Any, _receive: Any, _send: Any) -> None:
+        passed.append(scope["client"][0])
+
+    async def send(message: Any) -> None:
+        if message["type"] == "http.response.start":
+            assert message["status"] == 429
+            assert (b"retry-after", b"1") in message["headers"]
+
+    rate = limits.Rate(app, 10.0, lambda: now_s)
+
+    def ask(client: str, times: int) -> int:
+        passed.clear()
+        scope = {"type": "http", "client": (client, 1), "path": "/", "method": "GET"}
+        for _ in range(times):
+            asyncio.run(rate(scope, None, send))  # type: ignore[arg-type]
+        return passed.count(client)
+
+    assert ask("a", 50) == 20
+    assert ask("b", 5) == 5
+    now_s += 1.0
+    assert ask("a", 50) == 10
+    now_s += 100.0
+    assert ask("a", 50) == 20
