@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from pydantic import Field
 
@@ -180,26 +181,48 @@ class HumanFinger:
 
     def at(self, time_s: FloatArray) -> FingerMotion:
         """Return the finger at given times."""
-        time_s = np.asarray(time_s, dtype=np.float64)
-        x, vx, held = self._stroke(time_s)
+        time_s = np.ascontiguousarray(time_s, dtype=np.float64)
+        strokes = self.strokes
+        x, vx, held = np.empty((3, time_s.size))
+        _stroke(
+            time_s,
+            strokes.begin_s,
+            strokes.move_s,
+            strokes.from_mm,
+            strokes.to_mm,
+            strokes.lift,
+            strokes.turn_mm_s2,
+            strokes.loop_s,
+            x,
+            vx,
+            held,
+        )
+        tremor_x, tremor_vx = self.tremor_x.sums(time_s)
+        tremor_y, tremor_vy = self.tremor_y.sums(time_s)
+        drift, drift_vy = self.drift.sums(time_s)
         position = np.empty((time_s.size, 2))
         velocity = np.empty((time_s.size, 2))
-        position[:, 0] = x + self.tremor_x.value(time_s)
-        velocity[:, 0] = vx + self.tremor_x.rate(time_s)
-        position[:, 1] = self.middle_mm + self.drift.value(time_s) + self.tremor_y.value(time_s)
-        velocity[:, 1] = self.drift.rate(time_s) + self.tremor_y.rate(time_s)
+        position[:, 0] = x + tremor_x
+        velocity[:, 0] = vx + tremor_vx
+        position[:, 1] = self.middle_mm + drift + tremor_y
+        velocity[:, 1] = drift_vy + tremor_vy
         return FingerMotion(position, velocity, held * self.force.at(time_s), held > 0.0)
 
-    def _stroke(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return x, its rate, and the share of the normal force that is applied."""
-        strokes = self.strokes
-        looped = np.mod(time_s, strokes.loop_s)
-        index = np.searchsorted(strokes.begin_s, looped, side="right") - 1
-        since = looped - strokes.begin_s[index]
-        move = strokes.move_s[index]
-        share = np.minimum(since / move, 1.0)
-        length = strokes.to_mm[index] - strokes.from_mm[index]
-        begin, end = strokes.turn_mm_s2[index].T * np.square(move) / 2.0
+
+@njit(cache=True, nogil=True)
+def _stroke(  # type: ignore[no-untyped-def]
+    time_s, begin_s, move_s, from_mm, to_mm, lift, turn_mm_s2, loop_s, x_mm, vx_mm_s, held
+):
+    """Write x, its rate, and the share of the normal force that is applied."""
+    for n in range(time_s.size):
+        looped = time_s[n] % loop_s
+        index = np.searchsorted(begin_s, looped, side="right") - 1
+        since = looped - begin_s[index]
+        move = move_s[index]
+        share = min(since / move, 1.0)
+        length = to_mm[index] - from_mm[index]
+        begin = turn_mm_s2[index, 0] * move**2 / 2.0
+        end = turn_mm_s2[index, 1] * move**2 / 2.0
         # The quintic with these positions and accelerations at its ends, at rest there.
         cubic = 10.0 * length - 3.0 * begin + end
         quartic = -15.0 * length + 3.0 * begin - 2.0 * end
@@ -209,9 +232,10 @@ class HumanFinger:
             2.0 * begin
             + share * (3.0 * cubic + share * (4.0 * quartic + share * 5.0 * quintic))
         )
-        after = since - move
-        left = np.append(strokes.begin_s[1:], strokes.loop_s)[index] - looped
-        # Off the screen between two ramps, where the rest holds a lift.
-        off = np.clip(np.minimum(after, left) / LIFT_RAMP_S, 0.0, 1.0)
-        held = np.where(strokes.lift[index], 1.0 - off, 1.0)
-        return strokes.from_mm[index] + along, rate / move, held
+        held[n] = 1.0
+        if lift[index]:  # off the screen between two ramps
+            last = index + 1 == begin_s.size
+            left = (loop_s if last else begin_s[index + 1]) - looped
+            off = min(since - move, left) / LIFT_RAMP_S
+            held[n] = 1.0 - min(max(off, 0.0), 1.0)
+        x_mm[n], vx_mm_s[n] = from_mm[index] + along, rate / move

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
@@ -80,14 +81,28 @@ class Wander:
 
     def value(self, time_s: FloatArray) -> FloatArray:
         """Return the sum, shape (n_samples,)."""
-        out: FloatArray = np.sin(self._phase(time_s)) @ self.amplitude
-        return out
+        return self.sums(time_s)[0]
 
     def rate(self, time_s: FloatArray) -> FloatArray:
         """Return its derivative, per second."""
-        turn = 2.0 * np.pi * self.frequency_hz
-        out: FloatArray = np.cos(self._phase(time_s)) @ (turn * self.amplitude)
-        return out
+        return self.sums(time_s)[1]
 
-    def _phase(self, time_s: FloatArray) -> FloatArray:
-        return 2.0 * np.pi * np.multiply.outer(time_s, self.frequency_hz) + self.phase_rad
+    def sums(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return `value` and `rate`, for little more than one of them costs."""
+        time_s = np.ascontiguousarray(time_s, dtype=np.float64)
+        value, rate = np.empty(time_s.size), np.empty(time_s.size)
+        add_sinusoids(time_s, self.frequency_hz, self.phase_rad, self.amplitude, value, rate)
+        return value, rate
+
+
+@njit(cache=True, nogil=True)
+def add_sinusoids(time_s, frequency_hz, phase_rad, amplitude, value, rate):  # type: ignore[no-untyped-def]
+    """Write a sum of sinusoids and its derivative, shape (n_samples,)."""
+    for n in range(time_s.size):
+        total, slope = 0.0, 0.0
+        for k in range(frequency_hz.size):
+            turn = 2.0 * np.pi * frequency_hz[k]
+            phase = 2.0 * np.pi * (time_s[n] * frequency_hz[k]) + phase_rad[k]
+            total += np.sin(phase) * amplitude[k]
+            slope += np.cos(phase) * (turn * amplitude[k])
+        value[n], rate[n] = total, slope

@@ -15,6 +15,7 @@ from frictus_hardware.errors import (
 )
 from frictus_hardware.opened import Opened
 from frictus_hardware.output import RETURN_S, OutputQueue
+from frictus_hardware.physics.compiled import compiled
 from frictus_hardware.physics.stages import Noise, Quantisation
 from frictus_hardware.physics.twin import Signals, Stage, Twin
 from frictus_hardware.simulated.clock import Clock, RealClock, VirtualClock
@@ -142,8 +143,8 @@ class SimulatedRig(Opened):
         if self._open:
             return
         self._begin()
-        # Compiled and cached parts are called once before time counts.
-        self._twin.run(_still(self.config), self._twin.initial())
+        self._sense(0, 1)  # compiled and cached parts are called once before time counts
+        self._begin()
         self._open = True
         self._clock.start()
 
@@ -391,22 +392,11 @@ def make_twin(config: SimulatedConfig, minutes: float = 0.0) -> Twin:
         sensors = (Noise(config.force_noise_n, config.accel_noise_m_s2, config.seed),)
     if config.quantisation:
         sensors = (*sensors, Quantisation())
-    return config.participant.simulator.twin(
+    twin = config.participant.simulator.twin(
         config.screen,
         config.participant.friction_coefficient,
         sensors,
         minutes=minutes,
         seed=config.seed,
     )
-
-
-def _still(config: SimulatedConfig) -> Signals:
-    """Return a sample of nothing at all."""
-    return Signals.driven(
-        config.sample_rate_hz,
-        np.zeros(1),
-        np.zeros((1, 2)),
-        np.zeros((1, 2)),
-        np.zeros(1),
-        np.zeros(1, dtype=np.bool_),
-    )
+    return compiled(twin)

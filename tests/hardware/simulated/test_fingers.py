@@ -1,5 +1,6 @@
 """Virtual fingers: continuous, on the screen, reproducible, and of the stated kind."""
 
+import functools
 from collections.abc import Callable
 
 import numpy as np
@@ -10,6 +11,7 @@ from pydantic import TypeAdapter
 from frictus_hardware.errors import ConfigError
 from frictus_hardware.simulated.fingers import FingerConfig
 from frictus_hardware.simulated.human import (
+    LIFT_RAMP_S,
     LOOP_S,
     MIDDLE_MM,
     PAUSE_PROBABILITY,
@@ -17,14 +19,16 @@ from frictus_hardware.simulated.human import (
     SPEED_MM_S,
     SPEED_PER_LENGTH,
     STROKE_MM,
+    HumanFinger,
     HumanStrokes,
     draw_strokes,
 )
-from frictus_hardware.simulated.motion import Finger
+from frictus_hardware.simulated.motion import Finger, Wander
 from frictus_hardware.simulated.pointer import ClientFinger, PointerFinger
 from frictus_hardware.simulated.press import Press
 from frictus_hardware.simulated.strokes import SinusoidalStrokes, SteadyStrokes
 
+FloatArray = NDArray[np.float64]
 SCREEN_MM = (70.0, 35.0)
 Start = Callable[[tuple[float, float], np.random.Generator], Finger]
 ALONE = [
@@ -239,3 +243,59 @@ def test_pointer_refuses_what_is_no_point(point: tuple[float, float, float]) -> 
 def test_a_configuration_names_the_kind(kind: str) -> None:
     read: FingerConfig = TypeAdapter(FingerConfig).validate_python({"kind": kind})
     assert read.kind == kind
+
+
+def plain_wander(wander: Wander, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the sum of sinusoids and its derivative, by whole arrays."""
+    turn = 2.0 * np.pi * wander.frequency_hz
+    phase = 2.0 * np.pi * np.multiply.outer(time_s, wander.frequency_hz) + wander.phase_rad
+    return np.sin(phase) @ wander.amplitude, np.cos(phase) @ (turn * wander.amplitude)
+
+
+def plain_stroke(finger: HumanFinger, time_s: FloatArray) -> tuple[FloatArray, ...]:
+    """Return x, its rate and the share of the force that is applied, by whole arrays."""
+    strokes = finger.strokes
+    looped = np.mod(time_s, strokes.loop_s)
+    index = np.searchsorted(strokes.begin_s, looped, side="right") - 1
+    since = looped - strokes.begin_s[index]
+    move = strokes.move_s[index]
+    share = np.minimum(since / move, 1.0)
+    length = strokes.to_mm[index] - strokes.from_mm[index]
+    begin, end = strokes.turn_mm_s2[index].T * np.square(move) / 2.0
+    quintic = np.stack(
+        [
+            0.0 * begin,
+            0.0 * begin,
+            begin,
+            10.0 * length - 3.0 * begin + end,
+            -15.0 * length + 3.0 * begin - 2.0 * end,
+            6.0 * length - begin + end,
+        ]
+    )
+    power = np.arange(6)[:, np.newaxis]
+    along = np.sum(quintic * share**power, axis=0)
+    rate = np.sum(power[1:] * quintic[1:] * share ** (power[1:] - 1), axis=0)
+    left = np.append(strokes.begin_s[1:], strokes.loop_s)[index] - looped
+    off = np.clip(np.minimum(since - move, left) / LIFT_RAMP_S, 0.0, 1.0)
+    held = np.where(strokes.lift[index], 1.0 - off, 1.0)
+    return strokes.from_mm[index] + along, rate / move, held
+
+
+@pytest.mark.parametrize("lift_probability", [0.0, 0.7])
+def test_a_human_finger_moves_as_whole_arrays_say(
+    lift_probability: float, rng: np.random.Generator
+) -> None:
+    strokes = HumanStrokes(lift_probability=lift_probability, tremor_mm=0.2)
+    finger = strokes.start(SCREEN_MM, rng)
+    time_s = np.sort(rng.uniform(0.0, 3.0 * LOOP_S, 50_000))
+    motion = finger.at(time_s)
+    x, vx, held = plain_stroke(finger, time_s)
+    tremor_x, tremor_vx = plain_wander(finger.tremor_x, time_s)
+    tremor_y, tremor_vy = plain_wander(finger.tremor_y, time_s)
+    drift, drift_vy = plain_wander(finger.drift, time_s)
+    y = finger.middle_mm + drift + tremor_y
+    same = functools.partial(np.testing.assert_allclose, rtol=1e-9, atol=1e-8)
+    same(motion.position_mm, np.column_stack([x + tremor_x, y]))
+    same(motion.velocity_mm_s, np.column_stack([vx + tremor_vx, drift_vy + tremor_vy]))
+    same(motion.normal_force_n, held * finger.force.at(time_s))
+    assert np.array_equal(motion.in_contact, held > 0.0)

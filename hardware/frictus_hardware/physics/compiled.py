@@ -1,0 +1,261 @@
+"""The standard stages in one compiled pass, for rigs that run in real time.
+
+Stage by stage, a 5 ms block costs many small array operations, each of which takes longer to
+call than to compute. The pass does the same arithmetic sample by sample; the stages themselves
+remain the reference, and what analysis uses.
+"""
+
+from dataclasses import dataclass
+from typing import Final, Self
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from frictus_hardware.physics import linear
+from frictus_hardware.physics.friction import FADE_SPEED_MM_S
+from frictus_hardware.physics.mobility import Mobility
+from frictus_hardware.physics.stages import (
+    REST_SPEED_MM_S,
+    Contact,
+    Decimate,
+    Drive,
+    Hold,
+    Response,
+    Skin,
+    Underneath,
+)
+from frictus_hardware.physics.twin import Signals, Stage, Twin
+
+FloatArray = NDArray[np.float64]
+
+N_STANDARD: Final = 7
+"""From `Hold` to `Decimate`."""
+SPENT_N: Final = 1e-200
+"""Friction below this is set to zero once nothing is driven: without end it would decay into
+numbers that processors handle slowly."""
+
+
+def compiled(twin: Twin) -> Twin:
+    """Return the same twin with its standard stages done in one pass, where it has just them.
+
+    Parameters
+    ----------
+    twin : Twin
+        Returned as it is where an effect acts between the standard stages or in the response.
+    """
+    fused = OnePass.of(twin.stages[:N_STANDARD])
+    return twin if fused is None else Twin((fused, *twin.stages[N_STANDARD:]))
+
+
+@dataclass(frozen=True, slots=True)
+class _PassState:
+    """Copied, not changed, by a run."""
+
+    last: FloatArray
+    """Volts, velocity (x, y) and normal force of the last sample; see `_started`."""
+    friction_n: float
+    lateral: FloatArray
+    normal: FloatArray
+    skin: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class OnePass:
+    """The standard stages, from `Hold` to `Decimate`, as one. Made by `compiled`."""
+
+    hold: Hold
+    drive: Drive
+    response: Response
+    contact: Contact
+    mount: Underneath
+    mobility: Mobility
+
+    @classmethod
+    def of(cls, stages: tuple[Stage, ...]) -> Self | None:
+        """Return the pass that does what these stages do; None where they do more."""
+        match stages:
+            case (
+                Hold() as hold,
+                Drive() as drive,
+                Response() as response,
+                Contact() as contact,
+                Underneath() as mount,
+                Skin() as skin,
+                Decimate() as decimate,
+            ) if hold.steps == decimate.steps and response == Response(
+                response.law, minutes=response.minutes
+            ):
+                return cls(hold, drive, response, contact, mount, skin.mobility)
+        return None
+
+    def initial(self) -> None:
+        """Return None: at rest, at 0 V, unloaded."""
+
+    def run(self, signals: Signals, state: _PassState | None) -> tuple[Signals, _PassState]:
+        """Set every output at the device's rate."""
+        fine_hz = signals.sample_rate_hz * self.hold.steps
+        lateral = _sampled(self.mount.lateral, fine_hz)
+        normal = _sampled(self.mount.normal, fine_hz)
+        skin = _sampled(self.mobility.acceleration, fine_hz)
+        if state is None:
+            state = _PassState(
+                _started(signals),
+                0.0,
+                np.zeros((lateral.shape[1] - 1, 2)),
+                np.zeros((normal.shape[1] - 1, 1)),
+                np.zeros((skin.shape[1] - 1, 2)),
+            )
+        after = _PassState(
+            state.last.copy(),
+            0.0,
+            state.lateral.copy(),
+            state.normal.copy(),
+            state.skin.copy(),
+        )
+        count = signals.voltage_v.size
+        scalars = np.empty((3, count))
+        vectors = np.zeros((3, count, 3))
+        law = self.response.law
+        friction_n = _pass(
+            np.ascontiguousarray(signals.voltage_v),
+            np.ascontiguousarray(signals.velocity_mm_s),
+            np.ascontiguousarray(signals.normal_force_n),
+            np.ascontiguousarray(signals.in_contact),
+            self.hold.steps,
+            self.drive.screen.peak_v,
+            law.gain_n,
+            law.cutoff_0_hz,
+            law.slope_hz_per_mm_s,
+            law.speed_range_mm_s[0],
+            law.speed_range_mm_s[1],
+            fine_hz,
+            self.contact.friction_coefficient,
+            lateral,
+            normal,
+            skin,
+            state.friction_n,
+            after.last,
+            after.lateral,
+            after.normal,
+            after.skin,
+            scalars,
+            vectors,
+        )
+        out = Signals(
+            signals.sample_rate_hz,
+            signals.voltage_v,
+            scalars[0],
+            signals.position_mm,
+            signals.velocity_mm_s,
+            signals.normal_force_n,
+            signals.in_contact,
+            drive_fraction=scalars[1],
+            friction_n=scalars[2],
+            finger_force_n=vectors[0],
+            force_n=vectors[1],
+            accel_m_s2=vectors[2],
+        )
+        return out, _PassState(after.last, friction_n, after.lateral, after.normal, after.skin)
+
+
+def _started(signals: Signals) -> FloatArray:
+    """Return the sample before the first: the finger as at the first, the screen at 0 V."""
+    return np.concatenate([[0.0], signals.velocity_mm_s[0], signals.normal_force_n[:1]])
+
+
+def _sampled(transfer: linear.TransferFunction | None, rate_hz: float) -> FloatArray:
+    """Return numerator and denominator in 1/z, shape (2, order + 1); None passes on."""
+    if transfer is None:
+        return np.ones((2, 1))
+    sampled = linear.sample(transfer, rate_hz)
+    both: FloatArray = np.array([sampled.numerator, sampled.denominator])
+    both /= both[1, 0]
+    return both
+
+
+@njit(cache=True, nogil=True)
+def _filter(coefficients, sample, memory, axis):  # type: ignore[no-untyped-def]
+    """Return a sample filtered, by the transposed direct form II, as `scipy.signal.lfilter`."""
+    order = memory.shape[0]
+    out = coefficients[0, 0] * sample
+    if order:
+        out += memory[0, axis]
+        for k in range(order - 1):
+            memory[k, axis] = (
+                memory[k + 1, axis]
+                + coefficients[0, k + 1] * sample
+                - coefficients[1, k + 1] * out
+            )
+        memory[order - 1, axis] = coefficients[0, order] * sample - coefficients[1, order] * out
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _pass(  # type: ignore[no-untyped-def]
+    voltage_v,
+    velocity_mm_s,
+    normal_n,
+    in_contact,
+    steps,
+    peak_v,
+    gain_n,
+    cutoff_0_hz,
+    slope_hz,
+    slowest_mm_s,
+    fastest_mm_s,
+    fine_hz,
+    friction_coefficient,
+    lateral,
+    normal,
+    skin,
+    friction_n,
+    last,
+    lateral_memory,
+    normal_memory,
+    skin_memory,
+    scalars,
+    vectors,
+):
+    """Fill scalars (screen volts, drive fraction, friction) and vectors (finger, force, skin).
+
+    The memories and `last` are changed; what is returned is the friction to go on with.
+    """
+    for n in range(voltage_v.size):
+        volts = last[0]
+        fraction = 2.0 * (volts / peak_v) ** 2
+        target_n = gain_n * fraction
+        if target_n == 0.0 and friction_n < SPENT_N:
+            friction_n = 0.0
+        touching = 1.0 if in_contact[n] else 0.0
+        for step in range(steps):
+            share = (step + 1) / steps
+            vx = last[1] + share * (velocity_mm_s[n, 0] - last[1])
+            vy = last[2] + share * (velocity_mm_s[n, 1] - last[2])
+            pressed_n = (last[3] + share * (normal_n[n] - last[3])) * touching
+            speed = np.hypot(vx, vy)
+            if target_n != 0.0 or friction_n != 0.0:
+                clamped = min(max(speed, slowest_mm_s), fastest_mm_s)
+                cutoff_hz = cutoff_0_hz + slope_hz * clamped
+                decay = np.exp(-2.0 * np.pi * cutoff_hz / fine_hz)
+                friction_n = decay * friction_n + (1.0 - decay) * target_n
+            rendered_n = friction_n * min(speed / FADE_SPEED_MM_S, 1.0) * touching
+            moving = max(speed, 1e-12)
+            # Beyond 20 the tangent is 1 to the last digit.
+            turned = moving / REST_SPEED_MM_S
+            towards = (np.tanh(turned) if turned < 20.0 else 1.0) / moving
+            size = (friction_coefficient * pressed_n + rendered_n) * towards
+            fx, fy = -size * vx, -size * vy
+            force_x = _filter(lateral, -fx, lateral_memory, 0)
+            force_y = _filter(lateral, -fy, lateral_memory, 1)
+            force_z = _filter(normal, pressed_n, normal_memory, 0)
+            accel_x = _filter(skin, fx, skin_memory, 0)
+            accel_y = _filter(skin, fy, skin_memory, 1)
+        scalars[0, n], scalars[1, n], scalars[2, n] = volts, fraction, rendered_n
+        vectors[0, n, 0], vectors[0, n, 1], vectors[0, n, 2] = fx, fy, -pressed_n
+        vectors[1, n, 0], vectors[1, n, 1], vectors[1, n, 2] = force_x, force_y, force_z
+        vectors[2, n, 0], vectors[2, n, 1] = accel_x, accel_y
+        last[0] = voltage_v[n]
+        last[1], last[2] = velocity_mm_s[n, 0], velocity_mm_s[n, 1]
+        last[3] = normal_n[n]
+    return friction_n
