@@ -22,16 +22,17 @@ class Monitor:
 
     def __init__(self, lead_samples: int) -> None:
         self._lead = lead_samples
-        self._power = np.zeros(RING_SAMPLES)
-        self._known_from = 0
+        self._power = np.zeros(RING_SAMPLES)  # NaN where it is not known what played
 
     def restart(self) -> None:
         """Forget everything: the device began anew."""
         self._power[:] = 0.0
-        self._known_from = 0
 
     def compare(self, exchange: Exchange, zero_from: int) -> float:
         """Return how far monitor and drive are apart over the sensed block, V rms.
+
+        A block that lacks samples is not compared; a monitor that is not finite always is
+        apart.
 
         Parameters
         ----------
@@ -41,13 +42,17 @@ class Monitor:
             handed over, and is not compared.
         """
         n = exchange.applied_v.size
-        self._power[self._places(exchange.play_sample, n)] = np.square(exchange.applied_v)
-        if exchange.underrun_samples or exchange.overrun_samples:
-            self._known_from = exchange.play_sample + n
-        if exchange.first_sample < max(zero_from, self._known_from):
-            return 0.0
-        told_v = np.sqrt(self._power[self._places(exchange.first_sample, n)].mean())
+        play, lost = exchange.play_sample, exchange.overrun_samples
+        self._power[self._places(play, n)] = np.square(exchange.applied_v)
+        if lost or exchange.underrun_samples:
+            missing = max(lost, exchange.underrun_samples)
+            self._power[self._places(play - lost, min(missing, RING_SAMPLES))] = np.nan
         sensed_v = np.sqrt(np.square(exchange.voltage_v).mean())
+        if not np.isfinite(sensed_v):
+            return np.inf
+        told_v = np.sqrt(self._power[self._places(exchange.first_sample, n)].mean())
+        if exchange.first_sample < zero_from or np.isnan(told_v):
+            return 0.0
         return float(abs(sensed_v - told_v))
 
     def _places(self, first: int, n_samples: int) -> NDArray[np.int64]:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from frictus_hardware.base import Backend, Exchange, TouchReport
+from frictus_hardware.errors import HardwareError
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis.estimator import Course, FingerEstimator
@@ -100,14 +101,20 @@ class Chain:
         Raises
         ------
         HardwareError
-            What the backend raises; the block was then not played.
+            What the backend raises. Where the block was not taken, the next one goes on from
+            the one before it.
         """
         play_sample = self.backend.next_play_sample
         course = self.estimator.predict(play_sample, self._block_samples)
         in_contact = self.estimator.in_contact
         stale = self.estimator.stale(play_sample - self.backend.info.lead_samples)
         rendered = self.renderer.render(play_sample, course, allow and in_contact and not stale)
-        exchange = self.backend.exchange(rendered.voltage_v)
+        try:
+            exchange = self.backend.exchange(rendered.voltage_v)
+        except HardwareError:
+            if self.backend.next_play_sample == play_sample:
+                self.renderer.take_back()
+            raise
         for report in exchange.touches:
             self.estimator.observe(report)
         self.estimator.press(float(exchange.force_n[:, 2].mean()))

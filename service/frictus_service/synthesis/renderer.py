@@ -117,6 +117,13 @@ class Renderer:
         allow : bool
             Whether there may be output; the envelope ramps towards it within 20 ms.
         """
+        self._before = (
+            self._level,
+            self._share,
+            self._scene,
+            self._next_scene,
+            self._waiting,
+        )
         if self._level == 0.0:
             self._inverter.settle()
         clipped, extrapolated = self._compose(first_sample, course)
@@ -140,6 +147,10 @@ class Renderer:
             extrapolated if active else 0,
             self._level,
         )
+
+    def take_back(self) -> None:
+        """Undo the last block, which was not played: ramp and fades go on from before it."""
+        self._level, self._share, self._scene, self._next_scene, self._waiting = self._before
 
     def _compose(self, first_sample: int, course: Course) -> tuple[int, int]:
         """Write the drive, all fades included; return clipped and extrapolated samples.

@@ -20,6 +20,7 @@ from frictus_hardware.output import RETURN_S
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen, drive_fraction_of
 from frictus_hardware.simulated.faults import (
+    FOR_GOOD,
     EmptyOutput,
     LateBlock,
     LostSamples,
@@ -37,12 +38,14 @@ from frictus_service.daemon.timebase import Stamp
 from frictus_service.etag import etag_of
 from frictus_service.synthesis.excitation import compile_excitation
 from frictus_service.synthesis.inverter import Inverter
-from frictus_service.synthesis.renderer import Rendered, Renderer
+from frictus_service.synthesis.renderer import RAMP_S, Rendered, Renderer
 from frictus_service.synthesis.scene import compile_scene
 from frictus_service.synthesis.stream import StreamBudget
 from frictus_service.translate import VOLTAGE, blocks_of, flags_of, placeholder_model
 
 SETTLED_S = 0.5
+PERIOD = 20
+"""Samples in which the carrier takes all its phases."""
 
 
 def driven(bench: Any, texture: Scene, lease_s: float = 10.0) -> Any:
@@ -124,36 +127,96 @@ def test_momentary_faults_are_counted_not_fatal(make_bench: Any, texture: Scene)
     assert bench.interlock.state.state == "armed", bench.interlock.state.fault
 
 
+def envelope_v(bench: Any) -> FloatArray:
+    """Return the largest published volts from each sample on, over a period of the carrier.
+
+    NaN where samples were lost on the way here.
+    """
+    played = np.full(bench.rig.next_play_sample + PERIOD - 1, np.nan)
+    for turn in bench.turns:
+        for block in blocks_of(turn, Stamp(0, 0), Flag(0), bench.rate_hz):
+            if block.stream == VOLTAGE:
+                first = block.first_sample
+                played[first : first + block.data.shape[1]] = block.data[0]
+    largest: FloatArray = np.max(sliding_window_view(np.abs(played), PERIOD), 1)
+    return largest
+
+
+def steady(bench: Any) -> None:
+    """Arm the bench and have it play a drive that does not change."""
+    bench.arm()
+    excitation = Excitation(bias=0.5)
+    compiled = compile_excitation(excitation, FrictionLaw(), bench.rate_hz)
+    bench.orders.scene.append(SceneOrder(compiled, arming=1))
+
+
 @pytest.mark.parametrize("samples", [1, 40, 260, 730])
 @pytest.mark.parametrize("fault", [EmptyOutput, LostSamples, LateBlock])
 def test_output_comes_back_over_a_ramp_after_a_gap(
     make_bench: Any, fault: Any, samples: int
 ) -> None:
     bench = make_bench()
-    bench.arm()
-    steady = compile_excitation(Excitation(bias=0.5), FrictionLaw(), bench.rate_hz)
-    bench.orders.scene.append(SceneOrder(steady, arming=1))
+    steady(bench)
     bench.turn(SETTLED_S)
     at = bench.clock.sample() + 1_000
     bench.rig.faults.add(fault(at_sample=at, samples=samples))
     bench.turn(SETTLED_S)
-    played = np.full(bench.rig.next_play_sample, np.nan)
-    for turn in bench.turns:
-        for block in blocks_of(turn, Stamp(0, 0), Flag(0), bench.rate_hz):
-            if block.stream == VOLTAGE:
-                first = block.first_sample
-                played[first : first + block.data.shape[1]] = block.data[0]
-    period = 20  # in which the carrier takes all its phases
-    # NaN where a window has samples that were lost on the way here.
-    envelope = np.max(sliding_window_view(np.abs(played[at - 500 : at + 3_000]), period), 1)
+    envelope = envelope_v(bench)[at - 500 : at + 3_000]
     full_v = bench.rig.info.screen_peak_v * np.sqrt(0.5)
     assert envelope[0] == pytest.approx(full_v, rel=1e-6)
     assert envelope[-1] == pytest.approx(full_v, rel=1e-6)
-    rises = envelope[period:] - envelope[:-period]
-    assert np.nanmax(rises) <= 2.0 * period * full_v / (RETURN_S * bench.rate_hz)
+    rises = envelope[PERIOD:] - envelope[:-PERIOD]
+    assert np.nanmax(rises) <= 2.0 * PERIOD * full_v / (RETURN_S * bench.rate_hz)
     margin = bench.rig.info.lead_samples if fault is LateBlock else 0
-    if samples > margin + period:
+    if samples > margin + PERIOD:
         assert np.nanmin(envelope) < 0.1 * full_v
+
+
+@pytest.mark.parametrize("blocks", range(6))
+def test_a_block_that_was_not_taken_does_not_tear_the_ramp(
+    make_bench: Any, blocks: int
+) -> None:
+    bench = make_bench()
+    bench.turn(0.2)
+    steady(bench)
+    if blocks:
+        bench.turn(0.005 * blocks)
+    bench.rig.faults.add(Raised(at_sample=bench.clock.sample(), error="sensor"))
+    bench.turn(SETTLED_S)
+    envelope = envelope_v(bench)
+    full_v = bench.rig.info.screen_peak_v * np.sqrt(0.5)
+    rises = envelope[PERIOD:] - envelope[:-PERIOD]
+    # The square root of the drive's ramp begins sqrt(3) times as steep as a straight one.
+    assert np.nanmax(rises) <= 2.0 * PERIOD * 1.8 * full_v / (RAMP_S * bench.rate_hz)
+
+
+def test_underruns_that_keep_coming_do_not_blind_the_monitor(
+    make_bench: Any, texture: Scene
+) -> None:
+    bench = driven(make_bench(), texture)
+    at = bench.clock.sample()
+    for block in range(0, 60, 4):
+        bench.rig.faults.add(EmptyOutput(at_sample=at + 100 * block, samples=10))
+    bench.turn(0.15)
+    assert bench.interlock.trips == 0
+    bench.rig.faults.add(MonitorMismatch(at_sample=at + 3_000, factor=0.0))
+    bench.turn(0.1)
+    assert bench.interlock.state.state == "tripped"
+
+
+@pytest.mark.parametrize("stopped", [False, True])
+def test_a_monitor_that_reads_no_number_trips_whatever_is_played(
+    make_bench: Any, texture: Scene, stopped: bool
+) -> None:
+    bench = driven(make_bench(), texture)
+    if stopped:
+        bench.feed(Stop("ben"))
+    at = bench.clock.sample()
+    bench.rig.faults.add(
+        MonitorMismatch.model_construct(at_sample=at, samples=FOR_GOOD, factor=np.nan)
+    )
+    bench.turn(0.01)
+    assert bench.interlock.state.state == "tripped"
 
 
 def flagged(bench: Any, flag: Flag) -> list[range]:
