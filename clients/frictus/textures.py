@@ -56,7 +56,9 @@ class Spectrum(_Texture):
     """A sum of sinusoids, spatial (`cycles_per_mm`) and temporal (`hz`) ones alike."""
 
     kind: Literal["spectrum"] = "spectrum"
-    components: Annotated[list[Component], Field(min_length=1, max_length=MAX_COMPONENTS)]
+    components: Annotated[
+        list[Component], Field(min_length=1, max_length=MAX_COMPONENTS, fail_fast=True)
+    ]
     angle_deg: AngleDeg = 0.0
     """Direction of the spatial phase, from x towards y."""
 
@@ -65,7 +67,9 @@ class Profile(_Texture):
     """Friction over one period, sampled evenly; it repeats without end."""
 
     kind: Literal["profile"] = "profile"
-    friction_n: Annotated[list[Friction], Field(min_length=2, max_length=MAX_PROFILE_SAMPLES)]
+    friction_n: Annotated[
+        list[Friction], Field(min_length=2, max_length=MAX_PROFILE_SAMPLES, fail_fast=True)
+    ]
     period_mm: Annotated[FiniteFloat, Field(ge=PERIOD_MM[0], le=PERIOD_MM[1])] | None = None
     period_s: Annotated[FiniteFloat, Field(ge=PERIOD_S[0], le=PERIOD_S[1])] | None = None
     angle_deg: AngleDeg = 0.0
@@ -154,5 +158,5 @@ class Region(_Texture):
 class Scene(_Texture):
     """What a whole screen feels like. No region at all is a smooth screen."""
 
-    regions: Annotated[list[Region], Field(max_length=MAX_REGIONS)] = []
+    regions: Annotated[list[Region], Field(max_length=MAX_REGIONS, fail_fast=True)] = []
     name: Annotated[str, Field(max_length=100)] = ""

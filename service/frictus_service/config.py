@@ -127,7 +127,7 @@ class Limits(_Section):
     """How far a sender's clock may be ahead of this machine's."""
     max_payload_bytes: Annotated[int, Field(ge=1_024, le=64_000_000)] = 256_000
     """Larger commands are refused unread."""
-    max_scene_bytes: Annotated[int, Field(ge=1_024, le=64_000_000)] = 10_000_000
+    max_scene_bytes: Annotated[int, Field(ge=1_024, le=64_000_000)] = 2_700_000
     """The same for scenes, whose maps carry images."""
     finger_stale_ms: Annotated[int, Field(ge=20, le=1_000)] = 100
     """Without a touch report for so long, rendering is suspended."""

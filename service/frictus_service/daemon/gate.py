@@ -10,6 +10,9 @@ from frictus_service.config import Limits
 
 Kind = TypeVar("Kind", bound=Request)
 CENTURY_NS: Final = 100 * 365 * 86_400 * 10**9
+MAX_NESTED: Final = 10_000
+"""Objects and lists in a payload. They take long to read, and meanwhile the block loop may wait
+for the interpreter's lock."""
 GUIDANCE_TTL_MS: Final = 500
 """Guidance comes 30 times a second; what a frozen sender left behind guides nobody."""
 
@@ -45,6 +48,7 @@ class Gate:
             `too_large`, `bad_request` (the text names the field) or `stale`.
         """
         self.check_size(len(payload), most_bytes)
+        _check_nesting(payload)
         try:
             request = kind.from_json(payload)
         except FrameError as error:
@@ -76,6 +80,7 @@ class Gate:
             As `read`.
         """
         self.check_size(len(payload), self.limits.max_payload_bytes)
+        _check_nesting(payload)
         try:
             guidance = GuidanceState.from_json(payload)
         except FrameError as error:
@@ -122,3 +127,11 @@ class Gate:
             raise RefusedError(
                 "too_large", f"{size_bytes} bytes; at most {most_bytes} are accepted"
             )
+
+
+def _check_nesting(payload: bytes) -> None:
+    nested = payload.count(b"[") + payload.count(b"{")
+    if nested > MAX_NESTED:
+        raise RefusedError(
+            "too_large", f"{nested} objects and lists; at most {MAX_NESTED} are accepted"
+        )

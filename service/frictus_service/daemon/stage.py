@@ -24,7 +24,7 @@ from frictus_hardware.physics.screen import Screen
 from frictus_service.daemon.interlock import Interlock
 from frictus_service.daemon.orders import ModelOrder, Orders, RenderedModel, SceneOrder
 from frictus_service.daemon.safety import refusal
-from frictus_service.etag import etag_of
+from frictus_service.etag import etag_of, etag_of_scene
 from frictus_service.synthesis.excitation import compile_excitation
 from frictus_service.synthesis.inverse import Inverse
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
@@ -190,7 +190,7 @@ class Stage:
         except ArgumentError as error:
             raise RefusedError("not_feasible", str(error)) from error
         state = SceneState(
-            etag=etag_of(request.excitation),
+            etag=etag_of_scene(request.excitation),
             scene=Scene(name=f"excitation by {request.client}"),
             applied=compiled.applied,
             source="excitation",
@@ -297,7 +297,9 @@ class Stage:
 
     def _compiled(self, scene: Scene, inverse: Inverse) -> tuple[SceneState, CompiledScene]:
         compiled = compile_scene(scene, inverse, self._screen, self._rate_hz)
-        return SceneState(etag=etag_of(scene), scene=scene, applied=compiled.applied), compiled
+        return SceneState(
+            etag=etag_of_scene(scene), scene=scene, applied=compiled.applied
+        ), compiled
 
     def _check_match(self, wanted: str | None, present: str, what: str) -> None:
         if wanted is not None and wanted != present:

@@ -1,6 +1,7 @@
 """Commands: who may do what, how old it may be, and that garbage only makes a refusal."""
 
 import json
+import time
 from typing import Any
 
 import pytest
@@ -8,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frictus.keys import CALLS
+from frictus.textures import MAX_PROFILE_SAMPLES, Profile, Region, Scene
 from frictus_service.config import Limits
 from frictus_service.daemon.commands import SHORT_BYTES
 from frictus_service.daemon.orders import ModelSlot
@@ -81,6 +83,51 @@ def test_large_payloads_are_refused_unread(desk: Desk) -> None:
         reply = desk.send(name, b"{" * (most + 1))
         assert reply.code == "too_large"
         assert str(most) in reply.message
+
+
+HOSTILE = {
+    "lists": b"[" + b"[]," * 9_000 + b"[]]",
+    "deep": b"[" * 9_900,
+    "regions": b'{"regions":[' + b"{}," * 9_000 + b"{}]}",
+    "friction": b'{"regions":[{"texture":{"kind":"profile","friction_n":['
+    + b'"x",' * 65_000
+    + b"1]}}]}",
+    "components": b'{"regions":[{"texture":{"kind":"spectrum","components":['
+    + b"{}," * 4_000
+    + b"{}]}}]}",
+    "unknown": b'{"x":[' + b"1," * 900_000 + b"1]}",
+}
+
+
+@pytest.mark.parametrize("content", HOSTILE.values(), ids=HOSTILE)
+def test_no_scene_takes_long_to_refuse(desk: Desk, content: bytes) -> None:
+    payload = b'{"client":"a","utc_ns":%d,"scene":%b}' % (desk.utc_ns, content)
+    assert len(payload) <= desk.limits.max_scene_bytes
+    times = []
+    for _ in range(3):
+        began_s = time.thread_time()
+        desk.send("scene", payload)
+        times.append(time.thread_time() - began_s)
+    # The largest that is worth anything, as the measure of this machine.
+    friction = [0.012345678901234567] * MAX_PROFILE_SAMPLES
+    texture = Profile(friction_n=friction, period_mm=60.0)
+    whole = Scene(regions=[Region(texture=texture)]).model_dump_json().encode()
+    began_s = time.thread_time()
+    for _ in range(10):
+        Scene.model_validate_json(whole)
+    assert min(times) < time.thread_time() - began_s
+
+
+@pytest.mark.parametrize("name", ["scene", "model"])
+def test_what_holds_too_many_lists_is_refused_unread(desk: Desk, name: str) -> None:
+    payload = b'{"client":"a","utc_ns":%d,"%b":[%b[]]}' % (
+        desk.utc_ns,
+        name.encode(),
+        b"[]," * 80_000,
+    )
+    reply = desk.send(name, payload)
+    assert reply.code == "too_large"
+    assert "80003" in reply.message
 
 
 @pytest.mark.parametrize(
