@@ -11,7 +11,9 @@ from pathlib import Path
 from statistics import median
 from typing import Final
 
+import numpy as np
 from tests.campaigns.lines import Line, read
+from tests.campaigns.soak import slope
 
 OUT: Final = Path(__file__).parents[2] / "docs" / "reliability.md"
 
@@ -45,6 +47,13 @@ at random. Where nothing can be written, the recorder must say so and the API an
 or 507, while the rig goes on; where UTC steps by an hour either way under an armed rig,
 its owner loses the lease and can arm again once the clocks agree; two services in one
 folder must both be able to publish."""
+SOAK: Final = """\
+One rig at 20 kHz, subscribers that follow four streams, viewers of the dashboard who ask
+for 60 frames/s of three, a texture streamed at 5 Hz, a recording begun and ended in each
+window; quiet, or beside processes that keep a core busy each. Loss is of the blocks that
+a subscriber, or a recording, should have got; the first window is for settling. A quiet
+soak fails where subscribers lose more than 1e-4, a deadline is missed, a block dropped or
+the loop's lateness exceeds 1 ms at p99."""
 COMMANDS: Final = """\
 Made by `uv run python -m tests.campaigns.{campaign} lines.jsonl {options}`, which goes on
 where it was stopped, and `uv run python -m tests.campaigns.reliability {campaign}
@@ -171,10 +180,55 @@ def starts(lines: Sequence[Line]) -> str:
     )
 
 
+def soak(lines: Sequence[Line]) -> str:
+    """Return the section of the soaks."""
+    lost_rows, slope_rows = [], []
+    for line in lines:
+        windows = line["windows"][1:]
+        received, lost, recorder = (
+            sum(window[name] for window in windows)
+            for name in ("received", "lost", "recorder_lost")
+        )
+        counted = Counter[str]()
+        for window in windows:
+            counted.update(window["counted"])
+        frames = median(window["frames_hz"] for window in windows)
+        late = [window["lateness_p99_ms"] for window in windows]
+        updates = counted.pop("stream_updates", 0)
+        lost_rows.append(
+            [
+                f"{line['name']}: {line['subscribers']} subscribers, {line['viewers']} viewers",
+                f"{lost} of {received + lost}",
+                str(recorder),
+                f"{frames:.1f}",
+                f"{updates}",
+                f"{median(late):.2f}, {max(late):.2f}",
+                ", ".join(f"{name} {count}" for name, count in counted.items() if count) or "-",
+            ]
+        )
+        hours = np.array([window["end_s"] / 3_600.0 for window in windows])
+        for part in windows[0]["memory_mb"] if len(windows) > 2 else ():
+            cells = [line["name"], part]
+            for what in ("memory_mb", "descriptors"):
+                values = np.array([float(window[what][part]) for window in windows])
+                rise, half = slope(hours, values)
+                cells.append(f"{values[-1]:.0f}, {rise:+.1f} ± {half:.1f}")
+            slope_rows.append(cells)
+    header = ["soak", "blocks lost", "by recordings", "frames/s", "updates"]
+    header += ["lateness p99, ms: median, worst", "counted by the rig"]
+    of_slopes = ["soak", "process", "memory, MB: last, per hour", "descriptors: last, per hour"]
+    return (
+        f"{circumstances(lines)}. {SOAK}\n\n{table(header, lost_rows)}\n\n"
+        f"{table(of_slopes, slope_rows)}\n\n{failures(lines)}\n\n"
+        f"{COMMANDS.format(campaign='soak', options='--seconds 3600 [--beside CORES]')}"
+    )
+
+
 SECTIONS: Final[Mapping[str, tuple[str, Callable[[Sequence[Line]], str]]]] = {
     "wire": ("Wire", wire),
     "kills": ("Kills and freezes", kills),
     "starts": ("Starts", starts),
+    "soak": ("Soak", soak),
 }
 """Heading and writer of the section of each campaign."""
 
