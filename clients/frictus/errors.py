@@ -33,6 +33,27 @@ class RefusedError(FrictusError, RuntimeError):
         self.code = code
 
 
+class LeaseLostError(FrictusError, RuntimeError):
+    """The rig no longer obeys this client: its lease ended before it was given back.
+
+    Parameters
+    ----------
+    reason : str
+        Why, for people; it names who and when where the rig said so.
+    by : str or None
+        The client that stopped the rig; None for a fault, a late renewal or a lost link. Also
+        an attribute.
+    utc_ns : int or None
+        When, by the rig's clock; None where the rig did not say. Also an attribute.
+    """
+
+    def __init__(self, reason: str, by: str | None = None, utc_ns: int | None = None) -> None:
+        super().__init__(reason)
+        self.reason = reason
+        self.by = by
+        self.utc_ns = utc_ns
+
+
 class NoRigError(FrictusError, LookupError):
     """No rig answers under the given name."""
 

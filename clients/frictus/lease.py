@@ -4,6 +4,8 @@ import contextlib
 import logging
 import threading
 import time
+from collections.abc import Callable
+from datetime import UTC, datetime
 from types import TracebackType
 from typing import Final, Self
 
@@ -11,9 +13,16 @@ import zenoh
 from zenoh.handlers import Callback
 
 from frictus.calls import Caller
-from frictus.errors import FrameError, LinkError, NoRigError, RefusedError, SilenceError
+from frictus.errors import (
+    FrameError,
+    LeaseLostError,
+    LinkError,
+    NoRigError,
+    RefusedError,
+    SilenceError,
+)
 from frictus.keys import Topics
-from frictus.messages import LeaseRenewal, RigStatus
+from frictus.messages import LeaseRenewal, Reply, RigStatus
 from frictus.reception import EndedError, Latest
 from frictus.session import declare_publisher
 
@@ -37,16 +46,25 @@ class Lease:
         The rig's status as it comes in.
     lease_ms : int
         How long the rig goes on without a renewal, 100 to 10000 ms.
+    on_lost : callable
+        Called once with the error, from the renewing thread, when the lease is lost.
     """
 
-    def __init__(self, caller: Caller, status: Latest[RigStatus], lease_ms: int) -> None:
+    def __init__(
+        self,
+        caller: Caller,
+        status: Latest[RigStatus],
+        lease_ms: int,
+        on_lost: Callable[[LeaseLostError], None],
+    ) -> None:
         self._caller = caller
         self._status = status
         self._lease_ms = lease_ms
         self._finished = threading.Event()
         self._lost = threading.Event()
         self._gone = threading.Event()
-        self._reason = ""
+        self._loss: LeaseLostError | None = None
+        self._on_lost = on_lost
         session, keys = caller.session, caller.keys
         self._declared: contextlib.ExitStack = contextlib.ExitStack()
         with contextlib.ExitStack() as undo:
@@ -59,9 +77,11 @@ class Lease:
             undo.callback(_taken_back, presence)
             self._publisher = declare_publisher(session, keys.of(Topics.LEASE), Topics.LEASE)
             undo.callback(_taken_back, self._publisher)
-            caller.call("arm", lease_ms=lease_ms)
+            reply = caller.call("arm", lease_ms=lease_ms)
             self._declared = undo.pop_all()
         self._armed_at_s = time.monotonic()
+        self._armed_utc_ns = reply.utc_ns
+        expect_state(status, reply, CONFIRM_S)
         self._thread = threading.Thread(target=self._renew, name="frictus-lease", daemon=True)
         self._thread.start()
 
@@ -77,8 +97,13 @@ class Lease:
 
     @property
     def reason(self) -> str:
-        """Why the lease is lost; empty while it is held."""
-        return self._reason
+        """Why the lease is lost, by whom and when; empty while it is held."""
+        return "" if self._loss is None else self._loss.reason
+
+    @property
+    def loss(self) -> LeaseLostError | None:
+        """What `fingers()` and `TextureStream.send` raise once it is lost; None before."""
+        return self._loss
 
     def wait_lost(self, timeout_s: float | None = None) -> bool:
         """Wait until the lease is lost; return whether it is.
@@ -102,7 +127,7 @@ class Lease:
             return
         try:
             if not self.lost:
-                self._caller.call("disarm")
+                expect_state(self._status, self._caller.call("disarm"), CONFIRM_S)
         except RefusedError as error:
             if error.code not in ("not_owner", "not_armed", "tripped"):
                 raise
@@ -120,9 +145,9 @@ class Lease:
         due_s = self._armed_at_s
         confirmed = False
         while not self._finished.wait(max(0.0, due_s - time.monotonic())):
-            confirmed, reason = self._judge(confirmed)
-            if reason:
-                self._lose(reason)
+            confirmed, loss = self._judge(confirmed)
+            if loss is not None:
+                self._lose(loss)
                 return
             renewal = LeaseRenewal(
                 client=self._caller.client, utc_ns=time.time_ns(), ttl_ms=self._lease_ms
@@ -130,32 +155,34 @@ class Lease:
             try:
                 self._publisher.put(renewal.to_json())
             except zenoh.ZError as error:
-                self._lose(f"the session is gone: {error}")
+                self._lose(LeaseLostError(f"the session is gone: {error}"))
                 return
             # Missed deadlines are skipped, not caught up: one renewal is as good as ten.
             due_s = max(due_s + interval_s, time.monotonic())
 
-    def _judge(self, confirmed: bool) -> tuple[bool, str]:
+    def _judge(self, confirmed: bool) -> tuple[bool, LeaseLostError | None]:
         """Return whether the rig has named us its owner yet, and why the lease is lost."""
         if self._gone.is_set():
-            return confirmed, "the rig, or the link to it, is gone"
+            return confirmed, LeaseLostError("the rig, or the link to it, is gone")
         try:
             status = self._status.value(0.0)
         except (SilenceError, FrameError, EndedError):
             status = None
         if status and status.owner == self._caller.client and status.state == "armed":
-            return True, ""
+            return True, None
         overdue = time.monotonic() - self._armed_at_s > CONFIRM_S
-        if status is None or not (confirmed or overdue):
-            return confirmed, ""  # a status from before we armed
-        if status.fault is not None:
-            return confirmed, f"the rig is {status.state}: {status.fault.reason}"
-        return confirmed, f"the rig is {status.state}, its owner is {status.owner or 'nobody'}"
+        armed_ns = self._armed_utc_ns
+        if status is None or not (
+            confirmed or overdue or (armed_ns is not None and status.utc_ns >= armed_ns)
+        ):
+            return confirmed, None  # a status from before we armed
+        return confirmed, _loss(status, self._caller.client)
 
-    def _lose(self, reason: str) -> None:
-        self._reason = reason
+    def _lose(self, loss: LeaseLostError) -> None:
+        self._loss = loss
         self._lost.set()
-        log.warning("lease on rig %s lost: %s", self._caller.keys.rig, reason)
+        log.warning("lease on rig %s lost: %s", self._caller.keys.rig, loss.reason)
+        self._on_lost(loss)
 
     def __enter__(self) -> Self:
         """Return self."""
@@ -173,6 +200,35 @@ class Lease:
         except (RefusedError, NoRigError, LinkError):
             if error is None:
                 raise
+
+
+def expect_state(status: Latest[RigStatus], reply: Reply, within_s: float) -> None:
+    """Have the next status read include what a reply confirmed.
+
+    Parameters
+    ----------
+    status : Latest of RigStatus
+    reply : Reply
+        Of a rig that says when it answered; else nothing is expected.
+    within_s : float
+        Longest wait for it.
+    """
+    answered_ns = reply.utc_ns
+    if answered_ns is not None:
+        status.expect(lambda newest: newest.utc_ns >= answered_ns, within_s)
+
+
+def _loss(status: RigStatus, client: str) -> LeaseLostError:
+    """Return how the lease of a client ended, as far as the rig says."""
+    end = status.last_end
+    if end is not None and end.owner == client:
+        when = datetime.fromtimestamp(end.utc_ns // 10**9, UTC).strftime("%H:%M:%S UTC")
+        who = f" by {end.by!r}" if end.by is not None else ""
+        reason = f"the rig is {status.state}: {end.reason}{who} at {when}"
+        return LeaseLostError(reason, end.by, end.utc_ns)
+    if status.fault is not None:
+        return LeaseLostError(f"the rig is {status.state}: {status.fault.reason}")
+    return LeaseLostError(f"the rig is {status.state}, its owner is {status.owner or 'nobody'}")
 
 
 def _taken_back(declared: object) -> None:

@@ -165,6 +165,17 @@ class Fault(Message):
     """What an operator should do."""
 
 
+class LeaseEnd(Message):
+    """How the last lease ended."""
+
+    owner: str
+    """Who held it."""
+    by: str | None = None
+    """The client that ended it; None for a fault or a renewal that did not come."""
+    reason: str
+    utc_ns: int
+
+
 class Counters(Message):
     """Counts since the rig started; they only grow."""
 
@@ -215,6 +226,8 @@ class RigStatus(Message):
     fault: Fault | None = None
     owner: str | None = None
     """The client that holds the lease."""
+    last_end: LeaseEnd | None = None
+    """How the lease before ended; None where there was none since the rig started."""
     backend: str
     simulated: bool
     finger_source: Literal["touch", "pointer", "simulated"]
@@ -288,12 +301,16 @@ class SceneState(Message):
     source: Literal["scene", "stream", "excitation"] = "scene"
     excitation: Excitation | None = None
     """Where the source is one."""
+    utc_ns: UtcNs | None = None
+    """When it was in force, by the rig's clock."""
 
 
 class ModelState(Message):
     """The active friction model."""
 
     etag: str
+    utc_ns: UtcNs | None = None
+    """When it was in force, by the rig's clock."""
     model: Model
     not_rendered: dict[str, str] = {}
     """Effects of the model that the output does not make good, and why, by id."""
@@ -406,6 +423,8 @@ class Reply(Message):
     applied: Applied | None = None
     ticket: Count | None = None
     """Of an opened stream; goes into every `StreamFrame`."""
+    utc_ns: UtcNs | None = None
+    """When the answer was given, by the rig's clock: states from then on include it."""
 
 
 MESSAGES: Final[dict[str, type[Message]]] = {

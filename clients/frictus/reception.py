@@ -67,6 +67,7 @@ class Mailbox:
         self._items: deque[Arrival] = deque(maxlen=capacity)
         self._count = 0
         self._closed = False
+        self._failure: Exception | None = None
         self._changed = threading.Condition()
         self._sleepers: list[tuple[asyncio.AbstractEventLoop, asyncio.Future[None]]] = []
 
@@ -93,6 +94,29 @@ class Mailbox:
             self._items.clear()
             self._wake()
 
+    def fail(self, error: Exception) -> None:
+        """End every wait, now and later, with an error; what is there can still be taken.
+
+        Parameters
+        ----------
+        error : Exception
+        """
+        with self._changed:
+            self._failure = error
+            self._wake()
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait until there may be an arrival, or the time is over.
+
+        Parameters
+        ----------
+        timeout_s : float
+            Longest wait.
+        """
+        with self._changed:
+            if not self._items and not self._closed:
+                self._changed.wait(min(timeout_s, WAKE_S))
+
     def _wake(self) -> None:
         self._changed.notify_all()
         sleepers, self._sleepers = self._sleepers, []
@@ -116,6 +140,11 @@ class Mailbox:
             raise EndedError
         return self._items.popleft() if self._items else None
 
+    def _pop_unless_failed(self) -> Arrival | None:
+        if self._failure is not None and not self._closed:
+            raise self._failure
+        return self._pop()
+
     def take(self, timeout_s: float | None) -> Arrival:
         """Return the oldest arrival; wait for it.
 
@@ -133,7 +162,7 @@ class Mailbox:
         """
         deadline = None if timeout_s is None else time.monotonic() + timeout_s
         with self._changed:
-            while (arrival := self._pop()) is None:
+            while (arrival := self._pop_unless_failed()) is None:
                 left = WAKE_S if deadline is None else deadline - time.monotonic()
                 if left <= 0.0:
                     raise _silence(timeout_s)
@@ -160,7 +189,7 @@ class Mailbox:
             async with asyncio.timeout(timeout_s):
                 while True:
                     with self._changed:
-                        arrival = self._pop()
+                        arrival = self._pop_unless_failed()
                         if arrival is not None:
                             return arrival
                         sleeper = (loop, loop.create_future())
@@ -245,6 +274,15 @@ class Feed(Generic[T]):
         if declared is not None:
             with contextlib.suppress(zenoh.ZError):  # the session went first
                 declared.undeclare()
+
+    def fail(self, error: Exception) -> None:
+        """End the iteration with an error, for good; `drain` goes on.
+
+        Parameters
+        ----------
+        error : Exception
+        """
+        self._mailbox.fail(error)
 
     def _accept(self, arrival: Arrival) -> None:
         try:
@@ -361,6 +399,8 @@ class Latest(Generic[T]):
         self._decode = decode
         self._value: T | None = None
         self._reading = threading.Lock()
+        self._expected: Callable[[T], bool] | None = None
+        self._expected_until_s = 0.0
         self._declared: Declared | None = declare(Callback(self._mailbox.put, indirect=False))
 
     @property
@@ -368,13 +408,28 @@ class Latest(Generic[T]):
         """Whether it no longer receives."""
         return self._declared is None
 
+    def expect(self, holds: Callable[[T], bool], within_s: float) -> None:
+        """Have `value` wait for what the publisher is known to be about to publish.
+
+        Where it does not come in time, another writer has replaced it before it was published,
+        and the newest value is what is in force.
+
+        Parameters
+        ----------
+        holds : callable
+            Whether a value includes it.
+        within_s : float
+            Longest wait, from now.
+        """
+        self._expected, self._expected_until_s = holds, time.monotonic() + within_s
+
     def value(self, timeout_s: float) -> T:
-        """Return the newest value; wait for the first one.
+        """Return the newest value; wait for the first one, and for what is expected.
 
         Parameters
         ----------
         timeout_s : float
-            Longest wait, where none has come yet.
+            Longest wait; 0 returns what is there.
 
         Raises
         ------
@@ -383,14 +438,23 @@ class Latest(Generic[T]):
         FrameError
             If the newest is not a message of the protocol.
         """
-        with self._reading:
-            arrival = self._mailbox.take_now()
-            if arrival is None and self._value is None:
-                arrival = self._mailbox.take(timeout_s)
-            if arrival is not None:
-                self._value = _decoded(self._decode, arrival)
-            assert self._value is not None
-            return self._value
+        deadline_s = time.monotonic() + timeout_s
+        while True:
+            with self._reading:  # never held while waiting: a lease reads the same status
+                arrival = self._mailbox.take_now()
+                if arrival is not None:
+                    self._value = _decoded(self._decode, arrival)
+                value, expected = self._value, self._expected
+                now_s = time.monotonic()
+                if value is not None and expected is not None:
+                    if now_s >= self._expected_until_s or expected(value):
+                        self._expected = expected = None
+            if value is not None and (expected is None or now_s >= deadline_s):
+                return value
+            if now_s >= deadline_s:
+                raise _silence(timeout_s)
+            until_s = deadline_s if value is None else min(deadline_s, self._expected_until_s)
+            self._mailbox.wait(until_s - now_s)
 
     def close(self) -> None:
         """Stop receiving."""

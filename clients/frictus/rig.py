@@ -8,11 +8,11 @@ from typing import Any, Final, Literal, TypeVar
 import zenoh
 
 from frictus.calls import Caller, no_recorder, present_rigs, require_present
-from frictus.errors import ArgumentError, LinkError, SilenceError
+from frictus.errors import ArgumentError, LeaseLostError, LinkError, SilenceError
 from frictus.gaps import BlockFeed
 from frictus.holding import Held, close_all
 from frictus.keys import STREAMS, RigKeys, Topic, Topics
-from frictus.lease import Lease
+from frictus.lease import Lease, expect_state
 from frictus.messages import (
     MESSAGES,
     Applied,
@@ -23,6 +23,7 @@ from frictus.messages import (
     ModelState,
     PointerState,
     RecordingState,
+    Reply,
     RigStatus,
     SceneState,
     TimeState,
@@ -36,6 +37,7 @@ from frictus.textures import Beta, Map, Profile, Region, Scene, Slope, Spectrum,
 
 StreamName = Literal["force", "accel", "voltage", "truth", "aux"]
 M = TypeVar("M", bound=Message)
+F = TypeVar("F", bound=TextureStream | Feed[Any])
 
 FINGER_RING: Final = 4
 STATE_RING: Final = 64
@@ -74,6 +76,7 @@ class Rig:
         self._caller = Caller(session, keys, client, timeout_s)
         self._latest: dict[str, Latest[Any]] = {}
         self._held = Held()
+        self._followers: list[TextureStream | Feed[Any]] = []
         self._leases: list[Lease] = []
         self._pointer: zenoh.Publisher | None = None
 
@@ -92,7 +95,7 @@ class Rig:
         """Whether the rig's liveliness token stands; raises `LinkError` without a router."""
         return self.keys in present_rigs(self._session, self.site, self._timeout_s)
 
-    # What the rig says of itself
+    # What the rig says of itself. After a call of this client it includes what that changed.
 
     def status(self) -> RigStatus:
         """Return the newest status: state, owner, fault, counters, loop timing."""
@@ -161,22 +164,27 @@ class Rig:
     def fingers(self, *, timeout_s: float | None = None) -> Feed[FingerState]:
         """Follow the finger; a slow reader gets the newest few states, older ones go.
 
+        Once a lease of this client on the rig is lost, the iteration ends with
+        `LeaseLostError`; without a lease it goes on whoever drives the screen.
+
         Parameters
         ----------
         timeout_s : float or None
             Longest silence before `SilenceError`; None waits for ever.
         """
-        return self._feed(Topics.FINGER, FingerState, FINGER_RING, timeout_s)
+        feed = self._feed(Topics.FINGER, FingerState, FINGER_RING, timeout_s)
+        return self._following_lease(feed)
 
     def touches(self, *, timeout_s: float | None = None) -> Feed[TouchState]:
-        """Follow the touch sensor's reports as they come, before any prediction.
+        """Follow the touch sensor's reports as they come; a lost lease ends it as `fingers`.
 
         Parameters
         ----------
         timeout_s : float or None
             Longest silence before `SilenceError`; None waits for ever.
         """
-        return self._feed(Topics.TOUCH, TouchState, TOUCH_QUEUE, timeout_s)
+        feed = self._feed(Topics.TOUCH, TouchState, TOUCH_QUEUE, timeout_s)
+        return self._following_lease(feed)
 
     def guidance(self, *, timeout_s: float | None = None) -> Feed[GuidanceState]:
         """Follow what a participant is asked to do while somebody calibrates on this rig.
@@ -204,6 +212,8 @@ class Rig:
         timeout_s: float | None = None,
     ) -> BlockFeed:
         """Follow a stream of samples in order, with a `Gap` wherever something is missing.
+
+        It goes on after a lost lease: it shows how the output ramps to zero.
 
         Parameters
         ----------
@@ -238,11 +248,23 @@ class Rig:
             How long the rig goes on without hearing from us, 100 to 10000 ms.
         """
         status = self._newest(Topics.STATUS, RigStatus)
-        lease = Lease(self._caller, status, lease_ms)
+        lease = Lease(self._caller, status, lease_ms, self._fail_followers)
         self._leases = [other for other in self._leases if not other.finished] + [lease]
         return lease
 
-    def set_scene(self, scene: Scene | Texture, if_match: str | None = None) -> Applied:
+    def _following_lease(self, follower: F) -> F:
+        """Return a feed or stream that fails when the lease of this client is lost."""
+        self._followers = [other for other in self._followers if not other.closed] + [follower]
+        for lease in self._leases:  # after it was listed: no loss falls between the two
+            if lease.loss is not None and not lease.finished:
+                follower.fail(lease.loss)
+        return follower
+
+    def _fail_followers(self, loss: LeaseLostError) -> None:
+        for follower in self._followers:
+            follower.fail(loss)
+
+    def set_scene(self, scene: Scene | Texture, if_match: str | None = None) -> SceneState:
         """Replace what the screen feels like, with a cross-fade.
 
         Parameters
@@ -254,15 +276,19 @@ class Rig:
 
         Returns
         -------
-        Applied
-            Gain and bias that the rig could apply; below a gain of 1 the scene was scaled.
+        SceneState
+            The scene with its etag, and in `applied` the gain and bias that the rig could
+            apply; below a gain of 1 the scene was scaled.
         """
         if isinstance(scene, Spectrum | Profile | Beta | Slope | Map):
             scene = Scene(regions=[Region(texture=scene)])
         reply = self._caller.call("scene", scene=scene, if_match=if_match)
-        if reply.applied is None:
+        if reply.applied is None or reply.etag is None:
             raise LinkError("the rig did not say what it applied: protocol fault")
-        return reply.applied
+        self._expect(Topics.SCENE, SceneState, reply)
+        return SceneState(
+            etag=reply.etag, scene=scene, applied=reply.applied, utc_ns=reply.utc_ns
+        )
 
     def open_stream(self, peak_n: float) -> TextureStream:
         """Open a texture stream; the rig must be armed by this client.
@@ -272,7 +298,7 @@ class Rig:
         peak_n : float
             Largest |friction| that will be sent, above 0 and up to 10 N.
         """
-        return self._held.keep(TextureStream(self._caller, peak_n))
+        return self._following_lease(self._held.keep(TextureStream(self._caller, peak_n)))
 
     def excite(self, excitation: Excitation) -> Applied:
         """Play a drive as it is, without the inverse of any model, for calibration.
@@ -293,6 +319,7 @@ class Rig:
         reply = self._caller.call("excite", excitation=excitation)
         if reply.applied is None:
             raise LinkError("the rig did not say what it applied: protocol fault")
+        self._expect(Topics.SCENE, SceneState, reply)
         return reply.applied
 
     def set_model(self, model: Model, if_match: str | None = None) -> str:
@@ -308,7 +335,24 @@ class Rig:
         reply = self._caller.call("model", model=model, if_match=if_match)
         if reply.etag is None:
             raise LinkError("the rig did not name the model's etag: protocol fault")
+        self._expect(Topics.MODEL, ModelState, reply)
         return reply.etag
+
+    def _expect(self, topic: Topic, kind: type[SceneState | ModelState], reply: Reply) -> None:
+        """Have the next read of a topic include what a reply confirmed, or what came after."""
+        etag, answered_ns = reply.etag, reply.utc_ns
+
+        def includes(state: SceneState | ModelState) -> bool:
+            if state.etag == etag:
+                return True
+            return (
+                answered_ns is not None
+                and state.utc_ns is not None
+                and state.utc_ns >= answered_ns
+            )
+
+        self._newest(topic, kind).expect(includes, self._timeout_s)
+        expect_state(self._newest(Topics.STATUS, RigStatus), reply, self._timeout_s)
 
     def record(
         self, name: str, participant: str | None = None, notes: str = ""
@@ -332,21 +376,35 @@ class Rig:
         """
         with self.watch(Topics.RECORDING, timeout_s=self._timeout_s) as states:
             self._caller.call("record", name=name, participant=participant, notes=notes)
-            return _first(states, lambda state: state.name == name)
+            return self._recorder_at(states, lambda state: state.name == name)
 
     def end_recording(self) -> RecordingState:
         """End the recording; return how long it became and what was lost in it."""
         with self.watch(Topics.RECORDING, timeout_s=self._timeout_s) as states:
             self._caller.call("end_recording")
-            return _first(states, lambda state: not state.recording)
+            return self._recorder_at(states, lambda state: not state.recording)
+
+    def _recorder_at(
+        self, states: Feed[Message], holds: Callable[[RecordingState], bool]
+    ) -> RecordingState:
+        """Return the first state that holds; the next read includes it."""
+        state = _first(states, holds)
+        self._newest(Topics.RECORDING, RecordingState).expect(
+            lambda newest: newest.utc_ns >= state.utc_ns, self._timeout_s
+        )
+        return state
 
     def stop(self) -> None:
         """Ramp the output to zero now, whoever owns the rig."""
-        self._caller.call("stop")
+        self._command("stop")
 
     def reset(self) -> None:
         """Clear a latched trip, as the operator who has removed its cause."""
-        self._caller.call("reset")
+        self._command("reset")
+
+    def _command(self, name: str) -> None:
+        status = self._newest(Topics.STATUS, RigStatus)
+        expect_state(status, self._caller.call(name), self._timeout_s)
 
     def point(
         self, x_mm: float, y_mm: float, *, in_contact: bool = True, normal_force_n: float = 0.4

@@ -44,6 +44,7 @@ class TextureStream:
         self._caller = caller
         self._ticket = reply.ticket
         self._peak_n = peak_n
+        self._failure: Exception | None = None
         self._publisher: zenoh.Publisher | None = declare_publisher(
             caller.session, caller.keys.of(Topics.TEXTURE), Topics.TEXTURE
         )
@@ -52,6 +53,15 @@ class TextureStream:
     def closed(self) -> bool:
         """Whether the stream was closed from this side."""
         return self._publisher is None
+
+    def fail(self, error: Exception) -> None:
+        """Have every `send` raise an error from now on: nothing plays what would be sent.
+
+        Parameters
+        ----------
+        error : Exception
+        """
+        self._failure = error
 
     def send(
         self,
@@ -82,11 +92,15 @@ class TextureStream:
         ------
         ArgumentError
             If a value is out of range, not finite, or above the declared peak.
+        LeaseLostError
+            If the lease under which it was opened has ended.
         LinkError
             If the stream is closed or the session is gone.
         """
         if self._publisher is None:
             raise LinkError("this stream is closed; open another")
+        if self._failure is not None:
+            raise self._failure
         if (period_mm is None) == (period_s is None):
             raise ArgumentError("give either period_mm or period_s, not both and not neither")
         friction = np.asarray(friction_n, dtype=np.float32)

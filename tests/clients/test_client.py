@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+import threading
 import time
 from typing import Any
 
@@ -11,14 +12,37 @@ import pytest
 
 import frictus
 from frictus import Client, Topics
-from frictus.errors import ArgumentError, LinkError, NoRigError, RefusedError, SilenceError
+from frictus.block import Block
+from frictus.errors import (
+    ArgumentError,
+    LeaseLostError,
+    LinkError,
+    NoRigError,
+    RefusedError,
+    SilenceError,
+)
 from frictus.keys import RigKeys
-from frictus.messages import LeaseRenewal, Reply, RigStatus
+from frictus.messages import (
+    Applied,
+    LeaseEnd,
+    LeaseRenewal,
+    Reply,
+    RigStatus,
+    SceneState,
+)
 from frictus.model import FirstOrderSpeedLaw, Model
 from frictus.stream import StreamFrame
 from frictus.textures import Component, Scene, Spectrum
 
 WAIT_S = 10.0
+APPLIED = Applied(
+    gain=1.0,
+    feasible_gain=2.0,
+    bias=0.2,
+    bias_n=0.08,
+    scaled=False,
+    speed_range_mm_s=(20.0, 100.0),
+)
 
 
 def test_rigs_are_found_by_liveliness(client: Client, fake: Any) -> None:
@@ -106,7 +130,7 @@ def test_requests_carry_client_time_and_time_to_live(client: Client, fake: Any) 
 def test_scene_and_model_are_set(client: Client, fake: Any) -> None:
     rig = client.rig("sim")
     texture = Spectrum(components=[Component(amplitude_n=0.1, cycles_per_mm=2.0)])
-    assert rig.set_scene(texture).gain == 1.0
+    assert rig.set_scene(texture).applied.gain == 1.0
     assert fake.asked("scene").scene.regions[0].texture == texture
     rig.set_scene(Scene(name="smooth"), if_match="s1")
     assert fake.asked("scene").if_match == "s1"
@@ -196,6 +220,53 @@ def test_a_lease_taken_away_is_seen_and_not_renewed(client: Client, fake: Any) -
         assert lease.wait_lost(WAIT_S)
         assert "stopping" in lease.reason
     assert fake.calls.empty()  # what is lost needs no disarm
+
+
+def test_a_lost_lease_ends_what_follows_it_and_says_who_when_why(
+    client: Client, fake: Any
+) -> None:
+    rig = client.rig("sim")
+    with rig.arm(lease_ms=100) as lease, rig.open_stream(0.3) as stream:
+        fingers, touches, blocks = rig.fingers(), rig.touches(), rig.blocks("force")
+        fake.say(Topics.STATUS, fake.status(state="armed", owner="tester"))
+        with rig.watch(Topics.STATUS, timeout_s=WAIT_S) as feed:
+            while getattr(next(feed), "owner", None) != "tester":
+                pass
+        while not fake.puts.empty():
+            fake.puts.get()
+        fake.next_put(Topics.LEASE)
+        fake.next_put(Topics.LEASE)  # now the lease has read that status
+        end = LeaseEnd(owner="tester", by="alice", reason="stopped", utc_ns=10**18)
+        fake.say(Topics.STATUS, fake.status(state="stopping", last_end=end))
+        for _ in range(2):
+            with pytest.raises(LeaseLostError, match=r"stopped by 'alice' at 01:46:40") as lost:
+                next(fingers)
+            assert (lost.value.by, lost.value.utc_ns) == ("alice", 10**18)
+        with pytest.raises(LeaseLostError, match="alice"):
+            next(touches)
+        with pytest.raises(LeaseLostError, match="alice"):
+            stream.send([0.1, -0.1], period_mm=2.0)
+        with pytest.raises(LeaseLostError, match="alice"):
+            next(rig.fingers())
+        fake.say(Topics.FORCE, fake.block(0))
+        assert isinstance(next(blocks), Block)  # what is measured goes on
+        assert lease.reason == str(lost.value)
+    with rig.fingers(timeout_s=WAIT_S) as observed:  # without a lease nothing ends it
+        fake.say(Topics.FINGER, fake.finger(1))
+        assert next(observed).sequence == 1
+
+
+def test_what_was_set_is_read_whatever_was_published_before(client: Client, fake: Any) -> None:
+    fake.say_everything_once()
+    rig = client.rig("sim")
+    assert rig.scene().etag == "s1"
+    assert rig.set_scene(Scene(name="new")).etag == "e2"
+    fake.say(Topics.SCENE, SceneState(etag="s0", scene=Scene(), applied=APPLIED, utc_ns=4))
+    late = SceneState(etag="e2", scene=Scene(name="new"), applied=APPLIED, utc_ns=5)
+    timer = threading.Timer(0.2, fake.say, (Topics.SCENE, late))  # a publisher that is late
+    timer.start()
+    assert rig.scene().etag == "e2"
+    timer.join()
 
 
 def test_a_vanished_rig_takes_the_lease_with_it(client: Client, fake: Any) -> None:

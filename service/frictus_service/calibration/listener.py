@@ -99,10 +99,10 @@ class Listener:
             for other in _blocks_waiting(feed):
                 if self.capture is not None and other.run == self._run:
                     self.capture.add_block(stream, other)
-        for touch in _waiting(self._touches):
+        for touch in self._touches.drain():
             if self.capture is not None and touch.run == self._run:
                 self.capture.add_touch(touch)
-        for finger in _waiting(self._fingers):
+        for finger in self._fingers.drain():
             self.finger = finger
 
     def gaps_within(self, begin: int, end: int, lead_samples: int) -> int:

@@ -102,7 +102,7 @@ class Observer:
 
     def look(self) -> Felt:
         """Take what has come since the last look; never waits for more."""
-        for finger in _waiting(self._fingers):
+        for finger in self._fingers.drain():
             self._finger = finger
             self._heard_s = self._clock_s()
         for status in _waiting(self._statuses):

@@ -65,7 +65,7 @@ def play(
         found = target.choose(client)
         observer = Observer(found)
         with found.arm() as lease, Display(f"{scene.name} on {found.name}", lines) as display:
-            applied = found.set_scene(scene)
+            applied = found.set_scene(scene).applied
             if lines:
                 write_line(event="applied", rig=found.name, **applied.model_dump())
             begun_s = due_s = time.monotonic()

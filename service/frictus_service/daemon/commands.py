@@ -251,7 +251,7 @@ class Commands:
         """Decide on a message that is about safety, or moves a virtual finger."""
         if message.name == "stop":
             # Whatever it carries and however old it is: a stop always stops.
-            return self._answered(lambda: self._control.stop("anyone"))
+            return self._answered(lambda: self._control.stop(message.sender))
         if message.name == "guidance":
             return self._answered(lambda: self._guide(message.payload))
         handlers: Mapping[str, tuple[type[Request], Callable[[Any], Reply | None]]] = {
@@ -320,7 +320,8 @@ class Commands:
                 code="not_feasible",
                 message=f"the rig failed on it: {type(error).__name__}: {error}",
             )
-        return reply.model_copy(update={"state": self._interlock.state.state})
+        state = self._interlock.state.state
+        return reply.model_copy(update={"state": state, "utc_ns": self._utc_ns()})
 
     def __enter__(self) -> Self:
         """Start the threads."""

@@ -10,11 +10,21 @@ from typing import Final
 import zenoh
 
 from frictus.keys import STREAMS, RigKeys, Topics
-from frictus.messages import AuxChannel, Counters, Fault, LoopTiming, RigStatus, TimeState
+from frictus.messages import (
+    AuxChannel,
+    Counters,
+    Fault,
+    LeaseEnd,
+    LoopTiming,
+    ModelState,
+    RigStatus,
+    SceneState,
+    TimeState,
+)
 from frictus.session import declare_latest_publisher, declare_publisher
 from frictus_hardware.base import RigInfo
 from frictus_service.daemon.commands import Commands
-from frictus_service.daemon.interlock import Interlock
+from frictus_service.daemon.interlock import EndedLease, Interlock
 from frictus_service.daemon.loop import BlockLoop
 from frictus_service.daemon.safety import ACTIONS
 from frictus_service.daemon.stage import Stage
@@ -84,7 +94,10 @@ class Publisher:
         self._published = 0
         self._status_due_s = 0.0
         self._said: tuple[object, ...] = ()
+        self._scene: SceneState | None = None
+        self._model: ModelState | None = None
         self._fault: Fault | None = None
+        self._ended: tuple[EndedLease, LeaseEnd] | None = None
         self._version = version("frictus")
 
     def run_until(self, stop: threading.Event) -> None:
@@ -131,20 +144,24 @@ class Publisher:
 
     def _publish_states(self) -> None:
         now_s = self._monotonic_s()
+        # Before what it stands for is read: a state published at t includes what held at t.
+        utc_ns = self._utc_ns()
+        scene, model = self._stage.scene, self._stage.model
+        replaced = scene is not self._scene or model is not self._model
         said = (
             self._interlock.revision,
-            self._stage.scene.etag,
-            self._stage.model.etag,
             self._stage.stream_open,
             self._loop.tally.stream_stale,
             self._run,
             self._timebase.utc_steps,
         )
-        if said == self._said and now_s < self._status_due_s:
+        if said == self._said and not replaced and now_s < self._status_due_s:
             return
-        if said[1:3] != self._said[1:3]:
-            self._latest[Topics.SCENE].put(self._stage.scene.to_json())
-            self._latest[Topics.MODEL].put(self._stage.model.to_json())
+        if replaced:
+            stamp = {"utc_ns": utc_ns}
+            self._latest[Topics.SCENE].put(scene.model_copy(update=stamp).to_json())
+            self._latest[Topics.MODEL].put(model.model_copy(update=stamp).to_json())
+            self._scene, self._model = scene, model
         self._said = said
         self._status_due_s = now_s + STATUS_S
         self._put_status()
@@ -172,6 +189,7 @@ class Publisher:
 
     def status(self) -> RigStatus:
         """Return what the rig says of itself now."""
+        utc_ns = self._utc_ns()  # first: what held at this time is in it
         info, safety, lateness = self._info, self._interlock.state, self._loop.lateness
         median_ms, high_ms = lateness.percentiles_ms()
         model = self._stage.model
@@ -180,10 +198,11 @@ class Publisher:
             rig=self._keys.rig,
             version=self._version,
             run=self._run,
-            utc_ns=self._utc_ns(),
+            utc_ns=utc_ns,
             state=safety.state,
             fault=self._fault_shown(),
             owner=safety.owner,
+            last_end=self._end_shown(),
             backend=info.backend,
             simulated=info.simulated,
             finger_source=info.finger_source,
@@ -219,6 +238,17 @@ class Publisher:
                 kind=kind, reason=reason, utc_ns=self._utc_ns(), action=ACTIONS[kind]
             )
         return self._fault
+
+    def _end_shown(self) -> LeaseEnd | None:
+        ended = self._interlock.ended
+        if ended is None:
+            return None
+        if self._ended is None or self._ended[0] is not ended:
+            shown = LeaseEnd(
+                owner=ended.owner, by=ended.by, reason=ended.reason, utc_ns=self._utc_ns()
+            )
+            self._ended = ended, shown
+        return self._ended[1]
 
     def _counters(self) -> Counters:
         tally, commands, stage = self._loop.tally, self._commands, self._stage

@@ -229,6 +229,43 @@ def test_api_that_freezes_and_ends_disturbs_nobody(
     service.wait_for("api is ready")
 
 
+def test_what_a_client_did_is_what_it_reads(service: Service, observer: frictus.Rig) -> None:
+    for turn in range(25):
+        scene = frictus.Scene(name=f"scene {turn}")
+        etag = observer.set_scene(scene).etag
+        state = observer.scene()
+        assert (state.etag, state.scene.name) == (etag, scene.name)
+        with observer.arm():
+            assert observer.status().owner == "observer"
+            if turn % 2:
+                observer.stop()
+                assert observer.status().state in ("stopping", "disarmed")
+        status = observer.status()
+        assert (status.owner, status.scene_etag) == (None, etag)
+
+
+def test_a_loop_over_the_finger_ends_when_somebody_stops_the_rig(
+    service: Service, observer: frictus.Rig
+) -> None:
+    with frictus.connect(service.endpoint, name="bystander") as client:
+        with observer.arm(), observer.open_stream(0.05) as stream:
+            begun_ns = time.time_ns()
+
+            def follow() -> None:
+                for count, _ in enumerate(observer.fingers(timeout_s=10.0)):
+                    stream.send([0.02, -0.02], period_mm=1.0)
+                    if count == 20:
+                        client.rig("rig1").stop()
+
+            with pytest.raises(frictus.LeaseLostError, match="stopped by 'bystander'") as lost:
+                follow()
+            assert lost.value.by == "bystander"
+            assert lost.value.utc_ns is not None
+            assert begun_ns < lost.value.utc_ns < time.time_ns()
+            with pytest.raises(frictus.LeaseLostError, match="bystander"):
+                stream.send([0.02, -0.02], period_mm=1.0)
+
+
 def test_two_clients_cannot_hold_one_rig(service: Service, observer: frictus.Rig) -> None:
     with frictus.connect(service.endpoint, name="other") as client:
         other = client.rig("rig1")
