@@ -13,6 +13,8 @@ from typing import Final
 
 KEEP_ALIVES: Final = 4
 """Sent so often within the time after which systemd would act."""
+STEP_US: Final = 120_000_000
+"""What systemd grants from each line of the start on: it must not end one that gets on."""
 
 
 class ServiceManager:
@@ -37,9 +39,11 @@ class ServiceManager:
         self._every_s = 1e-6 * int(environment.get("WATCHDOG_USEC", "0")) / KEEP_ALIVES
         self._monotonic_s = monotonic_s
         self._due_s = 0.0
+        self._started = False
 
     def ready(self) -> None:
         """Say that the service has started."""
+        self._started = True
         self._send("READY=1")
 
     def stopping(self) -> None:
@@ -47,8 +51,9 @@ class ServiceManager:
         self._send("STOPPING=1")
 
     def status(self, line: str) -> None:
-        """Show a line in `systemctl status`."""
-        self._send(f"STATUS={line.splitlines()[0] if line else ''}")
+        """Show a line in `systemctl status`; during the start it also asks for more time."""
+        more_time = "" if self._started else f"\nEXTEND_TIMEOUT_USEC={STEP_US}"
+        self._send(f"STATUS={line.splitlines()[0] if line else ''}{more_time}")
 
     def keep_alive(self) -> None:
         """Say that all is well, if it is time to; silence has systemd start the unit again."""

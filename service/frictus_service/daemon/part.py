@@ -1,7 +1,8 @@
 """A part of the service in a process of its own, as its supervisor starts it.
 
-Two one-way pipes join them: the part tells that it is ready, failed, or has something to say;
-when the other pipe ends, by a stop or because the supervisor is gone, the part stops.
+Two one-way pipes join them: the part tells each step of its start and that it moves, that it is
+ready, failed, or has something to say; when the other pipe ends, by a stop or because the
+supervisor is gone, the part stops.
 """
 
 import signal
@@ -15,10 +16,11 @@ from frictus.messages import FaultKind
 from frictus_hardware.errors import HardwareError
 from frictus_service.config import Config
 from frictus_service.daemon.heartbeat import Heartbeat
+from frictus_service.daemon.progress import compiling_told
 from frictus_service.errors import ServiceError
 
 PartName = Literal["rig", "api", "recorder"]
-Word = tuple[Literal["ready", "failed", "say"], str]
+Word = Literal["ready", "failed", "say", "step", "moved"]
 FAILED_EXIT = 3
 """Exit code of a part that could not start or go on, and has said why."""
 
@@ -30,7 +32,7 @@ class _Mouth:
         self._pipe = pipe
         self._lock = threading.Lock()
 
-    def tell(self, what: Literal["ready", "failed", "say"], line: str = "") -> None:
+    def tell(self, what: Word, line: str = "") -> None:
         with self._lock:
             try:
                 self._pipe.send((what, line))
@@ -69,10 +71,23 @@ def run_part(
     threading.Thread(target=_wait_for_the_end, args=(told, stop), daemon=True).start()
     mouth = _Mouth(telling)
     try:
+        mouth.tell("step", "loading")
         if name == "rig":
             from frictus_service.daemon.rig import run_rig
 
-            run_rig(config, heartbeat, mouth, stop, fault, lambda line: mouth.tell("say", line))
+            with compiling_told(
+                lambda function: mouth.tell("step", f"compiling {function}"),
+                lambda: mouth.tell("moved"),
+            ):
+                run_rig(
+                    config,
+                    heartbeat,
+                    mouth,
+                    stop,
+                    fault,
+                    lambda line: mouth.tell("say", line),
+                    lambda step: mouth.tell("step", step),
+                )
         elif name == "recorder":
             from frictus_service.recording.recorder import run_recorder
 

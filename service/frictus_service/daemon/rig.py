@@ -54,6 +54,7 @@ def run_rig(
     stop: threading.Event,
     fault: tuple[FaultKind, str] | None = None,
     say: Callable[[str], None] = lambda _line: None,
+    on_step: Callable[[str], None] = lambda _step: None,
 ) -> None:
     """Run a rig until told to stop; then ramp to zero, disarm and close.
 
@@ -70,6 +71,8 @@ def run_rig(
         Why the rig had to be started again; shown until it is armed.
     say : callable
         Told what an operator should know.
+    on_step : callable
+        Told each step of the start as it begins.
 
     Raises
     ------
@@ -80,7 +83,9 @@ def run_rig(
     """
     model = read_model(config.model_file)
     heartbeat.value = 0
+    on_step("rendering everything once")
     warm_up(config.sample_rate_hz, config.block_samples)
+    on_step(f"opening the device ({config.backend.kind})")
     with (
         open_session(config.router.endpoint, tls=tls_of_rig(config)) as session,
         _opened(config) as backend,

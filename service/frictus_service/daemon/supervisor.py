@@ -31,6 +31,7 @@ from frictus_hardware.errors import HardwareError
 from frictus_service.config import Config
 from frictus_service.daemon.notify import ServiceManager
 from frictus_service.daemon.part import PartName, run_part
+from frictus_service.daemon.progress import PATIENCE_S, Progress
 from frictus_service.daemon.safety import ACTIONS
 from frictus_service.errors import StartError
 from frictus_service.security.identity import tls_of_rig
@@ -64,6 +65,7 @@ class _Part:
     """Closed to stop the part."""
     told: "Connection[Any, Any] | None" = None
     ready: threading.Event = field(default_factory=threading.Event)
+    progress: Progress = field(default_factory=Progress)
     failure: str = ""
     started_s: float = 0.0
     due_s: float = 0.0
@@ -117,31 +119,35 @@ class Supervisor:
         """Return the process id of a part that runs."""
         return int(self._parts[name].process.pid)
 
-    def wait_ready(self, timeout_s: float = 60.0) -> None:
-        """Wait until every part is ready.
+    def wait_ready(self, patience_s: float = PATIENCE_S) -> None:
+        """Wait until every part is ready, for as long as those that are not get on.
 
         Parameters
         ----------
-        timeout_s : float
-            The first start on a machine compiles, and may take a minute.
+        patience_s : float
+            For how long a part may stand still before its start has failed.
 
         Raises
         ------
         StartError
-            If a part cannot start, with its reason, or is not ready in time.
+            If a part cannot start, with its reason, or stands still.
         """
-        deadline_s = time.monotonic() + timeout_s
         with self._changed:
             while True:
                 for part in self._parts.values():
                     if part.failure and not part.ready.is_set():
                         raise StartError(f"{part.name}: {part.failure}")
-                waiting = [p.name for p in self._parts.values() if not p.ready.is_set()]
+                waiting = [part for part in self._parts.values() if not part.ready.is_set()]
                 if not waiting:
                     return
-                left_s = deadline_s - time.monotonic()
+                stillest = min(waiting, key=lambda part: part.progress.left_s(patience_s))
+                left_s = stillest.progress.left_s(patience_s)
                 if left_s <= 0.0:
-                    raise StartError(f"not ready within {timeout_s:g} s: {', '.join(waiting)}")
+                    raise StartError(
+                        f"{stillest.name} stood still for {patience_s:g} s while "
+                        f"{stillest.progress.step}: start again, what was compiled is kept; "
+                        "`frictus doctor` says what this machine lacks"
+                    )
                 self._changed.wait(left_s)
 
     def __enter__(self) -> Self:
@@ -212,6 +218,7 @@ class Supervisor:
         part_telling.close()
         part.telling, part.told = telling, told
         part.started_s = time.monotonic()
+        part.progress.begin()
         part.starts += 1
 
     def _watch(self) -> None:
@@ -243,6 +250,8 @@ class Supervisor:
                 word, line = part.told.recv()
                 if word == "say":
                     self._say(f"{part.name}: {line}")
+                elif word in ("step", "moved"):
+                    self._on_progress(part, line)
                 elif word == "ready":
                     self._on_ready(part)
                 else:
@@ -252,6 +261,11 @@ class Supervisor:
                 part.told.close()
             part.told = None
 
+    def _on_progress(self, part: _Part, step: str) -> None:
+        after_s = part.progress.move(step)
+        if step:
+            self._say(f"{part.name}, {after_s:.1f} s: {step}")
+
     def _on_ready(self, part: _Part) -> None:
         part.failure = ""
         if part.name == "rig" and self._trip_notice is not None:
@@ -259,7 +273,10 @@ class Supervisor:
             self._trip_notice.undeclare()  # type: ignore[no-untyped-call]
             self._trip_notice = None
         again = f", start {part.starts}" if part.starts > 1 else ""
-        self._say(f"{part.name} is ready (process {part.process.pid}{again})")
+        after_s = part.progress.move("running")
+        self._say(
+            f"{part.name} is ready (process {part.process.pid}{again}) after {after_s:.1f} s"
+        )
         with self._changed:
             part.ready.set()
             self._changed.notify_all()

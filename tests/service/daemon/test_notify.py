@@ -80,6 +80,14 @@ def test_each_message_is_one_datagram(systemd: Systemd) -> None:
     assert systemd.hears() == "STATUS="
 
 
+def test_each_line_of_the_start_asks_for_more_time(systemd: Systemd) -> None:
+    manager = ServiceManager({"NOTIFY_SOCKET": systemd.address})
+    manager.status("rig, 70.0 s: compiling mix")
+    assert systemd.hears() == (
+        "STATUS=rig, 70.0 s: compiling mix\nEXTEND_TIMEOUT_USEC=120000000"
+    )
+
+
 def test_keep_alives_are_sent_several_times_within_the_limit(systemd: Systemd) -> None:
     now_s = [100.0]
     environment = {"NOTIFY_SOCKET": systemd.address, "WATCHDOG_USEC": "2000000"}
