@@ -117,36 +117,36 @@ def texture() -> Scene:
     return Scene(regions=[Region(texture=Spectrum(components=[component]))])
 
 
+def build_bench(limits: Limits | None = None, **rig_settings: object) -> Bench:
+    """Build a bench; keyword arguments go to the simulated rig, or replace limits."""
+    simulated = SimulatedConfig.model_validate(
+        {"clock": "virtual", "finger": SteadyStrokes(), **rig_settings}
+    )
+    config = Config(backend=simulated, limits=limits or Limits())
+    clock = VirtualClock()
+    rig = SimulatedRig(simulated, clock=clock)
+    rig.open()
+    interlock, orders, heartbeat = Interlock(), orders_of(placeholder_model()), Heartbeat()
+    bench: Bench
+
+    def monotonic_ns() -> int:
+        return round(clock.sample() * 1e9 / config.sample_rate_hz) + bench.delay_ns
+
+    backend = PatientBackend(rig, monotonic_ns)
+    bench = Bench(config, rig, clock, interlock, orders, None, heartbeat)  # type: ignore[arg-type]
+    bench.loop = BlockLoop(
+        backend,
+        config,
+        interlock,
+        orders,
+        heartbeat,
+        7,
+        monotonic_ns,
+        lambda: UTC_NS + monotonic_ns(),
+    )
+    return bench
+
+
 @pytest.fixture
 def make_bench() -> MakeBench:
-    """Build a bench; keyword arguments go to the simulated rig, or replace limits."""
-
-    def build(limits: Limits | None = None, **rig_settings: object) -> Bench:
-        simulated = SimulatedConfig.model_validate(
-            {"clock": "virtual", "finger": SteadyStrokes(), **rig_settings}
-        )
-        config = Config(backend=simulated, limits=limits or Limits())
-        clock = VirtualClock()
-        rig = SimulatedRig(simulated, clock=clock)
-        rig.open()
-        interlock, orders, heartbeat = Interlock(), orders_of(placeholder_model()), Heartbeat()
-        bench: Bench
-
-        def monotonic_ns() -> int:
-            return round(clock.sample() * 1e9 / config.sample_rate_hz) + bench.delay_ns
-
-        backend = PatientBackend(rig, monotonic_ns)
-        bench = Bench(config, rig, clock, interlock, orders, None, heartbeat)  # type: ignore[arg-type]
-        bench.loop = BlockLoop(
-            backend,
-            config,
-            interlock,
-            orders,
-            heartbeat,
-            7,
-            monotonic_ns,
-            lambda: UTC_NS + monotonic_ns(),
-        )
-        return bench
-
-    return build
+    return build_bench
