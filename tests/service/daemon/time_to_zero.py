@@ -42,7 +42,7 @@ def _press_hard(bench: Bench) -> None:
 
 
 def _contradict(bench: Bench) -> None:
-    bench.rig.faults.add(MonitorMismatch(at_sample=bench.clock.sample(), factor=0.0))
+    bench.rig.faults.add(MonitorMismatch(at_sample=bench.clock.sample(), factor=0.5))
 
 
 def _silence(bench: Bench) -> None:
