@@ -87,6 +87,7 @@ class SimulatedRig(Opened):
         past_v: FloatArray | None = None,
     ) -> None:
         self.config = config
+        self._info = info_of(config)  # asked for in every block
         self.faults = FaultPlan(config.faults)
         self._clock = make_clock(config) if clock is None else clock
         self._twin = make_twin(config) if twin is None else twin
@@ -121,7 +122,7 @@ class SimulatedRig(Opened):
     @property
     def info(self) -> RigInfo:
         """What does not change while the backend is open."""
-        return info_of(self.config)
+        return self._info
 
     @property
     def finger(self) -> Finger:
