@@ -138,8 +138,10 @@ class Stage:
         """
         self.check_owner(request.client)
         self._check_match(request.if_match, self.scene.etag, "scene")
+        state, compiled = self._standing, self._standing_scene
         try:
-            state, compiled = self._compiled(request.scene, self._inverse)
+            if request.scene != state.scene:
+                state, compiled = self._compiled(request.scene, self._inverse)
         except TextureError as error:
             raise RefusedError("not_feasible", str(error)) from error
         self.check_owner(request.client)  # compiling may have outlasted the lease

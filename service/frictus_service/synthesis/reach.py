@@ -107,7 +107,10 @@ def _smooth(share: FloatArray) -> FloatArray:
 def _table_reach(points, whole, steps, rates, offset, decays, seam, low, high, size):  # type: ignore[no-untyped-def]
     for s in range(steps.size):
         decay = decays[s]
-        for half in range(2 * seam, 2 * (whole[2] - seam)):
+        # Each row is read as densely, per cycle of the finest that it holds, as the first.
+        row, _ = kernel._level(rates[s], offset, whole[kernel.ROWS])
+        stride = max(int(2.0 ** (row / ROWS_PER_OCTAVE)), 1)
+        for half in range(2 * seam, 2 * (whole[2] - seam), stride):
             u = 0.5 * half
             here = kernel._between_rows(points, whole, u, rates[s], offset)
             size[s] = max(size[s], abs(here))

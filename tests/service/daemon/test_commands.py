@@ -169,6 +169,17 @@ def test_scene_is_replaced_only_where_it_matches(desk: Desk) -> None:
     assert desk.stage.scene.etag in reply.message
 
 
+def test_a_scene_that_stands_is_not_compiled_again(desk: Desk) -> None:
+    reply = desk.call("scene", scene=SCENE)
+    compiled = desk.orders.scene[-1].scene
+    ticket = desk.streaming()
+    assert desk.send("texture", desk.frame(ticket)).ok
+    assert desk.call("scene", scene=SCENE).etag == reply.etag
+    assert desk.orders.scene[-1].scene is compiled
+    assert not desk.stage.stream_open
+    assert desk.call("scene", scene={"regions": []}).etag != reply.etag
+
+
 def test_model_changes_only_while_disarmed_and_matching(desk: Desk) -> None:
     model = placeholder_model().model_dump(mode="json", by_alias=True)
     model["base"]["gain_n"] = 0.5
