@@ -122,7 +122,7 @@ def test_a_strangers_updates_push_out_no_update(desk: Wired) -> None:
 def test_a_strangers_scene_is_refused_before_it_is_copied(desk: Wired) -> None:
     class Unread:
         def __len__(self) -> int:
-            return 6_500_000
+            return 2_000_000
 
         def to_bytes(self) -> bytes:
             raise AssertionError("it was read")
