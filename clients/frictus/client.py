@@ -14,7 +14,7 @@ from frictus.errors import FrameError
 from frictus.keys import RigKeys, any_rig_alive, rig_of
 from frictus.reception import Arrival, Declared, Feed, OnSample
 from frictus.rig import Rig
-from frictus.session import DEFAULT_ROUTER, open_session
+from frictus.session import DEFAULT_ROUTER, LEASE_MS, PATIENT_LEASE_MS, open_session
 from frictus.tls import Tls
 
 
@@ -183,6 +183,7 @@ def connect(
     *,
     timeout_s: float = 3.0,
     tls: Tls | None = None,
+    reads_only: bool = False,
 ) -> Client:
     """Connect to the rigs behind a router.
 
@@ -196,6 +197,9 @@ def connect(
         Longest wait for the router, for each reply and for each first value.
     tls : Tls or None
         Our certificate, where `router` is a ``tls/`` endpoint.
+    reads_only : bool
+        Whether this client will never arm: its link is then kept while a busy machine sets the
+        process aside for up to 4 s instead of 1 s, and what comes meanwhile is not lost.
 
     Raises
     ------
@@ -208,4 +212,5 @@ def connect(
     """
     name = _own_name() if name is None else name
     RigKeys("any", "any").client_alive(name)  # refuses a bad name before anything is opened
-    return Client(open_session(router, timeout_s, tls), name, timeout_s)
+    lease_ms = PATIENT_LEASE_MS if reads_only else LEASE_MS
+    return Client(open_session(router, timeout_s, tls, lease_ms), name, timeout_s)

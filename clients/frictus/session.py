@@ -14,11 +14,20 @@ from frictus.tls import SCHEME, Tls, why_refused
 
 DEFAULT_ROUTER: Final = "tcp/127.0.0.1:7447"
 LEASE_MS: Final = 1_000  # a frozen peer's token falls after 0.75 s instead of 9.5 s
+PATIENT_LEASE_MS: Final = 4_000
+"""For the router, and for who only reads. A busy machine sets a process aside for longer than a
+second: what comes meanwhile is kept, but what comes while a link is made anew is lost."""
 QUEUE: Final = 16  # the default of 2 loses messages under load
 PRIORITIES: Final = ("real_time", "interactive_high", "data_high", "data")
 
 
-def _config(mode: str, listen: list[str], connect: list[str], timeout_s: float) -> zenoh.Config:
+def _config(
+    mode: str,
+    listen: list[str],
+    connect: list[str],
+    timeout_s: float,
+    lease_ms: int = LEASE_MS,
+) -> zenoh.Config:
     config = zenoh.Config()
     settings = {
         "mode": mode,
@@ -32,7 +41,7 @@ def _config(mode: str, listen: list[str], connect: list[str], timeout_s: float) 
         "scouting/delay": 0,  # a router would wait half a second for what we never look for
         "timestamping/enabled": True,  # without it samples carry no time and caches no history
         "transport/shared_memory/enabled": False,  # no gain at these sizes, leaves files behind
-        "transport/link/tx/lease": LEASE_MS,
+        "transport/link/tx/lease": lease_ms,
         "transport/link/tx/queue/size": dict.fromkeys(PRIORITIES, QUEUE),
     }
     for key, value in settings.items():
@@ -86,7 +95,7 @@ def open_router(
     CertificateError
         If the certificate cannot be used.
     """
-    config = _config("router", [endpoint], [], 1.0)
+    config = _config("router", [endpoint], [], 1.0, PATIENT_LEASE_MS)
     _secure(config, endpoint, tls, "listen")
     if access is not None:
         config.insert_json5("access_control", json.dumps(access))
@@ -99,7 +108,10 @@ def open_router(
 
 
 def open_session(
-    router: str = DEFAULT_ROUTER, timeout_s: float = 3.0, tls: Tls | None = None
+    router: str = DEFAULT_ROUTER,
+    timeout_s: float = 3.0,
+    tls: Tls | None = None,
+    lease_ms: int = LEASE_MS,
 ) -> zenoh.Session:
     """Open a client session to the router at `router`.
 
@@ -111,6 +123,9 @@ def open_session(
         How long to try.
     tls : Tls or None
         Our certificate, where the router asks for one.
+    lease_ms : int
+        How long the router waits for a sign of life before it drops the link, and our
+        liveliness tokens with it; see `PATIENT_LEASE_MS`.
 
     Raises
     ------
@@ -119,7 +134,7 @@ def open_session(
     CertificateError
         If our certificate or the router's is refused.
     """
-    config = _config("client", [], [router], timeout_s)
+    config = _config("client", [], [router], timeout_s, lease_ms)
     _secure(config, router, tls, "connect")
     try:
         session = zenoh.open(config)

@@ -11,7 +11,7 @@ from zenoh.handlers import Callback
 import frictus
 from frictus.keys import RigKeys, Topics
 from frictus.session import declare_publisher, open_session
-from frictus_service.benchmarks.figure import Figure, spread
+from frictus_service.benchmarks.figure import Figure, Target, spread
 from frictus_service.benchmarks.neighbour import Pipe, neighbour
 from frictus_service.benchmarks.service import QUIET_S, RIG, config_of, serving
 
@@ -84,7 +84,8 @@ def measure(blocks: int = 1_200) -> list[Figure]:
             value,
             beside,
             value["p50"] / beside["p50"],
-            remark=f"{len(ages_ms)} blocks: from a block's last sample to a subscriber in "
+            Target("ratio", "at most", 2.0),
+            f"{len(ages_ms)} blocks: from a block's last sample to a subscriber in "
             "another process, decoded; beside: bare puts of as many bytes at the same pace and "
             "time, through the same router; ratio: of the medians",
         )

@@ -35,20 +35,21 @@ class Tally:
     lost : int
         Blocks that never came or that its own queue could not hold.
     gaps : dict
-        How many of each reason.
-    gap_blocks : int
-        Blocks that the gaps account for.
+        Blocks that the gaps account for, by reason.
     """
 
     received: int = 0
     lost: int = 0
-    gap_blocks: int = 0
     gaps: dict[str, int] = field(default_factory=dict)
 
     def note(self, gap: frictus.Gap) -> None:
         """Take a gap in."""
-        self.gaps[gap.reason] = self.gaps.get(gap.reason, 0) + 1
-        self.gap_blocks += gap.missing_blocks
+        self.gaps[gap.reason] = self.gaps.get(gap.reason, 0) + gap.missing_blocks
+
+    @property
+    def gap_blocks(self) -> int:
+        """Blocks that all gaps account for."""
+        return sum(self.gaps.values())
 
 
 class Subscriber:
@@ -61,7 +62,7 @@ class Subscriber:
     """
 
     def __init__(self, endpoint: str) -> None:
-        self._client = frictus.connect(endpoint)
+        self._client = frictus.connect(endpoint, reads_only=True)
         rig = self._client.rig(RIG)
         self._feeds = [rig.blocks(stream) for stream in STREAMS]
         self._tallies = [Tally() for _ in self._feeds]
@@ -86,7 +87,6 @@ class Subscriber:
         for feed, tally in zip(self._feeds, self._tallies, strict=True):
             total.received += feed.received
             total.lost += feed.lost
-            total.gap_blocks += tally.gap_blocks
             for reason, count in tally.gaps.items():
                 total.gaps[reason] = total.gaps.get(reason, 0) + count
         return total

@@ -9,6 +9,7 @@ from importlib.metadata import version
 from typing import Any
 
 from frictus_service.benchmarks import (
+    contention,
     delivery,
     discovery,
     identification,
@@ -59,6 +60,7 @@ MEASUREMENTS: dict[str, Callable[[], list[Figure]]] = {
     "texture update": update.measure,
     "rig on a core": occupancy.measure,
     "loop lateness": lateness.measure,
+    "busy processes beside": contention.measure,
     "viewers": viewers.measure,
     "kills": kills.measure,
     "identification": identification.measure,

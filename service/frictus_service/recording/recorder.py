@@ -70,7 +70,10 @@ class Recorder:
         self._refused_calls = 0
         self._told_s = 0.0
         self._client = frictus.connect(
-            config.router.endpoint, timeout_s=TIMEOUT_S, tls=tls_of_rig(config)
+            config.router.endpoint,
+            timeout_s=TIMEOUT_S,
+            tls=tls_of_rig(config),
+            reads_only=True,
         )
         session, keys = self._client.session, config.keys
         self._publisher = declare_latest_publisher(

@@ -1,0 +1,107 @@
+"""What is lost, where, and how late the loop is, beside processes that compute without pause.
+
+A block passes three queues that drop rather than wait: the hand-over from the loop to the
+publisher, Zenoh's on the way (the rig's and the router's), and the reader's own. Each tells of
+itself: the rig counts the first, and a gap in the reader's stream names the other two.
+"""
+
+import contextlib
+import os
+import threading
+from typing import Final
+
+import frictus
+from frictus_service.benchmarks.figure import Figure, Target
+from frictus_service.benchmarks.lateness import SUBSCRIBERS, timing_of
+from frictus_service.benchmarks.load import STREAMS, Tally, loaded
+from frictus_service.benchmarks.neighbour import Pipe, neighbour
+from frictus_service.benchmarks.service import RIG, config_of, serving
+
+NICENESS: Final = 5
+LARGEST_LOSS: Final = 1e-4
+LARGEST_LATENESS_MS: Final = 1.0
+
+
+def compute(pipe: Pipe) -> None:
+    """Compute without pause, at a lower priority where the system has one."""
+    if hasattr(os, "nice"):
+        os.nice(NICENESS)
+    pipe.send("ready")
+    over = threading.Event()
+    threading.Thread(target=_await_end, args=(pipe, over), daemon=True).start()
+    total = 0
+    while not over.is_set():
+        total += sum(range(10_000))
+
+
+def _await_end(pipe: Pipe, over: threading.Event) -> None:
+    with contextlib.suppress(EOFError, OSError):
+        pipe.recv()
+    over.set()
+
+
+def measure_beside(
+    busy: int, seconds: float = 6.0, subscribers: int = SUBSCRIBERS
+) -> list[Figure]:
+    """Return the figures `busy_<n>_loss` and `busy_<n>_lateness`.
+
+    Parameters
+    ----------
+    busy : int
+        Processes that compute without pause meanwhile.
+    seconds : float
+    subscribers : int
+    """
+    config = config_of()
+    with (
+        serving(config, ("rig", "api")),
+        frictus.connect(config.router.endpoint) as client,
+        loaded(config, subscribers) as load,
+        contextlib.ExitStack() as stack,
+    ):
+        for _ in range(busy):
+            stack.enter_context(neighbour(compute))
+        before = load.tallies()
+        lateness_ms, counts = timing_of(client.rig(RIG), seconds)
+        tallies = load.tallies()
+    lost = _missing(tallies) - _missing(before)
+    received = sum(tally.received for tally in tallies) - sum(
+        tally.received for tally in before
+    )
+    places = {
+        "handed_over": float(counts["blocks_dropped"] * len(STREAMS) * subscribers),
+        "on_the_way": float(_missing(tallies, "lost") - _missing(before, "lost")),
+        "by_the_reader": float(_missing(tallies, "overflow") - _missing(before, "overflow")),
+    }
+    beside = f"beside {busy} busy process{'es' * (busy > 1)} at nice {NICENESS}"
+    return [
+        Figure(
+            f"busy_{busy}_loss",
+            "blocks",
+            {"received": float(received), "lost": float(lost)},
+            places,
+            lost / max(received + lost, 1),
+            Target("ratio", "at most", LARGEST_LOSS),
+            f"of {subscribers} subscribers {beside}; on the right by the queue that dropped "
+            "them; ratio: lost over sent",
+        ),
+        Figure(
+            f"busy_{busy}_lateness",
+            "ms",
+            lateness_ms,
+            target=Target("p99", "at most", LARGEST_LATENESS_MS),
+            remark=f"of the loop {beside}; {counts['underruns']} underruns, "
+            f"{counts['deadline_misses']} blocks more than a block late",
+        ),
+    ]
+
+
+def _missing(tallies: list[Tally], reason: str | None = None) -> int:
+    if reason is None:
+        return sum(tally.lost for tally in tallies)
+    return sum(tally.gaps.get(reason, 0) for tally in tallies)
+
+
+def measure() -> list[Figure]:
+    """Return the figures beside one and beside two busy processes."""
+    return [*measure_beside(1), *measure_beside(2)]

@@ -1,0 +1,67 @@
+"""A reader that the system sets aside for longer than a second keeps its link."""
+
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+from frictus.block import Block, Flag
+from frictus.keys import RigKeys, Topics
+from frictus.session import declare_publisher, open_router, open_session
+from frictus_service.benchmarks.neighbour import await_subscriber
+from frictus_service.ports import free_endpoint
+
+BLOCK_S = 0.005
+LAST = 700
+SAMPLES = np.zeros((3, 100), np.float32)
+READER = f"""
+import sys
+import frictus
+from frictus.keys import RigKeys, Topics
+from frictus.session import declare_reader
+
+key = RigKeys("lab", "rig1").of(Topics.FORCE)
+with frictus.connect(sys.argv[1], reads_only=True) as client:
+    declare = lambda put: declare_reader(client.session, key, Topics.FORCE, put)
+    with frictus.BlockFeed(declare, Topics.FORCE, 4_000, timeout_s=20.0) as feed:
+        for item in feed:
+            if isinstance(item, frictus.Block) and item.sequence >= {LAST}:
+                break
+        print(feed.lost)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGSTOP")
+def test_a_reader_set_aside_for_two_seconds_loses_nothing() -> None:
+    endpoint = free_endpoint()
+    with (
+        open_router(endpoint),
+        open_session(endpoint) as session,
+        subprocess.Popen(
+            [sys.executable, "-c", READER, endpoint], stdout=subprocess.PIPE, text=True
+        ) as reader,
+    ):
+        publisher = declare_publisher(
+            session, RigKeys("lab", "rig1").of(Topics.FORCE), Topics.FORCE
+        )
+        await_subscriber(publisher)
+        numbers = itertools.count()
+
+        def publish(blocks: int) -> None:
+            for n in itertools.islice(numbers, blocks):
+                block = Block(1, 1, n, 100 * n, 0, 0, 20_000.0, Flag(0), SAMPLES)
+                publisher.put(block.pack())
+                threading.Event().wait(BLOCK_S)
+
+        publish(100)
+        os.kill(reader.pid, signal.SIGSTOP)
+        publish(400)
+        os.kill(reader.pid, signal.SIGCONT)
+        publish(LAST + 1 - 500)
+        told, _ = reader.communicate(timeout=30.0)
+        assert told == "0\n"
