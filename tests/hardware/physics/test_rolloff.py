@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 from frictus_hardware.physics.rolloff import modes, pole_zero_pairs
 from frictus_hardware.physics.skin import damping_of
 
+pytestmark = pytest.mark.compiled
+
 ORDERS = [-0.5, -0.12, 0.03, 0.12, 0.5]
 BAND_HZ = np.geomspace(5.0, 3000.0, 300)
 

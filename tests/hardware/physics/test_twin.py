@@ -22,6 +22,8 @@ from frictus_hardware.physics.stages import (
 )
 from frictus_hardware.physics.twin import Signals, Twin, simulate
 
+pytestmark = pytest.mark.compiled
+
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 RATE = 20_000.0

@@ -21,6 +21,8 @@ from frictus_service.fidelity.measure import waveform_error
 from frictus_service.fidelity.reference import exact_friction
 from frictus_service.synthesis.components import Components
 
+pytestmark = pytest.mark.compiled
+
 FloatArray = NDArray[np.float64]
 
 RATE = 20_000.0

@@ -17,6 +17,8 @@ from frictus_service.identification.tones import (
     fit,
 )
 
+pytestmark = pytest.mark.compiled
+
 FloatArray = NDArray[np.float64]
 
 

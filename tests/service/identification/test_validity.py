@@ -15,6 +15,8 @@ from frictus_service.identification.observation import TrialObservations
 from frictus_service.identification.observe import observe
 from frictus_service.study.trial import Trial
 
+pytestmark = pytest.mark.compiled
+
 FloatArray = NDArray[np.float64]
 SECONDS = 4.0
 

@@ -9,6 +9,8 @@ from frictus_service.synthesis import corrections, kernel
 from frictus_service.synthesis.inverter import law_tuple
 from frictus_service.synthesis.kernel import Motion
 
+pytestmark = pytest.mark.compiled
+
 FloatArray = NDArray[np.float64]
 
 RATE = 20_000.0

@@ -15,6 +15,8 @@ from frictus_service.fidelity.path import BLOCK_SAMPLES, Path, walk
 from frictus_service.synthesis.estimator import DEFAULT_TUNING, Course, FingerEstimator
 from frictus_service.synthesis.kernel import Motion
 
+pytestmark = pytest.mark.compiled
+
 FloatArray = NDArray[np.float64]
 
 RATE = 20_000.0

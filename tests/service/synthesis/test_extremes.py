@@ -29,6 +29,8 @@ from frictus_service.synthesis.scene import compile_scene
 from frictus_service.synthesis.tables import build_table
 from frictus_service.translate import inverse_of_model, placeholder_model
 
+pytestmark = pytest.mark.compiled
+
 RATE_HZ, BLOCK = 20_000.0, 100
 SCREEN = Screen()
 LAW = inverse_of_model(placeholder_model(), SCREEN)

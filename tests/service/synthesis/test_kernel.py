@@ -18,6 +18,8 @@ from frictus_service.synthesis.kernel import Motion
 from frictus_service.synthesis.renderer import RAMP_S, Renderer
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
 
+pytestmark = pytest.mark.compiled
+
 FloatArray = NDArray[np.float64]
 
 RATE = 20_000.0

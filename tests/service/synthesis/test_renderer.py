@@ -16,6 +16,8 @@ from frictus_service.synthesis.renderer import Rendered, Renderer
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
 from frictus_service.synthesis.stream import StreamBudget
 
+pytestmark = pytest.mark.compiled
+
 FloatArray = NDArray[np.float64]
 
 RATE = 20_000.0

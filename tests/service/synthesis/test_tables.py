@@ -11,6 +11,8 @@ from frictus_service.synthesis.kernel import Motion
 from frictus_service.synthesis.layers import single_table
 from frictus_service.synthesis.tables import BAND_EDGE_HZ, TOP_HZ, build_table, fitting
 
+pytestmark = pytest.mark.compiled
+
 FloatArray = NDArray[np.float64]
 
 RATE = 20_000.0
