@@ -106,6 +106,46 @@ def test_arms_and_stops_by_a_key(page: Page, lab: Lab) -> None:
         expect(page.locator("#state")).to_have_text("Disarmed")
 
 
+def test_space_stops_while_the_pointer_is_the_finger(page: Page, lab: Lab) -> None:
+    page.get_by_role("button", name="Arm", exact=True).click()
+    lab.status(lambda status: status.state == "armed")
+    page.locator("#surface").focus()
+    page.keyboard.press("Space")
+    lab.status(lambda status: status.state == "disarmed")
+    expect(page.locator("#stop-outcome")).to_contain_text("rig1 answered the stop")
+
+
+def test_armed_has_a_colour_of_its_own_kind(page: Page, lab: Lab) -> None:
+    page.get_by_role("button", name="Arm", exact=True).click()
+    state = page.locator("#state")
+    expect(state).to_have_text("ARMED")
+    colours = state.evaluate(
+        """(shown) => {
+          const probe = document.createElement("i");
+          document.body.append(probe);
+          const named = (name) => {
+            probe.style.color = `var(--${name})`;
+            return getComputedStyle(probe).color;
+          };
+          return [getComputedStyle(shown).color, named("warn"), named("good")];
+        }"""
+    )
+    assert colours[0] == colours[1] != colours[2]
+    page.keyboard.press("Escape")
+    lab.status(lambda status: status.state == "disarmed")
+
+
+def test_a_view_that_only_objects_have_shows_the_live_one(page: Page) -> None:
+    page.evaluate("() => { location.hash = '#/calibrate/rig1'; }")
+    expect(page.get_by_role("button", name="Arm the rig and start")).to_be_visible()
+    expect(page.locator("form.setup")).to_contain_text("puts voltage on the screen")
+    page.evaluate("() => { location.hash = '#/constructor/rig1'; }")
+    expect(page.locator("#surface")).to_be_visible()
+    expect(page.get_by_role("link", name="Live", exact=True)).to_have_attribute(
+        "aria-current", "page"
+    )
+
+
 def test_disarms_and_stops_by_the_button(page: Page, lab: Lab) -> None:
     for button in ("Disarm", "STOP"):
         page.get_by_role("button", name="Arm", exact=True).click()

@@ -24,5 +24,5 @@ export function route(hash) {
     if (!(error instanceof URIError)) throw error; // typed by hand: the live view comes up
   }
   const [view, rig, ...rest] = words;
-  return { view: view in VIEWS ? view : "live", rig: rig || null, rest };
+  return { view: Object.hasOwn(VIEWS, view) ? view : "live", rig: rig || null, rest };
 }

@@ -106,7 +106,7 @@ export class Live {
     this.arming.hear(message);
     if (message.rig !== this.rig) return;
     if (message.op === "lost") this.lose();
-    if (!(message.op in this.state)) return;
+    if (!Object.hasOwn(this.state, message.op)) return;
     this.state[message.op] = message[message.op];
     // What a rig last said is kept for late joiners: only a finger or news show that it lives.
     if (message.op === "status" || message.op === "finger") {

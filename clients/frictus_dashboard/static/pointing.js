@@ -96,7 +96,7 @@ export class Pointing {
   }
 
   #key(event, down) {
-    if (!this.enabled || !(event.key in KEYS)) return;
+    if (!this.enabled || !Object.hasOwn(KEYS, event.key)) return;
     event.preventDefault(); // or the page would scroll
     if (down) this.keys.add(event.key);
     else this.keys.delete(event.key);

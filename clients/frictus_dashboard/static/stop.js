@@ -57,7 +57,7 @@ export function installStop(rigs) {
     show();
   }
 
-  const TAKES_SPACE = "button, a, input, select, textarea, summary, canvas[data-live]";
+  const TAKES_SPACE = "button, a, input, select, textarea, summary";
   const takesSpace = (target) => target instanceof Element && target.matches(TAKES_SPACE);
   button.addEventListener("click", stop);
   document.addEventListener(

@@ -103,7 +103,12 @@ export class Setup {
         labelled("Session", this.session),
       ),
       more,
-      element("p", {}, element("button", { type: "submit" }, "Start")),
+      element(
+        "p",
+        {},
+        element("button", { type: "submit" }, "Arm the rig and start"),
+        " This puts voltage on the screen, until the last trial or a stop.",
+      ),
       this.outcome.root,
     );
     form.addEventListener("submit", (event) => {

@@ -95,7 +95,7 @@ export class Asking {
   async #ask() {
     const [study, response] = [this.study.value, this.response.value];
     let base = this.base.value;
-    if (!(base in NAMED[response])) base = await request("GET", `${base}/model.json`);
+    if (!Object.hasOwn(NAMED[response], base)) base = await request("GET", `${base}/model.json`);
     return request("POST", "/discoveries", { json: { study, response, base } });
   }
 }
