@@ -39,7 +39,8 @@ FaultKind = Literal[
 
 UtcNs = Annotated[int, Field(ge=0, lt=2**63)]
 """UTC since 1970, ns: 64 bits reach to the year 2262."""
-Count = Annotated[int, Field(ge=0, lt=2**63)]
+MAX_COUNT: Final = 2**63 - 1
+Count = Annotated[int, Field(ge=0, lt=MAX_COUNT + 1)]
 Int64 = Annotated[int, Field(ge=-(2**63), lt=2**63)]
 SpanMm = tuple[PositionMm, PositionMm]
 
@@ -173,7 +174,7 @@ class LeaseEnd(Message):
     by: str | None = None
     """The client that ended it; None for a fault or a renewal that did not come."""
     reason: str
-    utc_ns: int
+    utc_ns: UtcNs
 
 
 class Counters(Message):

@@ -288,12 +288,14 @@ class NiRig(Opened):
         output_v = np.clip(
             drive_v / config.amplifier_gain, -config.peak_output_v, config.peak_output_v
         )
+        # Asked before anything is queued: what fails here is tried again as a whole.
+        margin_samples = max(self._written - session.acquired(), 0)
         self._queue.write(self.next_play_sample, output_v, 0)
         self._turn = _Turn(
             drive_v=drive_v.copy(),
             applied_v=output_v * config.amplifier_gain,
             first_sample=self._sensed,
-            margin_samples=max(self._written - session.acquired(), 0),
+            margin_samples=margin_samples,
             clipped_samples=int(np.count_nonzero(np.abs(drive_v) > config.screen_peak_v)),
             input_v=np.empty((drive_v.size, len(config.channels))),
         )

@@ -15,7 +15,6 @@ from fastapi.testclient import TestClient
 from tests.service.api.test_server import configuration, get
 
 from frictus_service.api import bodies, connections, limits
-from frictus_service.api.bodies import MAX_FAULTS, MOST
 from frictus_service.api.problems import BusyError, GoneError
 from frictus_service.api.server import run_api
 from frictus_service.ports import free_port
@@ -141,14 +140,22 @@ def test_what_would_fill_the_memory_is_not_parsed(
     assert said.json()["code"] in ("too_large", "bad_request")
 
 
-def test_more_faults_than_a_list_should_have_are_counted(api: TestClient) -> None:
-    entries = MAX_FAULTS + 1
-    assert entries < min(MOST.values())
-    text = b'{"kind":"profile","friction_n":[' + b'"",' * (entries - 1) + b'""]}'
+def test_of_a_list_of_faults_the_first_is_named(api: TestClient) -> None:
+    text = b'{"kind":"profile","friction_n":[' + b'"",' * 60_000 + b'""]}'
     said = put(api, text)
     assert said.status_code == 422
+    assert len(said.json()["errors"]) == 1
+
+
+def test_more_faults_than_a_list_should_have_are_counted(
+    api: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bodies, "MAX_FAULTS", 2)
+    component = b'{"amplitude_n":-1,"cycles_per_mm":-1,"phase_rad":"x"}'
+    said = put(api, b'{"kind":"spectrum","components":[' + component + b"]}")
+    assert said.status_code == 422
     assert "errors" not in said.json()
-    assert str(entries) in said.json()["detail"]
+    assert "3" in said.json()["detail"]
 
 
 @pytest.mark.parametrize(

@@ -280,6 +280,7 @@ def test_no_payload_ends_the_recorder(
         assert reply.message
     begun = rig.record("under-attack")
     assert begun.refused_calls == before + len(asked)
+    until(rig, lambda state: state.blocks > 10)
     for topic, payload in hostile_publications():
         session.put(rig.keys.of(topic), payload)
     rig.end_recording()
