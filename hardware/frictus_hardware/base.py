@@ -37,6 +37,14 @@ class RigInfo:
     converter_steps: Mapping[str, float] = field(default_factory=dict)
     """Value of one count of the converter behind `force` (N), `accel` (m/s²) or `voltage` (V);
     absent: not known, or not a whole multiple of one."""
+    clock_scale: float = 1.0
+    """Device seconds per second of this machine's clock; 1 but on a simulated or replayed rig
+    that is told to run slower or faster."""
+
+    @property
+    def clock_hz(self) -> float:
+        """Nominal samples per second of this machine's clock."""
+        return self.sample_rate_hz * self.clock_scale
 
 
 @dataclass(frozen=True, slots=True)

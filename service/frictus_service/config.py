@@ -35,6 +35,7 @@ from frictus_hardware import (
     SimulatedDeviceConfig,
     located,
 )
+from frictus_hardware.simulated.clock import scale_of
 from frictus_service.errors import ConfigurationError
 
 Scope = Literal["read", "render", "calibrate", "admin"]
@@ -279,6 +280,14 @@ class Config(_Section):
         """Length of a block, in samples."""
         return round(1e-3 * self.block_ms * self.sample_rate_hz)
 
+    @property
+    def clock_scale(self) -> float:
+        """Seconds of the backend's clock per second of this machine's."""
+        backend = self.backend
+        if isinstance(backend, SimulatedDeviceConfig):
+            backend = backend.rig
+        return 1.0 if isinstance(backend, NiRigConfig) else scale_of(backend.clock)
+
     @model_validator(mode="after")
     def _encrypted_with_certificates(self) -> Self:
         endpoint = self.router.endpoint
@@ -299,6 +308,19 @@ class Config(_Section):
                 ("block_ms",) if own else ("backend", "sample_rate_hz"),
                 f"block_ms {self.block_ms:g} is {samples:g} samples at "
                 f"{self.sample_rate_hz:g} Hz: a whole number is accepted",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _blocks_shorter_than_a_freeze(self) -> Self:
+        took_ms, freeze_ms = self.block_ms / self.clock_scale, self.limits.freeze_ms
+        if took_ms > 0.5 * freeze_ms:
+            scaled = self.clock_scale != 1.0
+            raise _fault_at(
+                ("backend",) if scaled else ("block_ms",),
+                f"a block of {self.block_ms:g} ms takes {took_ms:g} ms at a clock of "
+                f"{self.clock_scale:g}, which limits.freeze_ms = {freeze_ms} would take for a "
+                f"loop that stands still: at most {0.5 * freeze_ms:g} ms are accepted",
             )
         return self
 

@@ -5,7 +5,8 @@ from typing import Literal, Self
 
 from pydantic import Field
 
-from frictus_hardware.simulated.strict import Positive, StrictModel
+from frictus_hardware.simulated.clock import ClockSetting
+from frictus_hardware.simulated.strict import StrictModel
 
 
 class ReplayConfig(StrictModel):
@@ -20,8 +21,8 @@ class ReplayConfig(StrictModel):
     sample_rate_hz : float
         At which it was recorded; the file has to agree.
     clock : "real", "virtual" or float
-        A number plays that many times faster than real time; the virtual clock plays as fast
-        as the rig is asked, and nothing is ever late.
+        A number, 0.01 to 100, plays that many times faster than real time; the virtual clock
+        plays as fast as the rig is asked, and nothing is ever late.
     at_end : "stop" or "loop"
         Whether the device is lost where the recording ends, or plays it again.
     """
@@ -29,7 +30,7 @@ class ReplayConfig(StrictModel):
     kind: Literal["replay"] = "replay"
     file: Path
     sample_rate_hz: float = Field(default=20_000.0, ge=1_000.0, le=200_000.0)
-    clock: Literal["real", "virtual"] | Positive = "real"
+    clock: ClockSetting = "real"
     at_end: Literal["stop", "loop"] = "stop"
 
     def within(self, folder: Path) -> Self:

@@ -25,7 +25,7 @@ from frictus_hardware.replay.playhead import (
     touches_of,
 )
 from frictus_hardware.replay.tape import Tape
-from frictus_hardware.simulated.clock import Clock, RealClock, VirtualClock
+from frictus_hardware.simulated.clock import Clock, make_clock, scale_of
 
 FloatArray = NDArray[np.float64]
 
@@ -62,7 +62,7 @@ class ReplayRig(Opened):
             )
         self.config = config
         self.tape = tape
-        self._clock = make_clock(config) if clock is None else clock
+        self._clock = clock or make_clock(config.clock, config.sample_rate_hz)
         self._loops = config.at_end == "loop"
         self._max_block = min(round(MAX_BLOCK_S * tape.sample_rate_hz), longest_stretch(tape))
         self._open = False
@@ -99,6 +99,7 @@ class ReplayRig(Opened):
             # No sensor is there, whatever it was; a substitute stays one.
             finger_source="pointer" if tape.finger_source == "pointer" else "simulated",
             sample_rate_hz=tape.sample_rate_hz,
+            clock_scale=scale_of(self.config.clock),
             lead_samples=tape.lead_samples,
             screen_peak_v=tape.screen_peak_v,
             screen_mm=tape.screen_mm,
@@ -254,10 +255,3 @@ class ReplayRig(Opened):
 
 def _values(raw: NDArray[Any], step: float) -> FloatArray:
     return raw.astype(np.float64) * step
-
-
-def make_clock(config: ReplayConfig) -> Clock:
-    """Return the configured clock."""
-    if config.clock == "virtual":
-        return VirtualClock()
-    return RealClock(config.sample_rate_hz, 1.0 if config.clock == "real" else config.clock)

@@ -3,7 +3,12 @@
 import math
 import time
 from collections.abc import Callable
-from typing import Protocol
+from typing import Annotated, Literal, Protocol
+
+from pydantic import Field
+
+ClockSetting = Literal["real", "virtual"] | Annotated[float, Field(ge=0.01, le=100.0)]
+"""As a configuration gives it; a number is the scale: device seconds per second."""
 
 
 class Clock(Protocol):
@@ -81,3 +86,15 @@ class VirtualClock:
     def wait_until(self, sample: int) -> None:
         """Jump."""
         self._sample = max(self._sample, sample)
+
+
+def scale_of(setting: ClockSetting) -> float:
+    """Return device seconds per second; 1 for the virtual clock, which has no pace."""
+    return 1.0 if isinstance(setting, str) else setting
+
+
+def make_clock(setting: ClockSetting, sample_rate_hz: float, skew_ppm: float = 0.0) -> Clock:
+    """Return the configured clock."""
+    if setting == "virtual":
+        return VirtualClock()
+    return RealClock(sample_rate_hz, scale_of(setting), skew_ppm)

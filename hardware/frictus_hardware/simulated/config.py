@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from frictus_hardware.physics.screen import Screen
+from frictus_hardware.simulated.clock import ClockSetting
 from frictus_hardware.simulated.faults import Fault
 from frictus_hardware.simulated.fingers import FingerConfig
 from frictus_hardware.simulated.human import HumanStrokes
@@ -22,8 +23,8 @@ class SimulatedConfig(StrictModel):
     lead_ms : float
         From handing a drive over to its playing.
     clock : "real", "virtual" or float
-        A number runs the device that many times faster than real time; the virtual clock runs
-        as fast as the rig is asked, and nothing is ever late.
+        A number, 0.01 to 100, runs the device that many times faster than real time; the
+        virtual clock runs as fast as the rig is asked, and nothing is ever late.
     clock_skew_ppm : float
         How much faster than nominal the device's clock runs.
     screen_mm : tuple of float
@@ -47,7 +48,7 @@ class SimulatedConfig(StrictModel):
     kind: Literal["simulated"] = "simulated"
     sample_rate_hz: float = Field(default=20_000.0, ge=1_000.0, le=200_000.0)
     lead_ms: float = Field(default=20.0, gt=0.0, le=1_000.0)
-    clock: Literal["real", "virtual"] | Positive = "real"
+    clock: ClockSetting = "real"
     clock_skew_ppm: float = Field(default=0.0, ge=-1_000.0, le=1_000.0)
     screen_mm: Annotated[tuple[Positive, Positive], Field(strict=False)] = (70.0, 35.0)
     screen_peak_v: float = Field(default=75.0, gt=0.0, le=75.0)

@@ -144,7 +144,7 @@ class SimulatedDeviceRig(Opened):
     def exchange(self, drive_v: FloatArray) -> Exchange:
         """Hand over the next block of output; wait for as many sensed samples."""
         drive_v = np.asarray(drive_v, dtype=np.float64)
-        block_s = drive_v.size / self.config.rig.sample_rate_hz
+        block_s = drive_v.size / self.info.clock_hz
         exchange: Exchange = self._linked(self._blocks).call(
             "exchange", drive_v, extra_s=block_s
         )

@@ -18,7 +18,7 @@ from frictus_hardware.output import RETURN_S, OutputQueue
 from frictus_hardware.physics.compiled import compiled
 from frictus_hardware.physics.stages import Noise, Quantisation
 from frictus_hardware.physics.twin import Signals, Stage, Twin
-from frictus_hardware.simulated.clock import Clock, RealClock, VirtualClock
+from frictus_hardware.simulated.clock import Clock, make_clock, scale_of
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.faults import (
     LASTING,
@@ -89,7 +89,9 @@ class SimulatedRig(Opened):
         self.config = config
         self._info = info_of(config)  # asked for in every block
         self.faults = FaultPlan(config.faults)
-        self._clock = make_clock(config) if clock is None else clock
+        self._clock = clock or make_clock(
+            config.clock, config.sample_rate_hz, config.clock_skew_ppm
+        )
         self._twin = make_twin(config) if twin is None else twin
         self._drifts = twin is None and bool(config.participant.effects)
         self._holds_output = holds_output
@@ -353,6 +355,7 @@ def info_of(config: SimulatedConfig) -> RigInfo:
         simulated=True,
         finger_source="pointer" if config.finger.kind == "client" else "simulated",
         sample_rate_hz=config.sample_rate_hz,
+        clock_scale=scale_of(config.clock),
         lead_samples=config.lead_samples,
         screen_peak_v=config.screen_peak_v,
         screen_mm=config.screen_mm,
@@ -364,14 +367,6 @@ def info_of(config: SimulatedConfig) -> RigInfo:
 def _steps() -> dict[str, float]:
     converter = Quantisation()
     return {"force": converter.force_step_n, "accel": converter.accel_step_m_s2}
-
-
-def make_clock(config: SimulatedConfig) -> Clock:
-    """Return the configured clock."""
-    if config.clock == "virtual":
-        return VirtualClock()
-    scale = 1.0 if config.clock == "real" else config.clock
-    return RealClock(config.sample_rate_hz, scale, config.clock_skew_ppm)
 
 
 def make_twin(config: SimulatedConfig, minutes: float = 0.0) -> Twin:

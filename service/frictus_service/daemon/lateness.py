@@ -16,8 +16,8 @@ class Lateness:
 
     Parameters
     ----------
-    sample_rate_hz : float
-        Nominal rate of the device clock.
+    clock_hz : float
+        Nominal samples of the device per second of this machine's clock.
 
     Attributes
     ----------
@@ -25,8 +25,8 @@ class Lateness:
         Since the start.
     """
 
-    def __init__(self, sample_rate_hz: float) -> None:
-        self._sample_ns = 1e9 / sample_rate_hz
+    def __init__(self, clock_hz: float) -> None:
+        self._sample_ns = 1e9 / clock_hz
         self._end_sample = 0
         self._late_ms = np.zeros(KEPT_BLOCKS)
         self._margin_ms = np.zeros(KEPT_BLOCKS)

@@ -128,7 +128,7 @@ class BlockLoop:
         self._estimator = self._new_estimator()
         self._chain = self._new_chain()
         self.tally = Tally()
-        self.lateness = Lateness(self._rate_hz)
+        self.lateness = Lateness(backend.info.clock_hz)
         self.handover: SimpleQueue[Turn] = SimpleQueue()
 
     def begin_anew(self) -> None:
@@ -231,7 +231,7 @@ class BlockLoop:
         A drift counts from there: through armings, and through a device lost and found.
         """
         in_force_s = self._now_s() - self._model_since_s
-        return self._backend.next_play_sample - in_force_s * self._rate_hz
+        return self._backend.next_play_sample - in_force_s * self._backend.info.clock_hz
 
     def _new_chain(self) -> Chain:
         return Chain(self._backend, self._estimator, self._new_renderer(), self._block_samples)
@@ -281,7 +281,7 @@ class BlockLoop:
         self._broken = False
         self._output_flags.note(step, self._chain.renderer.scene.applied.scaled)
         if late_in_a_row >= self._missed_limit and self._energised:
-            late_ms = 1e3 * n * late_in_a_row / self._rate_hz
+            late_ms = 1e3 * n * late_in_a_row / self._backend.info.clock_hz
             self._feed(
                 FaultRaised(
                     "deadline", f"{late_in_a_row} blocks in a row ({late_ms:.0f} ms) late"

@@ -64,7 +64,7 @@ class PatientBackend:
                 if failing_since_ns is None:
                     failing_since_ns = now_ns
                 info = self.inner.info
-                lead_ns = 1e9 * info.lead_samples / info.sample_rate_hz
+                lead_ns = 1e9 * info.lead_samples / info.clock_hz
                 # The count ends it too: a clock that the device drives stands still meanwhile.
                 if now_ns - failing_since_ns >= lead_ns or tries > info.lead_samples:
                     raise StreamLostError(

@@ -89,7 +89,7 @@ class Publisher:
         self._latest = {
             topic: declare_latest_publisher(session, keys.of(topic), topic) for topic in LATEST
         }
-        self._timebase = Timebase(info.sample_rate_hz)
+        self._timebase = Timebase(info.clock_hz)
         self._run = loop.run
         self._published = 0
         self._status_due_s = 0.0
@@ -126,7 +126,7 @@ class Publisher:
     def _publish(self, turn: Turn) -> None:
         if turn.run != self._run:
             self._run = turn.run
-            self._timebase = Timebase(self._info.sample_rate_hz)
+            self._timebase = Timebase(self._info.clock_hz)
         exchange = turn.step.exchange
         end = exchange.first_sample + exchange.voltage_v.size
         self._timebase.observe(end, turn.returned_ns, turn.reading)

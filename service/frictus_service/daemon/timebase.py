@@ -61,12 +61,12 @@ class Timebase:
 
     Parameters
     ----------
-    sample_rate_hz : float
-        Nominal rate of the device clock.
+    clock_hz : float
+        Nominal samples of the device per second of this machine's clock.
     """
 
-    def __init__(self, sample_rate_hz: float) -> None:
-        self.nominal_ns: Final = 1e9 / sample_rate_hz
+    def __init__(self, clock_hz: float) -> None:
+        self.nominal_ns: Final = 1e9 / clock_hz
         self.ns_per_sample = self.nominal_ns
         self.utc_steps = 0
         self._samples = np.zeros(BINS, np.int64)

@@ -66,7 +66,7 @@ class Bench:
 
     @property
     def now_s(self) -> float:
-        return self.clock.sample() / self.rate_hz + 1e-9 * self.delay_ns
+        return self.clock.sample() / self.rig.info.clock_hz + 1e-9 * self.delay_ns
 
     def feed(self, event: Event) -> None:
         refused = self.interlock.feed(event, self.now_s)
@@ -130,7 +130,7 @@ def build_bench(limits: Limits | None = None, **rig_settings: object) -> Bench:
     bench: Bench
 
     def monotonic_ns() -> int:
-        return round(clock.sample() * 1e9 / config.sample_rate_hz) + bench.delay_ns
+        return round(clock.sample() * 1e9 / rig.info.clock_hz) + bench.delay_ns
 
     backend = PatientBackend(rig, monotonic_ns)
     bench = Bench(config, rig, clock, interlock, orders, None, heartbeat)  # type: ignore[arg-type]

@@ -108,6 +108,12 @@ def test_registries_that_cannot_be_shared_are_refused(url: str) -> None:
         ('site = "a"\n[security]\nauthority = "a.pem"\n', 2, ["tls/HOST:PORT"]),
         ('site = "a"\nrig = "b"\nblock_ms = 5.03\n', 3, ["block_ms", "whole number"]),
         (
+            'site = "a"\n[backend]\nkind = "simulated"\nclock = 0.02\n',
+            2,
+            ["250 ms at a clock of 0.02", "limits.freeze_ms = 250", "at most 125 ms"],
+        ),
+        ("block_ms = 40\n[limits]\nfreeze_ms = 60\n", 1, ["at most 30 ms"]),
+        (
             'site = "a"\n[backend]\nkind = "simulated"\nsample_rate_hz = 20010.0\n',
             4,
             ["backend.sample_rate_hz", "whole number"],

@@ -572,3 +572,17 @@ def test_stopping_plays_the_ramp_out(make_bench: Any, texture: Scene) -> None:
     assert not bench.rig.armed
     assert bench.clock.sample() >= stopped_at + bench.rig.info.lead_samples
     assert not bench.rig.holding
+
+
+@pytest.mark.parametrize("scale", [0.1, 1.0, 10.0])
+def test_no_block_is_late_by_a_clock_of_any_scale(
+    make_bench: Any, texture: Scene, scale: float
+) -> None:
+    bench = make_bench(clock=scale)
+    bench.play(texture)
+    bench.arm(lease_s=100.0)
+    turns = bench.turn(3.0)
+    assert bench.interlock.state.state == "armed"
+    assert bench.loop.tally.deadline_misses == 0
+    assert bench.loop.lateness.max_ms < 1.0
+    assert any(turn.step.exchange.voltage_v.any() for turn in turns)

@@ -431,3 +431,26 @@ def test_parts_do_not_outlive_their_supervisor(served: "subprocess.Popen[str]") 
     served.kill()
     rest = served.stderr.read()
     assert "Traceback" not in rest
+
+
+def test_a_slow_clock_trips_nothing_and_keeps_utc() -> None:
+    backend = SimulatedConfig(finger=SteadyStrokes(), clock=0.25)
+    config = config_with(backend).model_copy(update={"limits": Limits(freeze_ms=500)})
+    with (
+        Supervisor(config, ("rig",), say=lambda _line: None) as supervisor,
+        frictus.connect(config.router.endpoint, name="patient") as client,
+    ):
+        supervisor.wait_ready(100.0)
+        rig = client.rig("rig1")
+        with rig.arm():
+            begun = rig.status().counters.blocks
+            # Of blocks that each last four times as long, the limit is reached by half.
+            enough = begun + 2 * config.limits.missed_deadlines
+            status = until(rig, lambda status: status.counters.blocks >= enough)
+            assert status.state == "armed", status.fault
+            with rig.blocks("voltage", timeout_s=10.0) as feed:
+                block = next(blocks_of(feed))
+            behind_s = 1e-9 * (time.time_ns() - block.utc_ns)
+        assert 0.0 <= behind_s < 0.5, "by nominal rate it would be over a second by now"
+        with rig.watch(Topics.TIME, timeout_s=10.0) as states:
+            assert abs(next(iter(states)).skew_ppm) <= 200.0
