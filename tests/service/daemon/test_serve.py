@@ -453,4 +453,6 @@ def test_a_slow_clock_trips_nothing_and_keeps_utc() -> None:
             behind_s = 1e-9 * (time.time_ns() - block.utc_ns)
         assert 0.0 <= behind_s < 0.5, "by nominal rate it would be over a second by now"
         with rig.watch(Topics.TIME, timeout_s=10.0) as states:
-            assert abs(next(iter(states)).skew_ppm) <= 200.0
+            state = next(iter(states))
+        assert isinstance(state, frictus.TimeState)
+        assert abs(state.skew_ppm) <= 200.0
