@@ -331,6 +331,8 @@ class TimeState(Message):
     uncertainty_ns: Count
     skew_ppm: FiniteFloat
     """Rate of the device clock against this machine's, parts per million."""
+    skew_uncertainty_ppm: Annotated[float, Field(ge=0.0, le=200.0)] | None = None
+    """What `skew_ppm` may be off by (95 %); 200 until the fit has seen 1.6 s."""
     utc_steps: Count
     """How often this machine's UTC clock was stepped since the rig started."""
 

@@ -180,6 +180,7 @@ class Publisher:
             ns_per_sample=timebase.ns_per_sample,
             uncertainty_ns=stamp.uncertainty_ns,
             skew_ppm=timebase.skew_ppm,
+            skew_uncertainty_ppm=timebase.skew_uncertainty_ppm,
             utc_steps=timebase.utc_steps,
         )
         self._latest[Topics.TIME].put(state.to_json())

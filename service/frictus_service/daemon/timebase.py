@@ -29,7 +29,8 @@ BIN_BLOCKS: Final = 20
 """Blocks of which only the least late one is kept."""
 BINS: Final = 128
 SETTLED_BINS: Final = 16
-"""Before so many bins the nominal rate is used; 1.6 s at 5 ms per block."""
+"""Before so many bins the nominal rate is used, and what it is off by is called unknown:
+`RATE_PPM`. 1.6 s at 5 ms per block."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +64,19 @@ class Timebase:
     ----------
     clock_hz : float
         Nominal samples of the device per second of this machine's clock.
+
+    Attributes
+    ----------
+    ns_per_sample : float
+        Fitted.
+    skew_uncertainty_ppm : float
+        What `skew_ppm` may be off by (95 %), at most `RATE_PPM`.
     """
 
     def __init__(self, clock_hz: float) -> None:
         self.nominal_ns: Final = 1e9 / clock_hz
         self.ns_per_sample = self.nominal_ns
+        self.skew_uncertainty_ppm = RATE_PPM
         self.utc_steps = 0
         self._samples = np.zeros(BINS, np.int64)
         self._returns_ns = np.zeros(BINS, np.int64)
@@ -186,7 +195,14 @@ class Timebase:
         at_ns = base_ns + intercept + newest * self.ns_per_sample
         self._origin = (base_sample + int(newest), round(at_ns))
         # How far typical bins lie above the line bounds how far the line is above the truth.
-        self._spread_ns = float(np.median(y - slope * x - intercept))
+        above_ns = y - slope * x - intercept
+        self._spread_ns = float(np.median(above_ns))
+        if held >= SETTLED_BINS:
+            # Either end of the edge may be off by what most bins are, a whole busy stretch of
+            # them among these: that turns it about its middle.
+            most_ns = float(np.percentile(above_ns, 95.0))
+            turned = 2.0 * most_ns / (newest * self.nominal_ns)
+            self.skew_uncertainty_ppm = min(1e6 * turned, RATE_PPM)
 
 
 def _lower_edge(x: FloatArray, y: FloatArray) -> tuple[float, float]:

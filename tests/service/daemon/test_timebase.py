@@ -105,6 +105,29 @@ def test_two_rigs_agree_within_their_uncertainties(rng: np.random.Generator) -> 
         assert abs(abs(rig.timebase.skew_ppm) - 50.0) < 10.0
 
 
+@pytest.mark.parametrize("skew_ppm", [0.0, 50.0])
+@pytest.mark.parametrize("busy_ns", [0.0, 400_000.0])
+def test_skew_is_known_as_well_as_is_said(
+    rng: np.random.Generator, skew_ppm: float, busy_ns: float
+) -> None:
+    known, said = [], []
+    for _ in range(10):
+        rig = SimulatedRig(Host(1e9, 0), rng, skew_ppm, 50.0)
+        assert rig.timebase.skew_uncertainty_ppm == 200.0
+        busy_from, busy_to = np.sort(rng.integers(0, 5_000, 2))
+        for block in range(5_000):
+            # While the machine is busy even the least late block of a bin comes later.
+            rig.least_late_ns = 50e3 + (busy_ns if busy_from <= block < busy_to else 0.0)
+            rig.next_block()
+            if block % 200 == 199:
+                error_ppm = abs(rig.timebase.skew_ppm - skew_ppm)
+                known.append(error_ppm <= rig.timebase.skew_uncertainty_ppm)
+        said.append(rig.timebase.skew_uncertainty_ppm)
+    assert np.mean(known) >= 0.95
+    if not busy_ns:
+        assert max(said) < 5.0, "and it says no more than it has to"
+
+
 def test_uncertainty_covers_the_true_time(rng: np.random.Generator) -> None:
     host = Host(1e9, 0)
     rig = SimulatedRig(host, rng, 50.0, 100.0)
