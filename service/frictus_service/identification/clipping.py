@@ -1,4 +1,4 @@
-"""Whether a converter ran out of its range: flat tops at the extremes of a channel."""
+"""Whether a converter ran out of its range, flat tops at the extremes of a channel, or stands."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -47,14 +47,17 @@ class Quality:
     missing_share : float
         Of the samples, in the column that lacks most.
     clipped : tuple of Clipped
+    constant : tuple of int
+        The columns that hold one and the same value throughout.
     """
 
     missing_share: float
     clipped: tuple[Clipped, ...]
+    constant: tuple[int, ...]
 
 
 def inspect(samples: FloatArray) -> Quality:
-    """Return what is missing and what is clipped.
+    """Return what is missing, what is clipped and what stands.
 
     Parameters
     ----------
@@ -62,7 +65,8 @@ def inspect(samples: FloatArray) -> Quality:
         Missing samples NaN.
     """
     count = samples.shape[0]
-    found = []
+    found: list[Clipped] = []
+    constant: list[int] = []
     most = 0.0
     for column in range(samples.shape[1]):
         missing, ends = _ends(samples[:, column])
@@ -70,11 +74,14 @@ def inspect(samples: FloatArray) -> Quality:
         if missing == count:
             continue
         levels = np.ptp(ends[:, 0])
+        if levels == 0.0:
+            constant.append(column)
+            continue
         for value, there, following, after in ends:
             rests = not levels >= LEAST_LEVELS * abs(value - following)
             if not rests and there > max(CLIPPED_SHARE * count, CLIPPED_RATIO * after):
                 found.append(Clipped(column, float(value), float(there / count)))
-    return Quality(most, tuple(found))
+    return Quality(most, tuple(found), tuple(constant))
 
 
 @njit(cache=True, nogil=True)

@@ -74,7 +74,7 @@ def judge(
 
 
 def _samples(trial: Trial) -> Iterator[str]:
-    """Judge what is missing and what is clipped."""
+    """Judge what is missing, what is clipped and what stands along the screen."""
     channels = {
         "voltage_v": trial.voltage_v,
         "force_n": trial.force_n,
@@ -92,6 +92,11 @@ def _samples(trial: Trial) -> Iterator[str]:
                 f"{MOST_OFF:.0%}"
             )
         if name != "voltage_v":
+            if 0 in quality.constant:
+                yield (
+                    f"{name}, column 0, holds one and the same value throughout: its sensor is "
+                    "dead or not connected; accepted: a channel that varies"
+                )
             for clipped in quality.clipped:
                 yield (
                     f"{name}, column {clipped.column}, is clipped at {clipped.value:.4g}: "

@@ -119,6 +119,15 @@ def test_a_clipped_sensor(name: str, stepped: bool, good: Trial) -> None:
     assert f"{name}, column 0, is clipped at {top:.4g}" in said
 
 
+@pytest.mark.parametrize("name", ["force_n", "accel_m_s2"])
+@pytest.mark.parametrize("value", [0.0, 0.3, np.nan])
+def test_a_dead_sensor(name: str, value: float, good: Trial) -> None:
+    samples = getattr(good, name).copy()
+    samples[:, 0] = value
+    said = reasons(replace(good, **{name: samples}))
+    assert (f"{name}, column 0, holds one and the same value" in said) is not np.isnan(value)
+
+
 @pytest.mark.parametrize(
     "crest",
     [
