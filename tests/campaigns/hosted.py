@@ -9,31 +9,24 @@ import multiprocessing
 import os
 import re
 import signal
-import subprocess
-import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any, Final, TypeAlias
 
 import numpy as np
 import psutil
+from tests.campaigns.owner import UPDATE_S, own
 from tests.campaigns.service import START_S, Said
 
-import frictus
-from frictus.errors import FrictusError
 from frictus_hardware import SimulatedDeviceConfig
-from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.device_rig import recent_output
-from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.config import Config
 from frictus_service.daemon.supervisor import ALL, Supervisor
 
 Pipe: TypeAlias = "Connection[Any, Any]"
 LEASE_MS: Final = 300
-UPDATE_S: Final = 0.2
 QUIET_S: Final = 0.15
 """A device that has output nothing for so long is quiet."""
 HISTORY_S: Final = 4.0
@@ -53,50 +46,17 @@ def host(config: Config, pipe: Pipe) -> None:
             pipe.recv()
 
 
-def own(endpoint: str, pipe: Pipe) -> None:
-    """Be a client that arms again and again, and streams a texture at 5 Hz.
-
-    It resets a rig that tripped: on a machine too busy for it a rig trips by itself.
-    """
+def owner(endpoint: str, pipe: Pipe) -> None:
+    """Be the owner until the other end of the pipe closes."""
     threading.Thread(target=_end_with, args=(pipe,), daemon=True).start()
-    wave = 0.08 * np.sin(np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False))
     due = threading.Event()  # never set: a pause
-    while True:
-        with (
-            contextlib.suppress(FrictusError),
-            frictus.connect(endpoint, name="owner") as client,
-        ):
-            rig = client.rig("rig1")
-            if rig.status().state == "tripped":
-                rig.reset()
-            with rig.arm(LEASE_MS) as lease, rig.open_stream(0.1) as stream:
-                while not lease.lost:
-                    stream.send(wave, period_mm=1.0, ttl_ms=1_000)
-                    due.wait(UPDATE_S)
-        due.wait(UPDATE_S)
+    own(endpoint, LEASE_MS, lambda: due.wait(UPDATE_S))
 
 
 def _end_with(pipe: Pipe) -> None:
     with contextlib.suppress(EOFError, OSError):
         pipe.recv()
     os._exit(0)
-
-
-@contextmanager
-def device() -> Iterator[SimulatedDeviceConfig]:
-    """Run a device until the context ends."""
-    command = [sys.executable, "-m", "frictus_hardware.simulated.device"]
-    with subprocess.Popen(
-        [*command, "--address", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True
-    ) as process:
-        try:
-            assert process.stdout is not None
-            address = process.stdout.readline().strip()
-            yield SimulatedDeviceConfig(
-                address=address, rig=SimulatedConfig(finger=SteadyStrokes())
-            )
-        finally:
-            process.kill()
 
 
 class Spawned:

@@ -21,8 +21,7 @@ from tests.campaigns.hosted import (
     Hosted,
     Spawned,
     await_driven,
-    device,
-    own,
+    owner,
     send,
     silent_after_ms,
 )
@@ -31,7 +30,9 @@ from tests.campaigns.service import START_S, config_in, http_status, publish
 
 import frictus
 from frictus.errors import FrictusError
-from frictus_hardware import SimulatedDeviceConfig
+from frictus_hardware import SimulatedConfig, SimulatedDeviceConfig
+from frictus_hardware.simulated.device_rig import launched
+from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.recording.errors import RecordingError
 from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.summary import summarise
@@ -161,7 +162,7 @@ class Site:
             failures.append({"what": f"{attack}: {self.hosted.said.lines[-3:]}"})
         if attack.signals.get("client") == "SIGKILL":
             self.owner.kill()
-            self.owner = Spawned(own, self.hosted.config.router.endpoint)
+            self.owner = Spawned(owner, self.hosted.config.router.endpoint)
 
     def _record(self) -> tuple[str, float]:
         """Begin a recording; return its name and when it was acknowledged."""
@@ -203,10 +204,10 @@ class Site:
 @contextlib.contextmanager
 def site(folder: Path) -> Iterator[Site]:
     """Run a service under load until the context ends."""
-    with device() as config:
+    with launched(SimulatedConfig(finger=SteadyStrokes())) as config:
         hosted = Hosted(config_in(folder, config))
         hosted.start()
-        made = Site(hosted, config, Spawned(own, hosted.config.router.endpoint))
+        made = Site(hosted, config, Spawned(owner, hosted.config.router.endpoint))
         try:
             yield made
         finally:

@@ -21,6 +21,7 @@ import numpy as np
 import psutil
 from numpy.typing import NDArray
 from tests.campaigns.lines import Line, go_on
+from tests.campaigns.owner import UPDATE_S, own
 from tests.campaigns.service import Said, config_in, serving
 
 import frictus
@@ -34,7 +35,6 @@ from frictus_service.config import Config
 from frictus_service.daemon.supervisor import ALL, Supervisor
 
 PROCESSES: Final = 4
-UPDATE_S: Final = 0.2
 LEASE_MS: Final = 5_000
 LARGEST_LOSS: Final = 1e-4
 LARGEST_P99_MS: Final = 1.0
@@ -82,22 +82,14 @@ def burn(pipe: Pipe) -> None:
 
 
 def stream(pipe: Pipe, endpoint: str) -> None:
-    """Arm and stream a texture at 5 Hz until the pipe closes; again where the lease is lost."""
-    wave = 0.08 * np.sin(np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False))
+    """Be the owner until the pipe closes."""
+
+    def pause() -> None:
+        if pipe.poll(UPDATE_S):
+            pipe.recv()
+
     pipe.send("ready")
-    while True:
-        with (
-            contextlib.suppress(FrictusError),
-            frictus.connect(endpoint, name="owner") as client,
-        ):
-            rig = client.rig("rig1")
-            if rig.status().state == "tripped":
-                rig.reset()
-            with rig.arm(LEASE_MS) as lease, rig.open_stream(0.1) as updates:
-                while not lease.lost:
-                    updates.send(wave, period_mm=1.0, ttl_ms=1_000)
-                    if pipe.poll(UPDATE_S):
-                        pipe.recv()
+    own(endpoint, LEASE_MS, pause)
 
 
 class Soak:

@@ -1,7 +1,5 @@
 """The commands that only an installation needs: a router alone, and a device set to zero."""
 
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,7 +9,7 @@ from typer.testing import CliRunner
 
 import frictus
 from frictus_hardware import SimulatedConfig, SimulatedDeviceConfig
-from frictus_hardware.simulated.device_rig import SimulatedDeviceRig, recent_output
+from frictus_hardware.simulated.device_rig import SimulatedDeviceRig, launched, recent_output
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.cli.app import app
 from frictus_service.cli.exits import Exit
@@ -32,16 +30,8 @@ def test_router_runs_without_any_part() -> None:
 
 @pytest.fixture
 def device() -> Iterator[SimulatedDeviceConfig]:
-    command = [sys.executable, "-m", "frictus_hardware.simulated.device"]
-    command += ["--address", "127.0.0.1:0"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stdout is not None
-            rig = SimulatedConfig(finger=SteadyStrokes())
-            address = process.stdout.readline().strip()
-            yield SimulatedDeviceConfig(address=address, rig=rig)
-        finally:
-            process.kill()
+    with launched(SimulatedConfig(finger=SteadyStrokes())) as config:
+        yield config
 
 
 def test_zero_ends_what_a_device_holds(device: SimulatedDeviceConfig, tmp_path: Path) -> None:

@@ -1,26 +1,20 @@
 """A simulated device in a process of its own, for all tests of a run."""
 
 import socket
-import subprocess
-import sys
 from collections.abc import Iterator
 
 import pytest
 from tests.hardware.nidaq.stub_driver import StubDriver, installed
 
+from frictus_hardware import SimulatedConfig
+from frictus_hardware.simulated.device_rig import launched
+
 
 @pytest.fixture(scope="session")
 def device_address() -> Iterator[str]:
     """Address of a running device."""
-    command = [sys.executable, "-m", "frictus_hardware.simulated.device"]
-    with subprocess.Popen(
-        [*command, "--address", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True
-    ) as process:
-        assert process.stdout is not None
-        try:
-            yield process.stdout.readline().strip()
-        finally:
-            process.terminate()
+    with launched(SimulatedConfig()) as device:
+        yield device.address
 
 
 @pytest.fixture

@@ -1,6 +1,10 @@
 """The backend that drives a simulated device in another process."""
 
+import subprocess
+import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from multiprocessing import AuthenticationError
 from multiprocessing.connection import (
@@ -18,7 +22,7 @@ from frictus_hardware.base import Exchange, RigInfo
 from frictus_hardware.errors import ClosedError, ConfigError, LinkLostError
 from frictus_hardware.opened import Opened
 from frictus_hardware.output import DeviceOutput
-from frictus_hardware.simulated.config import SimulatedDeviceConfig
+from frictus_hardware.simulated.config import SimulatedConfig, SimulatedDeviceConfig
 from frictus_hardware.simulated.rig import info_of
 
 FloatArray = NDArray[np.float64]
@@ -225,6 +229,28 @@ def recent_output(config: SimulatedDeviceConfig, seconds: float) -> DeviceOutput
     """
     output: DeviceOutput = _once(config, "output", seconds)
     return output
+
+
+@contextmanager
+def launched(rig: SimulatedConfig) -> Iterator[SimulatedDeviceConfig]:
+    """Run a device in a process of its own at any free port, until the context ends.
+
+    Raises
+    ------
+    LinkLostError
+        If it does not come up.
+    """
+    command = [sys.executable, "-m", "frictus_hardware.simulated.device"]
+    with subprocess.Popen(
+        [*command, "--address", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            address = process.stdout.readline().strip() if process.stdout else ""
+            if not address:
+                raise LinkLostError("the simulated device did not come up")
+            yield SimulatedDeviceConfig(address=address, rig=rig)
+        finally:
+            process.kill()
 
 
 def _once(config: SimulatedDeviceConfig, name: str, *arguments: object) -> Any:

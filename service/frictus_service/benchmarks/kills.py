@@ -2,7 +2,6 @@
 
 import os
 import signal
-import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -13,7 +12,7 @@ import numpy as np
 
 import frictus
 from frictus_hardware import SimulatedDeviceConfig
-from frictus_hardware.simulated.device_rig import recent_output
+from frictus_hardware.simulated.device_rig import launched, recent_output
 from frictus_service.benchmarks.figure import Figure, Target, skipped
 from frictus_service.benchmarks.neighbour import Pipe, neighbour
 from frictus_service.benchmarks.service import (
@@ -25,7 +24,6 @@ from frictus_service.benchmarks.service import (
     serving,
 )
 from frictus_service.daemon.supervisor import Supervisor
-from frictus_service.errors import StartError
 
 LEASE_MS: Final = 300
 LIMIT_MS: Final = 100.0
@@ -120,7 +118,7 @@ def _doomed(endpoint: str) -> Iterator[int]:
 
 def _rigs() -> list[Figure]:
     figures = []
-    with _device() as device:
+    with launched(STEADY) as device:
         config = config_of(device)
         with serving(config) as supervisor, frictus.connect(config.router.endpoint) as client:
             rig = client.rig(RIG)
@@ -174,18 +172,3 @@ def _end_rig(
     lease.wait_lost(QUIET_S)
     lease.disarm()
     return 1e3 * (read_s - silent_s - ended_s), 1e3 * (again_s - ended_s)
-
-
-@contextmanager
-def _device() -> Iterator[SimulatedDeviceConfig]:
-    command = [sys.executable, "-m", "frictus_hardware.simulated.device"]
-    with subprocess.Popen(
-        [*command, "--address", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True
-    ) as process:
-        try:
-            address = process.stdout.readline().strip() if process.stdout else ""
-            if not address:
-                raise StartError("the simulated device did not start")
-            yield SimulatedDeviceConfig(address=address, rig=STEADY)
-        finally:
-            process.kill()

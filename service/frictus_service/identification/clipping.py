@@ -1,4 +1,4 @@
-"""Whether a converter ran out of its range, flat tops at the extremes of a channel, or stands."""
+"""Whether a converter ran out of its range (flat tops at the extremes), or a channel stands."""
 
 from dataclasses import dataclass
 from typing import Final

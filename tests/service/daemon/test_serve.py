@@ -17,7 +17,7 @@ import pytest
 import frictus
 from frictus.keys import Topics
 from frictus_hardware import SimulatedConfig, SimulatedDeviceConfig
-from frictus_hardware.simulated.device_rig import recent_output
+from frictus_hardware.simulated.device_rig import launched, recent_output
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
 from frictus_service.daemon.supervisor import Supervisor
@@ -305,22 +305,8 @@ def test_garbage_on_every_key_leaves_the_rig_alive(
 @pytest.fixture
 def device() -> Iterator[SimulatedDeviceConfig]:
     """A device in a process of its own, which holds its last value."""
-    command = [
-        sys.executable,
-        "-m",
-        "frictus_hardware.simulated.device",
-        "--address",
-        "127.0.0.1:0",
-    ]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stdout is not None
-            address = process.stdout.readline().strip()
-            yield SimulatedDeviceConfig(
-                address=address, rig=SimulatedConfig(finger=SteadyStrokes())
-            )
-        finally:
-            process.kill()
+    with launched(SimulatedConfig(finger=SteadyStrokes())) as config:
+        yield config
 
 
 @posix_signals
