@@ -4,7 +4,7 @@ import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from importlib.metadata import version
-from typing import Any, Final
+from typing import Final
 
 from fastapi import FastAPI
 from fastapi.concurrency import run_in_threadpool
@@ -19,6 +19,7 @@ from frictus_service.api import (
     previews,
     problems,
     recordings,
+    reference,
     rigs,
     studies,
     textures,
@@ -115,33 +116,5 @@ def build_app(config: Config, run: str = RUN, discover: str = DISCOVER) -> FastA
     app.add_middleware(Gate, loopback_only=config.api.loopback)
     app.add_middleware(Rate, per_s=config.api.max_requests_per_s)
     app.add_middleware(metrics.CountRequests, metrics=app.state.metrics)
-    _document_problems(app)
+    reference.install(app)
     return app
-
-
-def _document_problems(app: FastAPI) -> None:
-    """Put the schema of `Problem` in the OpenAPI page, in place of FastAPI's own errors.
-
-    What any path may answer, whatever it is, is added to each.
-    """
-    made = app.openapi
-
-    def described() -> dict[str, Any]:
-        page = made()
-        schemas = page["components"]["schemas"]
-        for unused in ("HTTPValidationError", "ValidationError"):
-            schemas.pop(unused, None)
-        template = "#/components/schemas/{model}"
-        for path in page["paths"].values():
-            for operation in path.values():
-                kinds = problems.EVERYWHERE + (
-                    problems.OF_BODIES if "requestBody" in operation else ()
-                )
-                for status, said in problems.documented(*kinds).items():
-                    operation["responses"].setdefault(str(status), said)
-        problem = problems.Problem.model_json_schema(ref_template=template)
-        schemas.update(problem.pop("$defs"))
-        schemas["Problem"] = problem
-        return page
-
-    app.openapi = described  # type: ignore[method-assign]

@@ -46,6 +46,16 @@ class PatientProtocol(H11Protocol):
         self._cancel()
         super().connection_lost(exc)
 
+    def handle_events(self) -> None:
+        """Read on, and begin what was asked; not while the answer before it is not taken.
+
+        uvicorn would do the whole work of the next request before it waits.
+        """
+        if self.flow.write_paused:
+            self.flow.pause_reading()
+        else:
+            super().handle_events()
+
     def pause_writing(self) -> None:
         """Stop sending: the client does not take what was sent."""
         super().pause_writing()
@@ -56,6 +66,8 @@ class PatientProtocol(H11Protocol):
         if self._take_due is not None:
             self._take_due.cancel()
         super().resume_writing()
+        self.flow.resume_reading()
+        self.handle_events()
 
     def _await_head(self) -> None:
         if self._head_due is not None:

@@ -14,6 +14,8 @@ from frictus_service.dashboard.messages import MAX_BYTES
 from frictus_service.errors import StartError
 
 GRACE_S: Final = 3
+SEND_BYTES: Final = 262_144
+"""What the kernel keeps of answers that a client does not take; Linux would keep megabytes."""
 
 
 class Stop(Protocol):
@@ -73,6 +75,7 @@ def listen(host: str, port: int) -> socket.socket:
         # Connections inherit it. With Nagle's algorithm each answer on a connection that is
         # kept open would wait 40 ms for the client's acknowledgement.
         listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BYTES)
         return listener
     except OSError as error:
         raise StartError(

@@ -13,8 +13,10 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 from tests.service.api.test_server import configuration, get
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from frictus_service.api import bodies, connections, limits
+from frictus_service.api import bodies, connections, limits, reference
+from frictus_service.api.link import RigLink
 from frictus_service.api.problems import BusyError, GoneError
 from frictus_service.api.server import run_api
 from frictus_service.ports import free_port
@@ -120,6 +122,89 @@ def test_who_does_not_take_its_answers_is_cut(
     with connected(port, asked):  # and nothing is read
         assert cut.wait(30.0)
     assert get(port, "/v1/health")[0] == 200
+
+
+def test_nothing_is_done_for_who_does_not_take_its_answers(
+    port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, completed = [], []
+    cut = threading.Event()
+    allows = limits.Rate._allows
+
+    def begin(self: limits.Rate, client: str) -> bool:
+        begun.append(client)
+        return allows(self, client)
+
+    monkeypatch.setattr(limits.Rate, "_allows", begin)
+    complete = H11Protocol.on_response_complete
+
+    def note_complete(self: H11Protocol) -> None:
+        completed.append(self)
+        complete(self)
+
+    lost = connections.PatientProtocol.connection_lost
+
+    def note_lost(self: connections.PatientProtocol, error: Exception | None) -> None:
+        cut.set()
+        lost(self, error)
+
+    monkeypatch.setattr(H11Protocol, "on_response_complete", note_complete)
+    monkeypatch.setattr(connections.PatientProtocol, "connection_lost", note_lost)
+    asked = b"GET /openapi.json HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n" * 400
+    with connected(port, asked):
+        assert cut.wait(30.0)
+    assert len(begun) == len(completed)  # the next has not been begun
+    assert len(begun) < 20  # of 170 kB each
+
+
+def test_who_takes_its_answers_late_gets_all(
+    port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connections, "TAKE_S", 60.0)
+    monkeypatch.setattr(connections, "HEAD_S", 60.0)
+    full = threading.Event()
+    pause = connections.PatientProtocol.pause_writing
+
+    def noted(self: connections.PatientProtocol) -> None:
+        pause(self)
+        full.set()
+
+    monkeypatch.setattr(connections.PatientProtocol, "pause_writing", noted)
+    head = b"GET /openapi.json HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+    asked = (head + b"\r\n") * 99 + head + b"Connection: close\r\n\r\n"
+    with connected(port, asked) as opened:
+        assert full.wait(30.0)
+        answers = all_of(opened)
+    assert answers.count(b"HTTP/1.1 200 OK") == 100
+    assert answers.endswith(get(port, "/openapi.json")[1].encode())
+
+
+def test_health_does_not_wait_for_a_thread(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    waiting, released = threading.Semaphore(0), threading.Event()
+
+    def names(_: RigLink) -> list[str]:
+        waiting.release()
+        assert released.wait(60.0)
+        return []
+
+    monkeypatch.setattr(RigLink, "names", names)
+    asked = b"GET /v1/rigs HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n"
+    with ExitStack() as opened:
+        many = [opened.enter_context(connected(port, asked)) for _ in range(60)]
+        for _ in range(40):  # as many as there are threads
+            assert waiting.acquire(timeout=20.0)
+        assert get(port, "/v1/health")[0] == 200
+        released.set()
+        assert {all_of(one)[:12] for one in many} == {b"HTTP/1.1 200"}
+
+
+def test_the_reference_is_encoded_once(
+    api: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = api.get("/openapi.json")
+    assert first.headers["content-type"] == "application/json"
+    monkeypatch.setattr(reference, "_encoded", lambda _: pytest.fail("encoded again"))
+    assert api.get("/openapi.json").json() == first.json()
 
 
 @pytest.mark.parametrize(
