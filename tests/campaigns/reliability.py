@@ -54,6 +54,17 @@ window; quiet, or beside processes that keep a core busy each. Loss is of the bl
 a subscriber, or a recording, should have got; the first window is for settling. A quiet
 soak fails where subscribers lose more than 1e-4, a deadline is missed, a block dropped or
 the loop's lateness exceeds 1 ms at p99."""
+LINKS: Final = """\
+A proxy between a client and the rig's router delays, loses, throttles, stalls or breaks
+the connection, each direction alike; TCP hides a lost segment, what follows waits until it
+is sent again (200 ms and a round trip). The client streams a texture at 5 Hz with a lease
+of 1 s, another reads the force; *age* is of a block's last sample when it is read. The
+device is a process of its own that holds its last value; *zero* counts from the stall or
+cut to its last driven sample, *again* from its end until the client drives once more. A
+failure is a trip (unless the machine itself is late for 5 s), a screen that is driven for
+longer than the lease, the lead (100 ms here) and 100 ms together, a client that does not
+come back, and, without losses and within the link's capacity, a block or a lease that is
+lost."""
 COMMANDS: Final = """\
 Made by `uv run python -m tests.campaigns.{campaign} lines.jsonl {options}`, which goes on
 where it was stopped, and `uv run python -m tests.campaigns.reliability {campaign}
@@ -180,6 +191,42 @@ def starts(lines: Sequence[Line]) -> str:
     )
 
 
+def links(lines: Sequence[Line]) -> str:
+    """Return the section of the bad links."""
+    conditions: dict[str, list[Line]] = {}
+    for line in lines:
+        conditions.setdefault(line["name"].rsplit("/", 1)[0], []).append(line)
+    steady, broken = [], []
+    for condition, of_one in conditions.items():
+        failed = str(sum(bool(line["failures"]) for line in of_one))
+        if "again_s" in of_one[0]:
+            zeros = [line["zero_ms"] for line in of_one if line["zero_ms"] is not None]
+            again = _spread([line["again_s"] for line in of_one])
+            broken.append([condition, str(len(of_one)), _spread(zeros), again, failed])
+            continue
+        ages = [median(line["age_ms"][place] for line in of_one) for place in (0, 1)]
+        missing = sum(line["missing"] for line in of_one)
+        steady.append(
+            [
+                condition,
+                str(len(of_one)),
+                f"{ages[0]:.3g}, {ages[1]:.3g}",
+                f"{missing} of {missing + sum(line['blocks'] for line in of_one)}",
+                f"{median(line['updates_hz'] for line in of_one):.1f}",
+                str(sum(line["lease_lost"] for line in of_one)),
+                failed,
+            ]
+        )
+    of_steady = ["link", "runs", "age, ms: median, p99", "blocks missing", "updates/s"]
+    of_steady += ["leases lost", "failed"]
+    of_broken = ["link", "runs", "zero, ms: median, worst", "again, s: median, worst", "failed"]
+    return (
+        f"{circumstances(lines)}. {LINKS}\n\n{table(of_steady, steady)}\n\n"
+        f"{table(of_broken, broken)}\n\n{failures(lines)}\n\n"
+        f"{COMMANDS.format(campaign='links', options='--repeats 3')}"
+    )
+
+
 def soak(lines: Sequence[Line]) -> str:
     """Return the section of the soaks."""
     lost_rows, slope_rows = [], []
@@ -228,6 +275,7 @@ SECTIONS: Final[Mapping[str, tuple[str, Callable[[Sequence[Line]], str]]]] = {
     "wire": ("Wire", wire),
     "kills": ("Kills and freezes", kills),
     "starts": ("Starts", starts),
+    "links": ("Bad links", links),
     "soak": ("Soak", soak),
 }
 """Heading and writer of the section of each campaign."""
