@@ -13,6 +13,7 @@ from frictus.errors import (
     ArgumentError,
     LinkError,
     NoRigError,
+    OutcomeUnknownError,
     RefusedError,
     SilenceError,
     explain,
@@ -21,6 +22,7 @@ from frictus.keys import CALLS, RECORDER_CALLS, RigKeys, any_rig_alive, rig_of
 from frictus.messages import MESSAGES, Reply
 from frictus.reception import Mailbox
 
+ROUTER_GONE: Final = "the link to the router is gone; it is being tried again"
 LOOKS: Final = 2
 """At the least: on a busy machine one answer in a thousand was empty."""
 PAUSES_S: Final = (0.0, 0.0, 0.01, 0.02, 0.05)
@@ -68,8 +70,10 @@ class Caller:
             If the rig refused.
         NoRigError
             If the rig is not present.
+        OutcomeUnknownError
+            If it was sent and not answered in time: it may have been done.
         LinkError
-            If the rig is there but did not answer, or the router is gone.
+            If it was not sent: the router is gone, or allows it to nobody in our role.
         """
         try:
             request = MESSAGES[(CALLS | RECORDER_CALLS)[name]].model_validate(
@@ -88,6 +92,9 @@ class Caller:
         return reply
 
     def _ask(self, name: str, payload: bytes) -> Reply:
+        if not self.session.info.transports():
+            raise LinkError(f"{name} was not sent: {ROUTER_GONE}")
+        in_time = True
         try:
             answers = self.session.get(
                 self.keys.call(name),
@@ -102,15 +109,39 @@ class Caller:
             for answer in answers:
                 if answer.ok is not None:
                     return Reply.from_json(answer.ok.payload.to_bytes())
+                in_time = False
         except zenoh.ZError as error:
             raise LinkError(f"{name} was not sent: {error}") from error
-        require_present(self.session, self.keys)
+        raise self._unanswered(name, in_time)
+
+    def _unanswered(self, name: str, in_time: bool) -> LinkError:
+        """Return why nobody answered: where the query was open to its end, nobody knows.
+
+        Raises
+        ------
+        NoRigError
+        """
+        unknown = (
+            f"{name} was sent to rig {self.keys.rig} at {self.keys.site} and not answered "
+            f"within {self._timeout_s:g} s; it may have been done, or may still be: read the "
+            "rig's state before it is sent again"
+        )
+        try:
+            require_present(self.session, self.keys)
+        except NoRigError:
+            if self.session.info.transports():
+                raise
+            return OutcomeUnknownError(f"{unknown}. Now {ROUTER_GONE}")
+        except LinkError as error:
+            return OutcomeUnknownError(f"{unknown}. Now {error}")
+        denied = if_secured(self.session, DENIED)
+        if not in_time:
+            return OutcomeUnknownError(unknown + denied)
         if name in RECORDER_CALLS:
-            raise LinkError(no_recorder(self.keys) + if_secured(self.session, DENIED))
-        raise LinkError(
-            f"rig {self.keys.rig} at {self.keys.site} is present but did not answer {name} "
-            f"within {self._timeout_s:g} s; it may be starting or overloaded"
-            f"{if_secured(self.session, DENIED)}"
+            return LinkError(no_recorder(self.keys) + denied)
+        return LinkError(
+            f"rig {self.keys.rig} at {self.keys.site} is present but takes no {name}; it may "
+            f"be starting or ending{denied}"
         )
 
 
@@ -146,7 +177,7 @@ def present_rigs(session: zenoh.Session, site: str = "*", wait_s: float = 2.0) -
         If the router is gone, or has not answered in time.
     """
     if not session.info.transports():
-        raise LinkError("the link to the router is gone; it is being tried again")
+        raise LinkError(ROUTER_GONE)
     found: set[RigKeys] = set()
     silences = 0
     for look, pause_s in enumerate(PAUSES_S):

@@ -62,6 +62,17 @@ class LinkError(FrictusError, ConnectionError):
     """No router can be reached, or the link to it is gone."""
 
 
+class OutcomeUnknownError(LinkError):
+    """A request was sent and not answered: the rig may have done it, or may still do it.
+
+    Read the state that it was to change before it is sent again.
+    """
+
+
+class OutdatedStateError(LinkError):
+    """The rig has confirmed a change but not published it: what it said last is out of date."""
+
+
 class CertificateError(LinkError):
     """A certificate or key cannot be used; the text says which file, why, and what to do."""
 

@@ -128,6 +128,20 @@ RECORDER_CALLS: Final = {
 """The calls that a rig's recorder answers, likewise."""
 
 
+def person_of(client: str) -> str:
+    """Return whom a client acts for: what stands before the last dot of its name, if one does.
+
+    A service that speaks for several people gives each of them clients of its own: ``ann.rest``
+    and ``ann.page-7c2e41`` are ann's.
+
+    Parameters
+    ----------
+    client : str
+        Name of a client.
+    """
+    return client.rpartition(".")[0] or client
+
+
 def _checked(name: str, what: str) -> str:
     if not name or len(name) > MAX_NAME or not name.isascii():
         raise InvalidNameError(

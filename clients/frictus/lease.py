@@ -4,7 +4,7 @@ import contextlib
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from types import TracebackType
 from typing import Final, Self
@@ -19,7 +19,6 @@ from frictus.errors import (
     LinkError,
     NoRigError,
     RefusedError,
-    SilenceError,
 )
 from frictus.keys import Topics
 from frictus.messages import LeaseRenewal, Reply, RigStatus
@@ -48,6 +47,8 @@ class Lease:
         How long the rig goes on without a renewal, 100 to 10000 ms.
     on_lost : callable
         Called once with the error, from the renewing thread, when the lease is lost.
+    share_with : sequence of str
+        Others who may change what is rendered meanwhile.
     """
 
     def __init__(
@@ -56,6 +57,7 @@ class Lease:
         status: Latest[RigStatus],
         lease_ms: int,
         on_lost: Callable[[LeaseLostError], None],
+        share_with: Sequence[str] = (),
     ) -> None:
         self._caller = caller
         self._status = status
@@ -77,7 +79,7 @@ class Lease:
             undo.callback(_taken_back, presence)
             self._publisher = declare_publisher(session, keys.of(Topics.LEASE), Topics.LEASE)
             undo.callback(_taken_back, self._publisher)
-            reply = caller.call("arm", lease_ms=lease_ms)
+            reply = caller.call("arm", lease_ms=lease_ms, share_with=tuple(share_with))
             self._declared = undo.pop_all()
         self._armed_at_s = time.monotonic()
         self._armed_utc_ns = reply.utc_ns
@@ -165,8 +167,8 @@ class Lease:
         if self._gone.is_set():
             return confirmed, LeaseLostError("the rig, or the link to it, is gone")
         try:
-            status = self._status.value(0.0)
-        except (SilenceError, FrameError, EndedError):
+            status = self._status.newest()
+        except (FrameError, EndedError):
             status = None
         if status and status.owner == self._caller.client and status.state == "armed":
             return True, None

@@ -8,6 +8,7 @@ from typing import Annotated, Final, Literal, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from frictus.errors import FrameError, explain
+from frictus.keys import MAX_NAME
 from frictus.model import Model
 from frictus.names import of_a_file
 from frictus.textures import PhaseRad, PositionMm, RmsFriction, Scene
@@ -43,6 +44,9 @@ MAX_COUNT: Final = 2**63 - 1
 Count = Annotated[int, Field(ge=0, lt=MAX_COUNT + 1)]
 Int64 = Annotated[int, Field(ge=-(2**63), lt=2**63)]
 SpanMm = tuple[PositionMm, PositionMm]
+ClientName = Annotated[
+    str, Field(min_length=1, max_length=MAX_NAME, pattern=r"^[A-Za-z0-9._-]+$")
+]
 
 
 class Message(BaseModel):
@@ -227,6 +231,8 @@ class RigStatus(Message):
     fault: Fault | None = None
     owner: str | None = None
     """The client that holds the lease."""
+    share_with: tuple[str, ...] = ()
+    """Others whom the owner lets change what is rendered."""
     last_end: LeaseEnd | None = None
     """How the lease before ended; None where there was none since the rig started."""
     backend: str
@@ -361,6 +367,9 @@ class ArmRequest(Request):
     """Take the rig and let it drive the screen while the lease is renewed."""
 
     lease_ms: Annotated[int, Field(ge=100, le=10_000)] = 500
+    share_with: Annotated[tuple[ClientName, ...], Field(max_length=16)] = ()
+    """Others who may set scenes, stream and excite until the lease ends: clients, or people by
+    what stands before the last dot of their clients' names."""
 
 
 class SceneRequest(Request):

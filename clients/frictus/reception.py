@@ -18,7 +18,7 @@ from typing import Final, Generic, Protocol, Self, TypeAlias, TypeVar
 import zenoh
 from zenoh.handlers import Callback
 
-from frictus.errors import FrameError, SilenceError
+from frictus.errors import FrameError, OutdatedStateError, SilenceError
 
 T = TypeVar("T")
 log = logging.getLogger("frictus")
@@ -411,9 +411,6 @@ class Latest(Generic[T]):
     def expect(self, holds: Callable[[T], bool], within_s: float) -> None:
         """Have `value` wait for what the publisher is known to be about to publish.
 
-        Where it does not come in time, another writer has replaced it before it was published,
-        and the newest value is what is in force.
-
         Parameters
         ----------
         holds : callable
@@ -429,32 +426,53 @@ class Latest(Generic[T]):
         Parameters
         ----------
         timeout_s : float
-            Longest wait; 0 returns what is there.
+            Longest wait.
 
         Raises
         ------
         SilenceError
             If none came.
+        OutdatedStateError
+            If what is expected did not come in time; from then on without a wait, until it
+            does.
         FrameError
             If the newest is not a message of the protocol.
         """
         deadline_s = time.monotonic() + timeout_s
         while True:
             with self._reading:  # never held while waiting: a lease reads the same status
-                arrival = self._mailbox.take_now()
-                if arrival is not None:
-                    self._value = _decoded(self._decode, arrival)
-                value, expected = self._value, self._expected
-                now_s = time.monotonic()
-                if value is not None and expected is not None:
-                    if now_s >= self._expected_until_s or expected(value):
-                        self._expected = expected = None
-            if value is not None and (expected is None or now_s >= deadline_s):
-                return value
-            if now_s >= deadline_s:
+                value = self._take()
+                if value is not None and (self._expected is None or self._expected(value)):
+                    self._expected = None
+                    return value
+                until_s = deadline_s if value is None else self._expected_until_s
+            left_s = min(deadline_s, until_s) - time.monotonic()
+            if left_s > 0.0:
+                self._mailbox.wait(left_s)
+            elif value is None:
                 raise _silence(timeout_s)
-            until_s = deadline_s if value is None else min(deadline_s, self._expected_until_s)
-            self._mailbox.wait(until_s - now_s)
+            else:
+                raise OutdatedStateError(
+                    "what was confirmed has not been published in time, and what was said "
+                    "before is out of date: its publisher stands still or is overloaded"
+                )
+
+    def newest(self) -> T | None:
+        """Return the newest value, None without any; neither waits nor looks what is expected.
+
+        Raises
+        ------
+        FrameError
+            If it is not a message of the protocol.
+        """
+        with self._reading:
+            return self._take()
+
+    def _take(self) -> T | None:
+        arrival = self._mailbox.take_now()
+        if arrival is not None:
+            self._value = _decoded(self._decode, arrival)
+        return self._value
 
     def close(self) -> None:
         """Stop receiving."""

@@ -1,18 +1,18 @@
 """One rig, as its clients see it: watch it, take it, make it feel like something."""
 
-import functools
+import contextlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Final, Literal, TypeVar
 
 import zenoh
 
-from frictus.calls import Caller, no_recorder, present_rigs, require_present
+from frictus.calls import Caller, no_recorder, present_rigs
 from frictus.errors import ArgumentError, LeaseLostError, LinkError, SilenceError
 from frictus.gaps import BlockFeed
 from frictus.holding import Held, close_all
 from frictus.keys import STREAMS, RigKeys, Topic, Topics
-from frictus.lease import Lease, expect_state
+from frictus.lease import Lease
 from frictus.messages import (
     MESSAGES,
     Applied,
@@ -23,15 +23,16 @@ from frictus.messages import (
     ModelState,
     PointerState,
     RecordingState,
-    Reply,
     RigStatus,
+    SafetyState,
     SceneState,
     TimeState,
     TouchState,
 )
 from frictus.model import Model
-from frictus.reception import Arrival, Declare, Feed, Latest
-from frictus.session import declare_publisher, declare_reader
+from frictus.readings import Readings
+from frictus.reception import Arrival, Feed
+from frictus.session import declare_publisher
 from frictus.streaming import TextureStream
 from frictus.textures import Beta, Map, Profile, Region, Scene, Slope, Spectrum, Texture
 
@@ -65,17 +66,25 @@ class Rig:
         The client's name.
     timeout_s : float
         Longest wait for a reply or for a first value.
+    readings : Readings or None
+        What the rig says of itself, where another `Rig` reads it already and closes it.
     """
 
     def __init__(
-        self, session: zenoh.Session, keys: RigKeys, client: str, timeout_s: float
+        self,
+        session: zenoh.Session,
+        keys: RigKeys,
+        client: str,
+        timeout_s: float,
+        readings: Readings | None = None,
     ) -> None:
         self.keys = keys
         self._session = session
         self._timeout_s = timeout_s
         self._caller = Caller(session, keys, client, timeout_s)
-        self._latest: dict[str, Latest[Any]] = {}
         self._held = Held()
+        self._shared = readings is not None
+        self._readings = readings or Readings(session, keys, timeout_s)
         self._followers: list[TextureStream | Feed[Any]] = []
         self._leases: list[Lease] = []
         self._pointer: zenoh.Publisher | None = None
@@ -99,43 +108,27 @@ class Rig:
 
     def status(self) -> RigStatus:
         """Return the newest status: state, owner, fault, counters, loop timing."""
-        return self._value(Topics.STATUS, RigStatus)
+        return self._readings.value(Topics.STATUS, RigStatus)
 
     def scene(self) -> SceneState:
         """Return the active scene and what was made of it."""
-        return self._value(Topics.SCENE, SceneState)
+        return self._readings.value(Topics.SCENE, SceneState)
 
     def model(self) -> ModelState:
         """Return the active friction model and its etag."""
-        return self._value(Topics.MODEL, ModelState)
+        return self._readings.value(Topics.MODEL, ModelState)
 
     def time(self) -> TimeState:
         """Return the fit of the device's sample counter to UTC."""
-        return self._value(Topics.TIME, TimeState)
+        return self._readings.value(Topics.TIME, TimeState)
 
     def recording(self) -> RecordingState:
         """Return what the rig's recorder does; `LinkError` where none runs."""
         try:
-            return self._newest(Topics.RECORDING, RecordingState).value(self._timeout_s)
+            latest = self._readings.latest(Topics.RECORDING, RecordingState)
+            return latest.value(self._timeout_s)
         except SilenceError:
             raise LinkError(no_recorder(self.keys)) from None
-
-    def _value(self, topic: Topic, kind: type[M]) -> M:
-        try:
-            return self._newest(topic, kind).value(self._timeout_s)
-        except SilenceError:
-            require_present(self._session, self.keys)
-            raise LinkError(
-                f"rig {self.name} is present but said nothing under {topic.suffix} "
-                f"within {self._timeout_s:g} s; it may be starting"
-            ) from None
-
-    def _newest(self, topic: Topic, kind: type[M]) -> Latest[M]:
-        if topic.suffix not in self._latest:
-            self._latest[topic.suffix] = self._held.keep(
-                Latest(self._declare(topic), lambda arrival: kind.from_json(arrival.payload))
-            )
-        return self._latest[topic.suffix]
 
     def watch(
         self, topic: Topic, *, capacity: int = STATE_RING, timeout_s: float | None = None
@@ -202,7 +195,7 @@ class Rig:
         def decode(arrival: Arrival) -> list[M]:
             return [kind.from_json(arrival.payload)]
 
-        return self._held.keep(Feed(self._declare(topic), decode, capacity, timeout_s))
+        return self._held.keep(Feed(self._readings.declare(topic), decode, capacity, timeout_s))
 
     def blocks(
         self,
@@ -232,23 +225,37 @@ class Rig:
         if stream not in BLOCKS:
             raise ArgumentError(f"no stream {stream!r}: {', '.join(BLOCKS)} accepted")
         topic = BLOCKS[stream]
-        return self._held.keep(BlockFeed(self._declare(topic), topic, capacity, timeout_s))
-
-    def _declare(self, topic: Topic) -> Declare:
-        return functools.partial(declare_reader, self._session, self.keys.of(topic), topic)
+        declare = self._readings.declare(topic)
+        return self._held.keep(BlockFeed(declare, topic, capacity, timeout_s))
 
     # What one may ask of the rig
 
-    def arm(self, lease_ms: int = 500) -> Lease:
+    def on_behalf_of(self, client: str) -> "Rig":
+        """Return this rig as another client commands it, over the same session.
+
+        For a service that speaks for several people: to the rig each of them is a client. Both
+        read the same states, so that what one changes the other sees. Close it before this one.
+
+        Parameters
+        ----------
+        client : str
+            Name of that client.
+        """
+        return Rig(self._session, self.keys, client, self._timeout_s, self._readings)
+
+    def arm(self, lease_ms: int = 500, share_with: Sequence[str] = ()) -> Lease:
         """Take the rig and let it drive the screen; use it in ``with``.
 
         Parameters
         ----------
         lease_ms : int
             How long the rig goes on without hearing from us, 100 to 10000 ms.
+        share_with : sequence of str
+            Names of at most 16 others who may change scene, stream and excitation meanwhile:
+            clients, or people of the API by the name of their token.
         """
-        status = self._newest(Topics.STATUS, RigStatus)
-        lease = Lease(self._caller, status, lease_ms, self._fail_followers)
+        status = self._readings.latest(Topics.STATUS, RigStatus)
+        lease = Lease(self._caller, status, lease_ms, self._fail_followers, share_with)
         self._leases = [other for other in self._leases if not other.finished] + [lease]
         return lease
 
@@ -285,7 +292,7 @@ class Rig:
         reply = self._caller.call("scene", scene=scene, if_match=if_match)
         if reply.applied is None or reply.etag is None:
             raise LinkError("the rig did not say what it applied: protocol fault")
-        self._expect(Topics.SCENE, SceneState, reply)
+        self._readings.expect(Topics.SCENE, SceneState, reply)
         return SceneState(
             etag=reply.etag, scene=scene, applied=reply.applied, utc_ns=reply.utc_ns
         )
@@ -319,7 +326,7 @@ class Rig:
         reply = self._caller.call("excite", excitation=excitation)
         if reply.applied is None:
             raise LinkError("the rig did not say what it applied: protocol fault")
-        self._expect(Topics.SCENE, SceneState, reply)
+        self._readings.expect(Topics.SCENE, SceneState, reply)
         return reply.applied
 
     def set_model(self, model: Model, if_match: str | None = None) -> str:
@@ -332,27 +339,25 @@ class Rig:
         if_match : str or None
             Etag that the present model must have; refused with code `conflict` otherwise.
         """
+        return self.apply_model(model, if_match)[0]
+
+    def apply_model(self, model: Model, if_match: str | None = None) -> tuple[str, str]:
+        """Replace the friction model as `set_model`; return its etag and the rig's remarks.
+
+        The remarks say for people what of the model is not rendered; they may be empty.
+
+        Parameters
+        ----------
+        model : Model
+            A `model/1` document.
+        if_match : str or None
+            As `set_model`.
+        """
         reply = self._caller.call("model", model=model, if_match=if_match)
         if reply.etag is None:
             raise LinkError("the rig did not name the model's etag: protocol fault")
-        self._expect(Topics.MODEL, ModelState, reply)
-        return reply.etag
-
-    def _expect(self, topic: Topic, kind: type[SceneState | ModelState], reply: Reply) -> None:
-        """Have the next read of a topic include what a reply confirmed, or what came after."""
-        etag, answered_ns = reply.etag, reply.utc_ns
-
-        def includes(state: SceneState | ModelState) -> bool:
-            if state.etag == etag:
-                return True
-            return (
-                answered_ns is not None
-                and state.utc_ns is not None
-                and state.utc_ns >= answered_ns
-            )
-
-        self._newest(topic, kind).expect(includes, self._timeout_s)
-        expect_state(self._newest(Topics.STATUS, RigStatus), reply, self._timeout_s)
+        self._readings.expect(Topics.MODEL, ModelState, reply)
+        return reply.etag, reply.message
 
     def record(
         self, name: str, participant: str | None = None, notes: str = ""
@@ -389,22 +394,23 @@ class Rig:
     ) -> RecordingState:
         """Return the first state that holds; the next read includes it."""
         state = _first(states, holds)
-        self._newest(Topics.RECORDING, RecordingState).expect(
+        self._readings.latest(Topics.RECORDING, RecordingState).expect(
             lambda newest: newest.utc_ns >= state.utc_ns, self._timeout_s
         )
         return state
 
-    def stop(self) -> None:
-        """Ramp the output to zero now, whoever owns the rig."""
-        self._command("stop")
+    def stop(self) -> SafetyState:
+        """Ramp the output to zero now, whoever owns the rig; return the state after it."""
+        return self._command("stop")
 
-    def reset(self) -> None:
-        """Clear a latched trip, as the operator who has removed its cause."""
-        self._command("reset")
+    def reset(self) -> SafetyState:
+        """Clear a latched trip, as the operator who has removed its cause; return the state."""
+        return self._command("reset")
 
-    def _command(self, name: str) -> None:
-        status = self._newest(Topics.STATUS, RigStatus)
-        expect_state(status, self._caller.call(name), self._timeout_s)
+    def _command(self, name: str) -> SafetyState:
+        reply = self._caller.call(name)
+        self._readings.expect_status(reply)
+        return reply.state
 
     def point(
         self, x_mm: float, y_mm: float, *, in_contact: bool = True, normal_force_n: float = 0.4
@@ -439,8 +445,14 @@ class Rig:
     def close(self) -> None:
         """Disarm if armed, end every feed and stream. Closing twice is harmless."""
         leases, self._leases = self._leases, []
-        self._latest.clear()
-        close_all([*(lease.disarm for lease in leases), self._held.close])
+        closes = [*(lease.disarm for lease in leases), self._held.close]
+        if not self._shared:
+            closes.append(self._readings.close)
+        close_all(closes)
+        pointer, self._pointer = self._pointer, None
+        if pointer is not None:
+            with contextlib.suppress(zenoh.ZError):  # the session went first
+                pointer.undeclare()  # type: ignore[no-untyped-call]
 
 
 def _first(states: Feed[Message], holds: Callable[[RecordingState], bool]) -> RecordingState:

@@ -3,6 +3,12 @@
 import { token } from "./token.js";
 
 const TIMEOUT_MS = 5_000;
+let pageKey = null;
+
+/** Have requests act as this page, by the key of its connection; null: as any script. */
+export function actAs(key) {
+  pageKey = key;
+}
 
 /** What the service answered with an error; `code` is its stable word. */
 export class Refusal extends Error {
@@ -34,6 +40,7 @@ export async function send(method, path, options = {}) {
   const given = token();
   const headers = { ...options.headers };
   if (given !== null) headers.Authorization = `Bearer ${given}`;
+  if (pageKey !== null) headers["Frictus-Page"] = pageKey;
   if (json) headers["Content-Type"] = "application/json";
   const answer = await reached(`/v1${path}`, {
     method,

@@ -1,6 +1,7 @@
 /** The page: which view of which rig is shown (`#/live/rig1`), and how the connection stands. */
 
 import { address, route, VIEWS } from "./address.js";
+import { actAs } from "./api.js";
 import { at, element, say } from "./element.js";
 import { Link } from "./link.js";
 import { Live } from "./live.js";
@@ -113,6 +114,7 @@ function standingOfRig() {
 }
 
 link.addEventListener("state", ({ detail }) => {
+  actAs(detail.state === "open" ? link.welcome.key : null);
   if (detail.state === "open") {
     say(at("site"), link.welcome.site);
   } else {

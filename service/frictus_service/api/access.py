@@ -4,9 +4,10 @@ import ipaddress
 from collections.abc import Awaitable, Callable, Collection
 from typing import Annotated, Final
 
-from fastapi import Depends, Request
+from fastapi import Depends, Header, Request
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
+from frictus_service.api.callers import PAGE_HEADER
 from frictus_service.api.problems import MissingScopeError, UnauthenticatedError
 from frictus_service.api.services import services
 from frictus_service.config import Scope, Token
@@ -62,6 +63,25 @@ def needs(scope: Scope) -> Callable[..., Awaitable[str]]:
         return token.name
 
     return check
+
+
+def acts_as(scope: Scope) -> Callable[..., Awaitable[str]]:
+    """Return the dependency that lets requests with `scope` through, and names their client.
+
+    Rigs know whoever asks by that name.
+    """
+
+    async def name(
+        request: Request,
+        person: Annotated[str, Depends(needs(scope))],
+        page: Annotated[
+            str | None,
+            Header(alias=PAGE_HEADER, max_length=64, description="Key of a connected page"),
+        ] = None,
+    ) -> str:
+        return services(request).pages.client_of(person, page)
+
+    return name
 
 
 def find(given: str, tokens: Collection[Token]) -> Token | None:

@@ -6,7 +6,7 @@ from fastapi import APIRouter, Depends, Request
 from pydantic import BaseModel, Field, TypeAdapter
 
 from frictus_service.api import problems
-from frictus_service.api.access import needs
+from frictus_service.api.access import acts_as, needs
 from frictus_service.api.bodies import JSON, parse_json, raw_body, require_media
 from frictus_service.api.etags import required_match
 from frictus_service.api.models import body_of
@@ -45,6 +45,7 @@ def activate(
     rig: RigName,
     given: Given,
     by: Annotated[str, Depends(needs("calibrate"))],
+    client: Annotated[str, Depends(acts_as("calibrate"))],
     request: Request,
     body: Annotated[bytes, Depends(raw_body)],
     if_match: IfMatch = None,
@@ -55,17 +56,18 @@ def activate(
     """
     require_media(request, JSON)
     version = given.registry.get(parse_json(_WANTED, body).model)
+    asked = given.link.rig(rig)
     replaces = "*"
     if if_match is not None:
-        replaces = required_match(if_match, given.link.rig(rig).model().etag)
-    reply = given.link.replace_model(rig, version.model, None if replaces == "*" else replaces)
-    if reply.etag is None:
-        raise problems.UnreadableRigError(f"rig {rig!r} did not say which model it applies")
+        replaces = required_match(if_match, asked.model().etag)
+    etag, remarks = asked.on_behalf_of(client).apply_model(
+        version.model, None if replaces == "*" else replaces
+    )
     activation = given.registry.activations.record(
-        version, site=given.link.site, rig=rig, confirmed=reply.etag, by=by
+        version, site=given.link.site, rig=rig, confirmed=etag, by=by
     )
     return Activated(
         **activation.model_dump(),
-        as_published=reply.etag == version.etag,
-        message=reply.message,
+        as_published=etag == version.etag,
+        message=remarks,
     )

@@ -24,6 +24,7 @@ from frictus_service.api import (
     studies,
     textures,
 )
+from frictus_service.api.callers import Pages
 from frictus_service.api.gate import Gate
 from frictus_service.api.limits import Limits, Rate
 from frictus_service.api.link import RigLink
@@ -105,7 +106,7 @@ def build_app(config: Config, run: str = RUN, discover: str = DISCOVER) -> FastA
         separate_input_output_schemas=False,  # a scene is read and written in one form
     )
     library = TextureLibrary(config.textures)
-    app.state.services = Services(config, link, library, registry, jobs, analyses)
+    app.state.services = Services(config, link, library, registry, jobs, analyses, Pages())
     app.state.hub = hub
     app.state.limits = Limits()
     app.state.metrics = metrics.ApiMetrics(link)

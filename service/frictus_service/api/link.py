@@ -1,20 +1,16 @@
-"""The API's one connection to the rigs of its site, as a client like any other."""
+"""The API's one connection to the rigs of its site."""
 
-import contextlib
 import threading
 import time
-from collections.abc import Callable
 from typing import Final
 
 import frictus
-from frictus.calls import Caller, require_present
-from frictus.errors import LinkError, RefusedError
+from frictus.calls import require_present
+from frictus.errors import LinkError
 from frictus.keys import RigKeys
-from frictus.messages import Reply
 
 RETRY_S: Final = 1.0
 TIMEOUT_S: Final = 2.0
-SEEN_S: Final = 0.5
 
 
 class RigLink:
@@ -93,60 +89,9 @@ class RigLink:
         client = self.client()
         return frictus.Rig(client.session, RigKeys(self.site, name), client.name, TIMEOUT_S)
 
-    def replace_scene(self, name: str, scene: frictus.Scene, replaces: str | None) -> Reply:
-        """Replace the scene whose etag is `replaces` (None: any), and return the reply.
-
-        Raises
-        ------
-        RefusedError, NoRigError, LinkError
-        """
-        reply = self._call(name, "scene", scene=scene, if_match=replaces)
-        self._wait_until(lambda: self.rig(name).scene().etag == reply.etag)
-        return reply
-
-    def replace_model(self, name: str, model: frictus.Model, replaces: str | None) -> Reply:
-        """Replace the model whose etag is `replaces` (None: any), and return the reply.
-
-        Raises
-        ------
-        RefusedError, NoRigError, LinkError
-        """
-        reply = self._call(name, "model", model=model, if_match=replaces)
-        self._wait_until(lambda: self.rig(name).model().etag == reply.etag)
-        return reply
-
-    def command(self, name: str, call: str) -> Reply:
-        """Ask for `stop` or `reset`, and return the reply.
-
-        Raises
-        ------
-        RefusedError, NoRigError, LinkError
-        """
-        return self._call(name, call)
-
     def close(self) -> None:
         """Leave the network."""
         with self._connecting:
             client, self._client = self._client, None
         if client is not None:
             client.close()
-
-    def _call(self, name: str, call: str, **fields: object) -> Reply:
-        rig = self.rig(name)
-        client = self.client()
-        try:
-            return Caller(client.session, rig.keys, client.name, TIMEOUT_S).call(call, **fields)
-        except RefusedError as error:
-            if error.code != "not_owner":
-                raise
-            owner = rig.status().owner
-            raise RefusedError(
-                error.code, f"{error} (rig {name!r} is held by {owner!r})"
-            ) from error
-
-    def _wait_until(self, seen: Callable[[], bool]) -> None:
-        """Wait for what a rig publishes after its reply, so that a GET shows what was PUT."""
-        deadline_s = time.monotonic() + SEEN_S
-        with contextlib.suppress(LookupError, ConnectionError):
-            while not seen() and time.monotonic() < deadline_s:
-                time.sleep(0.005)

@@ -15,6 +15,7 @@ from pydantic import BaseModel, Field
 from pydantic_core import ErrorDetails
 from starlette.exceptions import HTTPException
 
+from frictus import errors
 from frictus.errors import (
     ArgumentError,
     FrameError,
@@ -301,6 +302,12 @@ class NoLinkError(ApiError):
     status, code, title = 503, "no_link", "No link to the router or the rig"
 
 
+class OutcomeUnknownError(ApiError):
+    """The rig got the request and has not answered: it may have done it, or may still do it."""
+
+    status, code, title = 504, "outcome_unknown", "Whether it was done is not known"
+
+
 class NoRegistryError(ApiError):
     """The registry's database cannot be used."""
 
@@ -337,6 +344,7 @@ if set(REFUSALS) != set(get_args(RefusalCode)):
 
 _FOREIGN: Final[dict[type[Exception], type[ApiError]]] = {
     NoRigError: RigNotFoundError,
+    errors.OutcomeUnknownError: OutcomeUnknownError,
     LinkError: NoLinkError,
     SilenceError: NoLinkError,
     FrameError: UnreadableRigError,

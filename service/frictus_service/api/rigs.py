@@ -9,7 +9,7 @@ from frictus.messages import Applied, RigStatus, SafetyState, TimeState
 from frictus.model import Model
 from frictus.textures import Scene
 from frictus_service.api import problems
-from frictus_service.api.access import needs
+from frictus_service.api.access import acts_as, needs
 from frictus_service.api.bodies import JSON, large_body, parse_json, raw_body, require_media
 from frictus_service.api.etags import not_modified, quoted, required_match
 from frictus_service.api.services import Services, services
@@ -29,8 +29,9 @@ _RIG: Final[tuple[type[problems.ApiError], ...]] = (
     problems.UnreadableRigError,
     problems.NoLinkError,
 )
+_COMMAND: Final = (*_RIG, problems.OutcomeUnknownError)
 REPLACE: Final[tuple[type[problems.ApiError], ...]] = (
-    *_RIG,
+    *_COMMAND,
     *problems.REFUSALS.values(),
     problems.ConflictError,
     problems.UnsupportedMediaError,
@@ -118,30 +119,30 @@ def get_applied(rig: RigName, given: Given) -> SceneApplied:
 
 @router.put(
     "/{rig}/scene",
-    dependencies=[Depends(needs("render"))],
     responses=problems.documented(*REPLACE),
     openapi_extra=_body("Scene"),
 )
 def put_scene(
     rig: RigName,
     given: Given,
+    client: Annotated[str, Depends(acts_as("render"))],
     request: Request,
     response: Response,
     body: Annotated[bytes, Depends(large_body)],
     if_match: IfMatch = None,
-) -> Applied | None:
+) -> Applied:
     """Replace the scene, with a cross-fade, and return what the rig made of it.
 
-    The API asks as a client of its own: a rig that another client has armed refuses with
-    `not_owner` and names the owner.
+    A rig that somebody else has armed refuses with `not_owner` and names who holds it, unless
+    they share it with whoever asks.
     """
     require_media(request, JSON)
     scene = parse_json(_SCENE, body)
-    replaces = required_match(if_match, given.link.rig(rig).scene().etag)
-    reply = given.link.replace_scene(rig, scene, None if replaces == "*" else replaces)
-    if reply.etag is not None:
-        response.headers["ETag"] = quoted(reply.etag)
-    return reply.applied
+    asked = given.link.rig(rig)
+    replaces = required_match(if_match, asked.scene().etag)
+    state = asked.on_behalf_of(client).set_scene(scene, None if replaces == "*" else replaces)
+    response.headers["ETag"] = quoted(state.etag)
+    return state.applied
 
 
 @router.get(
@@ -160,7 +161,6 @@ def get_model(
 
 @router.put(
     "/{rig}/model",
-    dependencies=[Depends(needs("calibrate"))],
     status_code=204,
     response_class=Response,
     responses=problems.documented(*REPLACE),
@@ -169,6 +169,7 @@ def get_model(
 def put_model(
     rig: RigName,
     given: Given,
+    client: Annotated[str, Depends(acts_as("calibrate"))],
     request: Request,
     response: Response,
     body: Annotated[bytes, Depends(raw_body)],
@@ -180,27 +181,27 @@ def put_model(
     """
     require_media(request, JSON)
     model = parse_json(_MODEL, body, extra="allow")
-    replaces = required_match(if_match, given.link.rig(rig).model().etag)
-    reply = given.link.replace_model(rig, model, None if replaces == "*" else replaces)
-    if reply.etag is not None:
-        response.headers["ETag"] = quoted(reply.etag)
+    asked = given.link.rig(rig)
+    replaces = required_match(if_match, asked.model().etag)
+    etag = asked.on_behalf_of(client).set_model(model, None if replaces == "*" else replaces)
+    response.headers["ETag"] = quoted(etag)
 
 
 @router.post(
-    "/{rig}/stop",
-    dependencies=[Depends(needs("read"))],
-    responses=problems.documented(*_RIG, *problems.REFUSALS.values()),
+    "/{rig}/stop", responses=problems.documented(*_COMMAND, *problems.REFUSALS.values())
 )
-def stop(rig: RigName, given: Given) -> RigState:
+def stop(
+    rig: RigName, given: Given, client: Annotated[str, Depends(acts_as("read"))]
+) -> RigState:
     """Ramp the output to zero now, whoever owns the rig. Anyone who may look may stop."""
-    return RigState(state=given.link.command(rig, "stop").state)
+    return RigState(state=given.link.rig(rig).on_behalf_of(client).stop())
 
 
 @router.post(
-    "/{rig}/reset",
-    dependencies=[Depends(needs("admin"))],
-    responses=problems.documented(*_RIG, *problems.REFUSALS.values()),
+    "/{rig}/reset", responses=problems.documented(*_COMMAND, *problems.REFUSALS.values())
 )
-def reset(rig: RigName, given: Given) -> RigState:
+def reset(
+    rig: RigName, given: Given, client: Annotated[str, Depends(acts_as("admin"))]
+) -> RigState:
     """Clear a latched trip, as the operator who has removed its cause."""
-    return RigState(state=given.link.command(rig, "reset").state)
+    return RigState(state=given.link.rig(rig).on_behalf_of(client).reset())

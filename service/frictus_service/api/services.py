@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from fastapi import Request
 
+from frictus_service.api.callers import Pages
 from frictus_service.api.link import RigLink
 from frictus_service.config import Config
 from frictus_service.jobs.discoveries import Discoveries
@@ -14,7 +15,7 @@ from frictus_service.registry.store import Registry
 
 @dataclass(frozen=True, slots=True)
 class Services:
-    """Configuration, link to the rigs, texture library, registry, calibrations, discoveries."""
+    """Configuration, rigs, texture library, registry, calibrations, discoveries, pages."""
 
     config: Config
     link: RigLink
@@ -22,6 +23,7 @@ class Services:
     registry: Registry
     jobs: Jobs
     discoveries: Discoveries
+    pages: Pages
 
 
 def services(request: Request) -> Services:

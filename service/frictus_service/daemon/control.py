@@ -93,7 +93,7 @@ class Control:
                 "bad_request",
                 f"lease_ms: {request.lease_ms}; at most {self._limits.max_lease_ms} is granted",
             )
-        return self._feed(Arm(request.client, 1e-3 * request.lease_ms))
+        return self._feed(Arm(request.client, 1e-3 * request.lease_ms, request.share_with))
 
     def disarm(self, request: Request) -> Reply:
         """Take the rig back from its owner."""

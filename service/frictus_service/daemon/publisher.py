@@ -203,6 +203,7 @@ class Publisher:
             state=safety.state,
             fault=self._fault_shown(),
             owner=safety.owner,
+            share_with=safety.share_with,
             last_end=self._end_shown(),
             backend=info.backend,
             simulated=info.simulated,

@@ -8,6 +8,7 @@ alone (`energised`, `may_render`), so that no lost message can leave the output 
 from dataclasses import dataclass, replace
 from typing import Final
 
+from frictus.keys import person_of
 from frictus.messages import FaultKind, RefusalCode, SafetyState
 
 LATCHING: Final[frozenset[FaultKind]] = frozenset(
@@ -38,6 +39,8 @@ class Arm:
 
     client: str
     lease_s: float
+    share_with: tuple[str, ...] = ()
+    """Clients and people who may change what is rendered meanwhile."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +148,8 @@ class Safety:
         `disarmed`, `armed`, `stopping` (ramping to zero) or `tripped` (latched).
     owner : str or None
         The client that holds the lease; None unless armed.
+    share_with : tuple of str
+        Clients and people whom the owner lets change what is rendered; empty unless armed.
     lease_s, lease_until_s : float
         Length of the lease and its end on the monotonic clock.
     fault : tuple of kind and reason, or None
@@ -166,6 +171,7 @@ class Safety:
     lasting: tuple[tuple[FaultKind, str], ...] = ()
     device_ready: bool = True
     armings: int = 0
+    share_with: tuple[str, ...] = ()
 
     @property
     def energised(self) -> bool:
@@ -225,7 +231,7 @@ def step(state: Safety, event: Event, now_s: float) -> Outcome:
 
 
 def refusal(state: Safety, client: str) -> Refuse | None:
-    """Return why `client` may not change what is rendered now, or None.
+    """Return why `client` may not command the rig now, or None.
 
     While armed only the owner may; otherwise anybody, since nothing is felt.
     """
@@ -234,8 +240,22 @@ def refusal(state: Safety, client: str) -> Refuse | None:
     return None
 
 
+def refusal_to_render(state: Safety, client: str) -> Refuse | None:
+    """Return why `client` may not change what is rendered now, or None.
+
+    While armed the owner may, and with whom it shares the rig.
+    """
+    if client in state.share_with or person_of(client) in state.share_with:
+        return None
+    refused = refusal(state, client)
+    if refused is None:
+        return None
+    advice = f" or have it armed with share_with {person_of(client)!r}"
+    return replace(refused, message=refused.message + advice)
+
+
 def _ramp(state: Safety) -> Safety:
-    return replace(state, state="stopping", owner=None)
+    return replace(state, state="stopping", owner=None, share_with=())
 
 
 def _arm(state: Safety, event: Arm, now_s: float) -> Outcome:
@@ -253,6 +273,7 @@ def _arm(state: Safety, event: Arm, now_s: float) -> Outcome:
         event.lease_s,
         now_s + event.lease_s,
         armings=state.armings + (state.state != "armed"),
+        share_with=event.share_with,
     )
     return armed, (Announce(),)
 
@@ -298,7 +319,7 @@ def _raise(state: Safety, event: FaultRaised) -> Outcome:
     if event.kind in LATCHING:
         if state.state == "tripped":  # the first cause is the one an operator needs to see
             return replace(state, device_ready=ready), ()
-        tripped = replace(state, state="tripped", owner=None, fault=fault, device_ready=ready)
+        tripped = replace(_ramp(state), state="tripped", fault=fault, device_ready=ready)
         return tripped, (Tripped(event.kind), Announce())
     if event.kind not in LASTING:
         return state, ()  # transient ones are counted by the loop; config refuses to start

@@ -23,7 +23,7 @@ from frictus.textures import Scene
 from frictus_hardware.physics.screen import Screen
 from frictus_service.daemon.interlock import Interlock
 from frictus_service.daemon.orders import ModelOrder, Orders, RenderedModel, SceneOrder
-from frictus_service.daemon.safety import refusal
+from frictus_service.daemon.safety import refusal_to_render
 from frictus_service.etag import etag_of, etag_of_scene
 from frictus_service.synthesis.excitation import compile_excitation
 from frictus_service.synthesis.inverse import Inverse
@@ -114,7 +114,7 @@ class Stage:
         RefusedError
             `not_owner`.
         """
-        refused = refusal(self._interlock.state, client)
+        refused = refusal_to_render(self._interlock.state, client)
         if refused is not None:
             raise RefusedError(refused.code, refused.message)
 
@@ -290,7 +290,7 @@ class Stage:
 
     def _arming_of(self, client: str) -> int:
         """Return the present arming, which must be this client's."""
-        refused = refusal(safety := self._interlock.state, client)
+        refused = refusal_to_render(safety := self._interlock.state, client)
         if refused is not None:
             raise RefusedError(refused.code, refused.message)
         if safety.state != "armed":

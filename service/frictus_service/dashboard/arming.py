@@ -3,13 +3,13 @@
 import asyncio
 import contextlib
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Final
 
 import zenoh
 from fastapi.concurrency import run_in_threadpool
 
-from frictus.errors import FrictusError, NoRigError, RefusedError
+from frictus.errors import FrictusError, NoRigError, OutcomeUnknownError, RefusedError
 from frictus.lease import Lease
 from frictus_service.dashboard.hub import Hub
 from frictus_service.dashboard.messages import Armed, Disarmed
@@ -28,12 +28,15 @@ class Arming:
     ----------
     hub : Hub
         Arms rigs.
+    client : str
+        The page, as rigs know it.
     tell : callable
         Sends a message to the page.
     """
 
-    def __init__(self, hub: Hub, tell: Callable[[str], Awaitable[None]]) -> None:
+    def __init__(self, hub: Hub, client: str, tell: Callable[[str], Awaitable[None]]) -> None:
         self._hub = hub
+        self._client = client
         self._tell = tell
         self._rig = ""
         # A task of its own: what a worker thread has armed is known even if nobody waits.
@@ -45,25 +48,31 @@ class Arming:
         """Take note that the page is there."""
         self._heard_s = time.monotonic()
 
-    async def arm(self, rig: str) -> None:
+    async def arm(self, rig: str, share_with: Sequence[str]) -> None:
         """Arm a rig for the page and tell it.
+
+        Parameters
+        ----------
+        rig : str
+        share_with : sequence of str
+            Others who may change what is rendered meanwhile.
 
         Raises
         ------
         RefusedViewerError
-            If it has one already, another page has this one, or the rig refuses.
+            If it has one already, or the rig refuses.
         """
         async with self._changing:
             if self._arming is not None:
                 message = f"this page holds rig {self._rig!r}: disarm it first"
                 raise RefusedViewerError("arm", "conflict", message, None)
-            self._hub.take(rig)
             self._rig = rig
-            self._arming = asyncio.create_task(run_in_threadpool(self._hub.arm, rig))
+            arming = run_in_threadpool(self._hub.arm, rig, self._client, share_with)
+            self._arming = asyncio.create_task(arming)
             try:
                 await asyncio.shield(self._arming)
             except _FAULTS as error:
-                self._forget()
+                self._arming = None
                 raise RefusedViewerError("arm", _code(error), str(error), None) from error
             self.hear()
             await self._tell(Armed(rig=rig).model_dump_json())
@@ -100,7 +109,7 @@ class Arming:
                 with contextlib.suppress(*_FAULTS):  # then it was never armed
                     await self._end(await self._arming)
             finally:
-                self._forget()
+                self._arming = None
 
     def _held(self) -> Lease | None:
         if self._arming is None or not self._arming.done():
@@ -113,9 +122,8 @@ class Arming:
             if lease is None:
                 return
             await self._end(lease)
-            rig = self._rig
-            self._forget()
-            await self._tell(Disarmed(rig=rig, reason=reason).model_dump_json())
+            self._arming = None
+            await self._tell(Disarmed(rig=self._rig, reason=reason).model_dump_json())
 
     @staticmethod
     async def _end(lease: Lease) -> None:
@@ -123,12 +131,10 @@ class Arming:
         with contextlib.suppress(*_FAULTS):
             await run_in_threadpool(lease.disarm)
 
-    def _forget(self) -> None:
-        self._arming = None
-        self._hub.give(self._rig)
-
 
 def _code(error: Exception) -> str:
     if isinstance(error, RefusedError):
         return error.code
+    if isinstance(error, OutcomeUnknownError):
+        return "outcome_unknown"
     return "no_rig" if isinstance(error, NoRigError) else "no_link"

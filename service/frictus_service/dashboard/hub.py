@@ -10,7 +10,7 @@ rig that was gone is subscribed to anew, for Zenoh asks for a last value only on
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Final, Protocol
 
 import zenoh
@@ -68,7 +68,6 @@ class Hub:
         self._rigs: dict[str, frictus.Rig] = {}
         self._channels: dict[tuple[str, str], Channel] = {}
         self._watchers: list[Watcher] = []
-        self._taken: set[str] = set()
         self._poked = asyncio.Event()
         self._tending: asyncio.Task[None] | None = None
 
@@ -126,13 +125,15 @@ class Hub:
         """
         return self._channels.get((rig, name))
 
-    def movable(self, name: str) -> frictus.Rig:
+    def movable(self, name: str, client: str) -> frictus.Rig:
         """Return a rig whose finger may be moved by a page.
 
         Parameters
         ----------
         name : str
             A rig that is watched.
+        client : str
+            The page, as rigs know it.
 
         Raises
         ------
@@ -152,42 +153,29 @@ class Hub:
                 None,
             )
         owner = status.owner
-        if owner is not None and owner != self.client:
+        if owner is not None and owner != client:
             message = f"rig {name!r} is held by {owner!r}"
             raise RefusedViewerError("point", "not_owner", message, None)
         return self._rigs[name]
 
-    @property
-    def client(self) -> str | None:
-        """Name under which rigs know this API; None before it was connected."""
-        return None if self._client is None else self._client.name
+    def arm(self, rig: str, client: str, share_with: Sequence[str]) -> Lease:
+        """Arm a rig for a page; blocks.
 
-    def take(self, rig: str) -> None:
-        """Reserve a rig for one page, which may then `arm` it.
-
-        Raises
-        ------
-        RefusedViewerError
-            If another page has it: to the rig, all pages are one client.
-        """
-        if rig in self._taken:
-            message = f"another page holds rig {rig!r}"
-            raise RefusedViewerError("arm", "not_owner", message, None)
-        self._taken.add(rig)
-
-    def give(self, rig: str) -> None:
-        """Undo `take`."""
-        self._taken.discard(rig)
-
-    def arm(self, rig: str) -> Lease:
-        """Arm a rig; blocks.
+        Parameters
+        ----------
+        rig : str
+        client : str
+            The page, as rigs know it.
+        share_with : sequence of str
+            Others who may change what is rendered meanwhile.
 
         Raises
         ------
         RefusedError, NoRigError, LinkError
         """
         # Waits for a rig that seems absent: on a busy machine one that is there may seem so.
-        return self._link.client().rig(rig, self.site).arm()
+        found = self._link.client().rig(rig, self.site)
+        return found.on_behalf_of(client).arm(share_with=share_with)
 
     async def close(self) -> None:
         """Release everything; before the link is closed."""

@@ -12,7 +12,7 @@ from pydantic import (
     ValidationError,
 )
 
-from frictus.messages import Message
+from frictus.messages import ClientName, Message
 from frictus.rig import StreamName
 from frictus_service.dashboard.refusal import BAD_DATA, RefusedViewerError
 
@@ -65,6 +65,8 @@ class Arm(_Asked):
 
     op: Literal["arm"]
     rig: RigName
+    share_with: Annotated[tuple[ClientName, ...], Field(max_length=16)] = ()
+    """Clients and people who may change what is rendered meanwhile."""
 
 
 class Disarm(_Asked):
@@ -121,8 +123,10 @@ class Welcome(Message):
     version: int = VERSION
     scopes: tuple[str, ...]
     site: str
-    client: str | None
-    """Name under which rigs know this API: the `owner` of what a page has armed."""
+    client: str
+    """Name under which rigs know this page: the `owner` of what it has armed."""
+    key: str
+    """A secret: REST requests with it in the header `Frictus-Page` act as this page."""
 
 
 class Rigs(Message):

@@ -17,10 +17,14 @@ class Pointing:
     ----------
     hub : Hub
         Knows the rigs.
+    client : str
+        The page, as rigs know it.
     """
 
-    def __init__(self, hub: Hub) -> None:
+    def __init__(self, hub: Hub, client: str) -> None:
         self._hub = hub
+        self._client = client
+        self._moved: tuple[frictus.Rig, frictus.Rig] | None = None
         self._newest: tuple[frictus.Rig, Point] | None = None
         self._pressed = False
         self._publishing: asyncio.Task[None] | None = None
@@ -43,7 +47,7 @@ class Pointing:
         """
         if rig is None:
             raise RefusedViewerError("point", "no_rig", "watch a rig to point at it", None)
-        self._newest = (self._hub.movable(rig), point)
+        self._newest = (self._hub.movable(rig, self._client), point)
         self._given.set()
 
     async def run(self) -> None:
@@ -61,11 +65,15 @@ class Pointing:
         if self._pressed and self._newest is not None:
             rig, point = self._newest
             await self._publish(rig, point.model_copy(update={"in_contact": False}))
+        await self._leave()
 
     async def _publish(self, rig: frictus.Rig, point: Point) -> None:
+        if self._moved is None or self._moved[0] is not rig:
+            await self._leave()
+            self._moved = rig, rig.on_behalf_of(self._client)
         self._pressed = point.in_contact
         published = run_in_threadpool(
-            rig.point,
+            self._moved[1].point,
             point.x_mm,
             point.y_mm,
             in_contact=point.in_contact,
@@ -73,3 +81,8 @@ class Pointing:
         )
         self._publishing = asyncio.create_task(published)
         await asyncio.shield(self._publishing)
+
+    async def _leave(self) -> None:
+        moved, self._moved = self._moved, None
+        if moved is not None:
+            await run_in_threadpool(moved[1].close)

@@ -8,7 +8,8 @@ from typing import Final, get_args
 
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
-from frictus_service.api.access import find
+from frictus_service.api.access import LOCAL, find
+from frictus_service.api.callers import Pages
 from frictus_service.config import Scope, Token
 from frictus_service.dashboard.arming import Arming
 from frictus_service.dashboard.hub import Hub
@@ -39,8 +40,9 @@ router = APIRouter()
 @router.websocket("/v1/live")
 async def live(socket: WebSocket) -> None:
     """Serve one page until either side ends it."""
+    services = socket.app.state.services
     conversation = Conversation(
-        socket, socket.app.state.hub, socket.app.state.services.config.api.tokens
+        socket, socket.app.state.hub, services.config.api.tokens, services.pages
     )
     await socket.accept()
     with contextlib.suppress(WebSocketDisconnect):  # the page has gone: nobody is to be told
@@ -61,12 +63,17 @@ class Conversation:
         What all viewers share.
     tokens : collection of Token
         Those of the configuration; without any, everybody may everything.
+    pages : Pages
+        Gives the page its name.
     """
 
-    def __init__(self, socket: WebSocket, hub: Hub, tokens: Collection[Token]) -> None:
+    def __init__(
+        self, socket: WebSocket, hub: Hub, tokens: Collection[Token], pages: Pages
+    ) -> None:
         self._socket = socket
         self._hub = hub
         self._tokens = tokens
+        self._pages = pages
 
     async def serve(self) -> None:
         """Serve the page until it says something malformed, or asks for what it may not.
@@ -86,13 +93,16 @@ class Conversation:
                 await self._socket.close(refusal.close or NOT_ALLOWED, refusal.code)
 
     async def _converse(self) -> None:
-        scopes = await self._greeted()
-        viewer = Viewer(self._hub, scopes)
-        with self._hub.joined(viewer):
-            hub = self._hub
-            welcome = Welcome(scopes=tuple(sorted(scopes)), site=hub.site, client=hub.client)
+        person, scopes = await self._greeted()
+        hub = self._hub
+        viewer = Viewer(hub, scopes)
+        with hub.joined(viewer), self._pages.joined(person) as page:
+            welcome = Welcome(
+                scopes=tuple(sorted(scopes)), site=hub.site, client=page.client, key=page.key
+            )
             await self._send(welcome.model_dump_json())
-            pointing, arming = Pointing(hub), Arming(hub, self._send)
+            pointing = Pointing(hub, page.client)
+            arming = Arming(hub, page.client, self._send)
             tasks = [
                 asyncio.create_task(part)
                 for part in (
@@ -118,8 +128,8 @@ class Conversation:
         told = Refused(what=refusal.what, code=refusal.code, message=str(refusal))
         await self._send(told.model_dump_json())
 
-    async def _greeted(self) -> Collection[Scope]:
-        """Wait for the page to say who it is, and return what it may."""
+    async def _greeted(self) -> tuple[str, Collection[Scope]]:
+        """Wait for the page to say who it is; return whose it is, and what it may."""
         try:
             async with asyncio.timeout(HELLO_S):
                 hello = await self._receive()
@@ -130,13 +140,13 @@ class Conversation:
             message = f"the first message is to be hello, not {hello.op}"
             raise RefusedViewerError("hello", "no_hello", message, BAD_DATA)
         if not self._tokens:
-            return get_args(Scope)
+            return LOCAL, get_args(Scope)
         given = hello.token.get_secret_value() if hello.token is not None else ""
         token = find(given, self._tokens)
         if token is None:
             known = "the token is not known here" if given else "hello is to have a token"
             raise RefusedViewerError("hello", "unauthenticated", known, NOT_ALLOWED)
-        return token.scopes
+        return token.name, token.scopes
 
     async def _listen(self, viewer: Viewer, pointing: Pointing, arming: Arming) -> None:
         while True:
@@ -160,7 +170,7 @@ class Conversation:
                 pointing.point(viewer.watching.rig, asked)
             case Arm():
                 viewer.require("render", "arm")
-                await arming.arm(asked.rig)
+                await arming.arm(asked.rig, asked.share_with)
             case Disarm():
                 await arming.disarm(asked.rig)
             case Ping():

@@ -103,7 +103,7 @@ def test_another_hand_on_the_scene_is_noticed(page: Page, lab: Lab) -> None:
     with lab.rig.arm():
         scene.get_by_role("button", name="Remove the region").click()
         apply.click()
-        expect(scene).to_contain_text("is held by 'tester'")
+        expect(scene).to_contain_text("'tester' holds the rig")
     scene.get_by_role("button", name="Take the rig's scene").click()
     expect(scene.get_by_role("group", name="Region 1")).to_be_visible()
     expect(scene).not_to_contain_text("Not applied")

@@ -81,12 +81,16 @@ class FakeRig:
     session: zenoh.Session
     name: str
     refusal: tuple[str, str] | None = None
+    silent: bool = False
+    """Does what it is asked, and does not answer."""
+    publishes: bool = True
     owner: str | None = None
     calls: list[tuple[str, Request]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.keys = RigKeys(SITE, self.name)
         self.count = 0
+        self._unanswered: list[zenoh.Query] = []
         self._waiting: queue.Queue[tuple[str, zenoh.Query] | None] = queue.Queue()
         self._publishers: dict[str, Any] = {}
         self._declared = [
@@ -127,7 +131,8 @@ class FakeRig:
                 cache=ext.CacheConfig(max_samples=1),
                 publisher_detection=True,
             )
-        self._publishers[topic.suffix].put(message.to_json())
+        if self.publishes:
+            self._publishers[topic.suffix].put(message.to_json())
 
     def tell(self, **changes: Any) -> None:
         self.publish(Topics.STATUS, status(self.name, owner=self.owner, **changes))
@@ -146,9 +151,12 @@ class FakeRig:
     def _serve(self) -> None:
         while (item := self._waiting.get()) is not None:
             call, query = item
+            assert query.payload is not None
+            reply = self._answer(call, query.payload.to_bytes())
+            if self.silent:
+                self._unanswered.append(query)  # it would end as it is dropped
+                continue
             with query:
-                assert query.payload is not None
-                reply = self._answer(call, query.payload.to_bytes())
                 query.reply(query.key_expr, reply.to_json())
 
     def _answer(self, call: str, payload: bytes) -> Reply:

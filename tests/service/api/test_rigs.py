@@ -138,11 +138,46 @@ def test_refusals_keep_their_word(api: TestClient, rig: Any, code: str, status: 
     assert "says the rig" in answer.json()["detail"]
 
 
-def test_not_owner_names_the_owner(api: TestClient, rig: Any) -> None:
-    rig.owner = "alice-7"
-    rig.tell(state="armed")
-    rig.refusal = ("not_owner", "held by another client")
+@pytest.mark.parametrize(
+    ("method", "path", "body"),
+    [
+        ("PUT", "scene", SCENE),
+        ("PUT", "model", MODEL),
+        ("POST", "stop", None),
+        ("POST", "reset", None),
+    ],
+)
+def test_what_is_not_answered_in_time_has_an_unknown_outcome(
+    api: TestClient, rig: Any, method: str, path: str, body: object
+) -> None:
+    api.get(f"/v1/rigs/{rig.name}/scene")
+    api.get(f"/v1/rigs/{rig.name}/model")
+    rig.silent = True
+    asked = f"/v1/rigs/{rig.name}/{path}"
+    answer = api.request(method, asked, json=body, headers={"If-Match": "*"})
+    assert (answer.status_code, answer.json()["code"]) == (504, "outcome_unknown")
+    assert [call for call, _ in rig.calls] == [path]  # it was done
+    if method == "PUT":  # what follows tells
+        assert api.get(asked).headers["etag"] in ('"s1"', '"m1"')
+
+
+def test_what_was_confirmed_and_is_not_published_is_said_to_be_out_of_date(
+    api: TestClient, rig: Any
+) -> None:
     path = f"/v1/rigs/{rig.name}/scene"
-    answer = api.put(path, json=SCENE, headers={"If-Match": "*"})
-    assert answer.status_code == 409
-    assert "'alice-7'" in answer.json()["detail"]
+    api.get(path)
+    rig.publishes = False
+    assert api.put(path, json=SCENE, headers={"If-Match": "*"}).status_code == 200
+    for _ in range(2):
+        answer = api.get(path)
+        assert (answer.status_code, answer.json()["code"]) == (503, "no_link")
+        assert "out of date" in answer.json()["detail"]
+
+
+def test_rigs_know_who_asks_by_the_name_of_the_token(serve: Any, rig: Any) -> None:
+    api = serve(tokens=True)
+    headers = {"Authorization": "Bearer the-read-token-of-a-test"}
+    assert api.post(f"/v1/rigs/{rig.name}/stop", headers=headers).is_success
+    no_page = headers | {"Frictus-Page": "not-a-key-of-any-page"}
+    assert api.post(f"/v1/rigs/{rig.name}/stop", headers=no_page).is_success
+    assert [request.client for _, request in rig.calls] == ["read.rest", "read.rest"]

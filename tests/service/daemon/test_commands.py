@@ -49,6 +49,44 @@ def test_others_are_refused_while_armed(desk: Desk, name: str) -> None:
     assert "ann" in reply.message
 
 
+@pytest.mark.parametrize("guest", ["ben", "cy", "cy.rest", "cy.page-7c2e41"])
+def test_whom_the_owner_names_may_change_what_is_rendered_and_nothing_else(
+    desk: Desk, guest: str
+) -> None:
+    desk.call("arm", share_with=["ben", "cy"])
+    assert desk.call("scene", guest, scene=SCENE).ok
+    ticket = desk.call("open_stream", guest, peak_n=0.06).ticket
+    assert ticket is not None
+    assert desk.send("texture", desk.frame(ticket)).ok
+    assert desk.call("close_stream", guest).ok
+    assert desk.call("excite", guest, excitation={"bias": 0.4}).ok
+    for name in ("arm", "disarm", "lease"):
+        assert desk.call(name, guest).code == "not_owner"
+    desk.call("disarm")
+    assert not desk.interlock.state.share_with
+
+
+@pytest.mark.parametrize("name", ["scene", "open_stream", "close_stream", "excite", "model"])
+@pytest.mark.parametrize("stranger", ["ben.smith.rest", "benny", "dan", "be"])
+def test_whom_the_owner_does_not_name_is_told_who_holds_the_rig_and_what_to_do(
+    desk: Desk, name: str, stranger: str
+) -> None:
+    desk.call("arm", share_with=["ben", "cy"])
+    model = desk.stage.model.model.model_dump(mode="json", by_alias=True)
+    fields = {"scene": SCENE, "peak_n": 0.06, "excitation": {"bias": 0.4}, "model": model}
+    reply = desk.call(name, stranger, **fields)
+    assert reply.code == "not_owner"
+    assert "'ann' holds the rig" in reply.message
+    assert "share_with" in reply.message
+
+
+def test_arming_anew_shares_with_others(desk: Desk) -> None:
+    desk.call("arm", share_with=["ben"])
+    desk.call("arm", share_with=["cy"])
+    assert desk.call("scene", "ben", scene=SCENE).code == "not_owner"
+    assert desk.call("scene", "cy", scene=SCENE).ok
+
+
 def test_anybody_may_set_a_scene_while_disarmed(desk: Desk) -> None:
     assert desk.call("scene", "ben", scene=SCENE).ok
 

@@ -18,6 +18,7 @@ from frictus_service.ports import free_port
 TOKENS = {
     "read": ("read",),
     "render": ("read", "render"),
+    "guest": ("read", "render"),
     "admin": ("admin",),
 }
 SECRETS = {name: f"the-{name}-token-of-a-test" for name in TOKENS}

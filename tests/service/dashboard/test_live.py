@@ -1,5 +1,8 @@
 """Pages at a real simulated rig: what they see moves, and none is in another's way."""
 
+import contextlib
+import http.client
+import json
 import subprocess
 import sys
 import time
@@ -9,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.service.dashboard.page import SECRETS, configuration, page_at, serving
+from tests.service.dashboard.page import SECRETS, Page, configuration, page_at, serving
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 import frictus
@@ -261,9 +264,11 @@ def test_a_page_arms_and_gives_back(port: int) -> None:
         page.wait("armed", lambda told: told["rig"] == "rig1")
         owner = other.wait("status", armed)["status"]["owner"]
         with page_at(port, who="render") as third:
-            assert third.told[0]["client"] == owner
+            assert page.told[0]["client"] == owner != third.told[0]["client"]
             third.say("arm", rig="rig1")
-            assert third.wait("refused")["code"] == "not_owner"
+            told = third.wait("refused")
+            assert told["code"] == "not_owner"
+            assert owner in told["message"]
             third.say("disarm", rig="rig1")
             assert third.wait("refused")["code"] == "not_owner"
         page.say("arm", rig="rig1")
@@ -307,6 +312,84 @@ def test_a_stop_by_anybody_ends_the_lease(port: int, router: str) -> None:
             client.rig("rig1").stop()
         page.say("ping", id=1)  # else its silence may end the lease first
         assert "stopped by 'bystander'" in page.wait("disarmed")["reason"]
+
+
+def ask(
+    port: int, method: str, path: str, who: str, page: Page | None = None, body: object = None
+) -> tuple[int, Any]:
+    """Return status and body of what REST answers, asked as a page where one is given."""
+    headers = {"Authorization": f"Bearer {SECRETS[who]}", "If-Match": "*"}
+    if page is not None:
+        headers["Frictus-Page"] = page.told[0]["key"]
+    if body is not None:
+        headers["Content-Type"] = "application/json"
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60.0)
+    with contextlib.closing(connection):
+        text = None if body is None else json.dumps(body)
+        connection.request(method, f"/v1/rigs/rig1/{path}", text, headers)
+        answer = connection.getresponse()
+        return answer.status, json.loads(answer.read())
+
+
+def put_scene(
+    port: int, name: str, who: str = "render", page: Page | None = None
+) -> tuple[int, Any]:
+    return ask(port, "PUT", "scene", who, page, {"name": name})
+
+
+def test_only_the_page_that_holds_the_rig_changes_what_is_felt(port: int) -> None:
+    with (
+        page_at(port, who="render") as page,
+        page_at(port, who="render") as other,
+        page_at(port, who="guest") as guest,
+    ):
+        assert put_scene(port, "before", "guest")[0] == 200  # nobody holds it
+        page.say("watch", rig="rig1")
+        page.say("arm", rig="rig1")
+        page.wait("armed")
+        for who, asking in (
+            ("guest", None),
+            ("guest", guest),
+            ("guest", page),  # its key is of no use to another person
+            ("render", None),
+            ("render", other),
+        ):
+            status, problem = put_scene(port, "theirs", who, asking)
+            assert (status, problem["code"]) == (409, "not_owner")
+            assert page.told[0]["client"] in problem["detail"]
+            assert "share_with" in problem["detail"]
+            page.say("ping", id=1)  # else its silence may end the lease
+        assert put_scene(port, "mine", page=page)[0] == 200
+        scene = page.wait("scene", lambda told: told["scene"]["scene"]["name"] != "before")
+        assert scene["scene"]["scene"]["name"] == "mine"
+
+
+def test_the_page_that_holds_the_rig_shares_it_by_name(port: int) -> None:
+    with page_at(port, who="render") as page, page_at(port, who="guest") as guest:
+        page.say("watch", rig="rig1")
+        page.say("arm", rig="rig1", share_with=["guest"])
+        page.wait("armed")
+        told = page.wait("status", armed)["status"]
+        assert (told["owner"], told["share_with"]) == (page.told[0]["client"], ["guest"])
+        assert put_scene(port, "a script's", "guest")[0] == 200
+        page.say("ping", id=1)
+        assert put_scene(port, "a page's", "guest", guest)[0] == 200
+        page.say("ping", id=2)
+        assert put_scene(port, "another of mine")[1]["code"] == "not_owner"
+        page.say("disarm", rig="rig1")
+        assert page.wait("status", disarmed)["status"]["share_with"] == []
+
+
+def test_who_stops_a_page_s_rig_by_rest_is_named(port: int) -> None:
+    with page_at(port, who="render") as page:
+        page.say("watch", rig="rig1")
+        page.say("arm", rig="rig1")
+        page.wait("armed")
+        assert ask(port, "POST", "stop", "read")[0] == 200
+        page.say("ping", id=1)
+        assert "stopped by 'read.rest'" in page.wait("disarmed")["reason"]
+        ended = page.wait("status", disarmed)["status"]["last_end"]
+        assert (ended["owner"], ended["by"]) == (page.told[0]["client"], "read.rest")
 
 
 def test_no_rig_to_arm_is_said(port: int) -> None:

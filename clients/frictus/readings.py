@@ -1,0 +1,135 @@
+"""What one rig says of itself: the newest value of each topic, which includes what was done."""
+
+import functools
+import threading
+from typing import Any, TypeVar
+
+import zenoh
+
+from frictus.calls import require_present
+from frictus.errors import LinkError, OutdatedStateError, SilenceError
+from frictus.holding import Held
+from frictus.keys import RigKeys, Topic, Topics
+from frictus.lease import expect_state
+from frictus.messages import Message, ModelState, Reply, RigStatus, SceneState
+from frictus.reception import Declare, Latest
+from frictus.session import declare_reader
+
+M = TypeVar("M", bound=Message)
+
+
+class Readings:
+    """Reads one rig. Several clients of one session may share it, from any thread.
+
+    Parameters
+    ----------
+    session : zenoh.Session
+        Open session.
+    keys : RigKeys
+        The rig.
+    timeout_s : float
+        Longest wait for a first value, and for what the rig has confirmed.
+    """
+
+    def __init__(self, session: zenoh.Session, keys: RigKeys, timeout_s: float) -> None:
+        self._session = session
+        self._keys = keys
+        self._timeout_s = timeout_s
+        self._opening = threading.Lock()
+        self._latest: dict[str, Latest[Any]] = {}
+        self._held = Held()
+
+    def value(self, topic: Topic, kind: type[M]) -> M:
+        """Return the newest value of a topic; wait for the first, and for what is expected.
+
+        Parameters
+        ----------
+        topic : Topic
+        kind : type
+            Its messages.
+
+        Raises
+        ------
+        NoRigError
+            If the rig is not present.
+        OutdatedStateError
+            If the rig is there, but has not published what it confirmed.
+        LinkError
+            If it is there and has never published the topic.
+        """
+        try:
+            return self.latest(topic, kind).value(self._timeout_s)
+        except OutdatedStateError as error:
+            require_present(self._session, self._keys)
+            where = f"{topic.suffix} of rig {self._keys.rig}"
+            raise OutdatedStateError(f"{where}: {error}") from None
+        except SilenceError:
+            require_present(self._session, self._keys)
+            raise LinkError(
+                f"rig {self._keys.rig} is present but said nothing under {topic.suffix} "
+                f"within {self._timeout_s:g} s; it may be starting"
+            ) from None
+
+    def latest(self, topic: Topic, kind: type[M]) -> Latest[M]:
+        """Return the reader of a topic; it receives from the first call on.
+
+        Parameters
+        ----------
+        topic : Topic
+        kind : type
+            Its messages.
+        """
+        with self._opening:
+            if topic.suffix not in self._latest:
+                self._latest[topic.suffix] = self._held.keep(
+                    Latest(self.declare(topic), lambda arrival: kind.from_json(arrival.payload))
+                )
+            return self._latest[topic.suffix]
+
+    def declare(self, topic: Topic) -> Declare:
+        """Return what declares a subscriber of a topic for a given callback.
+
+        Parameters
+        ----------
+        topic : Topic
+        """
+        return functools.partial(declare_reader, self._session, self._keys.of(topic), topic)
+
+    def expect(self, topic: Topic, kind: type[SceneState | ModelState], reply: Reply) -> None:
+        """Have the next read of a topic include what a reply confirmed, or what came after.
+
+        Parameters
+        ----------
+        topic : Topic
+        kind : type
+            Its messages.
+        reply : Reply
+        """
+        etag, answered_ns = reply.etag, reply.utc_ns
+
+        def includes(state: SceneState | ModelState) -> bool:
+            if state.etag == etag:
+                return True
+            return (
+                answered_ns is not None
+                and state.utc_ns is not None
+                and state.utc_ns >= answered_ns
+            )
+
+        self.latest(topic, kind).expect(includes, self._timeout_s)
+        self.expect_status(reply)
+
+    def expect_status(self, reply: Reply) -> None:
+        """Have the next status read include what a reply confirmed.
+
+        Parameters
+        ----------
+        reply : Reply
+        """
+        expect_state(self.latest(Topics.STATUS, RigStatus), reply, self._timeout_s)
+
+    def close(self) -> None:
+        """Stop receiving. Closing twice is harmless."""
+        with self._opening:
+            self._latest.clear()
+            self._held.close()

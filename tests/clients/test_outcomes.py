@@ -1,0 +1,75 @@
+"""What is known of a call: done, refused, not sent, unknown; and by whom it was made."""
+
+import contextlib
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import pytest
+from tests.clients.conftest import APPLIED, WAIT_S, FakeRig
+
+import frictus
+from frictus import Client, Topics
+from frictus.errors import ArgumentError, LinkError, OutcomeUnknownError, OutdatedStateError
+from frictus.keys import RigKeys
+from frictus.messages import SceneState
+from frictus.session import open_router
+from frictus.textures import Scene
+
+
+def test_what_breaks_on_the_way_has_an_unknown_outcome(free_endpoint: str) -> None:
+    with contextlib.ExitStack() as network:
+        session = network.enter_context(open_router(free_endpoint))
+        fake = network.enter_context(FakeRig(free_endpoint, RigKeys("lab", "sim")))
+        with frictus.connect(free_endpoint) as client:
+            fake.silent = True
+            rig = client.rig("sim")
+            asking = ThreadPoolExecutor(1).submit(rig.stop)
+            fake.asked("stop")
+            session.close()  # type: ignore[no-untyped-call]
+            with pytest.raises(OutcomeUnknownError, match="may have been done"):
+                asking.result(WAIT_S)
+            with pytest.raises(LinkError, match="stop was not sent") as known:
+                rig.stop()
+            assert not isinstance(known.value, OutcomeUnknownError)
+
+
+def test_a_state_that_was_confirmed_and_never_published_is_outdated(
+    router: str, fake: Any
+) -> None:
+    fake.say_everything_once()
+    with frictus.connect(router, timeout_s=0.3) as client:
+        rig = client.rig("sim")
+        assert rig.scene().etag == "s1"
+        rig.set_scene(Scene(name="new"))
+        for _ in range(2):  # not once only: what was said last stays out of date
+            with pytest.raises(OutdatedStateError, match="state/scene of rig sim"):
+                rig.scene()
+        fake.say(Topics.SCENE, SceneState(etag="e2", scene=Scene(name="new"), applied=APPLIED))
+        rig.set_scene(Scene(name="new"))
+        assert rig.scene().etag == "e2"
+
+
+def test_several_people_speak_through_one_client(client: Client, fake: Any) -> None:
+    fake.say_everything_once()
+    rig = client.rig("sim")
+    ann = rig.on_behalf_of("ann.page-1")
+    assert ann.scene().etag == "s1"
+    with ann.arm(share_with=["ben"]):
+        asked = fake.asked("arm")
+        assert (asked.client, asked.share_with) == ("ann.page-1", ("ben",))
+        assert ("ann.page-1", True) == fake.tokens.get(timeout=WAIT_S)
+        ann.set_scene(Scene(name="new"))
+        assert fake.asked("scene").client == "ann.page-1"
+        late = SceneState(etag="e2", scene=Scene(name="new"), applied=APPLIED)
+        timer = threading.Timer(0.2, fake.say, (Topics.SCENE, late))
+        timer.start()
+        assert rig.scene().etag == "e2"  # what one has changed the other reads
+        timer.join()
+    fake.asked("disarm")
+    ann.close()
+    assert rig.scene().etag == "e2"
+    with pytest.raises(ArgumentError, match="share_with"):
+        ann.arm(share_with=["not a name"])
+    with pytest.raises(ArgumentError, match="share_with"):
+        ann.arm(share_with=["ben"] * 17)
