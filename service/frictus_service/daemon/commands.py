@@ -45,6 +45,9 @@ RENDERING_CALLS: Final = ("scene", "open_stream", "close_stream", "excite", "mod
 SHORT_BYTES: Final = 4_096
 """What is decided in a callback is at most so long; it takes microseconds to read."""
 SHORT: Final = ("arm", "disarm", "reset", "lease", "pointer")
+UNNAMED_BYTES: Final = 64_000
+"""A call whose attachment names nobody is at most so long: only reading it would tell who sent
+it, and whether that client may."""
 OVERRUN: Final = Reply(
     ok=False, code="unavailable", message="newer calls of the same sender took its place"
 )
@@ -182,7 +185,14 @@ class Commands:
         def check() -> None:
             if name in RENDERING_CALLS and sender:
                 self._stage.check_owner(sender)
-            self._gate.check_size(len(payload or b""), self._most_bytes(name))
+            size_bytes = len(payload or b"")
+            self._gate.check_size(size_bytes, self._most_bytes(name))
+            if not sender and size_bytes > UNNAMED_BYTES:
+                raise RefusedError(
+                    "too_large",
+                    f"{size_bytes} bytes, and the attachment names no client; at most "
+                    f"{UNNAMED_BYTES} are accepted so: attach the client's name",
+                )
 
         reply = self._answered(check)
         return None if reply.ok else reply

@@ -9,7 +9,7 @@ import pytest
 import zenoh
 
 from frictus.keys import RigKeys, Topics
-from frictus_service.daemon.commands import Message
+from frictus_service.daemon.commands import UNNAMED_BYTES, Message
 
 from .desk import SCENE, Desk
 
@@ -119,17 +119,35 @@ def test_a_strangers_updates_push_out_no_update(desk: Wired) -> None:
     assert desk.commands.refused == 2 * BURST
 
 
+@dataclass
+class Unread:
+    """A payload that must be refused for its length or its sender."""
+
+    size_bytes: int
+
+    def __len__(self) -> int:
+        return self.size_bytes
+
+    def to_bytes(self) -> bytes:
+        raise AssertionError("it was read")
+
+
 def test_a_strangers_scene_is_refused_before_it_is_copied(desk: Wired) -> None:
-    class Unread:
-        def __len__(self) -> int:
-            return 2_000_000
-
-        def to_bytes(self) -> bytes:
-            raise AssertionError("it was read")
-
-    query = Query(Unread(), zenoh.ZBytes("ben"))
+    query = Query(Unread(2_000_000), zenoh.ZBytes("ben"))
     desk.callbacks[KEYS.call("scene")](query)
     assert desk.commands.refused == 1
+
+
+@pytest.mark.parametrize("name", ["scene", "model", "excite"])
+@pytest.mark.parametrize("attachment", [None, zenoh.ZBytes(b"x" * 1_000)])
+def test_a_large_call_that_names_no_sender_is_refused_unread(
+    name: str, attachment: zenoh.ZBytes | None
+) -> None:
+    desk = Wired()  # disarmed: anybody may
+    desk.callbacks[KEYS.call(name)](Query(Unread(UNNAMED_BYTES + 1), attachment))
+    assert desk.commands.refused == 1
+    with pytest.raises(AssertionError, match="it was read"):
+        desk.callbacks[KEYS.call(name)](Query(Unread(UNNAMED_BYTES), attachment))
 
 
 def test_a_name_that_is_not_the_attachments_is_refused(desk: Wired) -> None:
