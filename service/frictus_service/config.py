@@ -145,7 +145,7 @@ class Limits(_Section):
 class Token(_Section):
     """A bearer token of the REST API; give its SHA-256 rather than the token itself."""
 
-    name: Annotated[str, Field(min_length=1, max_length=48, pattern=r"^[A-Za-z0-9._-]+$")]
+    name: Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[A-Za-z0-9._-]+$")]
     """By which rigs name whoever has it; what is added to it for pages fits behind."""
     scopes: Annotated[tuple[Scope, ...], Field(min_length=1)]
     sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")] | None = None

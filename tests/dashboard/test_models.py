@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import Locator, Page, Route, expect
 from tests.dashboard.conftest import OpenPage
 from tests.dashboard.lab import Lab, enter, expect_no_violations, read_only, running
 
@@ -183,6 +183,23 @@ def test_activates_a_version_on_the_rig(page: Page, lab: Lab) -> None:
     with lab.rig.arm():
         expect(page.get_by_role("button", name="Activate on rig1")).to_be_disabled()
     expect(page.get_by_role("button", name="Activate on rig1")).to_be_enabled()
+
+
+def test_an_activation_whose_answer_is_lost_is_told_by_the_rig(
+    lab: Lab, open_page: OpenPage
+) -> None:
+    version = lab.ask("GET", "/models/population@1")
+    with open_page(expected="ERR_CONNECTION_RESET") as page:
+        page.goto(f"{lab.url}/dashboard/#/models/rig1/population@1")
+
+        def lost(route: Route) -> None:
+            route.fetch()
+            route.abort("connectionreset")
+
+        page.route("**/model/activate", lost)
+        page.get_by_role("button", name="Activate on rig1").click()
+        expect(page.get_by_text("rig1 applies it. Activate it again")).to_be_visible()
+        assert lab.rig.model().etag == version["etag"]
 
 
 def test_moves_an_alias_that_nobody_else_has_moved(page: Page, lab: Lab) -> None:

@@ -155,6 +155,54 @@ def test_disarms_and_stops_by_the_button(page: Page, lab: Lab) -> None:
         expect(page.get_by_role("button", name="Arm", exact=True)).to_be_visible()
 
 
+def test_another_page_sees_who_holds_the_rig_and_with_whom_it_is_shared(
+    page: Page, lab: Lab, open_page: OpenPage
+) -> None:
+    others = page.get_by_label("Others who may change what is felt")
+    others.fill("a name that is none?")
+    page.get_by_role("button", name="Arm", exact=True).click()
+    assert others.evaluate("field => field.validity.patternMismatch")
+    others.fill("ann, ben")
+    page.get_by_role("button", name="Arm", exact=True).click()
+    status = lab.status(lambda status: status.state == "armed")
+    assert status.share_with == ("ann", "ben")
+    expect(page.locator("#owner")).to_have_text(
+        f"Held by {status.owner} (this page), shared with ann, ben"
+    )
+    expect(others).to_be_hidden()
+    with open_page() as other:
+        arrive(other, lab.url)
+        expect(other.locator("#owner")).to_have_text(
+            f"Held by {status.owner}, shared with ann, ben"
+        )
+        expect(other.get_by_role("button", name="Arm", exact=True)).to_be_disabled()
+        expect(other.locator("#pressing")).to_be_hidden()
+        expect(other.locator("#surface-help")).to_contain_text(f"{status.owner} holds the rig")
+        expect_no_violations(other)
+        other.keyboard.press("Escape")
+        lab.status(lambda status: status.state == "disarmed")
+    expect(page.locator("#arm-outcome")).to_contain_text("stopped by 'local.page-")
+
+
+def test_a_reset_that_is_not_answered_is_resolved_by_the_status(page: Page, lab: Lab) -> None:
+    """The page's modules alone, for a rig that is tripped cannot be had by a click."""
+    told = page.evaluate(
+        """async () => {
+          const { Arming } = await import("./arming.js");
+          const { at } = await import("./element.js");
+          window.fetch = async () => { throw new TypeError("gone"); };
+          const arming = new Arming({ send: () => true });
+          arming.show("rig9", { state: "tripped", owner: null }, ["admin"]);
+          at("reset").click();
+          await new Promise((resume) => setTimeout(resume));
+          const first = at("arm-outcome").textContent;
+          arming.show("rig9", { state: "disarmed", owner: null }, ["admin"]);
+          return [first, at("arm-outcome").textContent];
+        }"""
+    )
+    assert told == ["Unknown whether the rig is reset, checking…", "The rig is reset"]
+
+
 def test_lease_ends_with_the_page(lab: Lab, open_page: OpenPage) -> None:
     with open_page() as page:
         arrive(page, lab.url)

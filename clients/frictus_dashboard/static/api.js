@@ -19,8 +19,18 @@ export class Refusal extends Error {
   }
 }
 
-/** The service has not answered. */
-export class Silence extends Error {}
+/** The service has not answered; `changes`: what it was asked may be done all the same. */
+export class Silence extends Error {
+  constructor(message, changes) {
+    super(message);
+    this.changes = changes;
+  }
+}
+
+/** Whether what was asked for may have been done all the same. @param {Error} error */
+export function outcomeUnknown(error) {
+  return error.code === "outcome_unknown" || (error instanceof Silence && error.changes);
+}
 
 /**
  * Send a request and return its answer, whose headers and body are still to be read.
@@ -67,8 +77,11 @@ async function reached(url, options) {
   try {
     return await fetch(url, options);
   } catch (error) {
-    if (error.name === "TimeoutError") throw new Silence("the service has not answered in time");
-    if (error instanceof TypeError) throw new Silence("the service cannot be reached");
+    const changes = options.method !== "GET";
+    if (error.name === "TimeoutError") {
+      throw new Silence("the service has not answered in time", changes);
+    }
+    if (error instanceof TypeError) throw new Silence("the service cannot be reached", changes);
     throw error;
   }
 }

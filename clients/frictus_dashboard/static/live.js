@@ -7,6 +7,7 @@ import { at, element, say } from "./element.js";
 import { decode } from "./frames.js";
 import { Gauge } from "./gauge.js";
 import { Health } from "./health.js";
+import { holder } from "./holder.js";
 import { Listening } from "./listening.js";
 import { Pointing } from "./pointing.js";
 import { Surface } from "./surface.js";
@@ -131,9 +132,8 @@ export class Live {
     const { status } = this.state;
     at("state").dataset.state = this.trusted ? status.state : "unknown";
     say(at("state"), this.trusted ? (STATES[status.state] ?? status.state) : "Unknown");
-    const mine = this.arming.held ? " (this page)" : "";
-    const owner = status.owner === null ? "Nobody holds it" : `Held by ${status.owner}${mine}`;
-    say(at("owner"), this.trusted ? owner : `It said last: ${status.state}`);
+    const held = holder(status, this.link.welcome?.client);
+    say(at("owner"), this.trusted ? held : `It said last: ${status.state}`);
     const { fault } = status;
     say(at("fault"), fault === null ? "" : `${fault.kind}: ${fault.reason}. ${fault.action}`);
     this.health.show(status);
@@ -141,9 +141,12 @@ export class Live {
     const scopes = this.link.welcome?.scopes ?? [];
     this.arming.show(this.rig, status, this.trusted ? scopes : []);
     const pointer = status.finger_source === "pointer";
-    this.pointing.enable(pointer && scopes.includes("render"));
+    const free = status.owner === null || status.owner === this.link.welcome?.client;
+    this.pointing.enable(pointer && free && scopes.includes("render"));
     this.listening.followed = this.pointing.enabled;
-    say(at("surface-help"), FINGERS[pointer ? this.pointing.enabled : status.finger_source]);
+    const theirs = `The finger is a pointer's, and ${status.owner} holds the rig.`;
+    const finger = FINGERS[pointer ? scopes.includes("render") : status.finger_source];
+    say(at("surface-help"), pointer && !free ? theirs : finger);
   }
 
   #showScene() {

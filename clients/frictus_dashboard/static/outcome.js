@@ -1,5 +1,6 @@
 /** What came of something that was asked for, in words beside what asked for it. */
 
+import { outcomeUnknown } from "./api.js";
 import { element, say } from "./element.js";
 
 export class Outcome {
@@ -11,6 +12,11 @@ export class Outcome {
     this.#tell(text, "good");
   }
 
+  /** Neither is known yet. */
+  unknown(text) {
+    this.#tell(text, "unknown");
+  }
+
   bad(text) {
     this.#tell(text, "bad");
   }
@@ -20,7 +26,7 @@ export class Outcome {
   }
 
   /**
-   * What a request answers; null where it fails, and then it is said why.
+   * What a request answers; null where it fails, or its outcome is unknown, and then that is said.
    *
    * @template T
    * @param {Promise<T>} asked
@@ -32,7 +38,10 @@ export class Outcome {
     try {
       return await asked;
     } catch (error) {
-      if (wanted()) this.bad(`${failure}: ${error.message}`);
+      if (!wanted()) return null;
+      const unknown = `It is not known whether this was done: ${error.message}`;
+      if (outcomeUnknown(error)) this.unknown(unknown);
+      else this.bad(`${failure}: ${error.message}`);
       return null;
     }
   }

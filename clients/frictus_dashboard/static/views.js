@@ -1,7 +1,12 @@
 /** The views beside the live one: made when they are first shown, and kept. */
 
 import { address, VIEWS } from "./address.js";
+import { outcomeUnknown } from "./api.js";
 import { at, element } from "./element.js";
+import { keptOut } from "./holder.js";
+
+/** For so long a state is waited for that would tell what came of a request. */
+const CHECK_MS = 10_000;
 
 const MAKERS = {
   textures: () => import("./textures/view.js"),
@@ -28,6 +33,50 @@ export class Page {
   /** The shown rig's newest status, scene, model and finger; each null where unknown. */
   get state() {
     return this.live.state;
+  }
+
+  /** Why this page may not change what the shown rig renders, in words; empty where it may. */
+  get keptOut() {
+    return keptOut(this.live.rig, this.state.status, this.link.welcome?.client ?? "");
+  }
+
+  /**
+   * What a request answers; where that is unknown, what the rig's state tells of it.
+   *
+   * @template T
+   * @param {Promise<T>} asked
+   * @param {import("./outcome.js").Outcome} outcome says meanwhile that it is not known
+   * @param {string} rig
+   * @param {(state: object) => T|null} told what a state tells; null: nothing yet
+   * @returns {Promise<T>}
+   */
+  async settled(asked, outcome, rig, told) {
+    try {
+      return await asked;
+    } catch (error) {
+      if (!outcomeUnknown(error)) throw error;
+      outcome.unknown(`Unknown whether ${rig} did it, checking…`);
+      const found = await this.#until(rig, told);
+      if (found === null) throw error;
+      return found;
+    }
+  }
+
+  #until(rig, told) {
+    return new Promise((resolve) => {
+      const end = (found) => {
+        clearTimeout(timer);
+        this.link.removeEventListener("message", look);
+        resolve(found);
+      };
+      const look = () => {
+        const found = this.live.rig === rig && this.live.alive ? told(this.state) : null;
+        if (found !== null) end(found);
+      };
+      const timer = setTimeout(() => end(null), CHECK_MS);
+      this.link.addEventListener("message", look);
+      look();
+    });
   }
 
   /** Whether the token has a scope: `read`, `render`, `calibrate`, `admin`. */

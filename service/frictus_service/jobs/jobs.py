@@ -209,6 +209,8 @@ class Jobs:
         """Return the last word of the calibration's process; None if it ended without one."""
         order = Order(
             run=self._run,
+            # Whoever finds the rig held reads who began it.
+            client=f"{calibration.created_by}.calibration-{calibration.id[-8:]}",
             router=self._config.router.endpoint,
             tls=self._config.tls("client"),
             spec=calibration.spec,

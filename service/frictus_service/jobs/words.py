@@ -20,6 +20,8 @@ class Order(_Word):
     kind: Literal["calibration"] = "calibration"
     run: str
     """``module:function``, called as `frictus_service.calibration.run.run_calibration` is."""
+    client: str
+    """Its name to the rigs."""
     router: str
     tls: Tls | None = None
     spec: CalibrationSpec

@@ -86,7 +86,7 @@ def _calibrate(
     def tell(progress: Progress) -> None:
         say(Moved(progress=progress))
 
-    with frictus.connect(order.router, tls=order.tls) as client:
+    with frictus.connect(order.router, order.client, tls=order.tls) as client:
         return Done(result=run(order.spec, order.folder, client, tell, cancelled))
 
 

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from playwright.sync_api import Page, Route, expect
+from tests.dashboard.conftest import OpenPage
 from tests.dashboard.lab import Lab
-from tests.dashboard.textures.view import LINES, choose, part, told_gain
+from tests.dashboard.textures.view import LINES, arrive, choose, part, told_gain
 
 import frictus
 
@@ -99,11 +100,7 @@ def test_another_hand_on_the_scene_is_noticed(page: Page, lab: Lab) -> None:
     expect(scene).to_contain_text("rig1 renders it: ")
     lab.scene(lambda state: state.scene.name == "mine")
     expect(scene).not_to_contain_text("has changed since")
-    # Whoever holds the rig is named.
-    with lab.rig.arm():
-        scene.get_by_role("button", name="Remove the region").click()
-        apply.click()
-        expect(scene).to_contain_text("'tester' holds the rig")
+    scene.get_by_role("button", name="Remove the region").click()
     scene.get_by_role("button", name="Take the rig's scene").click()
     expect(scene.get_by_role("group", name="Region 1")).to_be_visible()
     expect(scene).not_to_contain_text("Not applied")
@@ -129,3 +126,90 @@ def test_what_is_changed_while_a_scene_is_on_its_way_is_not_lost(page: Page, lab
     lab.scene(lambda state: state.scene.name == "second")
     expect(scene).to_contain_text("Drawn as the rig has it.")
     expect(scene).not_to_contain_text("has changed since")
+
+
+def test_who_does_not_hold_the_rig_is_told_who_does_and_may_only_stop(
+    page: Page, lab: Lab
+) -> None:
+    lab.rig.set_scene(LINES)
+    choose(page, "vinyl")
+    scene = part(page, "Scene: which texture is felt where")
+    feel = part(page, "Preview").get_by_role("button", name="Feel it")
+    apply = scene.get_by_role("button", name="Apply the scene")
+    with lab.rig.arm():
+        for shown, button in ((scene, apply), (part(page, "Preview"), feel)):
+            expect(shown).to_contain_text("tester holds rig1")
+            expect(button).to_be_disabled()
+        expect(page.locator("#owner")).to_have_text("Held by tester")
+        expect(page.get_by_role("button", name="Arm", exact=True)).to_be_disabled()
+        expect(page.locator("#stop")).to_be_enabled()
+        page.get_by_role("link", name="Calibrate", exact=True).click()
+        expect(page.get_by_role("button", name="Arm the rig and start")).to_be_disabled()
+        expect(page.locator("#view-calibrate")).to_contain_text("tester holds rig1")
+        page.get_by_role("link", name="Textures", exact=True).click()
+        page.locator("#stop").click()
+        lab.status(lambda status: status.state == "disarmed")
+        expect(page.locator("#stop-outcome")).to_contain_text("rig1 answered the stop")
+    ended = lab.rig.status().last_end
+    assert ended is not None
+    assert ended.by is not None
+    assert ended.by.startswith("local.page-")
+    expect(apply).to_be_enabled()
+    with lab.rig.arm(share_with=["local"]):
+        expect(page.locator("#owner")).to_have_text("Held by tester, shared with local")
+        expect(apply).to_be_enabled()
+        feel.click()
+        expect(part(page, "Preview")).to_contain_text("vinyl is on rig1: ")
+        assert lab.rig.scene().scene.name == "vinyl"
+
+
+UNKNOWN = {"code": "outcome_unknown", "status": 504, "title": "?", "detail": "no answer"}
+
+
+def test_an_unknown_outcome_is_said_to_be_unknown_and_resolved_by_the_state(
+    lab: Lab, open_page: OpenPage
+) -> None:
+    lab.rig.set_scene(LINES)
+    with open_page(expected="status of 504") as page:
+        arrive(page, lab)
+        scene = part(page, "Scene: which texture is felt where")
+        apply = scene.get_by_role("button", name="Apply the scene")
+        name = scene.get_by_label("Name of the scene")
+        expect(name).to_have_value("lines")
+        sent: list[frictus.Scene] = []
+
+        def unanswered(route: Route) -> None:
+            sent.append(frictus.Scene.model_validate(route.request.post_data_json))
+            route.fulfill(status=504, json=UNKNOWN, content_type="application/problem+json")
+
+        page.route("**/v1/rigs/rig1/scene", unanswered)
+        name.fill("late")
+        apply.click()
+        expect(scene).to_contain_text("Unknown whether rig1 did it, checking…")
+        lab.rig.set_scene(sent[0])  # now it does what it was asked
+        expect(scene).to_contain_text("rig1 renders it: ")
+        expect(scene).to_contain_text("Drawn as the rig has it.")
+        name.fill("never")
+        apply.click()
+        expect(scene).to_contain_text("Unknown whether rig1 did it, checking…")
+        expect(scene).to_contain_text("It is not known whether this was done: no answer")
+        expect(scene).to_contain_text("rig1 renders the scene late")
+        expect(scene).to_contain_text("Not applied yet.")
+
+
+def test_a_service_that_does_not_answer_leaves_the_outcome_unknown(
+    lab: Lab, open_page: OpenPage
+) -> None:
+    lab.rig.set_scene(LINES)
+    with open_page(expected="ERR_CONNECTION_RESET") as page:
+        arrive(page, lab, "vinyl")
+        feel = part(page, "Preview").get_by_role("button", name="Feel it")
+
+        def broken(route: Route) -> None:
+            route.fetch()  # it is done
+            route.abort("connectionreset")
+
+        page.route("**/v1/rigs/rig1/scene", broken)
+        feel.click()
+        expect(part(page, "Preview")).to_contain_text("vinyl is on rig1: ")
+        assert lab.rig.scene().scene.name == "vinyl"

@@ -98,7 +98,7 @@ def wait_for_trials(api: TestClient, job: str, trials: int) -> None:
         pass
 
 
-def test_from_start_to_published_model(api: TestClient, rig: Any) -> None:
+def test_from_start_to_published_model(api: TestClient, rig: Any, tmp_path: Path) -> None:
     started = start(api, rig.name)
     assert started.status_code == 202
     assert started.json()["state"] == "queued"
@@ -115,6 +115,8 @@ def test_from_start_to_published_model(api: TestClient, rig: Any) -> None:
     done = api.get(job).json()
     assert (done["state"], done["published"]) == ("done", None)
     assert done["result"]["model"]["schema"] == "model/1"
+    client = (tmp_path / "studies" / done["id"] / "client").read_text("ascii")
+    assert client == f"local.calibration-{done['id'][-8:]}"  # as rigs know it
     assert api.delete(job).json()["code"] == "wrong_state"
     assert api.post(f"{job}/resume").json()["code"] == "wrong_state"
 

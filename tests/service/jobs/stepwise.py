@@ -34,6 +34,7 @@ def run(
     """Do what is left of the trials."""
     folder.mkdir(parents=True, exist_ok=True)
     client.rigs()
+    (folder / "client").write_text(client.name, encoding="ascii")
     print("libraries print too")  # noqa: T201
     with (folder / "trials").open("a+", encoding="ascii") as trials:
         trials.seek(0)

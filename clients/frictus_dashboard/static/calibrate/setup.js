@@ -1,7 +1,7 @@
 /** What a new calibration is asked to do: a form, and the request that it makes. */
 
 import { request } from "../api.js";
-import { element } from "../element.js";
+import { element, say } from "../element.js";
 import { choice, labelled } from "../fields.js";
 import { Outcome } from "../outcome.js";
 
@@ -75,6 +75,8 @@ export class Setup {
     this.settings = Object.fromEntries(
       Object.entries(PROTOCOLS).map(([kind, { fields }]) => [kind, new Settings(fields)]),
     );
+    this.begin = element("button", { type: "submit" }, "Arm the rig and start");
+    this.holder = element("p", { class: "quiet" });
     this.outcome = new Outcome();
     root.append(this.#form());
     this.protocol.addEventListener("change", () => this.#choose());
@@ -83,8 +85,17 @@ export class Setup {
 
   /** @param {string|null} rig the one to calibrate */
   open(rig) {
-    if (rig !== this.rig) this.outcome.clear();
+    if (rig !== this.rig) {
+      this.outcome.clear();
+      this.show({ owner: null });
+    }
     this.rig = rig;
+  }
+
+  /** @param {object} status the rig's: a calibration arms it by itself, so nobody may hold it */
+  show({ owner }) {
+    this.begin.disabled = owner !== null;
+    say(this.holder, owner === null ? "" : `${owner} holds ${this.rig}: wait until it is disarmed.`);
   }
 
   #form() {
@@ -106,9 +117,10 @@ export class Setup {
       element(
         "p",
         {},
-        element("button", { type: "submit" }, "Arm the rig and start"),
+        this.begin,
         " This puts voltage on the screen, until the last trial or a stop.",
       ),
+      this.holder,
       this.outcome.root,
     );
     form.addEventListener("submit", (event) => {

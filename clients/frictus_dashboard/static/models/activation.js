@@ -65,9 +65,19 @@ export class Activation {
     const { rig } = this;
     const reference = referenceOf(this.version);
     const path = `/rigs/${encodeURIComponent(rig)}/model/activate`;
-    const asked = request("POST", path, { json: { model: reference } });
+    const { version } = this;
+    const asked = this.page.settled(
+      request("POST", path, { json: { model: reference } }),
+      this.outcome,
+      rig,
+      ({ model }) => (model?.etag === version.etag ? { unnoted: true } : null),
+    );
     const said = await this.outcome.of(asked, "Not activated");
     if (said === null) return;
+    if (said.unnoted) {
+      this.outcome.good(`${rig} applies it. Activate it again to have that noted.`);
+      return;
+    }
     const what = `${said.name}@${said.version}`;
     const remark = said.message ? ` ${said.message}.` : "";
     if (said.as_published) this.outcome.good(`${rig} confirmed ${what} as published.${remark}`);

@@ -5,7 +5,7 @@ import { button } from "../fields.js";
 import { Outcome } from "../outcome.js";
 import { Editor } from "./editor.js";
 import { Preview } from "./preview.js";
-import { replaceScene, words } from "./scene.js";
+import { replaceScene, sceneIn, words } from "./scene.js";
 import { deleteTexture, readTexture } from "./stored.js";
 
 export class Chosen {
@@ -30,10 +30,11 @@ export class Chosen {
     this.edit = button("Edit", () => this.#edit());
     // The second click of a double one is no answer to the question.
     this.remove = button("Delete", ({ detail }) => detail < 2 && this.#remove());
+    this.holder = element("p", { class: "quiet" });
     this.outcome = new Outcome();
     this.reading = new Outcome();
     const buttons = element("p", { class: "actions-row" }, this.feel, this.edit, this.remove);
-    into.append(this.title, buttons, this.outcome.root, this.reading.root);
+    into.append(this.title, buttons, this.holder, this.outcome.root, this.reading.root);
     this.preview = new Preview(into);
     this.#offer();
   }
@@ -86,6 +87,7 @@ export class Chosen {
   /** The rig speaks: what could not be told of it before may be known now. */
   hear() {
     if (this.preview.unsure) this.renew();
+    this.#offer();
   }
 
   /** The rig may be able to give another part of it now. */
@@ -111,6 +113,8 @@ export class Chosen {
     const saved = Boolean(shown?.etag);
     say(this.title, this.#draft ? "The draft, not saved" : (this.name ?? "Choose a texture"));
     this.feel.hidden = !may || this.rig === null || shown === null;
+    this.feel.disabled = this.page.keptOut !== "";
+    say(this.holder, this.feel.hidden ? "" : this.page.keptOut);
     this.edit.hidden = !may || !saved || !Editor.takes(shown.texture);
     say(this.edit, summary?.shipped ? "Edit a copy" : "Edit");
     const own = summary !== null && !summary.shipped;
@@ -122,7 +126,9 @@ export class Chosen {
     const { rig } = this;
     const name = this.#draft ? "draft" : this.name;
     const scene = { name, regions: [{ name, texture: this.shown.texture }] };
-    const done = await this.outcome.of(replaceScene(rig, scene, "*"), `${name} is not on ${rig}`);
+    const asked = replaceScene(rig, scene, "*");
+    const settled = this.page.settled(asked, this.outcome, rig, sceneIn(scene));
+    const done = await this.outcome.of(settled, `${name} is not on ${rig}`);
     if (done !== null) this.outcome.good(`${name} is on ${rig}: ${words(done.applied)}`);
   }
 

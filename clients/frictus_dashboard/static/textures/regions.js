@@ -5,7 +5,7 @@ import { button, labelled } from "../fields.js";
 import { Outcome } from "../outcome.js";
 import { Drawing } from "./drawing.js";
 import { RegionFields, WHOLE } from "./region.js";
-import { rendered, replaceScene, words } from "./scene.js";
+import { rendered, replaceScene, sceneIn, words } from "./scene.js";
 
 /** As many as a scene holds. */
 const MOST = 32;
@@ -65,6 +65,7 @@ export class Regions {
     }
     const may = this.page.can("render") && this.etag !== null;
     this.form.hidden = !may;
+    this.apply.disabled = this.page.keptOut !== "";
     this.drawing.enable(may);
     this.drawing.canvas.hidden = this.etag === null;
     this.look();
@@ -92,9 +93,9 @@ export class Regions {
       this.#take();
       this.look();
     });
-    const apply = element("button", { type: "submit" }, "Apply the scene");
+    this.apply = element("button", { type: "submit" }, "Apply the scene");
     this.adders = [add, whole];
-    const buttons = element("p", { class: "actions-row" }, add, whole, take, apply);
+    const buttons = element("p", { class: "actions-row" }, add, whole, take, this.apply);
     const named = element("div", { class: "fields" }, labelled("Name of the scene", this.name));
     const form = element("form", {}, named, this.list, buttons, this.outcome.root);
     form.addEventListener("input", () => this.#touch());
@@ -176,6 +177,7 @@ export class Regions {
       said.push(this.touched ? "Not applied yet." : "Drawn as the rig has it.");
       if (this.overtaken) said.push("The rig's scene has changed since this one was begun.");
     }
+    if (this.page.can("render")) said.push(this.page.keptOut);
     if (this.drawing.full) said.push(`A scene has at most ${MOST} regions.`);
     else if (this.drawing.enabled) said.push("Drag on the screen to draw a region, or add one.");
     say(this.note, said.join(" "));
@@ -203,8 +205,10 @@ export class Regions {
     const { etag } = this;
     const name = this.name.value;
     const regions = await Promise.all(this.rows.map((row) => row.read()));
+    const scene = { name, regions };
     try {
-      return await replaceScene(rig, { name, regions }, etag);
+      const asked = replaceScene(rig, scene, etag);
+      return await this.page.settled(asked, this.outcome, rig, sceneIn(scene));
     } catch (error) {
       if (error.code !== "conflict" || rig !== this.rig) throw error;
       this.etag = this.page.state.scene?.etag ?? this.etag;

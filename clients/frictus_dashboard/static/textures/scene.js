@@ -25,6 +25,26 @@ export async function replaceScene(rig, scene, match) {
   return { applied: await answer.json(), etag };
 }
 
+/**
+ * What a state of the rig tells of a scene that was asked for: as `replaceScene` answers, or null
+ * where the rig renders another.
+ *
+ * @param {object} asked
+ * @returns {(state: object) => {applied: object, etag: string}|null}
+ */
+export function sceneIn(asked) {
+  const sent = JSON.parse(JSON.stringify(asked)); // without what is undefined
+  return ({ scene }) => (scene !== null && holds(scene.scene, sent) ? scene : null);
+}
+
+/** Whether a document has all that was asked for; what was left open the rig fills in. */
+function holds(shown, asked) {
+  if (asked === null || typeof asked !== "object") return shown === asked;
+  if (shown === null || typeof shown !== "object") return false;
+  if (Array.isArray(asked) && asked.length !== shown.length) return false;
+  return Object.entries(asked).every(([key, value]) => holds(shown[key], value));
+}
+
 /** What a rig made of a scene. @param {object} applied */
 export function words(applied) {
   const said = [`${percent(applied.gain)} of the friction asked for`];
