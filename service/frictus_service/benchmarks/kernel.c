@@ -11,7 +11,7 @@
 
 enum { SPATIAL, TEMPORAL, MAP };
 enum { X0, X1, Y0, Y1, PER_FADE, GAIN, COS, SIN, ORIGIN, PER_STEP, LEVEL_OFFSET, REALS };
-enum { KIND, FIRST, POINTS, ROWS, WHOLES };
+enum { KIND, FIRST, POINTS, ROWS, HALVINGS, WHOLES };
 
 typedef struct {
     const double *real;
@@ -80,13 +80,16 @@ static inline double around(const double *p, const double w[4])
 static inline double between_rows(const double *points, const int64_t *whole, double u,
                                   double rate, double offset)
 {
-    int64_t n = whole[POINTS];
     double w[4], share;
+    int64_t row = level_of(rate, offset, whole[ROWS], &share);
+    int64_t octave = row / 12 < whole[HALVINGS] ? row / 12 : whole[HALVINGS];
+    int64_t n = whole[POINTS] >> octave;
+    int64_t before = 13 * (2 * (whole[POINTS] - n) + 3 * octave);
+    u /= (double)((int64_t)1 << octave);
     u -= (double)n * floor(u / (double)n);
     int64_t at = (int64_t)u < n - 1 ? (int64_t)u : n - 1;
     cubic(u - (double)at, w);
-    int64_t row = level_of(rate, offset, whole[ROWS], &share);
-    const double *p = points + whole[FIRST] + row * (n + 3) + at;
+    const double *p = points + whole[FIRST] + before + (row - 12 * octave) * (n + 3) + at;
     double value = around(p, w);
     if (share > 0.0)
         value += share * (around(p + n + 3, w) - value);

@@ -16,7 +16,7 @@ SPATIAL, TEMPORAL, MAP = 0, 1, 2
 
 # Columns of SceneArrays.real and SceneArrays.whole.
 X0, X1, Y0, Y1, PER_FADE, GAIN, COS, SIN, ORIGIN, PER_STEP, LEVEL_OFFSET = range(11)
-KIND, FIRST, POINTS, ROWS = range(4)
+KIND, FIRST, POINTS, ROWS, HALVINGS = range(5)
 
 
 class SceneArrays(NamedTuple):
@@ -29,10 +29,10 @@ class SceneArrays(NamedTuple):
     real: FloatArray
     """Shape (n_layers, 11), the columns named above."""
     whole: NDArray[np.int64]
-    """Shape (n_layers, 4): kind, first point in `points` (or first level in `levels`), points
-    in a row, rows."""
+    """Shape (n_layers, 5): kind, first point in `points` (or first level in `levels`), points
+    in the first row, rows, and how often the points are halved, every 12 rows."""
     points: FloatArray
-    """The rows of all tables, one after the other."""
+    """The rows of all tables, one after the other, as `tables.Table` holds them."""
     levels: NDArray[np.int64]
     """Shape (n_levels, 3): first pixel, width and height of each level of each map."""
     pixels: NDArray[np.float32]
@@ -133,13 +133,25 @@ def _cubic(f):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, inline="always")
+def _octave(whole, row):  # type: ignore[no-untyped-def]
+    """Return octave, points in a row of it, and where the row begins in `points`."""
+    octave = min(row // 12, whole[HALVINGS])
+    n = whole[POINTS] >> octave
+    # Each octave before holds 13 rows, and twice the points of the next.
+    before = 13 * (2 * (whole[POINTS] - n) + 3 * octave)
+    return octave, n, whole[FIRST] + before + (row - 12 * octave) * (n + 3)
+
+
+@njit(cache=True, nogil=True, inline="always")
 def _between_rows(points, whole, u, rate, offset):  # type: ignore[no-untyped-def]
-    n = whole[POINTS]
+    """Read a table at `u` points of its first row."""
+    row, share = _level(rate, offset, whole[ROWS])
+    octave, n, first = _octave(whole, row)
+    u /= 1 << octave
     u -= n * np.floor(u / n)
     at = max(min(int(u), n - 1), 0)  # u / n rounds; far away by more than a row
     w0, w1, w2, w3 = _cubic(u - at)
-    row, share = _level(rate, offset, whole[ROWS])
-    i = whole[FIRST] + row * (n + 3) + at
+    i = first + at
     value = w0 * points[i] + w1 * points[i + 1] + w2 * points[i + 2] + w3 * points[i + 3]
     if share > 0.0:
         i += n + 3

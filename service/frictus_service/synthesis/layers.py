@@ -154,7 +154,7 @@ def single_table(table: Table, spatial: bool, angle_deg: float) -> kernel.SceneA
 def arrays_of(layers: list[Layer]) -> kernel.SceneArrays:
     """Return layers as the kernel reads them, without bias."""
     real = np.zeros((len(layers), 11))
-    whole = np.zeros((len(layers), 4), dtype=np.int64)
+    whole = np.zeros((len(layers), 5), dtype=np.int64)
     tables: list[FloatArray] = []
     levels: list[tuple[int, int, int]] = []
     pixels: list[NDArray[np.float32]] = []
@@ -174,11 +174,12 @@ def arrays_of(layers: list[Layer]) -> kernel.SceneArrays:
                 if layer.kind == kernel.SPATIAL
                 else 1.0 / table.length
             )
-            whole[row] = layer.kind, n_points, table.n_points, table.rows.shape[0]
-            tables.append(table.rows.ravel())
-            n_points += table.rows.size
+            halvings = len(table.octaves) - 1
+            whole[row] = layer.kind, n_points, table.n_points, table.n_rows, halvings
+            tables += [rows.ravel() for rows in table.octaves]
+            n_points += sum(rows.size for rows in table.octaves)
         else:
-            whole[row] = layer.kind, len(levels), 0, len(layer.levels)
+            whole[row] = layer.kind, len(levels), 0, len(layer.levels), 0
             for level in layer.levels:
                 levels.append((n_pixels, level.shape[1] - 3, level.shape[0] - 3))
                 pixels.append(level.ravel())

@@ -69,9 +69,18 @@ def _layer_reach(
             step = np.full(speeds.size, per_sample)
             rate = np.zeros(speeds.size)
         offset = arrays.real[row, kernel.LEVEL_OFFSET]
-        seam = 0 if layer.table.seamless else int(step.max()) + 4
+        seamless = layer.table.seamless
         _table_reach(
-            arrays.points, arrays.whole[row], step, rate, offset, decay, seam, low, high, size
+            arrays.points,
+            arrays.whole[row],
+            step,
+            rate,
+            offset,
+            decay,
+            seamless,
+            low,
+            high,
+            size,
         )
     if layer.fades:
         # The edge is crossed at the speeds left out above too; the fastest asks for most.
@@ -104,23 +113,66 @@ def _smooth(share: FloatArray) -> FloatArray:
 
 
 @njit(cache=True, nogil=True)
-def _table_reach(points, whole, steps, rates, offset, decays, seam, low, high, size):  # type: ignore[no-untyped-def]
+def _table_reach(points, whole, steps, rates, offset, decays, seamless, low, high, size):  # type: ignore[no-untyped-def]
+    """Read a table at its points and half-way between: where the finger is, and one step on.
+
+    The finger moves by the same step from every place, so the four points around it weigh the
+    same everywhere: what is looked up is looked up once for each speed.
+    """
+    line = np.empty(3 * (whole[kernel.POINTS] + 4))
     for s in range(steps.size):
-        decay = decays[s]
-        # Each row is read as densely, per cycle of the finest that it holds, as the first.
-        row, _ = kernel._level(rates[s], offset, whole[kernel.ROWS])
-        stride = max(int(2.0 ** (row / ROWS_PER_OCTAVE)), 1)
-        for half in range(2 * seam, 2 * (whole[2] - seam), stride):
-            u = 0.5 * half
-            here = kernel._between_rows(points, whole, u, rates[s], offset)
-            size[s] = max(size[s], abs(here))
-            for way in (-1.0, 1.0):
-                there = kernel._between_rows(
-                    points, whole, u + way * steps[s], rates[s], offset
-                )
-                drive = (there - decay * here) / (1.0 - decay)
-                low[s] = min(low[s], drive)
-                high[s] = max(high[s], drive)
+        row, share = kernel._level(rates[s], offset, whole[kernel.ROWS])
+        octave, n, first = kernel._octave(whole, row)
+        first += 1  # behind the padding
+        step = steps[s] / (1 << octave) % n  # round a short row more than once
+        margin = int(step) + 4
+        for i in range(n):
+            line[margin + i] = points[first + i]
+        if share > 0.0:
+            for i in range(n):
+                less = points[first + n + 3 + i]
+                line[margin + i] += share * (less - line[margin + i])
+        for i in range(margin):
+            line[margin - 1 - i] = line[margin + (n - 1 - i) % n]
+            line[margin + n + i] = line[margin + i % n]
+        skipped = 0 if seamless else int(step) + 3
+        used = line[skipped : n + 2 * margin - skipped]
+        for half in (0.0, 0.5):
+            least, most, largest = _line_reach(used, margin, half, step, decays[s])
+            low[s] = min(low[s], least / (1.0 - decays[s]))
+            high[s] = max(high[s], most / (1.0 - decays[s]))
+            size[s] = max(size[s], largest)
+
+
+CHUNK = 256
+
+
+@njit(cache=True, nogil=True)
+def _line_reach(line, margin, half, step, decay):  # type: ignore[no-untyped-def]
+    """Return the extremes of ``y[n+1] - a y[n]``, one step either way, and of ``y[n]``.
+
+    `line` has so many points more at either end as `margin` says. The extremes are kept for
+    each place within a chunk: that, unlike one running extreme, the compiler makes vectors of.
+    """
+    least, most, largest = np.zeros((3, CHUNK))
+    h0, h1, h2, h3 = kernel._cubic(half)
+    ahead, behind = int(np.floor(half + step)), int(np.floor(half - step))
+    a0, a1, a2, a3 = kernel._cubic(half + step - ahead)
+    b0, b1, b2, b3 = kernel._cubic(half - step - behind)
+    end = line.size - margin
+    for start in range(margin, end, CHUNK):
+        count = min(CHUNK, end - start)
+        here = line[start - 1 : start + count + 2]
+        there = line[start + ahead - 1 : start + ahead + count + 2]
+        back = line[start + behind - 1 : start + behind + count + 2]
+        for i in range(count):
+            y = h0 * here[i] + h1 * here[i + 1] + h2 * here[i + 2] + h3 * here[i + 3]
+            up = a0 * there[i] + a1 * there[i + 1] + a2 * there[i + 2] + a3 * there[i + 3]
+            down = b0 * back[i] + b1 * back[i + 1] + b2 * back[i + 2] + b3 * back[i + 3]
+            most[i] = max(most[i], max(up, down) - decay * y)
+            least[i] = min(least[i], min(up, down) - decay * y)
+            largest[i] = max(largest[i], abs(y))
+    return least.min(), most.max(), largest.max()
 
 
 def _map_reach(

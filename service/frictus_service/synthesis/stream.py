@@ -65,7 +65,7 @@ class StreamBudget:
             frame.friction_n.astype(float), frame.period, frame.spatial, frame.angle_deg
         )
         table = build_table(components, (0.0, frame.period))
-        peak = float(np.abs(table.rows).max())
+        peak = max(float(np.abs(rows).max()) for rows in table.octaves)
         if not peak <= self.peak_n * (1.0 + 1e-3):
             raise TextureError(
                 f"friction reaches {peak:.4g} N between its samples, "

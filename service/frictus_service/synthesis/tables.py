@@ -3,7 +3,7 @@
 The cost of a sample must not depend on the number of components, and no component may be
 rendered above the tactile band however fast the finger moves. So a texture becomes a table of
 rows that hold ever fewer of its components; the kernel reads between the two rows that belong
-to the speed.
+to the speed. Each octave of rows has half the points of the one before.
 """
 
 import bisect
@@ -32,7 +32,12 @@ FASTEST_MM_S = 1000.0
 """Rows reach up to this speed; a faster finger feels the last row's components."""
 POINTS_PER_CYCLE = 16
 """Of the highest component: cubic interpolation is then exact to 0.03 %."""
-MAX_POINTS = 8_000_000
+MAX_POINTS = 5_000_000
+"""Of all rows, 40 MB: what 200 mm of a texture need that is felt in full at `FULL_MM_S`."""
+FAST_POINTS = 2_500_000
+"""Compiled within a tenth of a second; beyond, what only slower fingers feel is left out."""
+FEWEST_POINTS = 256
+"""No row has fewer because of its octave."""
 FULL_MM_S = 20.0
 """Slowest finger that is measured: a table without all that it feels is refused."""
 PAD = 3
@@ -45,8 +50,10 @@ class Table:
 
     Attributes
     ----------
-    rows : ndarray, shape (n_rows, n_points + 3)
-        Row r holds the components up to ``top * 2^(-r / 12)``; padded by wrap-around.
+    octaves : tuple of ndarray, shape (n_rows, n_points / 2^octave + 3)
+        Row r, counted through all octaves, holds the components up to ``top * 2^(-r / 12)``;
+        padded by wrap-around. All octaves but the last have 12 rows, and the first of the next
+        at their own points: two neighbouring rows are read at the same place.
     length : float
         What a row covers, in mm or s; it repeats.
     origin : float
@@ -57,7 +64,7 @@ class Table:
         Whether the end leads on to the beginning; else there is a jump, beside the screen.
     """
 
-    rows: FloatArray
+    octaves: tuple[FloatArray, ...]
     length: float
     origin: float
     top: float
@@ -65,12 +72,48 @@ class Table:
 
     @property
     def n_points(self) -> int:
-        """Points in a row, the padding left out."""
-        return int(self.rows.shape[1]) - PAD
+        """Points in a row of the first octave, the padding left out."""
+        return int(self.octaves[0].shape[1]) - PAD
+
+    @property
+    def n_rows(self) -> int:
+        """Rows, each counted once."""
+        return ROWS_PER_OCTAVE * (len(self.octaves) - 1) + int(self.octaves[-1].shape[0])
+
+
+@dataclass(frozen=True, slots=True)
+class _Shape:
+    """How large a table is.
+
+    Attributes
+    ----------
+    n_rows : int
+        Each counted once.
+    n_points : int
+        In a row of the first octave; a multiple of ``2^halvings``.
+    halvings : int
+        From octave to octave; one less than there are octaves.
+    """
+
+    n_rows: int
+    n_points: int
+    halvings: int
+
+    @property
+    def octaves(self) -> list[tuple[int, int]]:
+        """Rows and points of each octave, the padding left out."""
+        rows = [ROWS_PER_OCTAVE + 1] * self.halvings
+        rows.append(self.n_rows - ROWS_PER_OCTAVE * self.halvings)
+        return [(count, self.n_points >> octave) for octave, count in enumerate(rows)]
+
+    @property
+    def size(self) -> int:
+        """Points of all rows."""
+        return sum(rows * points for rows, points in self.octaves)
 
 
 def fitting(components: Components, stretch_mm: tuple[float, float]) -> Components:
-    """Leave out the finest spatial components where a table of all would be too large.
+    """Leave out the finest spatial components where a table of all would take long to make.
 
     Only those go that no finger feels at `FULL_MM_S` or faster, and a note says so. A recording
     at 44.1 kHz has them in plenty. If that is not enough the components are returned as they
@@ -86,10 +129,12 @@ def fitting(components: Components, stretch_mm: tuple[float, float]) -> Componen
         return components
     _, length = _stretch(components, stretch_mm)
     finest = np.sort(components.frequency)
-    count = bisect.bisect_right(
-        finest, MAX_POINTS, key=lambda top: math.prod(_shape(top, length))
+    fast = bisect.bisect_right(
+        finest, FAST_POINTS, key=lambda top: _shape(top, length, True).size
     )
-    if count == finest.size or count == 0 or finest[count] * FULL_MM_S <= BAND_EDGE_HZ:
+    felt = int(np.searchsorted(finest, BAND_EDGE_HZ / FULL_MM_S, "right"))
+    count = max(fast, felt)
+    if count == finest.size or _shape(finest[count - 1], length, True).size > MAX_POINTS:
         return components
     kept = components.frequency < finest[count]
     slower_mm_s = BAND_EDGE_HZ / finest[count]
@@ -130,41 +175,65 @@ def build_table(components: Components, stretch_mm: tuple[float, float]) -> Tabl
     frequency = components.frequency[kept]
     top = float(frequency.max())
     origin, length = _stretch(components, stretch_mm)
-    n_rows, n_points = _shape(top, length) if components.spatial else (1, _points(top, length))
-    if n_points * n_rows > MAX_POINTS:
+    shape = _shape(top, length, components.spatial)
+    if shape.size > MAX_POINTS:
         raise TextureError(
-            f"{top:g} cycles/mm over {length:g} mm need a table of {n_points * n_rows} points; "
+            f"{top:g} cycles/mm over {length:g} mm need a table of {shape.size} points; "
             f"at most {MAX_POINTS} are kept. Lower the highest frequency, the texture's length "
             "or the region's size"
         )
     row = np.floor(ROWS_PER_OCTAVE * np.log2(top / frequency) + 1e-9)
     # The last row that holds the component; `_sum_rows` writes there unchecked.
-    last = np.clip(row, 0, n_rows - 1).astype(np.int64)
+    last = np.clip(row, 0, shape.n_rows - 1).astype(np.int64)
     amplitude, phase = components.amplitude_n[kept], components.phase_rad[kept]
+    octaves = []
     if components.period is not None:
         harmonic = np.rint(frequency * length).astype(np.int64)
-        rows = _harmonic_rows(harmonic, amplitude * np.exp(1j * phase), last, n_rows, n_points)
+        spectrum = np.zeros(int(harmonic.max()) + 1, dtype=complex)
+        np.add.at(spectrum, harmonic, amplitude * np.exp(1j * phase))
+        finest = np.zeros(shape.n_rows, dtype=np.int64)
+        np.maximum.at(finest, last, harmonic)
+        finest = np.maximum.accumulate(finest[::-1])[::-1]  # of each row
+        for octave, (n_rows, n_points) in enumerate(shape.octaves):
+            first = ROWS_PER_OCTAVE * octave
+            octaves.append(_harmonic_rows(spectrum, finest[first : first + n_rows], n_points))
     else:
-        rows = np.zeros((n_rows, n_points + PAD))
-        step_rad = 2.0 * np.pi * frequency * (length / n_points)
-        _sum_rows(step_rad, amplitude, phase + 2.0 * np.pi * frequency * origin, last, rows)
-    return Table(rows, length, origin, top, components.period is not None)
+        angular = 2.0 * np.pi * frequency
+        for octave, (n_rows, n_points) in enumerate(shape.octaves):
+            rows = np.zeros((n_rows, n_points + PAD))
+            within = last - ROWS_PER_OCTAVE * octave
+            held = within >= 0
+            _sum_rows(
+                angular[held] * (length / n_points),
+                amplitude[held],
+                phase[held] + angular[held] * origin,
+                np.minimum(within[held], n_rows - 1),
+                rows,
+            )
+            octaves.append(rows)
+    return Table(tuple(octaves), length, origin, top, components.period is not None)
 
 
 def _harmonic_rows(
-    harmonic: NDArray[np.int64],
-    line: NDArray[np.complex128],
-    last: NDArray[np.int64],
-    n_rows: int,
-    n_points: int,
+    spectrum: NDArray[np.complex128], finest: NDArray[np.int64], n_points: int
 ) -> FloatArray:
-    """Sum the harmonics of one period into rows, by Fourier transforms."""
-    spectra = np.zeros((n_rows, n_points // 2 + 1), dtype=complex)
-    np.add.at(spectra, (last, harmonic), line)
-    for row in range(n_rows - 2, -1, -1):
-        spectra[row] += spectra[row + 1]
-    rows = fft.irfft(spectra, n_points, axis=1) * (n_points / 2.0)
-    return np.pad(rows, ((0, 0), (1, 2)), mode="wrap")
+    """Sum the harmonics of one period into rows, by Fourier transforms.
+
+    Parameters
+    ----------
+    spectrum : ndarray, shape (n_harmonics,)
+        Complex amplitudes.
+    finest : ndarray, shape (n_rows,)
+        The highest harmonic that each row holds, 0 where it holds none.
+    n_points : int
+        In a row.
+    """
+    rows = np.empty((finest.size, n_points + PAD))
+    for row, highest in zip(rows, finest, strict=True):
+        row[1:-2] = fft.irfft(spectrum[: highest + 1], n_points)
+    rows[:, 1:-2] *= n_points / 2.0
+    rows[:, 0], rows[:, -2:] = rows[:, -3], rows[:, 1:3]
+    return rows
 
 
 def _stretch(components: Components, stretch_mm: tuple[float, float]) -> tuple[float, float]:
@@ -175,13 +244,14 @@ def _stretch(components: Components, stretch_mm: tuple[float, float]) -> tuple[f
     return origin, end - origin
 
 
-def _points(top: float, length: float) -> int:
-    return int(fft.next_fast_len(max(math.ceil(POINTS_PER_CYCLE * top * length), 8), real=True))
-
-
-def _shape(top_cycles_per_mm: float, length_mm: float) -> tuple[int, int]:
-    """Return how many rows a spatial table has, and how many points each."""
-    return _row_count(top_cycles_per_mm), _points(top_cycles_per_mm, length_mm)
+def _shape(top: float, length: float, spatial: bool) -> _Shape:
+    """Return the size of a table; one over time has one row, whatever the speed."""
+    n_rows = _row_count(top) if spatial else 1
+    fewest = max(math.ceil(POINTS_PER_CYCLE * top * length), 8)
+    halvings = min((n_rows - 1) // ROWS_PER_OCTAVE, int(math.log2(fewest / FEWEST_POINTS)))
+    halvings = max(halvings, 0)
+    coarsest = fft.next_fast_len(math.ceil(fewest / 2**halvings), real=True)
+    return _Shape(n_rows, int(coarsest) << halvings, halvings)
 
 
 def _row_count(top_cycles_per_mm: float) -> int:

@@ -1,41 +1,97 @@
-"""The reach of a table costs what its content at a speed is worth, and is what it was."""
+"""The reach of a table is what plain sums of cosines reach, and costs little to find."""
 
 import time
 
 import numpy as np
 import pytest
 
+from frictus.textures import Profile, Region, Scene
+from frictus_hardware.physics.screen import Screen
+from frictus_service.synthesis.components import Components
+from frictus_service.synthesis.layers import single_table
 from frictus_service.synthesis.reach import _table_reach
+from frictus_service.synthesis.scene import compile_scene
+from frictus_service.synthesis.tables import BAND_EDGE_HZ, build_table
+from frictus_service.translate import inverse_of_model, placeholder_model
 
-N_POINTS, N_ROWS = 200_000, 60
+RATE_HZ = 20_000.0
 
 
-def reach(points: np.ndarray, rate: float) -> tuple[float, float, float]:
-    """Return CPU time, s, least and greatest drive; the rows go 12 to the octave from 1."""
-    whole = np.array([0, 0, N_POINTS, N_ROWS])
-    low, high, size = np.zeros((3, 1))
-    began_s = time.thread_time()
+@pytest.mark.compiled
+@pytest.mark.parametrize("period", [None, 0.05, 0.7, 9.0])
+def test_the_reach_is_that_of_the_sum_of_cosines(
+    rng: np.random.Generator, period: float | None
+) -> None:
+    if period is None:
+        frequency = rng.uniform(0.2, 8.0, 12)
+    else:
+        frequency = np.unique(rng.integers(1, 12, 12)) / period
+    amplitude, phase = rng.uniform(0.1, 1.0, (2, frequency.size))
+    components = Components(frequency, amplitude, phase, True, period)
+    table = build_table(components, (-5.0, 35.0))
+    arrays = single_table(table, True, 0.0)
+    speeds = np.array([0.0, 3.0, 40.0, 140.0, 290.0])
+    decays = np.array([0.99, 0.9, 0.95, 0.8, 0.97])
+    low, high, size = np.zeros((3, speeds.size))
+    per_mm = table.n_points / table.length
     _table_reach(
-        points,
-        whole,
-        np.array([0.3]),
-        np.array([rate]),
-        0.0,
-        np.array([0.9]),
-        0,
+        arrays.points,
+        arrays.whole[0],
+        speeds / RATE_HZ * per_mm,
+        speeds,
+        arrays.real[0, 10],
+        decays,
+        period is not None,
         low,
         high,
         size,
     )
-    return time.thread_time() - began_s, float(low[0]), float(high[0])
+    x = table.origin + np.linspace(0.0, table.length, 40_001)
+    for s, (speed, decay) in enumerate(zip(speeds, decays, strict=True)):
+        if np.any(frequency * speed > 0.9 * BAND_EDGE_HZ):
+            continue  # rows in between fade
+
+        def friction(at: np.ndarray) -> np.ndarray:
+            waves = np.cos(2.0 * np.pi * np.outer(frequency, at) + phase[:, None])
+            total: np.ndarray = amplitude @ waves
+            return total
+
+        here = friction(x)
+        drives = [
+            (friction(x + way * speed / RATE_HZ) - decay * here) / (1.0 - decay)
+            for way in (-1.0, 1.0)
+        ]
+        most = np.abs(here).max()
+        # The seam of a table without a period is beside the screen, and left out.
+        tolerance = 2e-3 * most if period is not None else 0.02 * most
+        assert low[s] == pytest.approx(min(0.0, np.min(drives)), abs=tolerance / (1.0 - decay))
+        assert high[s] == pytest.approx(np.max(drives), abs=tolerance / (1.0 - decay))
+        assert size[s] == pytest.approx(most, abs=tolerance)
 
 
-def test_rows_without_fine_detail_are_read_less_densely() -> None:
-    at = 2.0 * np.pi * np.arange(-1, N_POINTS + 2) / N_POINTS
-    # What the row for 16 times the speed may hold: 256 points per cycle.
-    points = np.tile(np.sin(at * (N_POINTS // 256)), (N_ROWS, 1)).ravel()
-    reach(points, 1.0)  # compiled
-    dense_s, *dense = min(reach(points, 1.0) for _ in range(3))
-    sparse_s, *sparse = min(reach(points, 16.0) for _ in range(3))
-    assert sparse == pytest.approx(dense, rel=1e-3)
-    assert sparse_s < dense_s / 4.0
+def test_a_recording_is_compiled_in_a_few_times_one_fourier_transform(
+    rng: np.random.Generator,
+) -> None:
+    count, rate_hz, speed_mm_s = 65_536, 44_100.0, 80.0
+    hz = np.fft.rfftfreq(count, 1.0 / rate_hz)
+    noise = np.fft.rfft(rng.normal(size=count)) / (1.0 + np.square(hz / 300.0))
+    friction = np.fft.irfft(noise)
+    texture = Profile(
+        friction_n=(0.1 * friction / np.abs(friction).max()).tolist(),
+        period_mm=speed_mm_s * count / rate_hz,
+    )
+    scene = Scene(regions=[Region(texture=texture)])
+    law = inverse_of_model(placeholder_model(), Screen())
+    long = rng.normal(size=2**20)
+
+    def taken_s(what: str) -> float:
+        began_s = time.thread_time()
+        if what == "scene":
+            compile_scene(scene, law, Screen(), RATE_HZ)
+        else:
+            np.fft.rfft(long)
+        return time.thread_time() - began_s
+
+    taken_s("scene")  # compiled
+    scene_s, transform_s = (min(taken_s(w) for _ in range(5)) for w in ("scene", "transform"))
+    assert scene_s < 12.0 * transform_s
