@@ -220,6 +220,28 @@ def expect_state(status: Latest[RigStatus], reply: Reply, within_s: float) -> No
         status.expect(lambda newest: newest.utc_ns >= answered_ns, within_s)
 
 
+def stream_end(status: RigStatus | None, opened: Reply) -> LeaseLostError | None:
+    """Return how a stream has ended; None while it is played, as far as the rig says.
+
+    Parameters
+    ----------
+    status : RigStatus or None
+        The rig's newest.
+    opened : Reply
+        Of the call that opened the stream.
+    """
+    if status is None or opened.utc_ns is None or status.utc_ns < opened.utc_ns:
+        return None
+    if status.scene_etag == opened.etag:
+        return None
+    if status.state == "armed":
+        return LeaseLostError(
+            f"the stream has ended: {status.owner!r} holds the rig, and what it plays now is "
+            f"{status.scene_etag!r}"
+        )
+    return _loss(status, "" if status.last_end is None else status.last_end.owner)
+
+
 def _loss(status: RigStatus, client: str) -> LeaseLostError:
     """Return how the lease of a client ended, as far as the rig says."""
     end = status.last_end

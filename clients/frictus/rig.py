@@ -8,7 +8,13 @@ from typing import Any, Final, Literal, TypeVar
 import zenoh
 
 from frictus.calls import Caller, no_recorder, present_rigs
-from frictus.errors import ArgumentError, LeaseLostError, LinkError, SilenceError
+from frictus.errors import (
+    ArgumentError,
+    LeaseLostError,
+    LinkError,
+    OutdatedStateError,
+    SilenceError,
+)
 from frictus.gaps import BlockFeed
 from frictus.holding import Held, close_all
 from frictus.keys import STREAMS, RigKeys, Topic, Topics
@@ -298,19 +304,23 @@ class Rig:
         )
 
     def open_stream(self, peak_n: float) -> TextureStream:
-        """Open a texture stream; the rig must be armed by this client.
+        """Open a texture stream; the rig must be armed by this client, or shared with it.
 
         Parameters
         ----------
         peak_n : float
             Largest |friction| that will be sent, above 0 and up to 10 N.
         """
-        return self._following_lease(self._held.keep(TextureStream(self._caller, peak_n)))
+        status = self._readings.latest(Topics.STATUS, RigStatus)
+        return self._following_lease(
+            self._held.keep(TextureStream(self._caller, status, peak_n))
+        )
 
     def excite(self, excitation: Excitation) -> Applied:
         """Play a drive as it is, without the inverse of any model, for calibration.
 
-        The rig must be armed by this client. It ends with the lease, with a scene or a stream.
+        The rig must be armed by this client, or shared with it. It ends with the lease, with a
+        scene or a stream.
 
         Parameters
         ----------
@@ -393,7 +403,12 @@ class Rig:
         self, states: Feed[Message], holds: Callable[[RecordingState], bool]
     ) -> RecordingState:
         """Return the first state that holds; the next read includes it."""
-        state = _first(states, holds)
+        try:
+            state = _first(states, holds)
+        except SilenceError:
+            raise OutdatedStateError(
+                f"the recorder of rig {self.name} has done it, but says nothing since"
+            ) from None
         self._readings.latest(Topics.RECORDING, RecordingState).expect(
             lambda newest: newest.utc_ns >= state.utc_ns, self._timeout_s
         )

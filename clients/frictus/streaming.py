@@ -11,7 +11,9 @@ from numpy.typing import ArrayLike
 from frictus.calls import Caller
 from frictus.errors import ArgumentError, FrameError, LinkError, RefusedError
 from frictus.keys import Topics
-from frictus.messages import Applied
+from frictus.lease import stream_end
+from frictus.messages import Applied, RigStatus
+from frictus.reception import Latest
 from frictus.session import declare_publisher
 from frictus.stream import StreamFrame
 
@@ -23,6 +25,8 @@ class TextureStream:
     ----------
     caller : Caller
         Calls the rig.
+    status : Latest of RigStatus
+        The rig's status as it comes in.
     peak_n : float
         Largest |friction| that will be sent, above 0 and up to 10 N. It fixes bias and gain
         until the stream ends; a frame that exceeds it is refused.
@@ -35,13 +39,15 @@ class TextureStream:
         Updates sent so far.
     """
 
-    def __init__(self, caller: Caller, peak_n: float) -> None:
+    def __init__(self, caller: Caller, status: Latest[RigStatus], peak_n: float) -> None:
         reply = caller.call("open_stream", peak_n=peak_n)
         if reply.ticket is None:
             raise LinkError("the rig opened a stream without a ticket: protocol fault")
         self.applied: Applied | None = reply.applied
         self.sent = 0
         self._caller = caller
+        self._status = status
+        self._opened = reply
         self._ticket = reply.ticket
         self._peak_n = peak_n
         self._failure: Exception | None = None
@@ -93,12 +99,14 @@ class TextureStream:
         ArgumentError
             If a value is out of range, not finite, or above the declared peak.
         LeaseLostError
-            If the lease under which it was opened has ended.
+            If the lease under which it was opened has ended, or another scene or stream has
+            taken its place.
         LinkError
             If the stream is closed or the session is gone.
         """
         if self._publisher is None:
             raise LinkError("this stream is closed; open another")
+        self._failure = self._failure or stream_end(self._status.newest(), self._opened)
         if self._failure is not None:
             raise self._failure
         if (period_mm is None) == (period_s is None):

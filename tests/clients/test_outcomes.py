@@ -10,9 +10,15 @@ from tests.clients.conftest import APPLIED, WAIT_S, FakeRig
 
 import frictus
 from frictus import Client, Topics
-from frictus.errors import ArgumentError, LinkError, OutcomeUnknownError, OutdatedStateError
+from frictus.errors import (
+    ArgumentError,
+    LeaseLostError,
+    LinkError,
+    OutcomeUnknownError,
+    OutdatedStateError,
+)
 from frictus.keys import RigKeys
-from frictus.messages import SceneState
+from frictus.messages import LeaseEnd, Reply, SceneState
 from frictus.session import open_router
 from frictus.textures import Scene
 
@@ -73,3 +79,30 @@ def test_several_people_speak_through_one_client(client: Client, fake: Any) -> N
         ann.arm(share_with=["not a name"])
     with pytest.raises(ArgumentError, match="share_with"):
         ann.arm(share_with=["ben"] * 17)
+
+
+@pytest.mark.parametrize("ending", ["stopped", "replaced"])
+def test_a_stream_without_a_lease_of_its_own_ends_with_what_it_was_opened_under(
+    client: Client, fake: Any, ending: str
+) -> None:
+    fake.refusal = Reply(ok=True, ticket=7, etag="stream-7", applied=APPLIED, utc_ns=10)
+    rig = client.rig("sim")
+
+    def say(utc_ns: int, **fields: Any) -> None:
+        fake.say(Topics.STATUS, fake.status(utc_ns=utc_ns, **fields))
+        while rig.status().utc_ns != utc_ns:
+            pass
+
+    say(9)
+    with rig.open_stream(0.3) as stream:
+        stream.send([0.1, -0.1], period_mm=2.0)  # that status is of before it was opened
+        say(10, state="armed", owner="ann", scene_etag="stream-7")
+        stream.send([0.1, -0.1], period_mm=2.0)
+        if ending == "stopped":
+            say(11, last_end=LeaseEnd(owner="ann", by="ben", reason="stopped", utc_ns=10**18))
+        else:
+            say(11, state="armed", owner="ann", scene_etag="s2")
+        words = "stopped by 'ben'" if ending == "stopped" else "'ann' holds .* 's2'"
+        for _ in range(2):
+            with pytest.raises(LeaseLostError, match=words):
+                stream.send([0.1, -0.1], period_mm=2.0)

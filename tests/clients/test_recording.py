@@ -11,7 +11,7 @@ import zenoh
 
 import frictus
 from frictus import Block, Client, Gap, Topics
-from frictus.errors import ArgumentError, LinkError, RefusedError
+from frictus.errors import ArgumentError, LinkError, OutdatedStateError, RefusedError
 from frictus.keys import RECORDER_CALLS
 from frictus.messages import MESSAGES, RecordingState, Reply
 
@@ -25,6 +25,7 @@ class FakeRecorder:
         self._fake = fake
         self.calls: queue.Queue[Any] = queue.Queue()
         self.refusal: Reply | None = None
+        self.publishes = True
         self._name: str | None = None
         self._declared = [
             fake.session.declare_queryable(
@@ -45,7 +46,8 @@ class FakeRecorder:
         self.calls.put(request)
         if self.refusal is None:
             self._name = getattr(request, "name", self._name)
-            self._tell(recording=call == "record")
+            if self.publishes:
+                self._tell(recording=call == "record")
         with query:
             query.reply(query.key_expr, (self.refusal or Reply(ok=True)).to_json())
 
@@ -71,6 +73,16 @@ def test_record_returns_once_it_is_recorded(client: Client, recorder: FakeRecord
     assert (request.participant, request.notes) == ("p1", "by hand")
     ended = rig.end_recording()
     assert (ended.name, ended.recording) == ("one", False)
+
+
+def test_what_the_recorder_confirms_and_does_not_publish_is_outdated(
+    router: str, fake: Any, recorder: FakeRecorder
+) -> None:
+    recorder.publishes = False
+    with frictus.connect(router, timeout_s=0.3) as client:
+        rig = client.rig("sim")
+        with pytest.raises(OutdatedStateError, match="recorder of rig sim has done it"):
+            rig.record("one")
 
 
 def test_a_refusal_is_an_error(client: Client, recorder: FakeRecorder) -> None:

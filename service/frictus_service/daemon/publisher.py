@@ -191,6 +191,9 @@ class Publisher:
     def status(self) -> RigStatus:
         """Return what the rig says of itself now."""
         utc_ns = self._utc_ns()  # first: what held at this time is in it
+        # Before the safety state: a stream ends with its arming, so that no status says armed
+        # and names what is played after it.
+        scene, stream_open = self._stage.scene, self._stage.stream_open
         info, safety, lateness = self._info, self._interlock.state, self._loop.lateness
         median_ms, high_ms = lateness.percentiles_ms()
         model = self._stage.model
@@ -218,8 +221,8 @@ class Publisher:
             aux=tuple(AuxChannel(name=name, unit=unit) for name, unit in info.aux),
             model_etag=model.etag,
             model_placeholder=model.model.placeholder,
-            scene_etag=self._stage.scene.etag,
-            stream_open=self._stage.stream_open,
+            scene_etag=scene.etag,
+            stream_open=stream_open,
             stream_stale=self._loop.tally.stream_stale,
             counters=self._counters(),
             timing=LoopTiming(

@@ -380,6 +380,30 @@ def test_the_page_that_holds_the_rig_shares_it_by_name(port: int) -> None:
         assert page.wait("status", disarmed)["status"]["share_with"] == []
 
 
+def test_a_stream_of_whom_the_rig_is_shared_with_ends_with_the_page_s_lease(
+    port: int, router: str
+) -> None:
+    with page_at(port, who="render") as page, frictus.connect(router, name="ben") as client:
+        rig = client.rig("rig1")
+        with pytest.raises(frictus.RefusedError, match="arm the rig"):
+            rig.open_stream(0.05)
+        page.say("arm", rig="rig1", share_with=["ben"])
+        page.wait("armed")
+        stream = rig.open_stream(0.05)
+        stream.send([0.02, -0.02], period_mm=2.0)
+        rig.scene()  # the rig has said that it plays it
+        stream.send([0.02, -0.02], period_mm=2.0)
+        page.say("disarm", rig="rig1")
+        page.wait("disarmed")
+
+        def play_on() -> None:
+            while True:
+                stream.send([0.02, -0.02], period_mm=2.0)
+
+        with pytest.raises(frictus.LeaseLostError, match=r"disarmed by 'render\.page-"):
+            play_on()
+
+
 def test_who_stops_a_page_s_rig_by_rest_is_named(port: int) -> None:
     with page_at(port, who="render") as page:
         page.say("watch", rig="rig1")
