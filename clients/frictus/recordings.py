@@ -3,6 +3,7 @@
 What cannot be represented is refused with the reason; nothing is cut or resampled in silence.
 """
 
+import logging
 import math
 import struct
 import wave
@@ -15,10 +16,13 @@ from pydantic import TypeAdapter, ValidationError
 
 from frictus.errors import TextureError, explain
 from frictus.imports import read_ahap, read_hjif
-from frictus.textures import MAX_PROFILE_SAMPLES, Profile, Texture
+from frictus.textures import BAND_HZ, MAX_PROFILE_SAMPLES, PERIOD_MM, Profile, Texture
 
 FloatArray = NDArray[np.float64]
+log = logging.getLogger("frictus")
 
+MAX_WAV_SAMPLES: Final = 8_000_000
+"""Of one channel: three minutes at 44.1 kHz."""
 MAX_JSON_BYTES: Final = 10_000_000
 MAX_CSV_COLUMNS: Final = 100
 """Looked at; a header may have more than the samples."""
@@ -33,6 +37,7 @@ def load_texture(
     *,
     channel: int = 0,
     angle_deg: float = 0.0,
+    part_s: tuple[float, float] | None = None,
 ) -> Texture:
     """Read a texture from a file; the suffix says which format.
 
@@ -44,7 +49,9 @@ def load_texture(
     A recording becomes a `Profile` that repeats without end, over position where the recording
     speed is given, otherwise over time. Its mean is removed, since friction is relative: the
     rig adds the bias it needs. Where the last sample does not lead on to the first, the seam is
-    felt once per period.
+    felt once per period. A WAV of more than 65536 samples is resampled, and a warning of the
+    logger `frictus` says below which speed of the finger detail is missing: of 60 s at 44.1 kHz
+    and 16 mm/s, below 33 mm/s.
 
     Parameters
     ----------
@@ -60,6 +67,9 @@ def load_texture(
         Channel of a WAV file, from 0.
     angle_deg : float
         Direction of a spatial texture's phase, from x towards y.
+    part_s : tuple of float or None
+        From when to when of a recording, s; None is all of it. A texture covers at most 1000 mm
+        or 10 s.
 
     Raises
     ------
@@ -86,13 +96,14 @@ def load_texture(
         else:
             samples, rate_hz = _read_csv(path, sample_rate_hz)
         try:
-            return profile_of(scale_n * samples, rate_hz, speed_mm_s, angle_deg)
+            part = _part_of(samples, rate_hz, part_s)
+            return profile_of(scale_n * part, rate_hz, speed_mm_s, angle_deg)
         except TextureError as error:
             raise TextureError(f"{path.name}: {error}") from error
     if suffix not in (".json", ".ahap", ".hjif"):
         raise TextureError(f"{path.name}: .wav, .csv, .json, .ahap and .hjif are accepted")
-    unused = (speed_mm_s, sample_rate_hz) != (None, None)
-    _require(not unused, f"{path.name} is not a recording: give it no speed and no rate")
+    unused = (speed_mm_s, sample_rate_hz, part_s) != (None, None, None)
+    _require(not unused, f"{path.name} is not a recording: give it no speed, rate or part")
     text = _read_text(path)
     if suffix == ".json":
         _require(scale_n == 1.0, f"{path.name} is in newtons: give it no scale")
@@ -131,7 +142,7 @@ def profile_of(
     Parameters
     ----------
     friction_n : ndarray, shape (n_samples,)
-        2 to 65536 samples, N, not all equal.
+        At least 2 samples, N, not all equal. More than 65536 are resampled, see `load_texture`.
     sample_rate_hz : float
         Rate of the recording.
     speed_mm_s : float or None
@@ -149,13 +160,18 @@ def profile_of(
         _require(positive, f"{name} {value}: must be positive and finite")
     count = friction_n.size
     _require(count >= 2, f"{count} samples: at least 2 make a texture")
-    _require(
-        count <= MAX_PROFILE_SAMPLES,
-        f"{count} samples: a profile holds at most {MAX_PROFILE_SAMPLES}, "
-        f"{MAX_PROFILE_SAMPLES / sample_rate_hz:.3g} s at this rate; cut or resample it",
-    )
+    duration_s = count / sample_rate_hz
+    if speed_mm_s is not None:
+        _require(
+            speed_mm_s * duration_s <= PERIOD_MM[1],
+            f"period_mm: {duration_s:.3g} s at {speed_mm_s:g} mm/s are "
+            f"{speed_mm_s * duration_s:.4g} mm; at most {PERIOD_MM[1]:g} mm, more than any "
+            f"screen: give as part_s {PERIOD_MM[1] / speed_mm_s:.3g} s of it",
+        )
     _require(bool(np.all(np.isfinite(friction_n))), "a sample is not finite")
     centred = friction_n - np.mean(friction_n)
+    if count > MAX_PROFILE_SAMPLES:
+        centred = _resampled(centred, duration_s, speed_mm_s)
     level = float(np.max(np.abs(friction_n)))
     _require(
         float(np.max(np.abs(centred))) > 1e-9 * level,
@@ -163,7 +179,6 @@ def profile_of(
     )
     peak_n = float(np.max(np.abs(centred)))
     _require(peak_n <= 10.0, f"reaches {peak_n:.3g} N; at most 10 N: give a smaller scale_n")
-    duration_s = count / sample_rate_hz
     try:
         return Profile(
             friction_n=centred.tolist(),
@@ -173,6 +188,35 @@ def profile_of(
         )
     except ValidationError as error:
         raise TextureError(explain(error)) from error
+
+
+def _part_of(
+    samples: FloatArray, rate_hz: float, part_s: tuple[float, float] | None
+) -> FloatArray:
+    if part_s is None:
+        return samples
+    begin_s, end_s = part_s
+    _require(
+        0.0 <= begin_s < end_s <= samples.size / rate_hz,
+        f"part_s {begin_s:g} to {end_s:g} s: rising, within the {samples.size / rate_hz:.4g} s "
+        "that were recorded",
+    )
+    return samples[round(begin_s * rate_hz) : round(end_s * rate_hz)]
+
+
+def _resampled(
+    friction_n: FloatArray, duration_s: float, speed_mm_s: float | None
+) -> FloatArray:
+    """Return a period with as many samples as a profile holds, and say what that leaves out."""
+    count = MAX_PROFILE_SAMPLES
+    spectrum = np.fft.rfft(friction_n)[: count // 2]  # without the line at the new Nyquist
+    highest_hz = (count // 2 - 1) / duration_s
+    if speed_mm_s is not None:
+        lost = f"below {speed_mm_s * BAND_HZ[1] / highest_hz:.2g} mm/s some detail is not felt"
+    else:
+        lost = f"what is above {highest_hz:.4g} Hz is left out"
+    log.warning("%d samples became the %d of a profile: %s", friction_n.size, count, lost)
+    return np.fft.irfft(spectrum, count) * (count / friction_n.size)
 
 
 def _read_wav(path: Path, channel: int) -> tuple[FloatArray, float]:
@@ -185,8 +229,11 @@ def _read_wav(path: Path, channel: int) -> tuple[FloatArray, float]:
                 0 <= channel < channels,
                 f"{path.name} has channels 0 to {channels - 1}, no channel {channel}",
             )
-            # Read no more than shows that it is too long.
-            raw = file.readframes(min(count, MAX_PROFILE_SAMPLES + 1))
+            _require(
+                count <= MAX_WAV_SAMPLES,
+                f"{path.name} has {count} samples; at most {MAX_WAV_SAMPLES} are read: cut it",
+            )
+            raw = file.readframes(count)
     except (wave.Error, EOFError, RuntimeError, struct.error, ZeroDivisionError) as error:
         # The standard reader lets its own slips out on torn files.
         raise TextureError(
@@ -207,8 +254,11 @@ def _read_csv(path: Path, sample_rate_hz: float | None) -> tuple[FloatArray, flo
     rows: list[list[float]] = []
     first_line = True
     for number, line in enumerate(_read_text(path).splitlines(), 1):
-        if len(rows) > MAX_PROFILE_SAMPLES:
-            break  # too long already, which `profile_of` tells
+        _require(
+            len(rows) <= MAX_PROFILE_SAMPLES,
+            f"{path.name} has more lines of samples than are read: at most "
+            f"{MAX_PROFILE_SAMPLES}; convert it to WAV",
+        )
         separator = "," if "," in line else ";"
         columns = line.count(separator) + 1
         _require(columns <= MAX_CSV_COLUMNS, f"{path.name}, line {number}: {columns} columns")

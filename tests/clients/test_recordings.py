@@ -185,6 +185,42 @@ def test_a_profile_has_no_mean_and_keeps_its_shape(count: int, scale_n: float) -
     np.testing.assert_allclose(np.diff(profile.friction_n), np.diff(friction), atol=1e-12)
 
 
+def test_a_minute_at_44_khz_keeps_what_a_profile_holds_and_says_what_it_loses(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    rate_hz, seconds, speed = 44_100, 60, 16.0
+    time_s = np.arange(seconds * rate_hz) / rate_hz
+    kept, lost = np.sin(2.0 * np.pi * 500.0 * time_s), np.sin(2.0 * np.pi * 9_000.0 * time_s)
+    path = write_wav(tmp_path / "long.wav", np.array([0.4 * kept + 0.4 * lost]), 2, rate_hz)
+    texture = load_texture(path, speed_mm_s=speed)
+    assert isinstance(texture, Profile)
+    assert texture.period_mm == pytest.approx(960.0)
+    grid_s = np.arange(65_536) * seconds / 65_536
+    wanted = 0.4 * np.sin(2.0 * np.pi * 500.0 * grid_s)
+    np.testing.assert_allclose(texture.friction_n, wanted, atol=1e-5)
+    assert "2646000 samples" in caplog.text
+    assert "below 29 mm/s" in caplog.text
+    part = load_texture(path, speed_mm_s=speed, part_s=(2.0, 3.0))
+    assert isinstance(part, Profile)
+    assert len(part.friction_n) == rate_hz
+    assert part.period_mm == pytest.approx(16.0)
+
+
+@pytest.mark.parametrize("part_s", [(0.0, 9.0), (-1.0, 0.5), (0.5, 0.5), (math.nan, 1.0)])
+def test_a_part_beside_the_recording_is_refused(
+    tmp_path: Path, part_s: tuple[float, float]
+) -> None:
+    path = write_wav(tmp_path / "a.wav", np.sin(np.arange(8_000.0))[np.newaxis] * 0.9, 2)
+    with pytest.raises(TextureError, match="within the 1 s"):
+        load_texture(path, speed_mm_s=40.0, part_s=part_s)
+
+
+def test_more_of_a_recording_than_any_screen_shows_is_refused(tmp_path: Path) -> None:
+    path = write_wav(tmp_path / "a.wav", np.sin(np.arange(16_000.0))[np.newaxis] * 0.9, 2)
+    with pytest.raises(TextureError, match=r"1200 mm; at most 1000 mm.*part_s 1\.67 s"):
+        load_texture(path, speed_mm_s=600.0)
+
+
 # Effects of other systems
 
 

@@ -1,6 +1,7 @@
 """Every texture but a map is a sum of sinusoids over position or over time."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,8 @@ FREQUENCY = (1e-4, 1e8)
 """Accepted, in cycles/mm or Hz: wider than any texture; rows of tables are counted from it."""
 LONGEST_PERIOD_S = 10.0
 """Temporal textures repeat after at most this; their lines stand at multiples of 0.1 Hz."""
+JOIN_MM = 5.0
+"""Over which the ends of a part of a profile fade into each other, beside the screen."""
 NOISE_PERIOD_S = 1.0
 """Filtered noise repeats after this much time, or the way covered in it."""
 
@@ -127,6 +130,41 @@ def _profile(texture: Profile) -> Components:
         texture.period_mm is not None,
         texture.angle_deg,
     )
+
+
+def profile_within(texture: Profile, stretch_mm: tuple[float, float]) -> Components:
+    """Return the harmonics of a spatial profile, of no more of it than a finger can reach.
+
+    A recording may be far longer than a screen. The part within the stretch is kept sample by
+    sample; beyond, its ends are led into each other, so that it repeats.
+
+    Parameters
+    ----------
+    texture : Profile
+        With `period_mm`.
+    stretch_mm : tuple of float
+        From where to where a finger can be along the texture's direction.
+
+    Raises
+    ------
+    TextureError
+        If the friction is constant: there is nothing to feel.
+    """
+    assert texture.period_mm is not None
+    friction_n = np.asarray(texture.friction_n, dtype=float)
+    pitch_mm = texture.period_mm / friction_n.size
+    first = math.floor(stretch_mm[0] / pitch_mm)
+    count = math.ceil(stretch_mm[1] / pitch_mm) + 1 - first
+    join = math.ceil(JOIN_MM / pitch_mm)
+    if count + join >= friction_n.size:
+        return _profile(texture)
+    part = friction_n[np.arange(first, first + count + join) % friction_n.size]
+    before = friction_n[np.arange(first - join, first) % friction_n.size]
+    share = 0.5 - 0.5 * np.cos(np.pi * (np.arange(join) + 0.5) / join)
+    part[count:] += share * (before - part[count:])
+    whole = periodic(part, (count + join) * pitch_mm, True, texture.angle_deg)
+    moved_rad = 2.0 * np.pi * whole.frequency * first * pitch_mm
+    return replace(whole, phase_rad=whole.phase_rad - moved_rad)
 
 
 def periodic(

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus.errors import TextureError
-from frictus.textures import Map, Region
+from frictus.textures import Beta, Map, Profile, Region, Slope, Spectrum
 from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis import kernel
-from frictus_service.synthesis.components import Components, components_of
+from frictus_service.synthesis.components import Components, components_of, profile_within
 from frictus_service.synthesis.maps import build_pyramid, decode
 from frictus_service.synthesis.tables import (
     BAND_EDGE_HZ,
@@ -99,8 +99,8 @@ def layers_of(region: Region, screen: Screen) -> list[Layer]:
             )
         ]
     layers = []
-    for whole in components_of(region.texture):
-        stretch_mm = _stretch(whole, (x0, x1, y0, y1))
+    for whole in _sums_of(region.texture, (x0, x1, y0, y1)):
+        stretch_mm = _stretch(whole.angle_deg, (x0, x1, y0, y1))
         components = fitting(whole, stretch_mm)
         table = build_table(components, stretch_mm)
         kind = kernel.SPATIAL if components.spatial else kernel.TEMPORAL
@@ -120,6 +120,14 @@ def layers_of(region: Region, screen: Screen) -> list[Layer]:
     return layers
 
 
+def _sums_of(
+    texture: Spectrum | Profile | Beta | Slope, rectangle: tuple[float, float, float, float]
+) -> list[Components]:
+    if isinstance(texture, Profile) and texture.period_mm is not None:
+        return [profile_within(texture, _stretch(texture.angle_deg, rectangle))]
+    return components_of(texture)
+
+
 def _left_out(components: Components) -> tuple[str, ...]:
     beyond = 0 if components.spatial else np.count_nonzero(components.frequency > BAND_EDGE_HZ)
     note = f"{beyond} temporal components above {BAND_EDGE_HZ:g} Hz left out: they are not felt"
@@ -127,11 +135,11 @@ def _left_out(components: Components) -> tuple[str, ...]:
 
 
 def _stretch(
-    components: Components, rectangle: tuple[float, float, float, float]
+    angle_deg: float, rectangle: tuple[float, float, float, float]
 ) -> tuple[float, float]:
-    """Return from where to where a rectangle reaches along the texture's direction."""
+    """Return from where to where a rectangle reaches along a direction."""
     x0, x1, y0, y1 = rectangle
-    angle = np.deg2rad(components.angle_deg)
+    angle = np.deg2rad(angle_deg)
     corners = [x * np.cos(angle) + y * np.sin(angle) for x in (x0, x1) for y in (y0, y1)]
     # A predicted position may lie a little beside the screen; the texture goes on there.
     return float(min(corners)) - 5.0, float(max(corners)) + 5.0

@@ -389,3 +389,42 @@ def test_what_was_left_out_is_noted() -> None:
     assert compiled(Region(texture=texture)).applied.notes == [
         "2 temporal components above 1122 Hz left out: they are not felt"
     ]
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 150.0])
+@pytest.mark.parametrize("gain", [0.0, 3.0])
+def test_of_a_long_recording_the_part_on_the_screen_is_rendered(
+    angle_deg: float, gain: float, rng: np.random.Generator
+) -> None:
+    """Against its sines, up to a constant, which is the bias's."""
+    period_mm, count = 900.0, 65_536
+    harmonic = np.array([11, 700, 1_500])  # 0.012 to 1.7 cycles/mm
+    phase = rng.uniform(0.0, 6.3, harmonic.size)
+
+    def friction(u: FloatArray) -> FloatArray:
+        total: FloatArray = np.sum(
+            0.01 * np.cos(2.0 * np.pi * np.multiply.outer(u, harmonic) / period_mm + phase),
+            axis=-1,
+        )
+        return total
+
+    beyond = gain * np.arange(count) / count  # what no finger reaches differs much
+    samples = friction(period_mm * np.arange(count) / count)
+    texture = Profile(
+        friction_n=(
+            samples + np.where(np.abs(np.arange(count) - 20_000) < 9_000, beyond, 0.0)
+        ).tolist(),
+        period_mm=period_mm,
+        angle_deg=angle_deg,
+    )
+    scene = compiled(Region(texture=texture))
+    speed, angle = 80.0, np.deg2rad(angle_deg)
+    x, y = 64.0, 2.0
+    if angle_deg == 0.0:
+        x, y = 3.0, 20.0
+    n = np.arange(8_000)
+    got = friction_along(scene, straight(x, y, speed, angle), n.size)
+    want = friction(x * np.cos(angle) + y * np.sin(angle) + speed * n / RATE)
+    apart = got / scene.applied.gain - want
+    assert np.ptp(apart) < 0.01 * np.ptp(want)
+    assert scene.arrays.points.size < 2_500_000
