@@ -2,6 +2,7 @@
 
 import contextlib
 import time
+from math import ceil
 from typing import Any, Final
 
 import zenoh
@@ -52,13 +53,16 @@ class Caller:
         self.client = client
         self._timeout_s = timeout_s
 
-    def call(self, name: str, /, **fields: Any) -> Reply:
+    def call(self, name: str, /, *, timeout_s: float | None = None, **fields: Any) -> Reply:
         """Send a request and return the reply.
 
         Parameters
         ----------
         name : str
             A key of `frictus.keys.CALLS` or `RECORDER_CALLS`.
+        timeout_s : float or None
+            Longest wait for the reply, above 0 and up to 60 s, also the time to live; None is
+            that of this caller.
         **fields
             What the request type holds beside client, time and time to live.
 
@@ -75,23 +79,24 @@ class Caller:
         LinkError
             If it was not sent: the router is gone, or allows it to nobody in our role.
         """
+        timeout_s = self._timeout_s if timeout_s is None else timeout_s
         try:
             request = MESSAGES[(CALLS | RECORDER_CALLS)[name]].model_validate(
                 {
                     "client": self.client,
                     "utc_ns": time.time_ns(),
-                    "ttl_ms": int(1_000 * self._timeout_s),
+                    "ttl_ms": ceil(1_000 * timeout_s),
                     **fields,
                 }
             )
         except ValidationError as error:
             raise ArgumentError(f"{name}: {explain(error)}") from error
-        reply = self._ask(name, request.to_json())
+        reply = self._ask(name, request.to_json(), timeout_s)
         if not reply.ok:
             raise RefusedError(reply.code or "bad_request", reply.message)
         return reply
 
-    def _ask(self, name: str, payload: bytes) -> Reply:
+    def _ask(self, name: str, payload: bytes, timeout_s: float) -> Reply:
         if not self.session.info.transports():
             raise LinkError(f"{name} was not sent: {ROUTER_GONE}")
         in_time = True
@@ -101,7 +106,7 @@ class Caller:
                 payload=payload,
                 encoding=zenoh.Encoding.APPLICATION_JSON,
                 attachment=self.client,
-                timeout=self._timeout_s,
+                timeout=timeout_s,
                 priority=zenoh.Priority.REAL_TIME,
                 congestion_control=zenoh.CongestionControl.BLOCK,
                 express=True,
@@ -112,9 +117,9 @@ class Caller:
                 in_time = False
         except zenoh.ZError as error:
             raise LinkError(f"{name} was not sent: {error}") from error
-        raise self._unanswered(name, in_time)
+        raise self._unanswered(name, in_time, timeout_s)
 
-    def _unanswered(self, name: str, in_time: bool) -> LinkError:
+    def _unanswered(self, name: str, in_time: bool, timeout_s: float) -> LinkError:
         """Return why nobody answered: where the query was open to its end, nobody knows.
 
         Raises
@@ -123,7 +128,7 @@ class Caller:
         """
         unknown = (
             f"{name} was sent to rig {self.keys.rig} at {self.keys.site} and not answered "
-            f"within {self._timeout_s:g} s; it may have been done, or may still be: read the "
+            f"within {timeout_s:g} s; it may have been done, or may still be: read the "
             "rig's state before it is sent again"
         )
         try:

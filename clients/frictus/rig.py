@@ -277,8 +277,17 @@ class Rig:
         for follower in self._followers:
             follower.fail(loss)
 
-    def set_scene(self, scene: Scene | Texture, if_match: str | None = None) -> SceneState:
+    def set_scene(
+        self,
+        scene: Scene | Texture,
+        if_match: str | None = None,
+        *,
+        timeout_s: float | None = None,
+    ) -> SceneState:
         """Replace what the screen feels like, with a cross-fade.
+
+        A newer scene of the same client ends this one's compilation: it is then refused with
+        code `unavailable`.
 
         Parameters
         ----------
@@ -286,6 +295,8 @@ class Rig:
             A lone texture covers the whole screen.
         if_match : str or None
             Etag that the present scene must have; refused with code `conflict` otherwise.
+        timeout_s : float or None
+            Longest wait for the reply, up to 60 s; None is the client's.
 
         Returns
         -------
@@ -295,7 +306,7 @@ class Rig:
         """
         if isinstance(scene, Spectrum | Profile | Beta | Slope | Map):
             scene = Scene(regions=[Region(texture=scene)])
-        reply = self._caller.call("scene", scene=scene, if_match=if_match)
+        reply = self._caller.call("scene", scene=scene, if_match=if_match, timeout_s=timeout_s)
         if reply.applied is None or reply.etag is None:
             raise LinkError("the rig did not say what it applied: protocol fault")
         self._readings.expect(Topics.SCENE, SceneState, reply)
@@ -339,7 +350,9 @@ class Rig:
         self._readings.expect(Topics.SCENE, SceneState, reply)
         return reply.applied
 
-    def set_model(self, model: Model, if_match: str | None = None) -> str:
+    def set_model(
+        self, model: Model, if_match: str | None = None, *, timeout_s: float | None = None
+    ) -> str:
         """Replace the friction model, while disarmed; return its etag.
 
         Parameters
@@ -348,10 +361,14 @@ class Rig:
             A `model/1` document.
         if_match : str or None
             Etag that the present model must have; refused with code `conflict` otherwise.
+        timeout_s : float or None
+            Longest wait for the reply, up to 60 s; None is the client's.
         """
-        return self.apply_model(model, if_match)[0]
+        return self.apply_model(model, if_match, timeout_s=timeout_s)[0]
 
-    def apply_model(self, model: Model, if_match: str | None = None) -> tuple[str, str]:
+    def apply_model(
+        self, model: Model, if_match: str | None = None, *, timeout_s: float | None = None
+    ) -> tuple[str, str]:
         """Replace the friction model as `set_model`; return its etag and the rig's remarks.
 
         The remarks say for people what of the model is not rendered; they may be empty.
@@ -362,8 +379,10 @@ class Rig:
             A `model/1` document.
         if_match : str or None
             As `set_model`.
+        timeout_s : float or None
+            As `set_model`.
         """
-        reply = self._caller.call("model", model=model, if_match=if_match)
+        reply = self._caller.call("model", model=model, if_match=if_match, timeout_s=timeout_s)
         if reply.etag is None:
             raise LinkError("the rig did not name the model's etag: protocol fault")
         self._readings.expect(Topics.MODEL, ModelState, reply)

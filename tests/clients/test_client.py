@@ -142,6 +142,18 @@ def test_scene_and_model_are_set(client: Client, fake: Any) -> None:
     fake.asked("reset")
 
 
+def test_a_call_may_have_a_timeout_of_its_own(client: Client, fake: Any) -> None:
+    rig = client.rig("sim")
+    rig.set_scene(Scene(), timeout_s=20.0)
+    assert fake.asked("scene").ttl_ms == 20_000
+    with pytest.raises(ArgumentError, match="ttl_ms"):
+        rig.set_scene(Scene(), timeout_s=0.0)
+    fake.silent = True
+    with pytest.raises(OutcomeUnknownError, match=r"within 0\.1 s"):
+        rig.set_scene(Scene(), timeout_s=0.1)
+    assert fake.asked("scene").ttl_ms == 100
+
+
 def test_a_refusal_keeps_its_code_and_text(client: Client, fake: Any) -> None:
     fake.refusal = Reply(ok=False, code="not_owner", message="rig held by alice")
     with pytest.raises(RefusedError, match="alice") as refused:

@@ -110,6 +110,8 @@ class Commands:
         self._presence = Presence(control.vanish)
         self._answering: Mailbox[Message] = Mailbox(ANSWERING)
         self._rendering: Mailbox[Message] = Mailbox(RENDERING)
+        self._newest_scene: dict[str, Message] = {}
+        """Of each sender, as long as it waits or is compiled."""
         self._declared: list[Any] = []
         self._threads: list[threading.Thread] = []
         self._counting = threading.Lock()
@@ -172,7 +174,10 @@ class Commands:
             if name not in RENDERING_CALLS:
                 self._decide(message)
                 return
+            if name == "scene" and sender:
+                self._newest_scene[sender] = message
             for lost in self._rendering.post("call", message, sender):
+                self._forget(lost)
                 self._to_answer(lost, OVERRUN)
 
         return post
@@ -256,6 +261,7 @@ class Commands:
         while (taken := self._rendering.take()) is not None:
             message = taken[1]
             self._to_answer(message, self.render(message))
+            self._forget(message)
 
     def keep_safe(self, message: Message) -> Reply:
         """Decide on a message that is about safety, or moves a virtual finger."""
@@ -279,15 +285,30 @@ class Commands:
         if message.name == "texture":
             return self._answered(lambda: self._update(message.payload))
         kind = MESSAGES[CALLS[message.name]]
+
+        def give_way() -> None:
+            if self._newest_scene.get(message.sender, message) is not message:
+                raise RefusedError("unavailable", OVERRUN.message)
+
         handlers: Mapping[str, Callable[[Any], Reply]] = {
-            "scene": self._stage.set_scene,
+            "scene": lambda request: self._stage.set_scene(request, give_way),
             "open_stream": self._stage.open_stream,
             "close_stream": self._stage.close_stream,
             "excite": self._stage.excite,
             "model": self._stage.set_model,
         }
         handle = handlers[message.name]
-        return self._answered(lambda: handle(self._read(kind, message)))
+
+        def work() -> Reply:
+            if message.name == "scene":
+                give_way()
+            return handle(self._read(kind, message))
+
+        return self._answered(work)
+
+    def _forget(self, message: Message) -> None:
+        if self._newest_scene.get(message.sender) is message:
+            self._newest_scene.pop(message.sender, None)
 
     def _update(self, payload: bytes) -> None:
         try:

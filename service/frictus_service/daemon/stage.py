@@ -31,6 +31,8 @@ from frictus_service.synthesis.scene import CompiledScene, compile_scene
 from frictus_service.synthesis.stream import StreamBudget
 from frictus_service.translate import inverse_of_model
 
+CACHED_SCENES: Final = 4
+"""The newest scenes as compiled, by etag; with a recording one takes up to 40 MB a region."""
 MODEL_CHANGE_S: Final = 1.0
 """Within which the loop must have taken up a new model; it takes one block."""
 
@@ -81,6 +83,7 @@ class Stage:
         self._orders = orders
         self._monotonic_s = monotonic_s
         self._stream: _Stream | None = None
+        self._cache: dict[str, tuple[Inverse, SceneState, CompiledScene]] = {}
         self._tickets = itertools.count(secrets.randbits(31))
         self._standing, self._standing_scene = self._compiled(Scene(), self._inverse)
         self._guest: _Guest | None = None
@@ -128,8 +131,16 @@ class Stage:
         """
         self._stream_of(ticket)
 
-    def set_scene(self, request: SceneRequest) -> Reply:
+    def set_scene(
+        self, request: SceneRequest, check: Callable[[], None] = lambda: None
+    ) -> Reply:
         """Replace the standing scene; ends an open stream or an excitation.
+
+        Parameters
+        ----------
+        request : SceneRequest
+        check : callable
+            Called now and then while it is compiled; may raise, to give up.
 
         Raises
         ------
@@ -138,10 +149,8 @@ class Stage:
         """
         self.check_owner(request.client)
         self._check_match(request.if_match, self.scene.etag, "scene")
-        state, compiled = self._standing, self._standing_scene
         try:
-            if request.scene != state.scene:
-                state, compiled = self._compiled(request.scene, self._inverse)
+            state, compiled = self._compiled(request.scene, self._inverse, check)
         except TextureError as error:
             raise RefusedError("not_feasible", str(error)) from error
         self.check_owner(request.client)  # compiling may have outlasted the lease
@@ -297,11 +306,19 @@ class Stage:
             raise RefusedError("not_armed", "arm the rig before anything is played on it")
         return safety.armings
 
-    def _compiled(self, scene: Scene, inverse: Inverse) -> tuple[SceneState, CompiledScene]:
-        compiled = compile_scene(scene, inverse, self._screen, self._rate_hz)
-        return SceneState(
-            etag=etag_of_scene(scene), scene=scene, applied=compiled.applied
-        ), compiled
+    def _compiled(
+        self, scene: Scene, inverse: Inverse, check: Callable[[], None] = lambda: None
+    ) -> tuple[SceneState, CompiledScene]:
+        etag = etag_of_scene(scene)
+        kept = self._cache.pop(etag, None)
+        if kept is None or kept[0] is not inverse:
+            compiled = compile_scene(scene, inverse, self._screen, self._rate_hz, check)
+            state = SceneState(etag=etag, scene=scene, applied=compiled.applied)
+            kept = inverse, state, compiled
+        self._cache[etag] = kept  # the newest last
+        while len(self._cache) > CACHED_SCENES:
+            del self._cache[next(iter(self._cache))]
+        return kept[1:]
 
     def _check_match(self, wanted: str | None, present: str, what: str) -> None:
         if wanted is not None and wanted != present:

@@ -1,5 +1,7 @@
 """What layers ask of the drive: the least and the greatest, at every place and speed."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -16,15 +18,17 @@ SPEEDS_MM_S = np.concatenate([[0.0], 2.0 ** (np.arange(100) / 12.0)])
 
 
 def reach_of(
-    layers: list[Layer], arrays: kernel.SceneArrays, law: FrictionLaw, sample_rate_hz: float
+    layers: list[Layer],
+    arrays: kernel.SceneArrays,
+    law: FrictionLaw,
+    sample_rate_hz: float,
+    check: Callable[[], None] = lambda: None,
 ) -> tuple[float, float]:
     """Return least and greatest drive that the layers ask for, where they overlap together."""
-    reach = np.array(
-        [
-            _layer_reach(layer, arrays, row, law, sample_rate_hz)
-            for row, layer in enumerate(layers)
-        ]
-    ).reshape(-1, 2)
+    reach = np.zeros((len(layers), 2))
+    for row, layer in enumerate(layers):
+        check()
+        reach[row] = _layer_reach(layer, arrays, row, law, sample_rate_hz)
     reach *= arrays.real[:, kernel.GAIN, None] / law.gain_n
     low = high = 0.0
     for row in range(len(layers)):

@@ -5,6 +5,7 @@ layer asks of the drive is found by rendering it at every point and speed; the s
 scaled, once and for all speeds, and the scale is reported.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,7 +43,11 @@ class CompiledScene:
 
 
 def compile_scene(
-    scene: Scene, law: Invertible, screen: Screen, sample_rate_hz: float
+    scene: Scene,
+    law: Invertible,
+    screen: Screen,
+    sample_rate_hz: float,
+    check: Callable[[], None] = lambda: None,
 ) -> CompiledScene:
     """Compile a scene for a screen and a friction law.
 
@@ -53,6 +58,9 @@ def compile_scene(
         What will be undone: it sets what the drive can reach.
     screen : Screen
     sample_rate_hz : float
+    check : callable
+        Called before each texture is compiled, and before its range is found; may raise, to
+        give up.
 
     Returns
     -------
@@ -66,6 +74,7 @@ def compile_scene(
     """
     layers: list[Layer] = []
     for number, region in enumerate(scene.regions):
+        check()
         try:
             layers += layers_of(region, screen)
         except TextureError as error:
@@ -73,7 +82,7 @@ def compile_scene(
             raise TextureError(f"{named}: {error}") from error
     arrays = arrays_of(layers)
     inverse = as_inverse(law)
-    low, high = reach_of(layers, arrays, inverse.bounding, sample_rate_hz)
+    low, high = reach_of(layers, arrays, inverse.bounding, sample_rate_hz, check)
     return fit(arrays, low, high, inverse, [note for layer in layers for note in layer.notes])
 
 

@@ -9,9 +9,12 @@ import pytest
 import zenoh
 
 from frictus.keys import RigKeys, Topics
+from frictus.textures import Region
+from frictus_hardware.physics.screen import Screen
 from frictus_service.daemon.commands import UNNAMED_BYTES, Message
+from frictus_service.synthesis.layers import Layer, layers_of
 
-from .desk import SCENE, Desk
+from .desk import SCENE, TEXTURE, Desk
 
 KEYS = RigKeys("here", "rig1")
 BURST = 1_000
@@ -148,6 +151,42 @@ def test_a_large_call_that_names_no_sender_is_refused_unread(
     assert desk.commands.refused == 1
     with pytest.raises(AssertionError, match="it was read"):
         desk.callbacks[KEYS.call(name)](Query(Unread(UNNAMED_BYTES), attachment))
+
+
+def test_a_newer_scene_of_the_same_sender_ends_the_older_ones_compilation(
+    desk: Wired, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun = []
+
+    def layers(region: Region, screen: Screen) -> list[Layer]:
+        begun.append(region.name)
+        if len(begun) == 1:
+            desk.post("scene", "ann", scene={"regions": [{"texture": TEXTURE, "name": "new"}]})
+        return layers_of(region, screen)
+
+    monkeypatch.setattr("frictus_service.synthesis.scene.layers_of", layers)
+    old = {"texture": TEXTURE, "name": "old"}
+    desk.post("scene", "ann", scene={"regions": [old]})
+    desk.post("scene", "ann", scene={"regions": [old, old]})
+    replies = []
+    for _ in range(3):
+        taken = desk.commands._rendering.take()
+        assert taken is not None
+        replies.append(desk.commands.render(taken[1]))
+    assert begun == ["old", "new"]
+    assert [reply.code for reply in replies] == ["unavailable", "unavailable", None]
+    assert "newer" in replies[0].message
+    assert desk.stage.scene.etag == replies[2].etag
+
+
+def test_a_scene_ends_nobody_elses_compilation() -> None:
+    desk = Wired()
+    desk.post("scene", "ann", scene=SCENE)
+    desk.post("scene", "ben", scene=SCENE)
+    desk.post("open_stream", "ann", peak_n=0.1)
+    taken = desk.commands._rendering.take()
+    assert taken is not None
+    assert desk.commands.render(taken[1]).ok
 
 
 def test_a_name_that_is_not_the_attachments_is_refused(desk: Wired) -> None:

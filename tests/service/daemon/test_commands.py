@@ -218,6 +218,23 @@ def test_a_scene_that_stands_is_not_compiled_again(desk: Desk) -> None:
     assert desk.call("scene", scene={"regions": []}).etag != reply.etag
 
 
+def test_scenes_that_alternate_are_compiled_once(desk: Desk) -> None:
+    compiled: dict[str | None, Any] = {}
+    for name in ("a", "b", "a", "b"):
+        reply = desk.call("scene", scene={**SCENE, "name": name})
+        assert desk.stage.scene.scene.name == name
+        rendered = desk.orders.scene[-1].scene
+        assert compiled.setdefault(reply.etag, rendered) is rendered
+    assert len(compiled) == 2
+    model = placeholder_model().model_dump(mode="json", by_alias=True)
+    model["base"]["gain_n"] = 0.1  # less than the scene needs
+    assert desk.call("model", model=model).ok
+    reply = desk.call("scene", scene={**SCENE, "name": "a"})
+    assert desk.orders.scene[-1].scene is not compiled[reply.etag]
+    assert reply.applied is not None
+    assert reply.applied.scaled
+
+
 def test_model_changes_only_while_disarmed_and_matching(desk: Desk) -> None:
     model = placeholder_model().model_dump(mode="json", by_alias=True)
     model["base"]["gain_n"] = 0.5
