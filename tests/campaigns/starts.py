@@ -154,7 +154,9 @@ def judge(setting: Setting) -> tuple[str, list[str]]:
 def _arm(config: Config) -> list[str]:
     """Arm and disarm; return what was wrong."""
     try:
-        with frictus.connect(config.router.endpoint, name="starter") as client:
+        with frictus.connect(
+            config.router.endpoint, name="starter", tls=config.tls("client")
+        ) as client:
             rig = client.rig(config.rig, config.site)
             if rig.status().state == "tripped":  # a machine too busy for it
                 rig.reset()

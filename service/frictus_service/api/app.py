@@ -37,6 +37,7 @@ from frictus_service.jobs.jobs import RUN, Jobs
 from frictus_service.library import TextureLibrary
 from frictus_service.registry.errors import RegistryUnavailableError
 from frictus_service.registry.store import Registry
+from frictus_service.security.identity import tls_of_client
 
 _LOG: Final = logging.getLogger(__name__)
 _PARTS: Final = (
@@ -70,7 +71,7 @@ def build_app(config: Config, run: str = RUN, discover: str = DISCOVER) -> FastA
     discover : str
         The same for a discovery.
     """
-    link = RigLink(config.router.endpoint, config.site, config.tls("client"))
+    link = RigLink(config.router.endpoint, config.site, tls_of_client(config))
     hub = Hub(link)
     registry = Registry(config.registry.url)
     jobs = Jobs(config, registry, run)

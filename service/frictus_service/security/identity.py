@@ -1,4 +1,4 @@
-"""The certificate of a rig must be that rig's own: under another name nobody would hear it."""
+"""What the parts of a service present: checked when they start, not when they first connect."""
 
 from frictus.tls import Tls
 from frictus_service.config import Config
@@ -8,6 +8,8 @@ from frictus_service.security.members import Member
 
 def tls_of_rig(config: Config) -> Tls | None:
     """Return what the configured rig and its recorder present; None without certificates.
+
+    It must be that rig's own: under another name nobody would hear it.
 
     Parameters
     ----------
@@ -33,4 +35,20 @@ def tls_of_rig(config: Config) -> Tls | None:
             f"would drop all that it says; `frictus pki issue rig {config.site}/{config.rig}` "
             "makes its own"
         )
+    return tls
+
+
+def tls_of_client(config: Config) -> Tls | None:
+    """Return what the configured API presents; None without certificates.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no certificate.
+    CertificateError
+        If it cannot be used.
+    """
+    tls = config.tls("client")
+    if tls is not None:
+        tls.name()
     return tls

@@ -5,7 +5,9 @@ from pathlib import Path
 import pytest
 
 import frictus
+import frictus.errors
 from frictus.keys import Topics
+from frictus_service.api.app import build_app
 from frictus_service.config import (
     Config,
     RegistryConfig,
@@ -70,6 +72,16 @@ def test_encryption_and_certificates_go_together(drop: str) -> None:
     text = TOML.split("[security]")[0] if drop == "[security]" else TOML.split('7447"')[1]
     with pytest.raises(ConfigurationError, match=r"goes with a \[security\] section"):
         parse(text, Path("frictus.toml"))
+
+
+@pytest.mark.parametrize("torn", ["controller-alice.pem", "controller-alice.key", "ca.pem"])
+def test_an_api_does_not_start_with_a_torn_certificate(
+    security: SecurityConfig, tmp_path: Path, torn: str
+) -> None:
+    file = tmp_path / torn
+    file.write_bytes(file.read_bytes()[:41])
+    with pytest.raises(frictus.errors.CertificateError, match=r"controller-alice\.pem"):
+        build_app(secured(security, tmp_path))
 
 
 @pytest.mark.parametrize("who", ["rig", "router"])
