@@ -15,6 +15,7 @@ settings.register_profile(
     deadline=None,  # the machine may be busy
     derandomize=True,  # a test that passed once passes again; campaigns draw anew
 )
+settings.register_profile("campaign", deadline=None, database=None, max_examples=300)
 settings.load_profile("frictus")
 
 

@@ -65,6 +65,12 @@ failure is a trip (unless the machine itself is late for 5 s), a screen that is 
 longer than the lease, the lead (100 ms here) and 100 ms together, a client that does not
 come back, and, without losses and within the link's capacity, a block or a lease that is
 lost."""
+COMPILED: Final = """\
+Properties of compiled code over all numbers that may reach it, their extremes included,
+drawn by hypothesis with a fresh seed for each batch, with indices checked
+(`NUMBA_BOUNDSCHECK=1`). Those of `test_plain.py` make each call that Python makes of a
+compiled function twice, as it is and as the same lines of plain Python on numpy, and
+compare what comes of it (1e-9 of the largest value)."""
 COMMANDS: Final = """\
 Made by `uv run python -m tests.campaigns.{campaign} lines.jsonl {options}`, which goes on
 where it was stopped, and `uv run python -m tests.campaigns.reliability {campaign}
@@ -199,6 +205,9 @@ def links(lines: Sequence[Line]) -> str:
     steady, broken = [], []
     for condition, of_one in conditions.items():
         failed = str(sum(bool(line["failures"]) for line in of_one))
+        of_one = [line for line in of_one if len(line) > 5]  # the others told nothing
+        if not of_one:
+            continue
         if "again_s" in of_one[0]:
             zeros = [line["zero_ms"] for line in of_one if line["zero_ms"] is not None]
             again = _spread([line["again_s"] for line in of_one])
@@ -224,6 +233,19 @@ def links(lines: Sequence[Line]) -> str:
         f"{circumstances(lines)}. {LINKS}\n\n{table(of_steady, steady)}\n\n"
         f"{table(of_broken, broken)}\n\n{failures(lines)}\n\n"
         f"{COMMANDS.format(campaign='links', options='--repeats 3')}"
+    )
+
+
+def compiled(lines: Sequence[Line]) -> str:
+    """Return the section of compiled code."""
+    counts = Counter[str]()
+    for line in lines:
+        counts.update(line["examples"])
+    rows = [[f"`{name}`", str(count)] for name, count in sorted(counts.items())]
+    return (
+        f"{sum(counts.values())} examples in {circumstances(lines)}. {COMPILED}\n\n"
+        f"{table(['property', 'examples'], rows)}\n\n{failures(lines)}\n\n"
+        f"{COMMANDS.format(campaign='compiled', options='--batches 20')}"
     )
 
 
@@ -276,6 +298,7 @@ SECTIONS: Final[Mapping[str, tuple[str, Callable[[Sequence[Line]], str]]]] = {
     "kills": ("Kills and freezes", kills),
     "starts": ("Starts", starts),
     "links": ("Bad links", links),
+    "compiled": ("Compiled code", compiled),
     "soak": ("Soak", soak),
 }
 """Heading and writer of the section of each campaign."""

@@ -100,14 +100,16 @@ def sample(transfer: TransferFunction, sample_rate_hz: float) -> SampledFilter:
     # In units of its own time scale the coefficients are near 1. In seconds they differ by
     # scale**order, 1e16 for the mount, and the matrix exponential would lose digits.
     scale = abs(transfer.denominator[-1] / transfer.denominator[0]) ** (1.0 / order)
-    numerator = _rescale(transfer.numerator, scale)
     denominator = _rescale(transfer.denominator, scale)
+    numerator = _rescale(transfer.numerator, scale) / denominator[0]
+    # A small response is enlarged: scipy would judge it, by its size, to be badly conditioned.
+    exponent = min(int(np.frexp(np.abs(numerator).max())[1]), 0)
     discrete = signal.cont2discrete(
-        (numerator / denominator[0], denominator / denominator[0]),
+        (np.ldexp(numerator, -exponent), denominator / denominator[0]),
         scale / sample_rate_hz,
         method="foh",
     )
-    return SampledFilter(np.ravel(discrete[0]), np.ravel(discrete[1]))
+    return SampledFilter(np.ldexp(np.ravel(discrete[0]), exponent), np.ravel(discrete[1]))
 
 
 def _rescale(polynomial: tuple[float, ...], scale: float) -> FloatArray:

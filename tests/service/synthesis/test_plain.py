@@ -1,0 +1,136 @@
+"""The compiled kernels beside themselves as plain Python, over all that may reach them."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tests.plain import Compared, compared, few, plain
+from tests.service.synthesis.strategies import reals, region
+
+from frictus.errors import TextureError
+from frictus.messages import Excitation, Tone
+from frictus.model import Effect, Model
+from frictus.textures import Region, Scene
+from frictus_hardware.base import TouchReport
+from frictus_hardware.physics.effects import EFFECTS
+from frictus_hardware.physics.screen import Screen
+from frictus_service.synthesis import corrections, estimator, kernel, reach, tables
+from frictus_service.synthesis.estimator import Course, FingerEstimator
+from frictus_service.synthesis.excitation import compile_excitation
+from frictus_service.synthesis.kernel import Motion
+from frictus_service.synthesis.renderer import Renderer
+from frictus_service.synthesis.scene import compile_scene
+from frictus_service.translate import inverse_of_model, placeholder_model
+
+pytestmark = pytest.mark.compiled
+
+RATE_HZ, BLOCK = 20_000.0, 20
+SCREEN = Screen()
+FEW = settings(max_examples=few(5))  # as plain Python takes long
+coordinate = reals(-1e3, 1e3)
+motion = st.tuples(reals(0.0, 70.0), reals(0.0, 35.0), *[coordinate] * 4)
+effect = st.sampled_from(sorted(EFFECTS)).flatmap(
+    lambda name: st.builds(
+        lambda values: Effect(id=name, parameters=values),
+        st.fixed_dictionaries(
+            {each.name: reals(each.low, each.high) for each in EFFECTS[name].parameters}
+        ),
+    )
+)
+models = st.builds(
+    lambda effects: placeholder_model().model_copy(update={"effects": effects}),
+    st.lists(effect, max_size=3, unique_by=lambda each: each.id),
+)
+
+
+def called(watched: Mapping[str, Compared]) -> set[str]:
+    return {name for name, each in watched.items() if each.calls}
+
+
+@FEW
+@given(region, models, motion, st.integers(0, 2**53))
+def test_what_is_rendered(
+    region: Region, model: Model, motion: tuple[float, ...], first_sample: int
+) -> None:
+    try:
+        inverse = inverse_of_model(model, SCREEN)
+        scene = compile_scene(Scene(regions=[region]), inverse, SCREEN, RATE_HZ)
+    except TextureError:
+        return
+    course = Course(Motion._make((*motion, abs(motion[2]), abs(motion[4]))))
+    with compared(kernel, corrections) as watched:
+        renderer = Renderer(inverse, SCREEN, RATE_HZ, BLOCK, scene)
+        for block in range(3):
+            renderer.render(first_sample + block * BLOCK, course, True)
+    assert "modulate" in called(watched)
+
+
+@FEW
+@given(
+    st.lists(
+        st.builds(
+            lambda hz, phase_rad: Tone(hz=hz, amplitude=0.05, phase_rad=phase_rad),
+            reals(0.01, 5e3),
+            reals(-1e4, 1e4),
+        ),
+        max_size=8,
+    ),
+    st.none() | reals(0.01, 10.0),
+    st.integers(0, 2**53),
+)
+def test_what_is_excited(tones: list[Tone], period_s: float | None, first_sample: int) -> None:
+    law = inverse_of_model(placeholder_model(), SCREEN)
+    try:
+        excitation = Excitation(tones=tones, bias=0.5, period_s=period_s)
+        playable = compile_excitation(excitation, law.law, RATE_HZ)
+    except (ValueError, TextureError):
+        return
+    course = Course(Motion(5.0, 17.0, 60.0, 0.0, 60.0, 0.0, 60.0, 60.0))
+    with compared(kernel, corrections) as watched:
+        renderer = Renderer(law, SCREEN, RATE_HZ, BLOCK, playable)
+        for block in range(3):
+            renderer.render(first_sample + block * BLOCK, course, True)
+    assert "modulate" in called(watched)
+
+
+reports = st.lists(
+    st.tuples(reals(1e-3, 1e5), coordinate, coordinate, st.booleans()), min_size=2, max_size=30
+)
+
+
+@FEW
+@given(reports)
+def test_what_is_estimated(reports: list[tuple[float, float, float, bool]]) -> None:
+    fusing, sample = FingerEstimator(RATE_HZ), 0.0
+    with compared(estimator) as watched:
+        for later, x_mm, y_mm, in_contact in reports:
+            sample += later
+            fusing.observe(TouchReport(sample, x_mm, y_mm, in_contact))
+            fusing.predict(int(sample) + 400, 100)
+    assert "_predict" in called(watched)
+
+
+@FEW
+@given(st.integers(1, 6), st.integers(0, 40), st.integers(1, 6), st.integers(0, 2**32 - 1))
+def test_rows_of_a_table(terms: int, size: int, n_rows: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    step_rad, amplitude, phase = rng.uniform(-4.0, 4.0, (3, terms))
+    row = rng.integers(0, n_rows, terms)
+    made = [np.zeros((n_rows, size + 3)) for _ in range(2)]
+    tables._sum_rows(step_rad, amplitude, phase, row, made[0])
+    plain(tables._sum_rows)(step_rad, amplitude, phase, row, made[1])
+    np.testing.assert_allclose(made[0], made[1], rtol=1e-9, atol=1e-12)
+
+
+@FEW
+@given(region)
+def test_how_far_a_table_reaches(region: Region) -> None:
+    law: Any = inverse_of_model(placeholder_model(), SCREEN)
+    with compared(reach, most_items=20_000):
+        try:
+            compile_scene(Scene(regions=[region]), law, SCREEN, RATE_HZ)
+        except TextureError:
+            return
