@@ -21,6 +21,7 @@ from tests.campaigns.proxy import Impairment, Proxy
 from tests.campaigns.service import START_S, Said, config_in, serving
 
 import frictus
+from frictus.errors import FrictusError
 from frictus_hardware import SimulatedConfig, SimulatedDeviceConfig
 from frictus_hardware.simulated.device_rig import launched
 from frictus_hardware.simulated.strokes import SteadyStrokes
@@ -165,8 +166,15 @@ class Campaign:
         return self._site
 
     def run(self, name: str, seed: int) -> Line:
-        """Return the line of a condition."""
+        """Return the line of a condition; a service that is lost over it is made anew."""
         condition = CONDITIONS[name.rsplit("/", 1)[0]]
+        try:
+            return self._tried(condition, seed)
+        except (FrictusError, OSError, TimeoutError) as error:
+            self.close()
+            return {"failures": [{"what": f"{type(error).__name__}: {error}"}]}
+
+    def _tried(self, condition: Condition, seed: int) -> Line:
         config, device, said = self._started()
         port = int(config.router.endpoint.rsplit(":", 1)[1])
         said.new_ends()
