@@ -22,7 +22,9 @@ from frictus_service.errors import ServiceError
 
 SHIPPED: Final = Path(__file__).parent / "textures"
 # Lower case only: Sand.json and sand.json are one file on Windows and two on Linux.
-_NAME: Final = re.compile(r"[a-z0-9][a-z0-9_-]{0,63}", re.ASCII)
+NAME: Final = "[a-z0-9][a-z0-9_-]{0,63}"
+"""What a texture can be called, as a pattern."""
+_NAME: Final = re.compile(NAME, re.ASCII)
 _TEXTURE: Final[TypeAdapter[Texture]] = TypeAdapter(Texture)
 
 NAMED_IN_ERRORS = 12

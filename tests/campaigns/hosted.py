@@ -7,7 +7,6 @@ one does, and tells what it has output.
 import contextlib
 import multiprocessing
 import os
-import re
 import signal
 import threading
 import time
@@ -124,9 +123,7 @@ class Hosted:
         assert self._host is not None
         if name == "supervisor":
             return self._host.pid
-        ready = re.compile(rf"{name} is ready \(process (\d+)")
-        found = [match[1] for line in self.said.lines if (match := ready.match(line))]
-        return int(found[-1])
+        return self.said.pid(name)
 
     def end_with(self, pids: list[int]) -> list[int]:
         """Wait until processes that lost their supervisor have ended; return those left."""

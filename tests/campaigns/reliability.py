@@ -71,6 +71,18 @@ drawn by hypothesis with a fresh seed for each batch, with indices checked
 (`NUMBA_BOUNDSCHECK=1`). Those of `test_plain.py` make each call that Python makes of a
 compiled function twice, as it is and as the same lines of plain Python on numpy, and
 compare what comes of it (1e-9 of the largest value)."""
+REST: Final = """\
+schemathesis, with all its checks and phases (coverage, examples, fuzzing, stateful), sends
+what `/openapi.json` allows and what it forbids, without a token and with one of each scope,
+to a whole service: simulated rig, recorder, API, a model in the registry. A failure is a
+status that is not documented, a 5xx but a typed 503 or 504, an answer that is not as
+documented or takes more than 10 s, what the reference forbids and the API accepts, or allows
+and the API refuses. Bodies may be refused with 422 besides, for rules between fields, which
+JSON Schema does not state; a precondition with 412 and 428. Then come clients that harm by
+how they send and read; beside them health must answer within 5 s, and afterwards memory and
+descriptors be what they were, but for 100 MB and for the kept connections to the database.
+After each batch health and readiness must be 200, no process have ended, and the rig not have
+tripped."""
 COMMANDS: Final = """\
 Made by `uv run python -m tests.campaigns.{campaign} lines.jsonl {options}`, which goes on
 where it was stopped, and `uv run python -m tests.campaigns.reliability {campaign}
@@ -293,8 +305,45 @@ def soak(lines: Sequence[Line]) -> str:
     )
 
 
+def rest(lines: Sequence[Line]) -> str:
+    """Return the section of REST and WebSocket."""
+    hostile = [line for line in lines if line["name"].startswith("hostile/")]
+    drawn = [line for line in lines if line not in hostile]
+    requests, outcomes = Counter[str](), dict[str, Counter[str]]()
+    for line in drawn:
+        scope = line["name"].split("/")[0]
+        requests[scope] += line["cases"]
+        outcomes.setdefault(scope, Counter()).update(line["outcomes"])
+    codes = sorted({code for counts in outcomes.values() for code in counts})
+    rows = [
+        [scope, str(requests[scope]), *(str(counts[code]) for code in codes)]
+        for scope, counts in outcomes.items()
+    ]
+    harm = [
+        [
+            line["name"].partition("/")[2],
+            ", ".join(f"{what} {count}" for what, count in sorted(line["outcomes"].items())),
+            f"{1e3 * line['health_s']:.0f}",
+            *(
+                ", ".join(f"{usage[what]:.0f}" for usage in line["usage"])
+                for what in ("memory_mb", "descriptors")
+            ),
+        ]
+        for line in hostile
+    ]
+    header = ["clients", "what came of it", "slowest health, ms"]
+    header += ["memory, MB: before, beside, after", "descriptors: the same"]
+    return (
+        f"{sum(requests.values())} cases in {circumstances(lines)}. {REST}\n\n"
+        f"{table(['scope', 'cases', *codes], rows)}\n\n{table(header, harm)}\n\n"
+        f"{failures(lines)}\n\n"
+        f"{COMMANDS.format(campaign='rest', options='--cases 10000')}"
+    )
+
+
 SECTIONS: Final[Mapping[str, tuple[str, Callable[[Sequence[Line]], str]]]] = {
     "wire": ("Wire", wire),
+    "rest": ("REST and WebSocket", rest),
     "kills": ("Kills and freezes", kills),
     "starts": ("Starts", starts),
     "links": ("Bad links", links),

@@ -3,6 +3,7 @@
 import datetime
 import http.client
 import json
+import re
 import threading
 import time
 import urllib.error
@@ -121,6 +122,12 @@ class Said:
         looked, self._looked = self._looked, len(self.lines)
         return [line for line in self.lines[looked : self._looked] if ENDED in line]
 
+    def pid(self, part: str) -> int:
+        """Return the process id of a part, as it was last ready."""
+        ready = re.compile(rf"{part} is ready \(process (\d+)")
+        found = [match[1] for line in self.lines if (match := ready.match(line))]
+        return int(found[-1])
+
     def await_end(self, timeout_s: float = END_S) -> bool:
         """Wait until a process ends that `new_ends` has not returned; return whether."""
         with self._more:
@@ -218,7 +225,7 @@ def http_status(config: Config, path: str) -> int:
         return 0
 
 
-def publish(config: Config) -> tuple[int, str]:
+def publish(config: Config, token: str | None = None) -> tuple[int, str]:
     """Publish a model; return the API's status, 0 for none, and the reference."""
     model = {
         "schema": "model/1",
@@ -232,10 +239,11 @@ def publish(config: Config) -> tuple[int, str]:
         "provenance": {"study_sha256": "ab" * 32, "code_version": "0.1.0", "settings": {}},
     }
     body = json.dumps({"name": "rig1/P01", "rig": "rig1", "model": model}).encode()
+    headers = {"Content-Type": "application/json"}
+    if token is not None:
+        headers["Authorization"] = f"Bearer {token}"
     request = urllib.request.Request(
-        f"http://127.0.0.1:{config.api.port}/v1/models",
-        body,
-        {"Content-Type": "application/json"},
+        f"http://127.0.0.1:{config.api.port}/v1/models", body, headers
     )
     try:
         with urllib.request.urlopen(request, timeout=HTTP_S) as answer:

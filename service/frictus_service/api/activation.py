@@ -8,10 +8,11 @@ from pydantic import BaseModel, Field, TypeAdapter
 from frictus_service.api import problems
 from frictus_service.api.access import acts_as, needs
 from frictus_service.api.bodies import JSON, parse_json, raw_body, require_media
-from frictus_service.api.etags import required_match
+from frictus_service.api.etags import IfMatch, required_match
 from frictus_service.api.models import body_of
-from frictus_service.api.rigs import REPLACE, Given, IfMatch, RigName
+from frictus_service.api.rigs import REPLACE, Given, RigName
 from frictus_service.registry.documents import Activation
+from frictus_service.registry.names import REFERENCE
 
 router = APIRouter(prefix="/v1/rigs", tags=["models"])
 
@@ -19,7 +20,14 @@ router = APIRouter(prefix="/v1/rigs", tags=["models"])
 class Wanted(BaseModel):
     """Which model a rig shall apply."""
 
-    model: Annotated[str, Field(max_length=200, description="Reference: rig1/P01@production")]
+    model: Annotated[
+        str,
+        Field(
+            max_length=200,
+            description="Reference: rig1/P01@production",
+            json_schema_extra={"pattern": f"^{REFERENCE}$"},
+        ),
+    ]
 
 
 class Activated(Activation):

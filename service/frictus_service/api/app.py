@@ -25,6 +25,7 @@ from frictus_service.api import (
     textures,
 )
 from frictus_service.api.callers import Pages
+from frictus_service.api.following import Departures
 from frictus_service.api.gate import Gate
 from frictus_service.api.limits import Limits, Rate
 from frictus_service.api.link import RigLink
@@ -115,6 +116,7 @@ def build_app(config: Config, run: str = RUN, discover: str = DISCOVER) -> FastA
         app.include_router(part.router)
     app.mount(pages.PAGE, pages.Pages(), name="dashboard")
     problems.install(app)
+    app.add_middleware(Departures)
     app.add_middleware(Gate, loopback_only=config.api.loopback)
     app.add_middleware(Rate, per_s=config.api.max_requests_per_s)
     app.add_middleware(metrics.CountRequests, metrics=app.state.metrics)

@@ -23,6 +23,7 @@ from frictus_service.registry.documents import (
     CalibrationState,
     Published,
 )
+from frictus_service.registry.names import NAME
 
 Given = Annotated[Services, Depends(services)]
 Id = Annotated[
@@ -44,9 +45,14 @@ router = APIRouter(prefix="/v1/calibrations", tags=["calibrations"])
 class Publication(BaseModel):
     """How the model of a calibration is published."""
 
-    name: Annotated[str | None, Field(max_length=200, description="null: RIG/PARTICIPANT")] = (
-        None
-    )
+    name: Annotated[
+        str | None,
+        Field(
+            max_length=200,
+            description="null: RIG/PARTICIPANT",
+            json_schema_extra={"pattern": f"^{NAME}$"},
+        ),
+    ] = None
     comment: Annotated[str, Field(max_length=1_000)] = ""
 
 

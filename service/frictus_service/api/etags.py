@@ -1,13 +1,31 @@
 """Conditional requests (RFC 9110, section 13): what a caller saw, and what it may replace."""
 
 import re
-from typing import Final
+from typing import Annotated, Final
 
-from fastapi import Response
+from fastapi import Header, Response
 
 from frictus_service.api.problems import ConflictError, InvalidError, PreconditionRequiredError
 
-_TAG: Final = re.compile(r'\s*(W/)?"([\x21\x23-\x7e\x80-\xff]*)"\s*(?:,|$)')
+_TAG: Final = r'(W/)?"([\x21\x23-\x7e\x80-\xff]*)"'
+_TAGS: Final = rf"{_TAG}( *, *{_TAG})*"
+_HEADER: Final = {"pattern": rf"^(\*|{_TAGS})$", "minLength": 1}
+IfMatch = Annotated[
+    str | None,
+    Header(description="ETag of what is replaced; * for any", json_schema_extra={**_HEADER}),
+]
+IfNoneMatch = Annotated[
+    str | None,
+    Header(description="ETag of the copy that you have", json_schema_extra={**_HEADER}),
+]
+Create = Annotated[
+    str | None,
+    Header(
+        alias="If-None-Match",
+        description="* to make a new one",
+        json_schema_extra={"const": "*"},
+    ),
+]
 
 
 def quoted(etag: str) -> str:
@@ -69,14 +87,8 @@ def _tags(header: str, name: str) -> list[tuple[bool, str]] | None:
     """Return (weak, tag) of each; None for ``*``, any."""
     if header.strip() == "*":
         return None
-    tags = []
-    position = 0
-    while position < len(header):
-        match = _TAG.match(header, position)
-        if match is None:
-            raise InvalidError(
-                f'{name} {header[:100]!r}: "etag" in quotes, several with commas, or *'
-            )
-        tags.append((match[1] is not None, match[2]))
-        position = match.end()
-    return tags
+    if not re.fullmatch(_TAGS, header.strip()):
+        raise InvalidError(
+            f'{name} {header[:100]!r}: "etag" in quotes, several with commas, or *'
+        )
+    return [(weak != "", tag) for weak, tag in re.findall(_TAG, header)]

@@ -1,5 +1,6 @@
 """The events of a job as a stream, until it runs no more."""
 
+import logging
 from collections.abc import AsyncIterator, Callable, Sequence
 from typing import Final, Protocol
 
@@ -7,9 +8,11 @@ import anyio
 from fastapi import Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.sse import ServerSentEvent
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from frictus_service.api.limits import Limits
 
+_LOG: Final = logging.getLogger(__name__)
 LOOK_S: Final = 0.2
 """How often a stream of events looks for more."""
 
@@ -28,6 +31,28 @@ class Event(Protocol):
     @property
     def data(self) -> str:
         """JSON."""
+
+
+class Departures:
+    """ASGI middleware: a client that leaves its stream of events is no fault of the server.
+
+    FastAPI then raises what its keep-alive met, an end of its own stream.
+
+    Parameters
+    ----------
+    app : ASGIApp
+        What is behind it.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve a request until its client has all of the answer, or has left."""
+        try:
+            await self._app(scope, receive, send)
+        except* anyio.BrokenResourceError:
+            _LOG.info("%s: its client left", scope["path"])
 
 
 async def place(request: Request) -> AsyncIterator[None]:

@@ -2,30 +2,64 @@
 
 from typing import Annotated, Any, Final, Literal
 
-from fastapi import APIRouter, Depends, Header, Path, Query, Request, Response
+from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from frictus.model import Model
 from frictus_service.api import problems
 from frictus_service.api.access import needs
 from frictus_service.api.bodies import JSON, parse_json, raw_body, require_media
-from frictus_service.api.etags import not_modified, quoted, required_match
+from frictus_service.api.etags import (
+    Create,
+    IfMatch,
+    IfNoneMatch,
+    not_modified,
+    quoted,
+    required_match,
+)
 from frictus_service.api.once import IdempotencyKey, once_of
 from frictus_service.api.services import Services, services
+from frictus_service.registry import names
 from frictus_service.registry.aliases import Aliases
 from frictus_service.registry.comparison import Comparison, compare
 from frictus_service.registry.documents import Alias, Audit, Published, VersionPage
 from frictus_service.registry.errors import AliasConflictError, UnknownModelError
 
 Given = Annotated[Services, Depends(services)]
+_OF_NAMES: Final = {"pattern": f"^{names.NAME}$"}
+_OF_REFERENCES: Final = {"pattern": f"^{names.REFERENCE}$"}
 Reference = Annotated[
-    str, Path(max_length=200, description="NAME, NAME@VERSION or NAME@ALIAS; rig1/P01@3")
+    str,
+    Path(
+        max_length=200,
+        description="NAME, NAME@VERSION or NAME@ALIAS; rig1/P01@3",
+        json_schema_extra={**_OF_REFERENCES},
+    ),
 ]
-Name = Annotated[str, Path(max_length=200, description="Name of a model, such as rig1/P01")]
-AliasName = Annotated[str, Path(max_length=64, description="Such as production")]
-IfMatch = Annotated[str | None, Header(description="ETag of the alias; * for any")]
-Create = Annotated[str | None, Header(alias="If-None-Match", description="* to make a new one")]
-IfNoneMatch = Annotated[str | None, Header(description="ETag of the copy that you have")]
+Name = Annotated[
+    str,
+    Path(
+        max_length=200,
+        description="Name of a model, such as rig1/P01",
+        json_schema_extra={**_OF_NAMES},
+    ),
+]
+Compared = Annotated[
+    str,
+    Query(
+        max_length=200,
+        description="Reference, such as rig1/P01@1",
+        json_schema_extra={**_OF_REFERENCES},
+    ),
+]
+AliasName = Annotated[
+    str,
+    Path(
+        max_length=64,
+        description="Such as production",
+        json_schema_extra={"pattern": f"^{names.ALIAS}$"},
+    ),
+]
 Text = Annotated[str, Field(max_length=1_000)]
 
 MATLAB: Final = "application/x-matlab-data"
@@ -48,7 +82,14 @@ class NewVersion(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    name: Annotated[str, Field(max_length=200, description="population, or rig1/P01")]
+    name: Annotated[
+        str,
+        Field(
+            max_length=200,
+            description="population, or rig1/P01",
+            json_schema_extra={**_OF_NAMES},
+        ),
+    ]
     rig: Annotated[str | None, Field(None, pattern=r"^[A-Za-z0-9._-]{1,64}$")]
     """On which it was measured."""
     comment: Text = ""
@@ -90,7 +131,9 @@ def list_models(
         bool | None, Query(description="true: of no participant; false: of participants")
     ] = None,
     newest: Annotated[bool, Query(description="The newest version of each name only")] = False,
-    after: Annotated[str, Query(max_length=200, description="`next` of the page before")] = "",
+    after: Annotated[
+        int, Query(ge=0, le=2**31 - 1, description="`next` of the page before")
+    ] = 0,
     limit: Annotated[int, Query(ge=1, le=1_000)] = 100,
 ) -> VersionPage:
     """List published versions, newest first."""
@@ -146,8 +189,8 @@ def publish_model(
 )
 def compare_models(
     given: Given,
-    a: Annotated[str, Query(max_length=200, description="Reference, such as rig1/P01@1")],
-    b: Annotated[str, Query(max_length=200, description="Reference, such as rig1/P01@2")],
+    a: Compared,
+    b: Compared,
 ) -> Comparison:
     """Set two models side by side: parameters, cutoff by speed, intervals, origin."""
     return compare(given.registry.get(a), given.registry.get(b))

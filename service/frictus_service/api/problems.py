@@ -14,6 +14,7 @@ from fastapi.responses import Response
 from pydantic import BaseModel, Field
 from pydantic_core import ErrorDetails
 from starlette.exceptions import HTTPException
+from starlette.routing import Match
 
 from frictus import errors
 from frictus.errors import (
@@ -365,7 +366,7 @@ _FOREIGN: Final[dict[type[Exception], type[ApiError]]] = {
     registry.RigBusyError: RigBusyError,
     registry.CalibrationStateError: WrongStateError,
     registry.RegistryUnavailableError: NoRegistryError,
-    registry.RegistryError: InvalidError,  # what is left: names, cursors, provenance
+    registry.RegistryError: InvalidError,  # what is left: names, provenance
 }
 EVERYWHERE: Final = (
     HttpError,
@@ -376,6 +377,7 @@ EVERYWHERE: Final = (
 )
 """What a request may be answered with before its path is looked at."""
 OF_BODIES: Final = (SlowBodyError, TooLargeError)
+_METHODS: Final = ("DELETE", "GET", "HEAD", "OPTIONS", "PATCH", "POST", "PUT")
 _BY_STATUS: Final = {404: PathNotFoundError, 405: MethodNotAllowedError}
 
 
@@ -407,6 +409,8 @@ def install(app: FastAPI) -> None:
     """Answer every error of `app` with its problem."""
 
     async def answer(request: Request, error: Exception) -> Response:
+        if isinstance(error, HTTPException) and error.status_code == 405:
+            error.headers = {"Allow": ", ".join(_allowed(request))}
         problem = problem_of(error)
         if isinstance(problem, InternalError):
             _LOG.error("%s %s failed", request.method, request.url.path, exc_info=error)
@@ -416,6 +420,18 @@ def install(app: FastAPI) -> None:
         app.add_exception_handler(kind, answer)
     for foreign in _FOREIGN:
         app.add_exception_handler(foreign, answer)
+
+
+def _allowed(request: Request) -> list[str]:
+    """Return the methods of a path; Starlette names those of its first route only."""
+    return [
+        method
+        for method in _METHODS
+        if any(
+            route.matches({**request.scope, "method": method})[0] is Match.FULL
+            for route in request.app.router.routes
+        )
+    ]
 
 
 def documented(*kinds: type[ApiError]) -> dict[int | str, dict[str, Any]]:

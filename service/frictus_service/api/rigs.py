@@ -2,7 +2,7 @@
 
 from typing import Annotated, Final
 
-from fastapi import APIRouter, Depends, Header, Path, Request, Response
+from fastapi import APIRouter, Depends, Path, Request, Response
 from pydantic import BaseModel, Field, TypeAdapter
 
 from frictus.messages import Applied, RigStatus, SafetyState, TimeState
@@ -11,12 +11,16 @@ from frictus.textures import Scene
 from frictus_service.api import problems
 from frictus_service.api.access import acts_as, needs
 from frictus_service.api.bodies import JSON, large_body, parse_json, raw_body, require_media
-from frictus_service.api.etags import not_modified, quoted, required_match
+from frictus_service.api.etags import (
+    IfMatch,
+    IfNoneMatch,
+    not_modified,
+    quoted,
+    required_match,
+)
 from frictus_service.api.services import Services, services
 
 RigName = Annotated[str, Path(pattern=r"^[A-Za-z0-9._-]{1,64}$", description="Name of the rig")]
-IfMatch = Annotated[str | None, Header(description="ETag of what is replaced; * for any")]
-IfNoneMatch = Annotated[str | None, Header(description="ETag of the copy that you have")]
 Given = Annotated[Services, Depends(services)]
 
 _SCENE: Final[TypeAdapter[Scene]] = TypeAdapter(Scene)

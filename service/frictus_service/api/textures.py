@@ -1,10 +1,10 @@
 """Paths of the texture library."""
 
+import pathlib
 import tempfile
-from pathlib import Path
 from typing import Annotated, Final, Literal
 
-from fastapi import APIRouter, Depends, Header, Query, Request, Response
+from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from pydantic import BaseModel, Field, FiniteFloat, TypeAdapter
 
 from frictus.recordings import load_texture
@@ -12,9 +12,17 @@ from frictus.textures import Texture
 from frictus_service.api import problems
 from frictus_service.api.access import needs
 from frictus_service.api.bodies import JSON, large_body, parse_json, require_media
-from frictus_service.api.etags import not_modified, quoted, required_match
+from frictus_service.api.etags import (
+    Create,
+    IfMatch,
+    IfNoneMatch,
+    not_modified,
+    quoted,
+    required_match,
+)
 from frictus_service.api.services import Services, services
 from frictus_service.library import (
+    NAME,
     DamagedTextureError,
     Entry,
     TextureConflictError,
@@ -24,9 +32,9 @@ from frictus_service.library import (
 )
 
 Given = Annotated[Services, Depends(services)]
-IfMatch = Annotated[str | None, Header(description="ETag of what is replaced; * for any")]
-IfNoneMatch = Annotated[str | None, Header(description="ETag of your copy")]
-Create = Annotated[str | None, Header(alias="If-None-Match", description="* to make a new one")]
+Name = Annotated[
+    str, Path(description="Name of the texture", json_schema_extra={"pattern": f"^{NAME}$"})
+]
 Positive = Annotated[FiniteFloat, Field(gt=0.0)]
 
 WAV: Final = ("audio/wav", "audio/x-wav", "audio/wave", "audio/vnd.wave")
@@ -47,7 +55,10 @@ _WRITE: Final = (
     problems.PreconditionRequiredError,
 )
 _KINDS: Final = ("Spectrum", "Profile", "Beta", "Slope", "Map")
-TEXTURE_SCHEMA: Final = {"oneOf": [{"$ref": f"#/components/schemas/{kind}"} for kind in _KINDS]}
+TEXTURE_SCHEMA: Final = {
+    "oneOf": [{"$ref": f"#/components/schemas/{kind}"} for kind in _KINDS],
+    "discriminator": {"propertyName": "kind"},
+}
 _BODY: Final = {
     "requestBody": {
         "required": True,
@@ -110,7 +121,7 @@ def list_textures(
     responses=problems.documented(*_ONE) | {304: {"description": "Your copy is current"}},
 )
 def get_texture(
-    name: str, given: Given, response: Response, if_none_match: IfNoneMatch = None
+    name: Name, given: Given, response: Response, if_none_match: IfNoneMatch = None
 ) -> Texture | Response:
     """Return a texture, as PUT takes it and as a region of a scene holds it."""
     entry = given.library.get(name)
@@ -124,7 +135,7 @@ def get_texture(
     openapi_extra=_BODY,
 )
 def put_texture(
-    name: str,
+    name: Name,
     given: Given,
     request: Request,
     response: Response,
@@ -156,7 +167,7 @@ def put_texture(
     response_class=Response,
     responses=problems.documented(*_WRITE),
 )
-def delete_texture(name: str, given: Given, if_match: IfMatch = None) -> None:
+def delete_texture(name: Name, given: Given, if_match: IfMatch = None) -> None:
     """Delete a texture."""
     given.library.delete(name, required_match(if_match, _etag(given.library, name)))
 
@@ -171,7 +182,8 @@ def _texture_in(request: Request, body: bytes, recording: Recording, name: str) 
             [problems.Place(where=["query", "recording_speed_mm_s"], what="Field required")],
         )
     with tempfile.TemporaryDirectory(prefix="frictus-") as folder:
-        file = Path(folder) / f"{name}.{'csv' if given == CSV else 'wav'}"  # refusals name it
+        # Refusals name the file.
+        file = pathlib.Path(folder) / f"{name}.{'csv' if given == CSV else 'wav'}"
         file.write_bytes(body)
         return load_texture(
             file,

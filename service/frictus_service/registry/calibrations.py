@@ -24,7 +24,6 @@ from frictus_service.registry.errors import (
     UnknownCalibrationError,
 )
 from frictus_service.registry.once import Once
-from frictus_service.registry.pages import cursor_of, key_of
 from frictus_service.registry.tables import calibration_events, calibrations, models
 
 ACTIVE: Final = ("queued", "running")
@@ -124,10 +123,6 @@ class Calibrations:
             `next` of the page before.
         limit : int
             Longest page, 1 or more.
-
-        Raises
-        ------
-        CursorError
         """
         query = _ALL.order_by(calibrations.c.id.desc()).limit(limit + 1)
         wanted = {"rig": rig, "participant": participant, "state": state}
@@ -135,10 +130,10 @@ class Calibrations:
             if value is not None:
                 query = query.where(calibrations.c[field] == value)
         if after:
-            query = query.where(calibrations.c.id < key_of(after))
+            query = query.where(calibrations.c.id < after)
         with self._database.read() as connection:
             rows = connection.execute(query).all()
-        more = cursor_of(rows[limit - 1].id) if len(rows) > limit else None
+        more = str(rows[limit - 1].id) if len(rows) > limit else None
         return CalibrationPage(
             calibrations=[_calibration(row) for row in rows[:limit]], next=more
         )

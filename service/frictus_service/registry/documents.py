@@ -44,7 +44,7 @@ class VersionPage(_Document):
     """Some of the versions, newest first."""
 
     models: list[VersionSummary]
-    next: Annotated[str | None, Field(description="`after` of the next page; null on the last")]
+    next: Annotated[int | None, Field(description="`after` of the next page; null on the last")]
 
 
 class Alias(_Document):

@@ -11,10 +11,6 @@ class RegistryNameError(RegistryError, ValueError):
     """A name, alias or reference that nothing in the registry can have."""
 
 
-class CursorError(RegistryError, ValueError):
-    """What was given as a cursor is none."""
-
-
 class ProvenanceError(RegistryError, ValueError):
     """A model does not say where it comes from, and is not published."""
 

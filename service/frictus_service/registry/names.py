@@ -11,9 +11,14 @@ from typing import Final
 from frictus_service.registry.errors import RegistryNameError
 
 _PART: Final = r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}"
-_NAME: Final = re.compile(rf"{_PART}(?:/{_PART})?", re.ASCII)
-_ALIAS: Final = re.compile(r"[a-z][a-z0-9_-]{0,31}", re.ASCII)
-_VERSION: Final = re.compile(r"[1-9][0-9]{0,8}", re.ASCII)
+NAME: Final = rf"{_PART}(/{_PART})?"
+ALIAS: Final = "[a-z][a-z0-9_-]{0,31}"
+_WHICH: Final = "[1-9][0-9]{0,8}"
+REFERENCE: Final = rf"{NAME}(@({_WHICH}|{ALIAS}))?"
+"""Names, aliases and references, as patterns."""
+_NAME: Final = re.compile(NAME, re.ASCII)
+_ALIAS: Final = re.compile(ALIAS, re.ASCII)
+_VERSION: Final = re.compile(_WHICH, re.ASCII)
 RESERVED: Final = frozenset({"aliases", "audit", "compare", "model.json", "model.mat"})
 """Parts that no name may have: the REST paths below a model's end with them."""
 

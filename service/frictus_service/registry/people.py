@@ -21,7 +21,7 @@ def earlier_people(registry: Registry, besides: str) -> tuple[Model, ...]:
         Pseudonym of a participant whose own models are left out.
     """
     found: dict[str, Model] = {}
-    after = ""
+    after = 0
     while len(found) < MOST:
         page = registry.find(population=False, response="friction", newest=True, after=after)
         for summary in page.models:

@@ -17,7 +17,6 @@ from frictus_service.registry.documents import Published, VersionPage, VersionSu
 from frictus_service.registry.errors import UnknownCalibrationError, UnknownModelError
 from frictus_service.registry.names import Reference, check_name, parse_reference
 from frictus_service.registry.once import Once
-from frictus_service.registry.pages import cursor_of, number_of
 from frictus_service.registry.provenance import check_provenance
 from frictus_service.registry.tables import aliases, calibrations, model_names, models
 
@@ -169,7 +168,7 @@ class Registry:
         response: Literal["friction", "mobility"] | None = None,
         population: bool | None = None,
         newest: bool = False,
-        after: str = "",
+        after: int = 0,
         limit: int = 100,
     ) -> VersionPage:
         """Return published versions, newest first.
@@ -183,13 +182,9 @@ class Registry:
         newest : bool
             Only the newest version of each name.
         after : str
-            `next` of the page before.
+            `next` of the page before; 0: the first page.
         limit : int
             Longest page, 1 or more.
-
-        Raises
-        ------
-        CursorError
         """
         query = select(*_SUMMARY, models.c.id).order_by(models.c.id.desc()).limit(limit + 1)
         wanted = {"name": name, "participant": participant, "rig": rig, "response": response}
@@ -204,10 +199,10 @@ class Registry:
                 models.c.version == model_names.c.last_version
             )
         if after:
-            query = query.where(models.c.id < number_of(after))
+            query = query.where(models.c.id < after)
         with self.database.read() as connection:
             rows = connection.execute(query).all()
-        more = cursor_of(str(rows[limit - 1].id)) if len(rows) > limit else None
+        more = int(rows[limit - 1].id) if len(rows) > limit else None
         return VersionPage(models=[_summary(row) for row in rows[:limit]], next=more)
 
 

@@ -10,12 +10,13 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+import anyio
 import pytest
 from fastapi.testclient import TestClient
 from tests.service.api.test_server import configuration, get
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from frictus_service.api import bodies, connections, limits, reference
+from frictus_service.api import bodies, connections, following, limits
 from frictus_service.api.link import RigLink
 from frictus_service.api.problems import BusyError, GoneError
 from frictus_service.api.server import run_api
@@ -198,15 +199,6 @@ def test_health_does_not_wait_for_a_thread(port: int, monkeypatch: pytest.Monkey
         assert {all_of(one)[:12] for one in many} == {b"HTTP/1.1 200"}
 
 
-def test_the_reference_is_encoded_once(
-    api: TestClient, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    first = api.get("/openapi.json")
-    assert first.headers["content-type"] == "application/json"
-    monkeypatch.setattr(reference, "_encoded", lambda _: pytest.fail("encoded again"))
-    assert api.get("/openapi.json").json() == first.json()
-
-
 @pytest.mark.parametrize(
     "body",
     [
@@ -281,6 +273,21 @@ def test_no_more_streams_of_events_than_there_are_places(
     monkeypatch.setattr(api.app.state.limits, "streams", limits.Places(0, "streams"))  # type: ignore[attr-defined]
     said = api.get("/v1/discoveries/0/events")
     assert (said.status_code, said.json()["code"]) == (503, "busy")
+
+
+def test_who_leaves_a_stream_of_events_leaves_no_fault() -> None:
+    async def left(_scope: Any, _receive: Any, _send: Any) -> None:
+        raise ExceptionGroup("", [anyio.BrokenResourceError()])
+
+    async def failed(_scope: Any, _receive: Any, _send: Any) -> None:
+        raise ExceptionGroup("", [anyio.BrokenResourceError(), ValueError()])
+
+    scope = {"type": "http", "path": "/v1/discoveries/0/events"}
+    asyncio.run(following.Departures(left)(scope, None, None))  # type: ignore[arg-type]
+    with pytest.raises(ExceptionGroup) as raised:
+        asyncio.run(following.Departures(failed)(scope, None, None))  # type: ignore[arg-type]
+    assert raised.value.subgroup(ValueError) is not None
+    assert raised.value.subgroup(anyio.BrokenResourceError) is None
 
 
 def test_a_client_asks_as_often_as_it_may() -> None:

@@ -55,7 +55,7 @@ def begin(process: "subprocess.Popen[str]", model: Model) -> None:
 def everything(registry: Registry) -> dict[str, tuple[str, str]]:
     """Return who published each reference, and the comment."""
     found: dict[str, tuple[str, str]] = {}
-    after = ""
+    after = 0
     while True:
         page = registry.find(after=after, limit=1_000)
         found |= {m.reference: (m.published_by, m.comment) for m in page.models}

@@ -8,7 +8,6 @@ from frictus.model import Model
 from frictus_service.registry.errors import ProvenanceError, RegistryNameError
 from frictus_service.registry.names import Reference, check_name, parse_reference
 from frictus_service.registry.once import Once
-from frictus_service.registry.pages import cursor_of, key_of
 from frictus_service.registry.provenance import check_provenance
 
 
@@ -49,11 +48,6 @@ def test_names_that_no_model_has(name: str) -> None:
 def test_references_that_mean_nothing(which: str) -> None:
     with pytest.raises(RegistryNameError):
         parse_reference(f"a@{which}")
-
-
-def test_cursors_come_back() -> None:
-    for key in ("1", "20260102-030405-0123abcd", "x" * 100):
-        assert key_of(cursor_of(key)) == key
 
 
 def test_fingerprints_do_not_run_together() -> None:

@@ -1,0 +1,56 @@
+"""What the reference allows and forbids, and clients that harm: a part of the campaign."""
+
+from collections.abc import Iterator
+
+import pytest
+from tests.campaigns import hostile_clients
+from tests.campaigns.lines import go_on, read
+from tests.campaigns.rest import LEAST, SCOPES, Bench, Campaign, batches, drawn, token_of
+
+SEED = 20_261
+
+
+def test_every_scope_and_kind_of_harm_has_its_batch() -> None:
+    names = batches(LEAST * len(SCOPES))
+    assert len(set(names)) == len(names) == len(SCOPES) + len(hostile_clients.KINDS)
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    with Bench(tmp_path_factory.mktemp("rest")).running() as bench:
+        yield bench
+
+
+@pytest.mark.parametrize("scope", ["none", "all"])
+def test_what_is_answered_is_documented(bench: Bench, scope: str) -> None:
+    line = drawn(bench, scope, SEED, "fuzzing", 2)
+    assert line["failures"] == [], line.get("report")
+    assert line["cases"] > len(SCOPES)
+    assert bench.faults() == []
+
+
+@pytest.mark.parametrize("kind", ["half bodies", "malformed frames", "compressed bombs"])
+def test_clients_that_harm_leave_nothing(bench: Bench, kind: str) -> None:
+    config = bench.config
+    line = hostile_clients.run(kind, config.api.port, bench.said.pid("api"), token_of("all"))
+    assert line["failures"] == []
+    assert bench.faults() == []
+
+
+@pytest.mark.campaign
+@pytest.mark.timeout(6 * 3600)
+def test_ten_thousand_requests(request: pytest.FixtureRequest) -> None:
+    cache = request.config.cache
+    assert cache is not None
+    lines = cache.mkdir("campaigns") / "rest.jsonl"
+    names = batches(10_000)
+    with Campaign() as campaign:
+        for _ in go_on(lines, names, None, campaign.run):
+            pass
+    broken = [
+        f"{line['name']} seed {line['seed']}: {failure['what']}"
+        for line in read(lines)
+        if line["name"] in names
+        for failure in line["failures"]
+    ]
+    assert not broken, "\n".join(broken)
