@@ -100,7 +100,7 @@ def open_router(
     if access is not None:
         config.insert_json5("access_control", json.dumps(access))
     try:
-        return zenoh.open(config)
+        return _opened(config)
     except zenoh.ZError as error:
         raise LinkError(
             f"cannot listen at {endpoint}: {error}. Is another router running there?"
@@ -137,7 +137,7 @@ def open_session(
     config = _config("client", [], [router], timeout_s, lease_ms)
     _secure(config, router, tls, "connect")
     try:
-        session = zenoh.open(config)
+        session = _opened(config)
     except zenoh.ZError as error:
         _explain_refusal(router, tls, timeout_s)
         raise LinkError(
@@ -151,6 +151,19 @@ def open_session(
         _explain_refusal(router, tls, timeout_s)
         raise LinkError(f"connected to {router}, but it gave no transport: check certificates")
     return session
+
+
+def _opened(config: zenoh.Config) -> zenoh.Session:
+    try:
+        return zenoh.open(config)
+    except BaseException as error:
+        # What Rust panics with derives from no Exception, and can be told by its name only.
+        if type(error).__name__ != "PanicException":
+            raise
+        raise LinkError(
+            f"Zenoh cannot start here: {error}. It needs memory and some ten threads: look at "
+            "the limits of this process (ulimit -a)"
+        ) from error
 
 
 def _explain_refusal(router: str, tls: Tls | None, timeout_s: float) -> None:

@@ -134,7 +134,8 @@ def judge(setting: Setting) -> tuple[str, list[str]]:
             code = served.process.wait(STOP_S)
             why = next((line for line in reversed(served.said.lines) if line), "")
             wrong = [] if code in TYPED else [f"exit code {code}"]
-            wrong += [line for line in served.said.lines if "Traceback" in line]
+            told = "\n".join(served.said.lines)
+            wrong += [told[told.index("Traceback") :]] if "Traceback" in told else []
             wrong += [why] if setting.must_serve or "unexpected" in why else []
             return f"refused ({code}): {why}"[:300], wrong
         wrong = [

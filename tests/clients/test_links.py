@@ -65,3 +65,27 @@ def test_a_reader_set_aside_for_two_seconds_loses_nothing() -> None:
         publish(LAST + 1 - 500)
         told, _ = reader.communicate(timeout=30.0)
         assert told == "0\n"
+
+
+STARVED = """
+import resource, sys
+from frictus.errors import LinkError
+from frictus.session import open_router
+
+with open("/proc/self/statm") as sizes:
+    most = int(sizes.read().split()[0]) * resource.getpagesize() + 1_000_000
+resource.setrlimit(resource.RLIMIT_AS, (most, most))
+try:
+    open_router("tcp/127.0.0.1:0")
+except LinkError as error:
+    sys.exit(f"told: {error}")
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of addresses are POSIX's")
+def test_a_process_without_memory_for_threads_is_told_so() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", STARVED], capture_output=True, text=True, check=False
+    )
+    assert "told: Zenoh cannot start here" in done.stderr
+    assert "ulimit" in done.stderr
