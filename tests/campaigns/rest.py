@@ -74,6 +74,14 @@ expected-statuses = [
   "2xx", "3xx", "401", "403", "404", "409", "412", "422", "428", "429", "503", "504",
 ]
 
+# For their ETags schemathesis draws "0" or nothing, too, which the stated pattern excludes.
+[[operations]]
+include-name = ["GET /v1/textures/{name}", "DELETE /v1/textures/{name}"]
+[operations.checks.positive_data_acceptance]
+expected-statuses = [
+  "2xx", "3xx", "401", "403", "404", "409", "412", "422", "428", "429", "503", "504",
+]
+
 # DELETE cancels a job, with 202; its record stays.
 [[operations]]
 include-path-regex = "^/v1/(calibrations|discoveries)/"
@@ -124,7 +132,10 @@ class Bench:
             state = self.rig.status().state
         except FrictusError as error:
             return [*found, f"the rig does not answer: {error}"]
-        return [*found, *([f"the rig is {state}"] if state == "tripped" else [])]
+        if state == "tripped":
+            found.append(f"the rig tripped: {self.rig.status().fault}")
+            self.rig.reset()
+        return found
 
     def answered(self) -> Counter[str]:
         """Return how many requests the API has answered, by status."""

@@ -1,6 +1,6 @@
 """`frictus doctor`: whether everything is here that the service needs."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -14,11 +14,27 @@ if TYPE_CHECKING:
 COLOUR = {"ok": "green", "warn": "yellow", "fail": "red"}
 
 
+Warm = Annotated[
+    bool,
+    typer.Option(
+        "--warm",
+        help="First compile what a rig needs, told function by function, so that it starts "
+        "at once.",
+    ),
+]
+
+
 def doctor(
-    config: ConfigFile = None, router: RouterOption = None, as_json: AsJson = False
+    config: ConfigFile = None,
+    router: RouterOption = None,
+    as_json: AsJson = False,
+    warm: Warm = False,
 ) -> None:
     """Check installation, configuration, device, disk, router, rigs, clocks and timer."""
     from frictus_service.cli.checks import all_checks
+
+    if warm:
+        _compile(as_json)
 
     worst = "ok"
     for check in all_checks(config, router):
@@ -26,6 +42,23 @@ def doctor(
         worst = max(worst, check.verdict, key=list(COLOUR).index)
     if worst == "fail":
         raise typer.Exit(Exit.CHECK_FAILED)
+
+
+def _compile(as_json: bool) -> None:
+    """Fill the cache of compiled functions, each of which is kept as soon as it is made."""
+    from frictus_service.config import Config
+    from frictus_service.daemon.progress import compiling_told
+    from frictus_service.daemon.warmup import warm_up
+
+    def tell(name: str) -> None:
+        if as_json:
+            write_line(event="compiling", function=name)
+        else:
+            typer.echo(f"compiling {name}")
+
+    defaults = Config()  # which rates are rendered makes no difference to what is compiled
+    with compiling_told(tell, lambda: None):
+        warm_up(defaults.sample_rate_hz, defaults.block_samples)
 
 
 def _write(check: "Check", as_json: bool) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numba import njit
 from tests.hardware.nidaq.fake_device import FakeDevice
 from tests.hardware.nidaq.fake_server import FakeServer, Fault
 from tests.hardware.nidaq.wired import section
@@ -22,6 +23,7 @@ from frictus_service.cli.app import app
 from frictus_service.cli.checks.device import device_checks, ni_device
 from frictus_service.cli.checks.utc import Kept, leap_of
 from frictus_service.config import parse
+from frictus_service.daemon import warmup
 
 
 @pytest.fixture
@@ -93,6 +95,23 @@ def test_the_command_tells_of_the_device(server: FakeServer, tmp_path: Path) -> 
     assert told["wiring"]["verdict"] == "fail"
     assert "backend.monitor.channel: ai9 is the second lead" in told["wiring"]["found"]
     assert {"driver", "device", "disk", "priority", "utc"} <= set(told)
+
+
+def test_warm_tells_each_function_it_compiles(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    @njit
+    def twice(value):  # type: ignore[no-untyped-def]
+        return 2.0 * value
+
+    monkeypatch.setattr(warmup, "warm_up", lambda *_: twice(1.0))
+    arguments = ["doctor", "--warm", "-c", str(tmp_path / "none.toml")]
+    arguments += ["--router", "tcp/127.0.0.1:1"]
+    told = CliRunner().invoke(app, [*arguments, "--json"]).stdout.splitlines()
+    assert json.loads(told[0]) == {"event": "compiling", "function": "twice"}
+    assert json.loads(told[1])["event"] == "check"
+    again = CliRunner().invoke(app, arguments).stdout
+    assert "compiling" not in again  # it is there
 
 
 class Hid:
