@@ -27,12 +27,12 @@ from frictus_service.daemon.safety import refusal_to_render
 from frictus_service.etag import etag_of, etag_of_scene
 from frictus_service.synthesis.excitation import compile_excitation
 from frictus_service.synthesis.inverse import Inverse
-from frictus_service.synthesis.scene import CompiledScene, compile_scene
+from frictus_service.synthesis.scene import MAX_SCENE_BYTES, CompiledScene, compile_scene
 from frictus_service.synthesis.stream import StreamBudget
 from frictus_service.translate import inverse_of_model
 
 CACHED_SCENES: Final = 4
-"""The newest scenes as compiled, by etag; with a recording one takes up to 40 MB a region."""
+"""The newest scenes as compiled, by etag: so many, and of no more bytes than the largest."""
 MODEL_CHANGE_S: Final = 1.0
 """Within which the loop must have taken up a new model; it takes one block."""
 
@@ -316,7 +316,10 @@ class Stage:
             state = SceneState(etag=etag, scene=scene, applied=compiled.applied)
             kept = inverse, state, compiled
         self._cache[etag] = kept  # the newest last
-        while len(self._cache) > CACHED_SCENES:
+        while len(self._cache) > CACHED_SCENES or (
+            len(self._cache) > 1
+            and sum(scene.size_bytes for _, _, scene in self._cache.values()) > MAX_SCENE_BYTES
+        ):
             del self._cache[next(iter(self._cache))]
         return kept[1:]
 

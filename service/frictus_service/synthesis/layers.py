@@ -63,6 +63,12 @@ class Layer:
     fades: bool = False
     notes: tuple[str, ...] = ()
 
+    @property
+    def size_bytes(self) -> int:
+        """What its table or map takes."""
+        arrays = self.levels if self.table is None else self.table.octaves
+        return sum(array.nbytes for array in arrays)
+
 
 def layers_of(region: Region, screen: Screen) -> list[Layer]:
     """Return the layers of a region: a texture with spatial and temporal components makes two.

@@ -21,6 +21,8 @@ from frictus_service.synthesis.reach import SPEEDS_MM_S, reach_of
 
 HEADROOM = 0.03
 """Share of the drive kept free for cross-fades and corrections of the finger's motion."""
+MAX_SCENE_BYTES = 200_000_000
+"""Of the tables of all its layers: five of the largest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +42,11 @@ class CompiledScene:
     arrays: kernel.SceneArrays
     applied: Applied
     source: str = "scene"
+
+    @property
+    def size_bytes(self) -> int:
+        """What its arrays take."""
+        return sum(array.nbytes for array in self.arrays if isinstance(array, np.ndarray))
 
 
 def compile_scene(
@@ -70,13 +77,23 @@ def compile_scene(
     Raises
     ------
     TextureError
-        If a texture cannot be represented; the text names the region.
+        If a texture cannot be represented, or all together would not fit into memory; the
+        text names the region.
     """
     layers: list[Layer] = []
+    size_bytes = 0
     for number, region in enumerate(scene.regions):
         check()
         try:
-            layers += layers_of(region, screen)
+            coming = layers_of(region, screen)
+            size_bytes += sum(layer.size_bytes for layer in coming)
+            if size_bytes > MAX_SCENE_BYTES:
+                raise TextureError(
+                    f"with those before it, its tables take {size_bytes / 1e6:.0f} MB; at most "
+                    f"{MAX_SCENE_BYTES / 1e6:.0f} MB are kept. Take fewer textures, or lower "
+                    "their highest frequencies"
+                )
+            layers += coming
         except TextureError as error:
             named = f"regions.{number} {region.name}".rstrip()
             raise TextureError(f"{named}: {error}") from error

@@ -134,7 +134,7 @@ def fitting(components: Components, stretch_mm: tuple[float, float]) -> Componen
     )
     felt = int(np.searchsorted(finest, BAND_EDGE_HZ / FULL_MM_S, "right"))
     count = max(fast, felt)
-    if count == finest.size or _shape(finest[count - 1], length, True).size > MAX_POINTS:
+    if count in (0, finest.size) or _shape(finest[count - 1], length, True).size > MAX_POINTS:
         return components
     kept = components.frequency < finest[count]
     slower_mm_s = BAND_EDGE_HZ / finest[count]

@@ -375,6 +375,13 @@ def test_a_texture_that_cannot_be_represented_is_refused_by_its_number() -> None
         compiled(good, good, bad)
 
 
+def test_tables_that_would_fill_the_memory_are_refused() -> None:
+    finest = [Component(amplitude_n=0.01, cycles_per_mm=each) for each in (140.0, 90.0)]
+    regions = [Region(texture=Spectrum(components=finest))] * 8
+    with pytest.raises(TextureError, match=r"regions\.\d: with those before it, .* 200 MB"):
+        compiled(*regions)
+
+
 def test_what_was_rounded_is_noted() -> None:
     texture = Spectrum(components=[Component(amplitude_n=0.01, hz=50.04)])
     assert compiled(Region(texture=texture)).applied.notes == [
