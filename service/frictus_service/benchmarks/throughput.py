@@ -144,7 +144,7 @@ class OneTurn:
         timebase.observe(end, before_ns, UtcReading(before_ns, utc_ns, after_ns))
         stamp = timebase.stamp(end - BLOCK_SAMPLES)
         flags = flags_of(turn, self._info, placeholder=True)
-        return blocks_of(turn, stamp, flags, self._info.sample_rate_hz)
+        return list(blocks_of(turn, stamp, flags, self._info.sample_rate_hz))
 
     def _made_finger(self) -> bytes:
         stamp = self._timebase.stamp(self._timebase.newest_sample)

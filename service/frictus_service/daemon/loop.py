@@ -168,9 +168,10 @@ class BlockLoop:
             step = self._chain.step(self._energised and safety.may_render(now_s))
             returned_ns = self._monotonic_ns()
             reading = UtcReading(returned_ns, self._utc_ns(), self._monotonic_ns())
-            self._account(step, returned_ns)
             self._watch(step)
-            self._hand_over(step, returned_ns, reading)
+            self._output_flags.note(step, self._chain.renderer.scene.applied.scaled)
+            self._hand_over(step, returned_ns, reading)  # early: readers wait for it
+            self._account(step, returned_ns)
             self._check_health()
             return True
         except HardwareError as error:
@@ -279,7 +280,6 @@ class BlockLoop:
         tally.stale_touches += step.stale and not self._was_stale
         self._was_stale = step.stale
         self._broken = False
-        self._output_flags.note(step, self._chain.renderer.scene.applied.scaled)
         if late_in_a_row >= self._missed_limit and self._energised:
             late_ms = 1e3 * n * late_in_a_row / self._backend.info.clock_hz
             self._feed(

@@ -130,17 +130,20 @@ class Publisher:
         exchange = turn.step.exchange
         end = exchange.first_sample + exchange.voltage_v.size
         self._timebase.observe(end, turn.returned_ns, turn.reading)
-        flags = flags_of(turn, self._info, self._stage.model.model.placeholder)
-        stamp = self._timebase.stamp(exchange.first_sample)
-        for block in blocks_of(turn, stamp, flags, self._info.sample_rate_hz):
-            self._streams[block.stream].put(block.pack())
-            self._published += 1
-        self._finger.put(finger_of(turn, self._timebase.stamp(end), self._info).to_json())
-
-        for report in exchange.touches:
-            touch = touch_of(report, turn.run, self._info)
-            if touch is not None:
-                self._touch.put(touch.to_json())
+        if read := [stream for stream, put in self._streams.items() if _is_read(put)]:
+            flags = flags_of(turn, self._info, self._stage.model.model.placeholder)
+            stamp = self._timebase.stamp(exchange.first_sample)
+            for block in blocks_of(turn, stamp, flags, self._info.sample_rate_hz, read):
+                self._streams[block.stream].put(block.pack())
+                self._published += 1
+        if _is_read(self._finger):
+            stamp = self._timebase.stamp(end)
+            self._finger.put(finger_of(turn, stamp, self._info).to_json())
+        if exchange.touches and _is_read(self._touch):
+            for report in exchange.touches:
+                touch = touch_of(report, turn.run, self._info)
+                if touch is not None:
+                    self._touch.put(touch.to_json())
 
     def _publish_states(self) -> None:
         now_s = self._monotonic_s()
@@ -273,3 +276,8 @@ class Publisher:
             blocks_dropped=tally.blocks_dropped,
             trips=self._interlock.trips,
         )
+
+
+def _is_read(publisher: zenoh.Publisher) -> bool:
+    """Return whether anybody subscribes; what nobody reads is not even packed."""
+    return publisher.matching_status.matching

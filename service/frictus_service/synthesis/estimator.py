@@ -97,10 +97,10 @@ class FingerEstimator:
         self._predicted = np.zeros((2, 2))
         self._mean_sample = -np.inf  # of the last report in contact
         self._report_sample = -np.inf
-        # What is rendered, each (x, y), and the velocity that was foretold a block ago.
-        self._position = np.zeros(2)
-        self._velocity = np.zeros(2)
-        self._before = np.zeros(2)
+        # Position and velocity of what is rendered, and the velocity that was foretold a block
+        # ago; each (x, y).
+        self._rendered = np.zeros((3, 2))
+        self._motions = np.empty((2, 8))
         self._force_n = self._force_before_n = USUAL_FORCE_N
         self.in_contact = False
 
@@ -161,42 +161,18 @@ class FingerEstimator:
             Device index at which the block will start to play.
         n_samples : int
         """
-        block_s = n_samples / self._rate_hz
-        after = self.estimate(first_sample + n_samples)
-        coming = self._position + 0.5 * (self._velocity + after[:, 1]) * block_s
-        behind = after[:, 0] - coming
-        left = None
-        if float(np.hypot(behind[0], behind[1])) > self._tuning.slip_mm:
-            left = self._motion(self._position, self._velocity, after[:, 1], after)
-            self._velocity[:] = self._before
-            self._position[:] = after[:, 0] - 0.5 * (self._before + after[:, 1]) * block_s
-            behind[:] = 0.0
-        limit = max(
-            self._tuning.correct_share * float(np.hypot(after[0, 1], after[1, 1])),
-            self._tuning.correct_least_mm_s,
+        slipped = _follow(
+            self._tuning,
+            n_samples / self._rate_hz,
+            self.estimate(first_sample + n_samples),
+            self._rendered,
+            self._motions,
         )
-        velocity = after[:, 1] + np.clip(behind / self._tuning.correct_time_s, -limit, limit)
-        motion = self._motion(self._position, self._velocity, velocity, after)
-        self._position += 0.5 * (self._velocity + velocity) * block_s
-        self._velocity[:] = velocity
-        self._before[:] = after[:, 1]
+        rows = self._motions.tolist()
+        left = Motion(*rows[1]) if slipped else None
         pressed = self._force_before_n, self._force_n
         self._force_before_n = self._force_n
-        return Course(motion, left, pressed)
-
-    def _motion(
-        self, position: FloatArray, velocity: FloatArray, later: FloatArray, after: FloatArray
-    ) -> Motion:
-        return Motion(
-            float(position[0]),
-            float(position[1]),
-            float(velocity[0]),
-            float(velocity[1]),
-            float(later[0]),
-            float(later[1]),
-            float(np.hypot(self._before[0], self._before[1])),
-            float(np.hypot(after[0, 1], after[1, 1])),
-        )
+        return Course(Motion(*rows[0]), left, pressed)
 
 
 @njit(cache=True, nogil=True)
@@ -232,15 +208,17 @@ def _transition(time_s, turning, step_s):  # type: ignore[no-untyped-def]
     while step_s > 0.2:
         step_s *= 0.5
         halvings += 1
-    rate = np.zeros((3, 3))
-    rate[0, 1] = rate[1, 2] = step_s
-    rate[2, 1] = -(turning**2) * step_s
-    rate[2, 2] = -step_s / time_s
+    swing, spend = -(turning**2) * step_s, -step_s / time_s
     move = np.eye(3)
     term = np.eye(3)
     for k in range(1, 25):
-        term = term @ rate / k
-        move += term
+        for row in range(3):  # times the rates, of which most are zero
+            velocity, acceleration = term[row, 1], term[row, 2]
+            term[row, 1] = (term[row, 0] * step_s + acceleration * swing) / k
+            term[row, 2] = (velocity * step_s + acceleration * spend) / k
+            term[row, 0] = 0.0
+            for column in range(1, 3):
+                move[row, column] += term[row, column]
     for _ in range(halvings):
         move = move @ move
     return move
@@ -302,6 +280,42 @@ def _predict(tuning, ahead_s, mean, weight, out):  # type: ignore[no-untyped-def
         time_s, _, turning = _model(tuning, m)
         move = _transition(time_s, turning, ahead_s)
         for axis in range(2):
-            state = move @ mean[m, axis]
-            out[axis, 0] += weight[m] * state[0]
-            out[axis, 1] += weight[m] * state[1]
+            for row in range(2):
+                for column in range(3):
+                    out[axis, row] += weight[m] * move[row, column] * mean[m, axis, column]
+
+
+@njit(cache=True, nogil=True)
+def _follow(tuning, block_s, after, rendered, motions):  # type: ignore[no-untyped-def]
+    """Let what is rendered follow the prediction over a block; return whether it was left.
+
+    Parameters
+    ----------
+    tuning : EstimatorTuning
+    block_s : float
+    after : ndarray, shape (2 axes, position and velocity)
+        Predicted for the block's end.
+    rendered : ndarray, shape (3, 2 axes)
+        Position, velocity, and the velocity that was predicted a block ago. Changed.
+    motions : ndarray, shape (2, 8)
+        The fields of `Motion`: the motion to render and, where it was left, the former one.
+    """
+    position, velocity, before = rendered[0], rendered[1], rendered[2]
+    behind = after[:, 0] - (position + 0.5 * (velocity + after[:, 1]) * block_s)
+    slipped = np.hypot(behind[0], behind[1]) > tuning.slip_mm
+    speeds = np.hypot(before[0], before[1]), np.hypot(after[0, 1], after[1, 1])
+    motions[:, 6], motions[:, 7] = speeds
+    if slipped:
+        motions[1, 0:2], motions[1, 2:4], motions[1, 4:6] = position, velocity, after[:, 1]
+        velocity[:] = before
+        position[:] = after[:, 0] - 0.5 * (before + after[:, 1]) * block_s
+        behind[:] = 0.0
+    limit = max(tuning.correct_share * speeds[1], tuning.correct_least_mm_s)
+    later = after[:, 1] + np.minimum(
+        np.maximum(behind / tuning.correct_time_s, -limit), limit
+    )
+    motions[0, 0:2], motions[0, 2:4], motions[0, 4:6] = position, velocity, later
+    position += 0.5 * (velocity + later) * block_s
+    velocity[:] = later
+    before[:] = after[:, 1]
+    return slipped
