@@ -6,6 +6,7 @@ remain the reference, and what analysis uses.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final, Self
 
 import numpy as np
@@ -55,9 +56,8 @@ class _PassState:
     last: FloatArray
     """Volts, velocity (x, y) and normal force of the last sample; see `_started`."""
     friction_n: float
-    lateral: FloatArray
-    normal: FloatArray
-    skin: FloatArray
+    memory: FloatArray
+    """Of the filters, shape (highest order + 1, 5); the last row stays zero."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,24 +95,12 @@ class OnePass:
     def run(self, signals: Signals, state: _PassState | None) -> tuple[Signals, _PassState]:
         """Set every output at the device's rate."""
         fine_hz = signals.sample_rate_hz * self.hold.steps
-        lateral = _sampled(self.mount.lateral, fine_hz)
-        normal = _sampled(self.mount.normal, fine_hz)
-        skin = _sampled(self.mobility.acceleration, fine_hz)
-        if state is None:
-            state = _PassState(
-                _started(signals),
-                0.0,
-                np.zeros((lateral.shape[1] - 1, 2)),
-                np.zeros((normal.shape[1] - 1, 1)),
-                np.zeros((skin.shape[1] - 1, 2)),
-            )
-        after = _PassState(
-            state.last.copy(),
-            0.0,
-            state.lateral.copy(),
-            state.normal.copy(),
-            state.skin.copy(),
+        filters = _filters(
+            self.mount.lateral, self.mount.normal, self.mobility.acceleration, fine_hz
         )
+        if state is None:
+            state = _PassState(_started(signals), 0.0, np.zeros_like(filters[0]))
+        last, memory = state.last.copy(), state.memory.copy()
         count = signals.voltage_v.size
         scalars = np.empty((3, count))
         vectors = np.zeros((3, count, 3))
@@ -131,14 +119,10 @@ class OnePass:
             law.speed_range_mm_s[1],
             fine_hz,
             self.contact.friction_coefficient,
-            lateral,
-            normal,
-            skin,
+            filters,
             state.friction_n,
-            after.last,
-            after.lateral,
-            after.normal,
-            after.skin,
+            last,
+            memory,
             scalars,
             vectors,
         )
@@ -156,7 +140,7 @@ class OnePass:
             force_n=vectors[1],
             accel_m_s2=vectors[2],
         )
-        return out, _PassState(after.last, friction_n, after.lateral, after.normal, after.skin)
+        return out, _PassState(last, friction_n, memory)
 
 
 def _started(signals: Signals) -> FloatArray:
@@ -164,8 +148,27 @@ def _started(signals: Signals) -> FloatArray:
     return np.concatenate([[0.0], signals.velocity_mm_s[0], signals.normal_force_n[:1]])
 
 
+@lru_cache(maxsize=64)
+def _filters(
+    lateral: linear.TransferFunction | None,
+    normal: linear.TransferFunction | None,
+    skin: linear.TransferFunction,
+    rate_hz: float,
+) -> FloatArray:
+    """Return numerators and denominators in 1/z of force (x, y, z) and skin (x, y).
+
+    Shape (2, highest order + 1, 5), filled up with zeros: so all five take the same steps, side
+    by side. A transfer of None passes on.
+    """
+    sampled = [_sampled(each, rate_hz) for each in (lateral, normal, skin)]
+    both = np.zeros((2, max(each.shape[1] for each in sampled), 5))
+    for channel, which in enumerate((0, 0, 1, 2, 2)):
+        both[:, : sampled[which].shape[1], channel] = sampled[which]
+    return both
+
+
 def _sampled(transfer: linear.TransferFunction | None, rate_hz: float) -> FloatArray:
-    """Return numerator and denominator in 1/z, shape (2, order + 1); None passes on."""
+    """Return numerator and denominator in 1/z, shape (2, order + 1)."""
     if transfer is None:
         return np.ones((2, 1))
     sampled = linear.sample(transfer, rate_hz)
@@ -174,21 +177,16 @@ def _sampled(transfer: linear.TransferFunction | None, rate_hz: float) -> FloatA
     return both
 
 
-@njit(cache=True, nogil=True)
-def _filter(coefficients, sample, memory, axis):  # type: ignore[no-untyped-def]
-    """Return a sample filtered, by the transposed direct form II, as `scipy.signal.lfilter`."""
-    order = memory.shape[0]
-    out = coefficients[0, 0] * sample
-    if order:
-        out += memory[0, axis]
-        for k in range(order - 1):
-            memory[k, axis] = (
-                memory[k + 1, axis]
-                + coefficients[0, k + 1] * sample
-                - coefficients[1, k + 1] * out
+@njit(cache=True, nogil=True, inline="always")
+def _filter(filters, memory, sample, out):  # type: ignore[no-untyped-def]
+    """Write five samples filtered, by the transposed direct form II, as `scipy.signal.lfilter`."""
+    for c in range(5):
+        out[c] = filters[0, 0, c] * sample[c] + memory[0, c]
+    for k in range(1, memory.shape[0]):
+        for c in range(5):
+            memory[k - 1, c] = (
+                memory[k, c] + filters[0, k, c] * sample[c] - filters[1, k, c] * out[c]
             )
-        memory[order - 1, axis] = coefficients[0, order] * sample - coefficients[1, order] * out
-    return out
 
 
 @njit(cache=True, nogil=True)
@@ -206,21 +204,18 @@ def _pass(  # type: ignore[no-untyped-def]
     fastest_mm_s,
     fine_hz,
     friction_coefficient,
-    lateral,
-    normal,
-    skin,
+    filters,
     friction_n,
     last,
-    lateral_memory,
-    normal_memory,
-    skin_memory,
+    memory,
     scalars,
     vectors,
 ):
     """Fill scalars (screen volts, drive fraction, friction) and vectors (finger, force, skin).
 
-    The memories and `last` are changed; what is returned is the friction to go on with.
+    The memory and `last` are changed; what is returned is the friction to go on with.
     """
+    sample, out = np.empty(5), np.empty(5)
     for n in range(voltage_v.size):
         volts = last[0]
         fraction = 2.0 * (volts / peak_v) ** 2
@@ -246,15 +241,13 @@ def _pass(  # type: ignore[no-untyped-def]
             towards = (np.tanh(turned) if turned < 20.0 else 1.0) / moving
             size = (friction_coefficient * pressed_n + rendered_n) * towards
             fx, fy = -size * vx, -size * vy
-            force_x = _filter(lateral, -fx, lateral_memory, 0)
-            force_y = _filter(lateral, -fy, lateral_memory, 1)
-            force_z = _filter(normal, pressed_n, normal_memory, 0)
-            accel_x = _filter(skin, fx, skin_memory, 0)
-            accel_y = _filter(skin, fy, skin_memory, 1)
+            sample[0], sample[1], sample[2] = -fx, -fy, pressed_n
+            sample[3], sample[4] = fx, fy
+            _filter(filters, memory, sample, out)
         scalars[0, n], scalars[1, n], scalars[2, n] = volts, fraction, rendered_n
         vectors[0, n, 0], vectors[0, n, 1], vectors[0, n, 2] = fx, fy, -pressed_n
-        vectors[1, n, 0], vectors[1, n, 1], vectors[1, n, 2] = force_x, force_y, force_z
-        vectors[2, n, 0], vectors[2, n, 1] = accel_x, accel_y
+        vectors[1, n, 0], vectors[1, n, 1], vectors[1, n, 2] = out[0], out[1], out[2]
+        vectors[2, n, 0], vectors[2, n, 1] = out[3], out[4]
         last[0] = voltage_v[n]
         last[1], last[2] = velocity_mm_s[n, 0], velocity_mm_s[n, 1]
         last[3] = normal_n[n]

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from frictus_hardware.errors import ConfigError
-from frictus_hardware.simulated.motion import FingerMotion, Wander
-from frictus_hardware.simulated.press import NormalForce, Press
+from frictus_hardware.simulated.motion import FingerMotion, Wander, sinusoids
+from frictus_hardware.simulated.press import LEAST_N, NormalForce, Press
 from frictus_hardware.simulated.strict import NonNegative, Positive, StrictModel
 
 FloatArray = NDArray[np.float64]
@@ -183,8 +183,13 @@ class HumanFinger:
         """Return the finger at given times."""
         time_s = np.ascontiguousarray(time_s, dtype=np.float64)
         strokes = self.strokes
-        x, vx, held = np.empty((3, time_s.size))
-        _stroke(
+        motion = FingerMotion(
+            np.empty((time_s.size, 2)),
+            np.empty((time_s.size, 2)),
+            np.empty(time_s.size),
+            np.empty(time_s.size, np.bool_),
+        )
+        _explore(
             time_s,
             strokes.begin_s,
             strokes.move_s,
@@ -193,27 +198,42 @@ class HumanFinger:
             strokes.lift,
             strokes.turn_mm_s2,
             strokes.loop_s,
-            x,
-            vx,
-            held,
+            self.tremor_x.table,
+            self.tremor_y.table,
+            self.drift.table,
+            self.force.wander.table,
+            self.middle_mm,
+            self.force.target_n,
+            motion.position_mm,
+            motion.velocity_mm_s,
+            motion.normal_force_n,
+            motion.in_contact,
         )
-        tremor_x, tremor_vx = self.tremor_x.sums(time_s)
-        tremor_y, tremor_vy = self.tremor_y.sums(time_s)
-        drift, drift_vy = self.drift.sums(time_s)
-        position = np.empty((time_s.size, 2))
-        velocity = np.empty((time_s.size, 2))
-        position[:, 0] = x + tremor_x
-        velocity[:, 0] = vx + tremor_vx
-        position[:, 1] = self.middle_mm + drift + tremor_y
-        velocity[:, 1] = drift_vy + tremor_vy
-        return FingerMotion(position, velocity, held * self.force.at(time_s), held > 0.0)
+        return motion
 
 
 @njit(cache=True, nogil=True)
-def _stroke(  # type: ignore[no-untyped-def]
-    time_s, begin_s, move_s, from_mm, to_mm, lift, turn_mm_s2, loop_s, x_mm, vx_mm_s, held
+def _explore(  # type: ignore[no-untyped-def]
+    time_s,
+    begin_s,
+    move_s,
+    from_mm,
+    to_mm,
+    lift,
+    turn_mm_s2,
+    loop_s,
+    tremor_x,
+    tremor_y,
+    drift,
+    force,
+    middle_mm,
+    target_n,
+    position_mm,
+    velocity_mm_s,
+    normal_force_n,
+    in_contact,
 ):
-    """Write x, its rate, and the share of the normal force that is applied."""
+    """Write the finger: strokes and tremor along x, drift and tremor along y, normal force."""
     for n in range(time_s.size):
         looped = time_s[n] % loop_s
         index = np.searchsorted(begin_s, looped, side="right") - 1
@@ -232,10 +252,19 @@ def _stroke(  # type: ignore[no-untyped-def]
             2.0 * begin
             + share * (3.0 * cubic + share * (4.0 * quartic + share * 5.0 * quintic))
         )
-        held[n] = 1.0
+        held = 1.0
         if lift[index]:  # off the screen between two ramps
             last = index + 1 == begin_s.size
             left = (loop_s if last else begin_s[index + 1]) - looped
             off = min(since - move, left) / LIFT_RAMP_S
-            held[n] = 1.0 - min(max(off, 0.0), 1.0)
-        x_mm[n], vx_mm_s[n] = from_mm[index] + along, rate / move
+            held = 1.0 - min(max(off, 0.0), 1.0)
+        trembling_x, trembling_vx = sinusoids(time_s[n], tremor_x)
+        trembling_y, trembling_vy = sinusoids(time_s[n], tremor_y)
+        drifting, drifting_v = sinusoids(time_s[n], drift)
+        pressing, _ = sinusoids(time_s[n], force)
+        position_mm[n, 0] = from_mm[index] + along + trembling_x
+        position_mm[n, 1] = middle_mm + drifting + trembling_y
+        velocity_mm_s[n, 0] = rate / move + trembling_vx
+        velocity_mm_s[n, 1] = drifting_v + trembling_vy
+        normal_force_n[n] = held * max(target_n + pressing, LEAST_N)
+        in_contact[n] = held > 0.0

@@ -1,6 +1,7 @@
 """How a finger moves, and how hard it presses."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -37,7 +38,7 @@ class Finger(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Wander:
     """A sum of slow sinusoids: continuous, reproducible, a pure function of time.
 
@@ -91,18 +92,28 @@ class Wander:
         """Return `value` and `rate`, for little more than one of them costs."""
         time_s = np.ascontiguousarray(time_s, dtype=np.float64)
         value, rate = np.empty(time_s.size), np.empty(time_s.size)
-        add_sinusoids(time_s, self.frequency_hz, self.phase_rad, self.amplitude, value, rate)
+        add_sinusoids(time_s, self.table, value, rate)
         return value, rate
+
+    @cached_property
+    def table(self) -> FloatArray:
+        """Frequency, phase and amplitude as `sinusoids` takes them, shape (3, n_components)."""
+        return np.array([self.frequency_hz, self.phase_rad, self.amplitude])
 
 
 @njit(cache=True, nogil=True)
-def add_sinusoids(time_s, frequency_hz, phase_rad, amplitude, value, rate):  # type: ignore[no-untyped-def]
+def sinusoids(time_s, table):  # type: ignore[no-untyped-def]
+    """Return a sum of sinusoids and its derivative at one time."""
+    value, rate = 0.0, 0.0
+    for k in range(table.shape[1]):
+        phase = 2.0 * np.pi * (time_s * table[0, k]) + table[1, k]
+        value += np.sin(phase) * table[2, k]
+        rate += np.cos(phase) * (2.0 * np.pi * table[0, k] * table[2, k])
+    return value, rate
+
+
+@njit(cache=True, nogil=True)
+def add_sinusoids(time_s, table, value, rate):  # type: ignore[no-untyped-def]
     """Write a sum of sinusoids and its derivative, shape (n_samples,)."""
     for n in range(time_s.size):
-        total, slope = 0.0, 0.0
-        for k in range(frequency_hz.size):
-            turn = 2.0 * np.pi * frequency_hz[k]
-            phase = 2.0 * np.pi * (time_s[n] * frequency_hz[k]) + phase_rad[k]
-            total += np.sin(phase) * amplitude[k]
-            slope += np.cos(phase) * (turn * amplitude[k])
-        value[n], rate[n] = total, slope
+        value[n], rate[n] = sinusoids(time_s[n], table)
