@@ -222,6 +222,14 @@ def declare_publisher(session: zenoh.Session, key: str, topic: Topic) -> zenoh.P
     )
 
 
+def is_read(publisher: zenoh.Publisher) -> bool:
+    """Return whether anybody subscribes; what nobody reads need not be packed either.
+
+    Known within a millisecond of a subscription, at the same time as `put` knows it.
+    """
+    return bool(publisher.matching_status.matching)  # type: ignore[attr-defined]
+
+
 def declare_latest_publisher(
     session: zenoh.Session, key: str, topic: Topic
 ) -> zenoh.ext.AdvancedPublisher:

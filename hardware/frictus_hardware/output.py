@@ -6,6 +6,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_hardware.sample_ring import SampleRing
+
 FloatArray = NDArray[np.float64]
 
 RETURN_S: Final = 0.02
@@ -58,7 +60,7 @@ class OutputQueue:
         return_samples: int,
         past: FloatArray | None = None,
     ) -> None:
-        self._ring = np.zeros(capacity)
+        self._ring = SampleRing(capacity)
         self._holds = holds
         self._return_samples = return_samples
         self._returned = return_samples
@@ -67,7 +69,7 @@ class OutputQueue:
         self._end = 0
         self._handed_over_to: int | None = None
         if past is not None:
-            self._put(-past.size, past)
+            self._ring.write(-past.size, past.size, past)
 
     @property
     def end(self) -> int:
@@ -104,7 +106,7 @@ class OutputQueue:
         plays_v = np.full(values_v.size, self._idle_v)
         if late < values_v.size:
             plays_v[late:] = self._faded_in(values_v[late:])
-            self._put(first + late, plays_v[late:])
+            self._ring.write(first + late, values_v.size - late, plays_v[late:])
             self._end = first + values_v.size
             if self._holds:
                 self._idle_v = float(plays_v[-1])
@@ -120,16 +122,18 @@ class OutputQueue:
 
     def read(self, first: int, n_samples: int) -> FloatArray:
         """Return what plays, or played, at given samples."""
-        out = np.full(n_samples, self._idle_v)
         known = min(max(self._end - first, 0), n_samples)
-        out[:known] = self._ring[self._places(first, known)]
+        if known == n_samples:
+            return self._ring.read(first, n_samples)
+        out = np.full(n_samples, self._idle_v)
+        out[:known] = self._ring.read(first, known)
         return out
 
     def settle(self, to: int) -> None:
         """Write the idle value down up to a sample: it has played, and can no longer change."""
-        missing = min(to - self._end, self._ring.size)
+        missing = min(to - self._end, self._ring.capacity)
         if missing > 0:
-            self._ring[self._places(to - missing, missing)] = self._idle_v
+            self._ring.write(to - missing, missing, self._idle_v)
         self._end = max(self._end, to)
 
     def ramp(self, now: int, n_samples: int) -> None:
@@ -137,14 +141,7 @@ class OutputQueue:
         self.settle(now)
         queued = self._end - now
         length = min(n_samples, queued)
-        places = self._places(now, queued)
         gain = np.zeros(queued)
         gain[:length] = 1.0 - np.arange(1, length + 1) / max(length, 1)
-        self._ring[places] *= gain
+        self._ring.write(now, queued, gain * self._ring.read(now, queued))
         self._idle_v = self._return_from_v = 0.0
-
-    def _put(self, first: int, values_v: FloatArray) -> None:
-        self._ring[self._places(first, values_v.size)] = values_v
-
-    def _places(self, first: int, n_samples: int) -> NDArray[np.int64]:
-        return np.arange(first, first + n_samples) % self._ring.size

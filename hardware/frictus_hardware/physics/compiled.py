@@ -5,9 +5,9 @@ call than to compute. The pass does the same arithmetic sample by sample; the st
 remain the reference, and what analysis uses.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Final, Self
+from typing import Final, Self, TypeAlias
 
 import numpy as np
 from numba import njit
@@ -22,6 +22,8 @@ from frictus_hardware.physics.stages import (
     Decimate,
     Drive,
     Hold,
+    Noise,
+    Quantisation,
     Response,
     Skin,
     Underneath,
@@ -29,6 +31,7 @@ from frictus_hardware.physics.stages import (
 from frictus_hardware.physics.twin import Signals, Stage, Twin
 
 FloatArray = NDArray[np.float64]
+Generators: TypeAlias = tuple[np.random.Generator, np.random.Generator]
 
 N_STANDARD: Final = 7
 """From `Hold` to `Decimate`."""
@@ -46,7 +49,13 @@ def compiled(twin: Twin) -> Twin:
         Returned as it is where an effect acts between the standard stages or in the response.
     """
     fused = OnePass.of(twin.stages[:N_STANDARD])
-    return twin if fused is None else Twin((fused, *twin.stages[N_STANDARD:]))
+    if fused is None:
+        return twin
+    match twin.stages[N_STANDARD:]:
+        case (Noise() as noise, Quantisation() as steps):
+            return Twin((fused, Converter(noise, steps)))
+        case others:
+            return Twin((fused, *others))
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,9 +152,38 @@ class OnePass:
         return out, _PassState(last, friction_n, memory)
 
 
+@dataclass(frozen=True, slots=True)
+class Converter:
+    """The sensors' noise and the converter's steps, as one. Made by `compiled`."""
+
+    noise: Noise
+    steps: Quantisation
+
+    def initial(self) -> Generators:
+        """Return the generators of the noise, which move on with each run."""
+        return self.noise.initial()
+
+    def run(self, signals: Signals, state: Generators) -> tuple[Signals, Generators]:
+        """Set `force_n` and `accel_m_s2`."""
+        shape = signals.force_n.shape
+        force_n, accel_m_s2 = (generator.standard_normal(shape) for generator in state)
+        noise, steps = self.noise, self.steps
+        _convert(signals.force_n, noise.force_n, steps.force_step_n, force_n)
+        _convert(signals.accel_m_s2, noise.accel_m_s2, steps.accel_step_m_s2, accel_m_s2)
+        return replace(signals, force_n=force_n, accel_m_s2=accel_m_s2), state
+
+
 def _started(signals: Signals) -> FloatArray:
     """Return the sample before the first: the finger as at the first, the screen at 0 V."""
     return np.concatenate([[0.0], signals.velocity_mm_s[0], signals.normal_force_n[:1]])
+
+
+@njit(cache=True, nogil=True)
+def _convert(clean, noise, step, out):  # type: ignore[no-untyped-def]
+    """Turn what `out` holds, white noise of 1, into the noisy signal, rounded to steps."""
+    for n in range(clean.shape[0]):
+        for axis in range(clean.shape[1]):
+            out[n, axis] = np.rint((clean[n, axis] + noise * out[n, axis]) / step) * step
 
 
 @lru_cache(maxsize=64)
@@ -164,6 +202,7 @@ def _filters(
     both = np.zeros((2, max(each.shape[1] for each in sampled), 5))
     for channel, which in enumerate((0, 0, 1, 2, 2)):
         both[:, : sampled[which].shape[1], channel] = sampled[which]
+    both.flags.writeable = False  # it is cached
     return both
 
 
@@ -179,7 +218,7 @@ def _sampled(transfer: linear.TransferFunction | None, rate_hz: float) -> FloatA
 
 @njit(cache=True, nogil=True, inline="always")
 def _filter(filters, memory, sample, out):  # type: ignore[no-untyped-def]
-    """Write five samples filtered, by the transposed direct form II, as `scipy.signal.lfilter`."""
+    """Write five filtered samples as `scipy.signal.lfilter` (transposed direct form II)."""
     for c in range(5):
         out[c] = filters[0, 0, c] * sample[c] + memory[0, c]
     for k in range(1, memory.shape[0]):

@@ -187,14 +187,14 @@ class SimulatedRig(Opened):
         now = self._clock.sample() + self.faults.take(LateBlock, end)
         peak = self.config.screen_peak_v
         missed = min(self.faults.take(EmptyOutput, end), drive_v.size)
-        late, applied = self._output.write(
-            play, np.clip(drive_v, -peak, peak), max(now, play + missed)
-        )
+        beyond = int(np.count_nonzero(np.abs(drive_v) > peak))
+        clamped = np.clip(drive_v, -peak, peak) if beyond else drive_v
+        late, applied = self._output.write(play, clamped, max(now, play + missed))
         return HandedOver(
             first_sample=first,
             applied_v=applied,
             play_sample=play,
-            clipped_samples=int(np.count_nonzero(np.abs(drive_v) > peak)),
+            clipped_samples=beyond,
             margin_samples=max(play - lost - now, 0),
             underrun_samples=late + lost,
             overrun_samples=lost,

@@ -11,6 +11,7 @@ from typing import Any, Final, TypeAlias
 
 import zenoh
 
+from frictus.session import is_read
 from frictus_service.errors import StartError
 
 Pipe: TypeAlias = "Connection[Any, Any]"
@@ -111,7 +112,7 @@ def await_subscriber(publisher: zenoh.Publisher, timeout_s: float = END_S) -> No
         If nobody does in time.
     """
     deadline_s = time.monotonic() + timeout_s
-    while not publisher.matching_status.matching:  # type: ignore[attr-defined]
+    while not is_read(publisher):
         if time.monotonic() > deadline_s:
             raise StartError(f"nobody subscribed to {publisher.key_expr}")
         time.sleep(0.01)

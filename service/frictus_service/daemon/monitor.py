@@ -1,9 +1,12 @@
 """Whether the screen gets what it was told: the monitored voltage against the drive."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from frictus_hardware.base import Exchange
+from frictus_hardware.sample_ring import SampleRing
 
 RING_SAMPLES = 1 << 16
 """More than any lead and block together."""
@@ -22,11 +25,11 @@ class Monitor:
 
     def __init__(self, lead_samples: int) -> None:
         self._lead = lead_samples
-        self._power = np.zeros(RING_SAMPLES)  # NaN where it is not known what played
+        self._told_v = SampleRing(RING_SAMPLES)  # NaN where it is not known what played
 
     def restart(self) -> None:
         """Forget everything: the device began anew."""
-        self._power[:] = 0.0
+        self._told_v.write(0, RING_SAMPLES, 0.0)
 
     def compare(self, exchange: Exchange, zero_from: int) -> float:
         """Return how far monitor and drive are apart over the sensed block, V rms.
@@ -43,17 +46,18 @@ class Monitor:
         """
         n = exchange.applied_v.size
         play, lost = exchange.play_sample, exchange.overrun_samples
-        self._power[self._places(play, n)] = np.square(exchange.applied_v)
+        self._told_v.write(play, n, exchange.applied_v)
         if lost or exchange.underrun_samples:
             missing = max(lost, exchange.underrun_samples)
-            self._power[self._places(play - lost, min(missing, RING_SAMPLES))] = np.nan
-        sensed_v = np.sqrt(np.square(exchange.voltage_v).mean())
-        if not np.isfinite(sensed_v):
-            return np.inf
-        told_v = np.sqrt(self._power[self._places(exchange.first_sample, n)].mean())
-        if exchange.first_sample < zero_from or np.isnan(told_v):
+            self._told_v.write(play - lost, min(missing, RING_SAMPLES), np.nan)
+        sensed_v = _rms(exchange.voltage_v)
+        if not math.isfinite(sensed_v):
+            return math.inf
+        told_v = _rms(self._told_v.read(exchange.first_sample, n))
+        if exchange.first_sample < zero_from or math.isnan(told_v):
             return 0.0
-        return float(abs(sensed_v - told_v))
+        return abs(sensed_v - told_v)
 
-    def _places(self, first: int, n_samples: int) -> NDArray[np.int64]:
-        return np.arange(first, first + n_samples) % RING_SAMPLES
+
+def _rms(volts: NDArray[np.float64]) -> float:
+    return math.sqrt(np.dot(volts, volts) / volts.size)

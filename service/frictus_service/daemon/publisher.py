@@ -21,7 +21,7 @@ from frictus.messages import (
     SceneState,
     TimeState,
 )
-from frictus.session import declare_latest_publisher, declare_publisher
+from frictus.session import declare_latest_publisher, declare_publisher, is_read
 from frictus_hardware.base import RigInfo
 from frictus_service.daemon.commands import Commands
 from frictus_service.daemon.interlock import EndedLease, Interlock
@@ -130,16 +130,16 @@ class Publisher:
         exchange = turn.step.exchange
         end = exchange.first_sample + exchange.voltage_v.size
         self._timebase.observe(end, turn.returned_ns, turn.reading)
-        if read := [stream for stream, put in self._streams.items() if _is_read(put)]:
+        if read := [stream for stream, put in self._streams.items() if is_read(put)]:
             flags = flags_of(turn, self._info, self._stage.model.model.placeholder)
             stamp = self._timebase.stamp(exchange.first_sample)
             for block in blocks_of(turn, stamp, flags, self._info.sample_rate_hz, read):
                 self._streams[block.stream].put(block.pack())
                 self._published += 1
-        if _is_read(self._finger):
+        if is_read(self._finger):
             stamp = self._timebase.stamp(end)
             self._finger.put(finger_of(turn, stamp, self._info).to_json())
-        if exchange.touches and _is_read(self._touch):
+        if exchange.touches and is_read(self._touch):
             for report in exchange.touches:
                 touch = touch_of(report, turn.run, self._info)
                 if touch is not None:
@@ -276,8 +276,3 @@ class Publisher:
             blocks_dropped=tally.blocks_dropped,
             trips=self._interlock.trips,
         )
-
-
-def _is_read(publisher: zenoh.Publisher) -> bool:
-    """Return whether anybody subscribes; what nobody reads is not even packed."""
-    return publisher.matching_status.matching

@@ -311,9 +311,7 @@ def _follow(tuning, block_s, after, rendered, motions):  # type: ignore[no-untyp
         position[:] = after[:, 0] - 0.5 * (before + after[:, 1]) * block_s
         behind[:] = 0.0
     limit = max(tuning.correct_share * speeds[1], tuning.correct_least_mm_s)
-    later = after[:, 1] + np.minimum(
-        np.maximum(behind / tuning.correct_time_s, -limit), limit
-    )
+    later = after[:, 1] + np.minimum(np.maximum(behind / tuning.correct_time_s, -limit), limit)
     motions[0, 0:2], motions[0, 2:4], motions[0, 4:6] = position, velocity, later
     position += 0.5 * (velocity + later) * block_s
     velocity[:] = later

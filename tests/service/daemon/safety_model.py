@@ -427,8 +427,7 @@ class World:
         return bool(0.5 * rms_v > CONFIG.limits.monitor_tolerance_v)
 
     def _unknown(self, n_samples: int) -> NDArray[np.bool_]:
-        monitor = self.loop._monitor
-        return np.isnan(monitor._power[monitor._places(self.device.now, n_samples)])
+        return np.isnan(self.loop._monitor._told_v.read(self.device.now, n_samples))
 
     def _judge(self, began: int, volts: FloatArray) -> None:
         device, rights, loop = self.device, self.rights, self.loop

@@ -87,6 +87,22 @@ def test_samples_are_handed_over_without_a_gap(make_bench: Any) -> None:
     assert [turn.step.exchange.first_sample for turn in turns] == [100 * n for n in range(60)]
 
 
+def test_a_block_is_handed_over_before_it_is_counted(
+    make_bench: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = make_bench()
+    waiting: list[int] = []
+
+    def note(*_block: object) -> int:
+        waiting.append(bench.loop.handover.qsize())
+        return 0
+
+    monkeypatch.setattr(bench.loop.lateness, "note", note)
+    bench.loop.turn()
+    bench.loop.turn()
+    assert waiting == [1, 2]
+
+
 @pytest.mark.parametrize("event", [Stop("ben"), Disarm("ann"), ClientVanished("ann")])
 def test_output_is_zero_soon_after_it_has_to_be(
     make_bench: Any, texture: Scene, event: Any

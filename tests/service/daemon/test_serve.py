@@ -16,6 +16,7 @@ import pytest
 
 import frictus
 from frictus.keys import Topics
+from frictus.messages import Counters
 from frictus_hardware import SimulatedConfig, SimulatedDeviceConfig
 from frictus_hardware.simulated.device_rig import launched, recent_output
 from frictus_hardware.simulated.strokes import SteadyStrokes
@@ -131,6 +132,26 @@ def doomed(service: Service, observer: frictus.Rig) -> Iterator["subprocess.Pope
         finally:
             process.kill()
     until(observer, lambda status: status.state == "disarmed")
+
+
+def test_only_what_somebody_reads_is_published(service: Service, observer: frictus.Rig) -> None:
+    def blocks_later(n_blocks: int) -> Counters:
+        wanted = observer.status().counters.blocks + n_blocks
+        return until(observer, lambda status: status.counters.blocks >= wanted).counters
+
+    quiet = blocks_later(100)
+    still = blocks_later(100)
+    assert still.blocks >= quiet.blocks + 100
+    assert still.blocks_published == quiet.blocks_published
+    with observer.blocks("accel", timeout_s=10.0) as feed:
+        sequence = [
+            block.sequence for block, _ in zip(blocks_of(feed), range(100), strict=False)
+        ]
+        assert sequence == list(range(sequence[0], sequence[0] + 100))
+        read = blocks_later(100)
+    published = read.blocks_published - still.blocks_published
+    # A block is handed over before it is counted.
+    assert 100 <= published <= read.blocks + 1 - still.blocks, "one stream of all"
 
 
 @posix_signals

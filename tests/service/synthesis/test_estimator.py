@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.linalg import expm
 
 from frictus_hardware.base import TouchReport
 from frictus_hardware.simulated.config import SimulatedConfig
@@ -12,6 +13,7 @@ from frictus_hardware.simulated.human import HumanStrokes
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.fidelity.measure import steady_segments
 from frictus_service.fidelity.path import BLOCK_SAMPLES, Path, walk
+from frictus_service.synthesis import estimator
 from frictus_service.synthesis.estimator import DEFAULT_TUNING, Course, FingerEstimator
 from frictus_service.synthesis.kernel import Motion
 
@@ -302,3 +304,49 @@ def test_both_axes_are_followed_alike(angle_deg: float) -> None:
     found = state(estimator, sample)
     np.testing.assert_allclose(found[:, 0], 10.0 + 50.0 * sample / RATE * along, atol=0.1)
     np.testing.assert_allclose(found[:, 1], 50.0 * along, atol=2.0)
+
+
+@pytest.mark.parametrize("step_s", [0.0, 0.005, 0.07, 0.2, 0.21, 3.0])
+@pytest.mark.parametrize("turning", [0.0, 2.0 * np.pi * DEFAULT_TUNING.turning_hz])
+def test_a_transition_is_the_exponential_of_the_rates(step_s: float, turning: float) -> None:
+    rates = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, -(turning**2), -1.0 / 0.6]])
+    found = estimator._transition(0.6, turning, step_s)
+    np.testing.assert_allclose(found, expm(step_s * rates), rtol=1e-12, atol=1e-13)
+
+
+def followed_plainly(
+    after: FloatArray, rendered: FloatArray
+) -> tuple[bool, FloatArray, FloatArray]:
+    """Return whether the motion was left, the motion, and what is rendered from there on."""
+    tuning = DEFAULT_TUNING
+    position, velocity, before = rendered
+    behind = after[:, 0] - position - 0.5 * (velocity + after[:, 1]) * BLOCK_S
+    slipped = bool(np.linalg.norm(behind) > tuning.slip_mm)
+    if slipped:
+        velocity = before
+        position = after[:, 0] - 0.5 * (before + after[:, 1]) * BLOCK_S
+        behind = np.zeros(2)
+    speed = float(np.linalg.norm(after[:, 1]))
+    limit = max(tuning.correct_share * speed, tuning.correct_least_mm_s)
+    later = after[:, 1] + np.clip(behind / tuning.correct_time_s, -limit, limit)
+    motion = np.concatenate([position, velocity, later, [np.linalg.norm(before), speed]])
+    position = position + 0.5 * (velocity + later) * BLOCK_S
+    return slipped, motion, np.array([position, later, after[:, 1]])
+
+
+def test_what_is_rendered_follows_as_plain_arrays_say(rng: np.random.Generator) -> None:
+    rendered, motions = rng.normal(size=(3, 2)), np.empty((2, 8))
+    slips = 0
+    for _ in range(2_000):
+        after = np.column_stack([rendered[0] + 0.4 * rng.normal(size=2), rng.normal(size=2)])
+        after[:, 1] *= 60.0
+        left = [*rendered[0], *rendered[1], *after[:, 1]]
+        slipped, motion, following = followed_plainly(after, rendered.copy())
+        found = estimator._follow(DEFAULT_TUNING, BLOCK_S, after, rendered, motions)
+        assert found == slipped
+        slips += slipped
+        np.testing.assert_allclose(motions[0], motion, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(rendered, following, rtol=1e-12, atol=1e-12)
+        if slipped:
+            np.testing.assert_array_equal(motions[1, :6], left)
+    assert 200 < slips < 1_800
