@@ -57,4 +57,4 @@ def test_what_a_simulated_rig_senses(person: Participant, seed: int, drive_seed:
         for _ in range(3):
             rig.exchange(rng.uniform(-80.0, 80.0, 40))
         rig.close()
-    assert watched["_stroke"].calls
+    assert watched["_explore"].calls
