@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Final, TypeVar
 
+import numpy as np
+
 from frictus.errors import FrameError, RefusedError
 from frictus.messages import GuidanceState, Request
 from frictus.stream import StreamFrame
@@ -13,6 +15,9 @@ CENTURY_NS: Final = 100 * 365 * 86_400 * 10**9
 MAX_NESTED: Final = 10_000
 """Objects and lists in a payload. They take long to read, and meanwhile the block loop may wait
 for the interpreter's lock."""
+MAX_VALUES: Final = 140_000
+"""Two recordings at full length, and what stands around them. While a payload is read the block
+loop waits: a million numbers, even in a field that nobody knows, take longer than the lead."""
 GUIDANCE_TTL_MS: Final = 500
 """Guidance comes 30 times a second; what a frozen sender left behind guides nobody."""
 
@@ -48,7 +53,7 @@ class Gate:
             `too_large`, `bad_request` (the text names the field) or `stale`.
         """
         self.check_size(len(payload), most_bytes)
-        _check_nesting(payload)
+        _check_counts(payload)
         try:
             request = kind.from_json(payload)
         except FrameError as error:
@@ -80,7 +85,7 @@ class Gate:
             As `read`.
         """
         self.check_size(len(payload), self.limits.max_payload_bytes)
-        _check_nesting(payload)
+        _check_counts(payload)
         try:
             guidance = GuidanceState.from_json(payload)
         except FrameError as error:
@@ -129,9 +134,15 @@ class Gate:
             )
 
 
-def _check_nesting(payload: bytes) -> None:
-    nested = payload.count(b"[") + payload.count(b"{")
+def _check_counts(payload: bytes) -> None:
+    octets = np.frombuffer(payload, np.uint8)  # counted without the interpreter's lock
+    nested = np.count_nonzero(octets == ord("[")) + np.count_nonzero(octets == ord("{"))
     if nested > MAX_NESTED:
         raise RefusedError(
             "too_large", f"{nested} objects and lists; at most {MAX_NESTED} are accepted"
+        )
+    values = np.count_nonzero(octets == ord(",")) + 1
+    if values > MAX_VALUES:
+        raise RefusedError(
+            "too_large", f"{values} values; at most {MAX_VALUES} are accepted: resample"
         )

@@ -9,9 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frictus.keys import CALLS
+from frictus.messages import SceneRequest
 from frictus.textures import MAX_PROFILE_SAMPLES, Profile, Region, Scene
 from frictus_service.config import Limits
 from frictus_service.daemon.commands import SHORT_BYTES
+from frictus_service.daemon.gate import MAX_VALUES
 from frictus_service.daemon.orders import ModelSlot
 from frictus_service.daemon.safety import FaultRaised, OutputQuiet
 from frictus_service.translate import placeholder_model
@@ -154,6 +156,21 @@ def test_no_scene_takes_long_to_refuse(desk: Desk, content: bytes) -> None:
     for _ in range(10):
         Scene.model_validate_json(whole)
     assert min(times) < time.thread_time() - began_s
+
+
+def test_what_holds_too_many_numbers_is_refused_unread(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def never(payload: bytes) -> None:
+        raise AssertionError("it was read")
+
+    monkeypatch.setattr(SceneRequest, "from_json", never)
+    content = b"1," * (MAX_VALUES - 3)
+    payload = b'{"client":"a","utc_ns":%d,"x":[%b1]}' % (desk.utc_ns, content)
+    assert "it was read" in desk.send("scene", payload).message
+    reply = desk.send("scene", payload.replace(b"[", b"[1,"))
+    assert reply.code == "too_large"
+    assert str(MAX_VALUES + 1) in reply.message
 
 
 @pytest.mark.parametrize("name", ["scene", "model"])
