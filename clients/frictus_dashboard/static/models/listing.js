@@ -37,7 +37,7 @@ export class Listing {
 
   /** Ask for the list anew. */
   load() {
-    return this.#load("");
+    return this.#load(0);
   }
 
   /** Mark the version that is shown, and those that the rig applies. */
