@@ -4,6 +4,7 @@ import contextlib
 import gc
 import os
 import secrets
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -33,6 +34,9 @@ from frictus_service.security.identity import tls_of_rig
 from frictus_service.translate import inverse_of_model, placeholder_model, screen_of
 
 JOIN_S: Final = 5.0
+SWITCH_S: Final = 2e-4
+"""After so long a thread gives the interpreter's lock to one that waits for it. Python's own
+5 ms are a whole block, for which any thread that computes could hold up the loop."""
 LOOP_PRIORITY: Final = 20
 PUBLISHER_PRIORITY: Final = 10
 """Real time too: a publisher that is set aside while it holds the interpreter's lock holds up
@@ -200,6 +204,8 @@ class _Parts:
         gc.collect()
         gc.freeze()
         gc.disable()
+        switch_s = sys.getswitchinterval()
+        sys.setswitchinterval(SWITCH_S)
         loop.start()
         publishing.start()
         try:
@@ -209,6 +215,7 @@ class _Parts:
             loop.join(JOIN_S)
             stop_publisher.set()
             publishing.join(JOIN_S)
+            sys.setswitchinterval(switch_s)
             gc.enable()
             gc.unfreeze()
 
