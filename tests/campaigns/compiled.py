@@ -3,7 +3,6 @@
 Each batch draws anew, by a seed of its own, for every property of compiled code in the tests.
 """
 
-import argparse
 import os
 import re
 import subprocess
@@ -13,7 +12,7 @@ import time
 from pathlib import Path
 from typing import Final
 
-from tests.campaigns.lines import Line, go_on
+from tests.campaigns.lines import Line, asked, go_on
 
 ROOT: Final = Path(__file__).parents[2]
 TOLD: Final = 40
@@ -66,22 +65,16 @@ def examples_in(lines: list[str]) -> dict[str, int]:
     return found
 
 
+def names(batches: int) -> list[str]:
+    """Return the names of all batches."""
+    return [f"compiled/{number}" for number in range(batches)]
+
+
 def main() -> None:
     """Run the campaign, or a part of it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("results", type=Path, help="file of lines, which is added to")
-    parser.add_argument("--batches", type=int, default=20, help="how many (20)")
-    parser.add_argument("--seed", type=int, help="of the first; drawn where not given")
-    arguments = parser.parse_args()
-    names = [f"compiled/{number}" for number in range(arguments.batches)]
+    wanted = asked(__doc__, "batches", 20, "how many", names)
     with tempfile.TemporaryDirectory() as cache:
-        batches = go_on(
-            arguments.results,
-            names,
-            arguments.seed,
-            lambda _name, seed: run(Path(cache), seed),
-        )
-        for line in batches:
+        for line in go_on(*wanted, lambda _name, seed: run(Path(cache), seed)):
             told = sum(line["examples"].values())
             print(line["name"], line["seed"], told, *line["failures"], flush=True)  # noqa: T201
 

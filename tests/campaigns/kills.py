@@ -5,7 +5,6 @@ recorded, models are published. Whatever is killed or frozen, the screen must be
 the bound, what was acknowledged must still be there, and the service must drive again.
 """
 
-import argparse
 import contextlib
 import json
 import random
@@ -25,7 +24,7 @@ from tests.campaigns.hosted import (
     send,
     silent_after_ms,
 )
-from tests.campaigns.lines import Line, go_on
+from tests.campaigns.lines import Line, asked, go_on
 from tests.campaigns.service import START_S, config_in, http_status, publish
 
 import frictus
@@ -242,17 +241,17 @@ class Campaign:
         self._stack.close()
 
 
+def names(attacks: int) -> list[str]:
+    """Return the names of all attacks."""
+    return [f"kill/{number}" for number in range(attacks)]
+
+
 def main() -> None:
     """Run the campaign, or a part of it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("results", type=Path, help="file of lines, which is added to")
-    parser.add_argument("--attacks", type=int, default=200, help="how many (200)")
-    parser.add_argument("--seed", type=int, help="of the first; drawn where not given")
-    arguments = parser.parse_args()
-    names = [f"kill/{number}" for number in range(arguments.attacks)]
+    wanted = asked(__doc__, "attacks", 200, "how many", names)
     campaign = Campaign()
     with contextlib.closing(campaign):
-        for line in go_on(arguments.results, names, arguments.seed, campaign.run):
+        for line in go_on(*wanted, campaign.run):
             told = {key: line.get(key) for key in ("attack", "zero_ms", "again_s", "failures")}
             print(line["name"], line["seed"], json.dumps(told), flush=True)  # noqa: T201
 

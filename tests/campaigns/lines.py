@@ -4,6 +4,7 @@ A batch that has a line without failures is not made again; one with failures is
 of its first time, until whatever it found is mended.
 """
 
+import argparse
 import json
 import os
 import platform
@@ -21,6 +22,33 @@ def read(path: Path) -> list[Line]:
         return []
     lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
     return list({line["name"]: line for line in lines}.values())
+
+
+def asked(
+    doc: str | None, option: str, default: int, what: str, names: Callable[[int], list[str]]
+) -> tuple[Path, list[str], int | None]:
+    """Return what the command line of a campaign asks `go_on` for: file, batches and seed.
+
+    Parameters
+    ----------
+    doc : str or None
+        Of the campaign's module.
+    option : str
+        How many of what may be chosen, as `cases`.
+    default : int
+    what : str
+        In words.
+    names : callable
+        Returns the names of all batches for so many.
+    """
+    parser = argparse.ArgumentParser(description=doc)
+    parser.add_argument("results", type=Path, help="file of lines, which is added to")
+    parser.add_argument(f"--{option}", type=int, default=default, help=f"{what} ({default})")
+    parser.add_argument("--seed", type=int, help="of the first batch; drawn where not given")
+    parser.add_argument("--only", default="", help="batches whose names begin so")
+    given = parser.parse_args()
+    wanted = [n for n in names(getattr(given, option)) if n.startswith(given.only)]
+    return given.results, wanted, given.seed
 
 
 def go_on(

@@ -4,7 +4,6 @@ Its owner streams a texture at 5 Hz, and a reader follows a stream of samples, b
 link; the device that is driven and the rig are on the near side of it.
 """
 
-import argparse
 import contextlib
 import tempfile
 import threading
@@ -15,7 +14,7 @@ from typing import Final, Literal
 
 import numpy as np
 from tests.campaigns.hosted import await_driven, silent_after_ms
-from tests.campaigns.lines import Line, go_on
+from tests.campaigns.lines import Line, asked, go_on
 from tests.campaigns.owner import UPDATE_S, own
 from tests.campaigns.proxy import Impairment, Proxy
 from tests.campaigns.service import START_S, Said, config_in, serving
@@ -259,15 +258,9 @@ def names(repeats: int) -> list[str]:
 
 def main() -> None:
     """Run the campaign, or a part of it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("results", type=Path, help="file of lines, which is added to")
-    parser.add_argument("--repeats", type=int, default=3, help="of each condition (3)")
-    parser.add_argument("--seed", type=int, help="of the first; drawn where not given")
-    parser.add_argument("--only", default="", help="conditions that begin so")
-    arguments = parser.parse_args()
-    wanted = [name for name in names(arguments.repeats) if name.startswith(arguments.only)]
+    wanted = asked(__doc__, "repeats", 3, "of each condition", names)
     with contextlib.closing(Campaign()) as campaign:
-        for line in go_on(arguments.results, wanted, arguments.seed, campaign.run):
+        for line in go_on(*wanted, campaign.run):
             print(line, flush=True)  # noqa: T201
 
 

@@ -6,7 +6,6 @@ they send and read (`hostile_clients.py`). Nothing may be answered with a status
 documented, nor with 5xx but a typed 503 or 504; no process may end and no rig trip.
 """
 
-import argparse
 import contextlib
 import json
 import re
@@ -22,7 +21,7 @@ from typing import Any, Final
 
 from prometheus_client.parser import text_string_to_metric_families
 from tests.campaigns import hostile_clients
-from tests.campaigns.lines import Line, go_on
+from tests.campaigns.lines import Line, asked, go_on
 from tests.campaigns.service import Said, config_in, http_status, publish, serving
 
 import frictus
@@ -238,15 +237,9 @@ class Campaign:
 
 def main() -> None:
     """Run the campaign, or a part of it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("results", type=Path, help="file of lines, which is added to")
-    parser.add_argument("--cases", type=int, default=10_000, help="requests, at least (10000)")
-    parser.add_argument("--seed", type=int, help="of the first batch; drawn where not given")
-    parser.add_argument("--only", default="", help="batches that begin so, as hostile/")
-    arguments = parser.parse_args()
-    names = [name for name in batches(arguments.cases) if name.startswith(arguments.only)]
+    wanted = asked(__doc__, "cases", 10_000, "requests, at least", batches)
     with Campaign() as campaign:
-        for line in go_on(arguments.results, names, arguments.seed, campaign.run):
+        for line in go_on(*wanted, campaign.run):
             told = [failure["what"][:160] for failure in line["failures"]]
             head = f"{line['name']} seed {line['seed']}: {line['cases']} {line['outcomes']}"
             print(head, *told, sep="\n  ", flush=True)  # noqa: T201

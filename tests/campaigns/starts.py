@@ -5,7 +5,6 @@ done to it. It must either serve, so that a client can arm, or end with a senten
 that programs may rely on; and it must start once the fault is gone.
 """
 
-import argparse
 import contextlib
 import json
 import os
@@ -24,7 +23,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from tests.campaigns.lines import Line, go_on
+from tests.campaigns.lines import Line, asked, go_on
 from tests.campaigns.service import START_S, Said, http_status, make_certificates, publish
 
 import frictus
@@ -425,16 +424,10 @@ class Campaign:
 
 def main() -> None:
     """Run the campaign, or a part of it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("results", type=Path, help="file of lines, which is added to")
-    parser.add_argument("--repeats", type=int, default=5, help="of each fault (5)")
-    parser.add_argument("--seed", type=int, help="of the first; drawn where not given")
-    parser.add_argument("--only", default="", help="faults that begin so")
-    arguments = parser.parse_args()
-    wanted = [name for name in names(arguments.repeats) if name.startswith(arguments.only)]
+    wanted = asked(__doc__, "repeats", 5, "of each fault", names)
     campaign = Campaign()
     with contextlib.closing(campaign):
-        for line in go_on(arguments.results, wanted, arguments.seed, campaign.run):
+        for line in go_on(*wanted, campaign.run):
             wrong = [failure["what"][:300] for failure in line["failures"]]
             print(line["name"], line["seed"], line["came"], *wrong, sep="\n  ", flush=True)  # noqa: T201
 

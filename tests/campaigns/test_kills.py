@@ -54,7 +54,7 @@ def test_two_hundred_kills_and_freezes(request: pytest.FixtureRequest) -> None:
     cache = request.config.cache
     assert cache is not None
     path = cache.mkdir("campaigns") / "kills.jsonl"
-    run_all(kills.Campaign(), path, [f"kill/{number}" for number in range(200)])
+    run_all(kills.Campaign(), path, kills.names(200))
     assert not wrong_in(path), "\n".join(wrong_in(path))
 
 

@@ -5,7 +5,6 @@ process may end, no rig trip, no screen be driven without an owner, and every re
 `Reply` with a code.
 """
 
-import argparse
 import contextlib
 import random
 import tempfile
@@ -17,7 +16,7 @@ from pathlib import Path
 from typing import Any, Final, Literal, get_args
 
 import zenoh
-from tests.campaigns.lines import Line, go_on
+from tests.campaigns.lines import Line, asked, go_on
 from tests.campaigns.mutations import Mutant, draw_mutant
 from tests.campaigns.payloads import ANSWERED, KEYS, PUT
 from tests.campaigns.service import (
@@ -424,15 +423,9 @@ class Campaign:
 
 def main() -> None:
     """Run the campaign, or a part of it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("results", type=Path, help="file of lines, which is added to")
-    parser.add_argument("--cases", type=int, default=50_000, help="payloads (50000)")
-    parser.add_argument("--seed", type=int, help="of the first batch; drawn where not given")
-    parser.add_argument("--only", default="", help="batches that begin so, as secured/armed")
-    arguments = parser.parse_args()
-    names = [name for name in batches(arguments.cases) if name.startswith(arguments.only)]
+    wanted = asked(__doc__, "cases", 50_000, "payloads", batches)
     with Campaign() as campaign:
-        for line in go_on(arguments.results, names, arguments.seed, campaign.run):
+        for line in go_on(*wanted, campaign.run):
             told = [failure["what"][:160] for failure in line["failures"]]
             head = f"{line['name']} seed {line['seed']}: {line.get('outcomes')}"
             print(head, *told, sep="\n  ", flush=True)  # noqa: T201
