@@ -226,6 +226,11 @@ def is_read(publisher: zenoh.Publisher) -> bool:
     """Return whether anybody subscribes; what nobody reads need not be packed either.
 
     Known within a millisecond of a subscription, at the same time as `put` knows it.
+
+    Parameters
+    ----------
+    publisher : zenoh.Publisher
+        As `declare_publisher` returns it.
     """
     return bool(publisher.matching_status.matching)  # type: ignore[attr-defined]
 
