@@ -92,8 +92,6 @@ def sample(transfer: TransferFunction, sample_rate_hz: float) -> SampledFilter:
     ValueError
         If the transfer function is improper or has a pole at s = 0.
     """
-    from scipy import signal
-
     order = len(transfer.denominator) - 1
     if len(transfer.numerator) > order + 1 or transfer.denominator[-1] == 0.0:
         raise ValueError("the transfer function must be proper and without a pole at s = 0")
@@ -102,14 +100,42 @@ def sample(transfer: TransferFunction, sample_rate_hz: float) -> SampledFilter:
     scale = abs(transfer.denominator[-1] / transfer.denominator[0]) ** (1.0 / order)
     denominator = _rescale(transfer.denominator, scale)
     numerator = _rescale(transfer.numerator, scale) / denominator[0]
-    # A small response is enlarged: scipy would judge it, by its size, to be badly conditioned.
-    exponent = min(int(np.frexp(np.abs(numerator).max())[1]), 0)
-    discrete = signal.cont2discrete(
-        (np.ldexp(numerator, -exponent), denominator / denominator[0]),
-        scale / sample_rate_hz,
-        method="foh",
-    )
-    return SampledFilter(np.ldexp(np.ravel(discrete[0]), exponent), np.ravel(discrete[1]))
+    return _first_order_hold(numerator, denominator / denominator[0], scale / sample_rate_hz)
+
+
+def _first_order_hold(
+    numerator: FloatArray, denominator: FloatArray, step: float
+) -> SampledFilter:
+    """Return the filter that is exact where the input runs straight from sample to sample.
+
+    The state, in controllable canonical form, and the input move by the exponential of their
+    rates together (Franklin, Powell and Workman, Digital Control of Dynamic Systems, 3rd ed.,
+    6.3.2).
+
+    Parameters
+    ----------
+    numerator, denominator : ndarray
+        Polynomials in s; proper and monic.
+    step : float
+        Between samples, in the time that 1/s is in.
+    """
+    # Late, because many only need the responses; `scipy.signal` would load half of scipy.
+    from scipy import linalg
+
+    order = denominator.size - 1
+    padded = np.concatenate([np.zeros(order + 1 - numerator.size), numerator])
+    output = padded[1:] - padded[0] * denominator[1:]
+    rates = np.zeros((order + 2, order + 2))
+    rates[0, :order] = -step * denominator[1:]
+    rates[1:order, : order - 1] = step * np.eye(order - 1)
+    rates[0, order] = step
+    rates[order, order + 1] = 1.0
+    moves = linalg.expm(rates)[:order]
+    move, ramp = moves[:, :order], moves[:, order + 1]
+    drive = moves[:, order] - ramp + move @ ramp
+    poles = np.asarray(np.poly(move), dtype=np.float64)
+    zeros = np.asarray(np.poly(move - np.outer(drive, output)), dtype=np.float64)
+    return SampledFilter(zeros + (padded[0] + output @ ramp - 1.0) * poles, poles)
 
 
 def _rescale(polynomial: tuple[float, ...], scale: float) -> FloatArray:

@@ -5,13 +5,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from pydantic import Field
 
 from frictus_hardware.errors import ConfigError
-from frictus_hardware.simulated.motion import FingerMotion, Wander, sinusoids
-from frictus_hardware.simulated.press import LEAST_N, NormalForce, Press
+from frictus_hardware.simulated.motion import FingerMotion, Wander
+from frictus_hardware.simulated.press import NormalForce, Press
 from frictus_hardware.simulated.strict import NonNegative, Positive, StrictModel
 
 FloatArray = NDArray[np.float64]
@@ -181,6 +180,9 @@ class HumanFinger:
 
     def at(self, time_s: FloatArray) -> FingerMotion:
         """Return the finger at given times."""
+        # Late, because a process that only reads a configuration needs no compiler.
+        from frictus_hardware.simulated.kernels import explore
+
         time_s = np.ascontiguousarray(time_s, dtype=np.float64)
         strokes = self.strokes
         motion = FingerMotion(
@@ -189,7 +191,7 @@ class HumanFinger:
             np.empty(time_s.size),
             np.empty(time_s.size, np.bool_),
         )
-        _explore(
+        explore(
             time_s,
             strokes.begin_s,
             strokes.move_s,
@@ -210,61 +212,3 @@ class HumanFinger:
             motion.in_contact,
         )
         return motion
-
-
-@njit(cache=True, nogil=True)
-def _explore(  # type: ignore[no-untyped-def]
-    time_s,
-    begin_s,
-    move_s,
-    from_mm,
-    to_mm,
-    lift,
-    turn_mm_s2,
-    loop_s,
-    tremor_x,
-    tremor_y,
-    drift,
-    force,
-    middle_mm,
-    target_n,
-    position_mm,
-    velocity_mm_s,
-    normal_force_n,
-    in_contact,
-):
-    """Write the finger: strokes and tremor along x, drift and tremor along y, normal force."""
-    for n in range(time_s.size):
-        looped = time_s[n] % loop_s
-        index = np.searchsorted(begin_s, looped, side="right") - 1
-        since = looped - begin_s[index]
-        move = move_s[index]
-        share = min(since / move, 1.0)
-        length = to_mm[index] - from_mm[index]
-        begin = turn_mm_s2[index, 0] * move**2 / 2.0
-        end = turn_mm_s2[index, 1] * move**2 / 2.0
-        # The quintic with these positions and accelerations at its ends, at rest there.
-        cubic = 10.0 * length - 3.0 * begin + end
-        quartic = -15.0 * length + 3.0 * begin - 2.0 * end
-        quintic = 6.0 * length - begin + end
-        along = share**2 * (begin + share * (cubic + share * (quartic + share * quintic)))
-        rate = share * (
-            2.0 * begin
-            + share * (3.0 * cubic + share * (4.0 * quartic + share * 5.0 * quintic))
-        )
-        held = 1.0
-        if lift[index]:  # off the screen between two ramps
-            last = index + 1 == begin_s.size
-            left = (loop_s if last else begin_s[index + 1]) - looped
-            off = min(since - move, left) / LIFT_RAMP_S
-            held = 1.0 - min(max(off, 0.0), 1.0)
-        trembling_x, trembling_vx = sinusoids(time_s[n], tremor_x)
-        trembling_y, trembling_vy = sinusoids(time_s[n], tremor_y)
-        drifting, drifting_v = sinusoids(time_s[n], drift)
-        pressing, _ = sinusoids(time_s[n], force)
-        position_mm[n, 0] = from_mm[index] + along + trembling_x
-        position_mm[n, 1] = middle_mm + drifting + trembling_y
-        velocity_mm_s[n, 0] = rate / move + trembling_vx
-        velocity_mm_s[n, 1] = drifting_v + trembling_vy
-        normal_force_n[n] = held * max(target_n + pressing, LEAST_N)
-        in_contact[n] = held > 0.0

@@ -5,7 +5,6 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
@@ -90,6 +89,9 @@ class Wander:
 
     def sums(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return `value` and `rate`, for little more than one of them costs."""
+        # Late, because a process that only reads a configuration needs no compiler.
+        from frictus_hardware.simulated.kernels import add_sinusoids
+
         time_s = np.ascontiguousarray(time_s, dtype=np.float64)
         value, rate = np.empty(time_s.size), np.empty(time_s.size)
         add_sinusoids(time_s, self.table, value, rate)
@@ -99,21 +101,3 @@ class Wander:
     def table(self) -> FloatArray:
         """Frequency, phase and amplitude as `sinusoids` takes them, shape (3, n_components)."""
         return np.array([self.frequency_hz, self.phase_rad, self.amplitude])
-
-
-@njit(cache=True, nogil=True)
-def sinusoids(time_s, table):  # type: ignore[no-untyped-def]
-    """Return a sum of sinusoids and its derivative at one time."""
-    value, rate = 0.0, 0.0
-    for k in range(table.shape[1]):
-        phase = 2.0 * np.pi * (time_s * table[0, k]) + table[1, k]
-        value += np.sin(phase) * table[2, k]
-        rate += np.cos(phase) * (2.0 * np.pi * table[0, k] * table[2, k])
-    return value, rate
-
-
-@njit(cache=True, nogil=True)
-def add_sinusoids(time_s, table, value, rate):  # type: ignore[no-untyped-def]
-    """Write a sum of sinusoids and its derivative, shape (n_samples,)."""
-    for n in range(time_s.size):
-        value[n], rate[n] = sinusoids(time_s[n], table)

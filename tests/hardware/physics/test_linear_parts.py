@@ -1,6 +1,8 @@
 """Mobility and mount against what the paper's appendix implies, and their simulation."""
 
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -87,6 +89,20 @@ def test_first_order_hold_is_exact_for_straight_input(transfer: TransferFunction
     analytic = at_rest * time_s + first + np.real(np.exp(np.outer(time_s, poles)) @ residues)
     scale = np.max(np.abs(analytic))
     np.testing.assert_allclose(out[:, 0], analytic, atol=1e-9 * scale)
+
+
+def test_sampling_loads_no_half_of_scipy() -> None:
+    # Every rig samples at its start; `scipy.signal` alone took a third of that.
+    program = (
+        "import sys\n"
+        "from frictus_hardware.physics import linear, mount\n"
+        "linear.sample(mount.Mount().lateral, 20_000.0)\n"
+        "print(*({'scipy.signal', 'scipy.stats', 'scipy.optimize'} & sys.modules.keys()))"
+    )
+    loaded = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert loaded.stdout.split() == []
 
 
 def test_state_carries_over_any_split(rng: np.random.Generator) -> None:

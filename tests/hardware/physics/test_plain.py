@@ -10,7 +10,7 @@ from frictus_hardware import SimulatedConfig
 from frictus_hardware.errors import ConfigError
 from frictus_hardware.physics import compiled, friction, rolloff, skin
 from frictus_hardware.physics.effects import EFFECTS
-from frictus_hardware.simulated import human, motion
+from frictus_hardware.simulated import kernels
 from frictus_hardware.simulated.clock import VirtualClock
 from frictus_hardware.simulated.human import HumanStrokes
 from frictus_hardware.simulated.participants import Participant, ParticipantEffect
@@ -47,7 +47,7 @@ def test_what_a_simulated_rig_senses(person: Participant, seed: int, drive_seed:
         clock="virtual", finger=HumanStrokes(), participant=person, seed=seed
     )
     rng = np.random.default_rng(drive_seed)
-    with compared(compiled, friction, rolloff, skin, human, motion) as watched:
+    with compared(compiled, friction, rolloff, skin, kernels) as watched:
         try:
             rig = SimulatedRig(config, clock=VirtualClock())
         except ConfigError:
@@ -57,4 +57,4 @@ def test_what_a_simulated_rig_senses(person: Participant, seed: int, drive_seed:
         for _ in range(3):
             rig.exchange(rng.uniform(-80.0, 80.0, 40))
         rig.close()
-    assert watched["_explore"].calls
+    assert watched["explore"].calls
