@@ -1,5 +1,6 @@
 """What every rig accepts of its caller: a drive, and the length of a ramp."""
 
+import math
 from typing import Final
 
 import numpy as np
@@ -15,8 +16,8 @@ MAX_BLOCK_S: Final = 1.0
 
 def require_drive(
     drive_v: FloatArray, max_samples: int, *, armed: bool, besides: str = ""
-) -> None:
-    """Refuse a drive that must not be played.
+) -> float:
+    """Refuse a drive that must not be played; return its largest magnitude, V.
 
     Parameters
     ----------
@@ -42,10 +43,12 @@ def require_drive(
             f"a drive of shape {drive_v.shape}: one axis of 1 to {max_samples} samples "
             f"accepted{besides}; nothing was output"
         )
-    if not np.all(np.isfinite(drive_v)):
+    largest_v = float(np.abs(drive_v).max())
+    if not largest_v < math.inf:
         raise UnsafeDriveError("a drive sample is not finite; nothing was output")
-    if not armed and np.any(drive_v):
+    if not armed and largest_v > 0.0:
         raise NotArmedError("drive other than zero while disarmed; nothing was output")
+    return largest_v
 
 
 def ramp_samples(ramp_s: float, sample_rate_hz: float) -> int:

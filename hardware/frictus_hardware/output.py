@@ -103,7 +103,8 @@ class OutputQueue:
         if late or self._handed_over_to not in (None, first):
             self._returned, self._return_from_v = 0, self._idle_v
         self._handed_over_to = first + values_v.size
-        plays_v = np.full(values_v.size, self._idle_v)
+        plays_v = np.empty(values_v.size)
+        plays_v[:late] = self._idle_v
         if late < values_v.size:
             plays_v[late:] = self._faded_in(values_v[late:])
             self._ring.write(first + late, values_v.size - late, plays_v[late:])

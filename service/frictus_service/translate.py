@@ -161,7 +161,7 @@ def finger_of(turn: Turn, stamp: Stamp, info: RigInfo) -> FingerState:
         y_mm=y_mm,
         vx_mm_s=vx_mm_s,
         vy_mm_s=vy_mm_s,
-        normal_force_n=float(exchange.force_n[:, 2].mean()),
+        normal_force_n=step.normal_force_n,
         in_contact=step.in_contact,
         source=info.finger_source,
         age_ms=age_ms,

@@ -5,8 +5,7 @@ call than to compute. The pass does the same arithmetic sample by sample; the st
 remain the reference, and what analysis uses.
 """
 
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass, field, replace
 from typing import Final, Self, TypeAlias
 
 import numpy as np
@@ -79,6 +78,9 @@ class OnePass:
     contact: Contact
     mount: Underneath
     mobility: Mobility
+    _filters: dict[float, FloatArray] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     @classmethod
     def of(cls, stages: tuple[Stage, ...]) -> Self | None:
@@ -104,9 +106,7 @@ class OnePass:
     def run(self, signals: Signals, state: _PassState | None) -> tuple[Signals, _PassState]:
         """Set every output at the device's rate."""
         fine_hz = signals.sample_rate_hz * self.hold.steps
-        filters = _filters(
-            self.mount.lateral, self.mount.normal, self.mobility.acceleration, fine_hz
-        )
+        filters = self._filters_at(fine_hz)
         if state is None:
             state = _PassState(_started(signals), 0.0, np.zeros_like(filters[0]))
         last, memory = state.last.copy(), state.memory.copy()
@@ -151,6 +151,22 @@ class OnePass:
         )
         return out, _PassState(last, friction_n, memory)
 
+    def _filters_at(self, rate_hz: float) -> FloatArray:
+        """Return numerators and denominators in 1/z of force (x, y, z) and skin (x, y).
+
+        Shape (2, highest order + 1, 5), filled up with zeros: so all five take the same steps,
+        side by side.
+        """
+        kept = self._filters.get(rate_hz)
+        if kept is None:
+            transfers = self.mount.lateral, self.mount.normal, self.mobility.acceleration
+            sampled = [_sampled(each, rate_hz) for each in transfers]
+            kept = np.zeros((2, max(each.shape[1] for each in sampled), 5))
+            for channel, which in enumerate((0, 0, 1, 2, 2)):
+                kept[:, : sampled[which].shape[1], channel] = sampled[which]
+            self._filters[rate_hz] = kept
+        return kept
+
 
 @dataclass(frozen=True, slots=True)
 class Converter:
@@ -168,8 +184,12 @@ class Converter:
         shape = signals.force_n.shape
         force_n, accel_m_s2 = (generator.standard_normal(shape) for generator in state)
         noise, steps = self.noise, self.steps
-        _convert(signals.force_n, noise.force_n, steps.force_step_n, force_n)
-        _convert(signals.accel_m_s2, noise.accel_m_s2, steps.accel_step_m_s2, accel_m_s2)
+        _convert(
+            (signals.force_n, signals.accel_m_s2),
+            (noise.force_n, noise.accel_m_s2),
+            (steps.force_step_n, steps.accel_step_m_s2),
+            (force_n, accel_m_s2),
+        )
         return replace(signals, force_n=force_n, accel_m_s2=accel_m_s2), state
 
 
@@ -180,34 +200,16 @@ def _started(signals: Signals) -> FloatArray:
 
 @njit(cache=True, nogil=True)
 def _convert(clean, noise, step, out):  # type: ignore[no-untyped-def]
-    """Turn what `out` holds, white noise of 1, into the noisy signal, rounded to steps."""
-    for n in range(clean.shape[0]):
-        for axis in range(clean.shape[1]):
-            out[n, axis] = np.rint((clean[n, axis] + noise * out[n, axis]) / step) * step
-
-
-@lru_cache(maxsize=64)
-def _filters(
-    lateral: linear.TransferFunction | None,
-    normal: linear.TransferFunction | None,
-    skin: linear.TransferFunction,
-    rate_hz: float,
-) -> FloatArray:
-    """Return numerators and denominators in 1/z of force (x, y, z) and skin (x, y).
-
-    Shape (2, highest order + 1, 5), filled up with zeros: so all five take the same steps, side
-    by side. A transfer of None passes on.
-    """
-    sampled = [_sampled(each, rate_hz) for each in (lateral, normal, skin)]
-    both = np.zeros((2, max(each.shape[1] for each in sampled), 5))
-    for channel, which in enumerate((0, 0, 1, 2, 2)):
-        both[:, : sampled[which].shape[1], channel] = sampled[which]
-    both.flags.writeable = False  # it is cached
-    return both
+    """Turn what each of `out` holds, white noise of 1, into the noisy signal, in steps."""
+    for which in range(2):
+        for n in range(clean[which].shape[0]):
+            for axis in range(3):
+                noisy = clean[which][n, axis] + noise[which] * out[which][n, axis]
+                out[which][n, axis] = np.rint(noisy / step[which]) * step[which]
 
 
 def _sampled(transfer: linear.TransferFunction | None, rate_hz: float) -> FloatArray:
-    """Return numerator and denominator in 1/z, shape (2, order + 1)."""
+    """Return numerator and denominator in 1/z, shape (2, order + 1); None passes on."""
     if transfer is None:
         return np.ones((2, 1))
     sampled = linear.sample(transfer, rate_hz)

@@ -99,5 +99,5 @@ class Wander:
 
     @cached_property
     def table(self) -> FloatArray:
-        """Frequency, phase and amplitude as `sinusoids` takes them, shape (3, n_components)."""
+        """Frequency, phase and amplitude for `add_sinusoids`, shape (3, n_components)."""
         return np.array([self.frequency_hz, self.phase_rad, self.amplitude])

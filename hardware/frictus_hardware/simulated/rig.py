@@ -178,7 +178,7 @@ class SimulatedRig(Opened):
         """Do the first part of an exchange, which does not wait."""
         self._require_open()
         drive_v = np.asarray(drive_v, dtype=np.float64)
-        require_drive(drive_v, self._max_block, armed=self._armed)
+        largest_v = require_drive(drive_v, self._max_block, armed=self._armed)
         end = self._sensed + drive_v.size
         self._raise_faults(end)
         lost = self.faults.take(LostSamples, end)
@@ -187,9 +187,11 @@ class SimulatedRig(Opened):
         now = self._clock.sample() + self.faults.take(LateBlock, end)
         peak = self.config.screen_peak_v
         missed = min(self.faults.take(EmptyOutput, end), drive_v.size)
-        beyond = int(np.count_nonzero(np.abs(drive_v) > peak))
-        clamped = np.clip(drive_v, -peak, peak) if beyond else drive_v
-        late, applied = self._output.write(play, clamped, max(now, play + missed))
+        beyond = 0
+        if largest_v > peak:
+            beyond = int(np.count_nonzero(np.abs(drive_v) > peak))
+            drive_v = np.clip(drive_v, -peak, peak)
+        late, applied = self._output.write(play, drive_v, max(now, play + missed))
         return HandedOver(
             first_sample=first,
             applied_v=applied,

@@ -1,5 +1,6 @@
 """The publisher thread: packs what the loop hands over and puts it on the network."""
 
+import contextlib
 import gc
 import queue
 import threading
@@ -25,7 +26,7 @@ from frictus.session import declare_latest_publisher, declare_publisher, is_read
 from frictus_hardware.base import RigInfo
 from frictus_service.daemon.commands import Commands
 from frictus_service.daemon.interlock import EndedLease, Interlock
-from frictus_service.daemon.loop import BlockLoop
+from frictus_service.daemon.loop import HANDOVER_BLOCKS, BlockLoop
 from frictus_service.daemon.safety import ACTIONS
 from frictus_service.daemon.stage import Stage
 from frictus_service.daemon.timebase import Timebase
@@ -36,6 +37,10 @@ STATUS_S: Final = 0.5
 """A status is published at least so often, and whenever the safety state changes."""
 COLLECT_BLOCKS: Final = 2_000
 """The garbage collector runs after so many blocks; see `Publisher.run_until`."""
+UNREAD_S: Final = 0.02
+UNREAD_BLOCKS: Final = 4
+"""Where nobody reads, what was handed over is taken every so often: waking this thread costs
+more than what it does with a block, most of it the loop's time."""
 LATEST: Final = (Topics.STATUS, Topics.SCENE, Topics.MODEL, Topics.TIME)
 
 
@@ -92,6 +97,8 @@ class Publisher:
         self._timebase = Timebase(info.clock_hz)
         self._run = loop.run
         self._published = 0
+        self._read = True
+        self._unread_s = min(UNREAD_S, UNREAD_BLOCKS * block_samples / info.clock_hz)
         self._status_due_s = 0.0
         self._said: tuple[object, ...] = ()
         self._scene: SceneState | None = None
@@ -109,19 +116,25 @@ class Publisher:
         thread that can best wait, once in a while.
         """
         turns = 0
-        while True:
-            try:
-                turn = self._loop.handover.get(timeout=0.1)
-            except queue.Empty:
-                if stop.is_set():
-                    break
-            else:
+        while (taken := self._take(stop)) or not stop.is_set():
+            for turn in taken:
                 self._publish(turn)
                 turns += 1
                 if turns % COLLECT_BLOCKS == 0:
                     gc.collect()
             self._publish_states()
         self._put_status()
+
+    def _take(self, stop: threading.Event) -> list[Turn]:
+        """Wait for what the loop hands over; where nobody reads, for several blocks."""
+        if not self._read:
+            stop.wait(self._unread_s)
+        taken: list[Turn] = []
+        with contextlib.suppress(queue.Empty):
+            taken.append(self._loop.handover.get(timeout=0.1))
+            while len(taken) < HANDOVER_BLOCKS:
+                taken.append(self._loop.handover.get_nowait())
+        return taken
 
     def _publish(self, turn: Turn) -> None:
         if turn.run != self._run:
@@ -130,20 +143,23 @@ class Publisher:
         exchange = turn.step.exchange
         end = exchange.first_sample + exchange.voltage_v.size
         self._timebase.observe(end, turn.returned_ns, turn.reading)
-        if read := [stream for stream, put in self._streams.items() if is_read(put)]:
+        read = [stream for stream, put in self._streams.items() if is_read(put)]
+        finger, touch = is_read(self._finger), is_read(self._touch)
+        self._read = bool(read or finger or touch)
+        if read:
             flags = flags_of(turn, self._info, self._stage.model.model.placeholder)
             stamp = self._timebase.stamp(exchange.first_sample)
             for block in blocks_of(turn, stamp, flags, self._info.sample_rate_hz, read):
                 self._streams[block.stream].put(block.pack())
                 self._published += 1
-        if is_read(self._finger):
+        if finger:
             stamp = self._timebase.stamp(end)
             self._finger.put(finger_of(turn, stamp, self._info).to_json())
-        if exchange.touches and is_read(self._touch):
+        if touch:
             for report in exchange.touches:
-                touch = touch_of(report, turn.run, self._info)
-                if touch is not None:
-                    self._touch.put(touch.to_json())
+                state = touch_of(report, turn.run, self._info)
+                if state is not None:
+                    self._touch.put(state.to_json())
 
     def _publish_states(self) -> None:
         now_s = self._monotonic_s()

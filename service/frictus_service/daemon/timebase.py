@@ -207,19 +207,21 @@ class Timebase:
 
 def _lower_edge(x: FloatArray, y: FloatArray) -> tuple[float, float]:
     """Return slope and intercept of the lower hull's edge under the mean of x."""
-    hull: list[int] = []
-    for i in range(x.size):
-        while len(hull) > 1 and _turns_right(x, y, hull[-2], hull[-1], i):
+    hull: list[tuple[float, float]] = []
+    # As Python's numbers: taken one by one, an array's cost several times as much.
+    for point in zip(x.tolist(), y.tolist(), strict=True):
+        while len(hull) > 1 and _turns_right(hull[-2], hull[-1], point):
             hull.pop()
-        hull.append(i)
+        hull.append(point)
     middle = float(x.mean())
-    for left, right in itertools.pairwise(hull):
-        if x[right] >= middle:
-            slope = float((y[right] - y[left]) / (x[right] - x[left]))
-            return slope, float(y[left] - slope * x[left])
+    for (x_0, y_0), (x_1, y_1) in itertools.pairwise(hull):
+        if x_1 >= middle:
+            slope = (y_1 - y_0) / (x_1 - x_0)
+            return slope, y_0 - slope * x_0
     return 0.0, float(y.min())
 
 
-def _turns_right(x: FloatArray, y: FloatArray, a: int, b: int, c: int) -> bool:
-    turn = (x[b] - x[a]) * (y[c] - y[a]) - (y[b] - y[a]) * (x[c] - x[a])
-    return bool(turn <= 0.0)
+def _turns_right(
+    a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]
+) -> bool:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) <= 0.0

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from frictus_hardware.base import Backend, Exchange, TouchReport
 from frictus_hardware.errors import HardwareError
 from frictus_hardware.physics.friction import FrictionLaw
@@ -47,6 +49,8 @@ class Step:
     rendered : Rendered
     in_contact, stale : bool
         What the touch sensor says; nothing is rendered without contact or while it is stale.
+    normal_force_n : float
+        Mean over what was sensed.
     """
 
     exchange: Exchange
@@ -54,6 +58,7 @@ class Step:
     rendered: Rendered
     in_contact: bool
     stale: bool
+    normal_force_n: float
 
     @property
     def motion(self) -> Motion:
@@ -117,8 +122,10 @@ class Chain:
             raise
         for report in exchange.touches:
             self.estimator.observe(report)
-        self.estimator.press(float(exchange.force_n[:, 2].mean()))
-        return Step(exchange, course, rendered, in_contact, stale)
+        normal_n = exchange.force_n[:, 2]
+        normal_force_n = float(np.add.reduce(normal_n) / normal_n.size)
+        self.estimator.press(normal_force_n)
+        return Step(exchange, course, rendered, in_contact, stale, normal_force_n)
 
 
 def make_chain(

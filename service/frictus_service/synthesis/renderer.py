@@ -33,7 +33,7 @@ class Rendered:
     ----------
     voltage_v, drive, target_n : ndarray, shape (n_samples,)
         Screen volts; drive fraction, in [0, 1]; friction that was aimed at, bias included, N,
-        NaN where an excitation is played, which aims at none.
+        NaN where none is: in an excitation, and while there is no output.
     clipped_samples, extrapolated_samples : int
         Samples whose drive did not fit, and whose speed lay outside the law's range.
     level : float
@@ -89,6 +89,8 @@ class Renderer:
         self._drive = np.zeros(block_samples)
         self._drive_next = np.zeros(block_samples)
         self._voltage = np.zeros(block_samples)
+        nothing = np.zeros(block_samples)
+        self._silence = Rendered(nothing, nothing, np.full(block_samples, np.nan), 0, 0, 0.0)
 
     @property
     def scene(self) -> Playable:
@@ -110,6 +112,9 @@ class Renderer:
     def render(self, first_sample: int, course: Course, allow: bool) -> Rendered:
         """Render the block that starts to play at `first_sample`.
 
+        Nothing is computed while there is no output. What is felt depends on the sample and on
+        the finger alone, so that nothing is missing when the output comes back.
+
         Parameters
         ----------
         first_sample : int
@@ -126,8 +131,11 @@ class Renderer:
         )
         if self._level == 0.0:
             self._inverter.settle()
+            if not allow:
+                self._go_on_fading()
+                return self._silence
         clipped, extrapolated = self._compose(first_sample, course)
-        active = allow or self._level > 0.0
+        self._go_on_fading()
         # A little steeper, so that rounding does not cost a block more.
         step = (1.0 + 1e-9) / (RAMP_S * self._rate_hz)
         self._level = kernel.envelope(self._level, 1.0 if allow else 0.0, step, self._drive)
@@ -143,8 +151,8 @@ class Renderer:
             self._voltage,
             self._drive,
             self._target[:-1],
-            clipped if active else 0,
-            extrapolated if active else 0,
+            clipped,
+            extrapolated,
             self._level,
         )
 
@@ -161,27 +169,33 @@ class Renderer:
         scene, coming = self._scene, self._next_scene
         if coming is None:
             return self._drive_of(scene, first_sample, course, self._drive)
-        streamed = coming.source == scene.source == "stream"
-        step = 1.0 / ((STREAM_FADE_S if streamed else SCENE_FADE_S) * self._rate_hz)
+        step = self._fade_step(scene, coming)
         if isinstance(scene, CompiledScene) and isinstance(coming, CompiledScene):
             self._trace(scene, course, first_sample, self._target)
             self._trace(coming, course, first_sample, self._target_next)
             kernel.mix(self._target, self._target_next, self._share, step)
             bias_n = self._bias_n(scene, coming, step)
-            counts = self._inverter.drive(
-                first_sample, course, bias_n, self._target, self._drive
-            )
-        else:
-            before = self._drive_of(scene, first_sample, course, self._drive)
-            after = self._drive_of(coming, first_sample, course, self._drive_next)
-            kernel.mix_drive(self._drive, self._drive_next, self._share, step)
-            self._target[:] = np.nan
-            counts = (before[0] + after[0], before[1] + after[1])
-        self._share += self._drive.size * step
+            return self._inverter.drive(first_sample, course, bias_n, self._target, self._drive)
+        before = self._drive_of(scene, first_sample, course, self._drive)
+        after = self._drive_of(coming, first_sample, course, self._drive_next)
+        kernel.mix_drive(self._drive, self._drive_next, self._share, step)
+        self._target[:] = np.nan
+        return before[0] + after[0], before[1] + after[1]
+
+    def _fade_step(self, scene: Playable, coming: Playable) -> float:
+        """Return how much further a fade is after each sample."""
+        streamed = coming.source == scene.source == "stream"
+        return 1.0 / ((STREAM_FADE_S if streamed else SCENE_FADE_S) * self._rate_hz)
+
+    def _go_on_fading(self) -> None:
+        """Let a block's time pass for the fade that is under way, if there is one."""
+        coming = self._next_scene
+        if coming is None:
+            return
+        self._share += self._drive.size * self._fade_step(self._scene, coming)
         if self._share >= 1.0:
             self._scene, self._next_scene, self._waiting = coming, self._waiting, None
             self._share = 0.0
-        return counts
 
     def _drive_of(
         self, scene: Playable, first_sample: int, course: Course, out: FloatArray

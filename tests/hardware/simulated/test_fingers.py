@@ -1,12 +1,14 @@
 """Virtual fingers: continuous, on the screen, reproducible, and of the stated kind."""
 
 import functools
+import math
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
+from tests.plain import plain
 
 from frictus_hardware.errors import ConfigError
 from frictus_hardware.simulated.fingers import FingerConfig
@@ -23,6 +25,7 @@ from frictus_hardware.simulated.human import (
     HumanStrokes,
     draw_strokes,
 )
+from frictus_hardware.simulated.kernels import add_sinusoids
 from frictus_hardware.simulated.motion import Finger, Wander
 from frictus_hardware.simulated.pointer import ClientFinger, PointerFinger
 from frictus_hardware.simulated.press import Press
@@ -250,6 +253,39 @@ def plain_wander(wander: Wander, time_s: FloatArray) -> tuple[FloatArray, FloatA
     turn = 2.0 * np.pi * wander.frequency_hz
     phase = 2.0 * np.pi * np.multiply.outer(time_s, wander.frequency_hz) + wander.phase_rad
     return np.sin(phase) @ wander.amplitude, np.cos(phase) @ (turn * wander.amplitude)
+
+
+@pytest.mark.parametrize("begin_s", [0.0, 0.3, 1e5])
+@pytest.mark.parametrize("n_samples", [0, 1, 2, 100, 1_000])
+def test_a_wander_is_the_same_however_its_times_are_spaced(
+    begin_s: float, n_samples: int, rng: np.random.Generator
+) -> None:
+    wander = Wander.draw(rng, (0.1, 12.0), 0.3)
+    rounding = 1e-8 * max(1.0, begin_s / 1e4)  # of the times themselves
+    even = begin_s + np.arange(n_samples) / 20_000.0
+    with_a_gap = np.where(np.arange(n_samples) < 70, even, even + 0.4)
+    for time_s in (even, with_a_gap, np.sort(rng.permutation(even) + rng.uniform(0.0, 1e-4))):
+        for found, expected in zip(
+            wander.sums(time_s), plain_wander(wander, time_s), strict=True
+        ):
+            np.testing.assert_allclose(found, expected, rtol=0.0, atol=rounding)
+
+
+def test_the_times_of_a_block_cost_few_sines(
+    monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
+) -> None:
+    wander = Wander.draw(rng, (8.0, 12.0), 0.02)
+    time_s = 3.0 + np.arange(100) / 20_000.0
+    sines = 0
+
+    def counted(phase: float) -> float:
+        nonlocal sines
+        sines += 1
+        return math.sin(phase)
+
+    monkeypatch.setattr(np, "sin", counted)
+    plain(add_sinusoids)(time_s, wander.table, np.empty(100), np.empty(100))
+    assert sines <= 5 * wander.frequency_hz.size
 
 
 def plain_stroke(finger: HumanFinger, time_s: FloatArray) -> tuple[FloatArray, ...]:

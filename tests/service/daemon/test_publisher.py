@@ -1,21 +1,125 @@
-"""What a status says is of one moment, whatever happens while it is made."""
+"""When the publisher wakes, and that a status is of one moment, whatever happens meanwhile."""
+
+import queue
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 
 import pytest
-from tests.service.daemon.conftest import build_bench
+import zenoh
+from tests.service.daemon.conftest import Bench, build_bench
 from tests.service.daemon.desk import Desk
 
-from frictus.keys import RigKeys
+from frictus.block import Block
+from frictus.keys import RigKeys, Topics
 from frictus.session import open_router, open_session
+from frictus_service.benchmarks.neighbour import await_subscriber
 from frictus_service.daemon.interlock import Interlock
-from frictus_service.daemon.publisher import Publisher
+from frictus_service.daemon.publisher import UNREAD_BLOCKS, UNREAD_S, Publisher
 from frictus_service.daemon.safety import Disarm, Safety
 from frictus_service.ports import free_endpoint
 
+KEYS = RigKeys("lab", "rig")
+
+
+@dataclass
+class Published:
+    """A publisher on a session of its own, of a loop that is turned by hand."""
+
+    session: zenoh.Session
+    bench: Bench
+    desk: Desk = field(default_factory=Desk)
+
+    def __post_init__(self) -> None:
+        self.publisher = Publisher(
+            self.session,
+            KEYS,
+            self.bench.rig.info,
+            100,
+            self.bench.loop,
+            self.desk.interlock,
+            self.desk.stage,
+            self.desk.commands,
+            lambda: self.desk.now_s,
+            lambda: self.desk.utc_ns,
+        )
+
+
+class LoopGoesOn(threading.Event):
+    """An event whose waits let the loop turn, until it is set after some of them.
+
+    Whoever asks again and again without a wait finds it set too.
+    """
+
+    def __init__(self, bench: Bench, n_waits: int) -> None:
+        super().__init__()
+        self.bench = bench
+        self.left = n_waits
+        self.asked = 0
+        self.waited_s: list[float] = []
+
+    def is_set(self) -> bool:
+        self.asked += 1
+        return self.asked > 200 or super().is_set()
+
+    def wait(self, timeout: float | None = None) -> bool:
+        assert timeout is not None
+        self.waited_s.append(timeout)
+        if self.left:
+            self.left -= 1
+            for _ in range(UNREAD_BLOCKS):
+                self.bench.loop.turn()
+        else:
+            self.set()
+        return self.is_set()
+
+
+@pytest.fixture
+def published() -> Iterator[Published]:
+    endpoint = free_endpoint()
+    with open_router(endpoint), open_session(endpoint) as session:
+        yield Published(session, build_bench())
+
+
+@pytest.mark.parametrize("clock_scale", [1.0, 50.0])
+def test_where_nobody_reads_the_publisher_wakes_once_for_several_blocks(
+    published: Published, monkeypatch: pytest.MonkeyPatch, clock_scale: float
+) -> None:
+    bench = build_bench()
+    monkeypatch.setattr(bench.rig, "_info", replace(bench.rig.info, clock_scale=clock_scale))
+    idle = Published(published.session, bench)
+    bench.loop.turn()
+    stop = LoopGoesOn(bench, 10)
+    idle.publisher.run_until(stop)
+    taken = 1 + 10 * UNREAD_BLOCKS
+    assert bench.loop.tally.blocks == taken
+    assert bench.loop.handover.empty()
+    assert bench.loop.tally.blocks_dropped == 0
+    assert idle.publisher._timebase.newest_sample == 100 * taken
+    blocks_s = UNREAD_BLOCKS * 100 / bench.rig.info.clock_hz
+    assert 0.0 < max(stop.waited_s) <= min(UNREAD_S, blocks_s)
+
+
+def test_who_reads_gets_each_block_at_once(published: Published) -> None:
+    got: queue.SimpleQueue[zenoh.Sample] = queue.SimpleQueue()
+    with published.session.declare_subscriber(KEYS.of(Topics.FORCE), got.put):
+        await_subscriber(published.publisher._streams[1])
+        stop = LoopGoesOn(published.bench, 0)
+        for _ in range(8):
+            published.bench.loop.turn()
+        stop.set()
+        published.publisher.run_until(stop)
+        numbers = [
+            Block.unpack(got.get(timeout=10.0).payload.to_bytes()).sequence for _ in range(8)
+        ]
+    assert numbers == list(range(8))
+    assert not stop.waited_s
+
 
 def test_no_status_says_armed_and_names_what_is_played_after_it(
-    monkeypatch: pytest.MonkeyPatch,
+    published: Published, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    desk, bench, endpoint = Desk(), build_bench(), free_endpoint()
+    desk, publisher = published.desk, published.publisher
     reads_left = 0
 
     def state(interlock: Interlock) -> Safety:
@@ -25,28 +129,15 @@ def test_no_status_says_armed_and_names_what_is_played_after_it(
         reads_left -= 1
         return interlock._state
 
-    with open_router(endpoint), open_session(endpoint) as session:
-        publisher = Publisher(
-            session,
-            RigKeys("lab", "rig"),
-            bench.rig.info,
-            100,
-            bench.loop,
-            desk.interlock,
-            desk.stage,
-            desk.commands,
-            lambda: desk.now_s,
-            lambda: desk.utc_ns,
-        )
-        monkeypatch.setattr(Interlock, "state", property(state))
-        seen = set()
-        for reads in range(10):
-            reads_left = -1  # none of these ends it
-            desk.streaming()
-            stream = desk.stage.scene.etag
-            reads_left = reads
-            status = publisher.status()
-            seen.add((status.state, status.scene_etag == stream))
-            desk.call("disarm")
+    monkeypatch.setattr(Interlock, "state", property(state))
+    seen = set()
+    for reads in range(10):
+        reads_left = -1  # none of these ends it
+        desk.streaming()
+        stream = desk.stage.scene.etag
+        reads_left = reads
+        status = publisher.status()
+        seen.add((status.state, status.scene_etag == stream))
+        desk.call("disarm")
     assert ("armed", False) not in seen
     assert {("armed", True), ("stopping", False)} <= seen

@@ -10,6 +10,7 @@ from frictus.stream import StreamFrame
 from frictus.textures import Component, Region, Scene, Spectrum
 from frictus_hardware.physics.friction import FrictionLaw, cutoff_hz
 from frictus_hardware.physics.screen import Screen
+from frictus_service.synthesis import kernel
 from frictus_service.synthesis.estimator import Course
 from frictus_service.synthesis.kernel import Motion
 from frictus_service.synthesis.renderer import Rendered, Renderer
@@ -170,6 +171,50 @@ def test_output_comes_and_goes_within_20_ms() -> None:
     np.testing.assert_allclose(levels, [0.75, 0.5, 0.25, 0.0, 0.0], atol=1e-6)
     assert levels[3] == 0.0
     assert not np.any(stroke.go(allow=False).voltage_v)
+
+
+def test_nothing_is_rendered_while_there_is_no_output(monkeypatch: pytest.MonkeyPatch) -> None:
+    stroke = Stroke(STRONG)
+    stroke.target(6)
+    while stroke.go(allow=False).level > 0.0:
+        pass
+    for name in ("target_friction", "invert", "envelope", "modulate"):
+        monkeypatch.delattr(kernel, name)
+    for _ in range(3):
+        quiet = stroke.go(allow=False)
+        assert quiet.level == 0.0
+        assert not np.any(quiet.voltage_v)
+        assert not np.any(quiet.drive)
+    with pytest.raises(AttributeError):
+        stroke.go()
+
+
+@pytest.mark.parametrize("quiet_blocks", [1, 3, 4, 9])
+def test_a_scene_that_comes_while_there_is_no_output_fades_in_all_the_same(
+    quiet_blocks: int,
+) -> None:
+    quiet, heard = Stroke(STRONG), Stroke(STRONG)
+    for stroke in (quiet, heard):
+        stroke.renderer.set_scene(WEAK)
+        stroke.renderer.set_scene(FINE)
+    for _ in range(quiet_blocks):
+        quiet.go(allow=False)
+        heard.go()
+    for _ in range(6):
+        np.testing.assert_array_equal(quiet.go().target_n, heard.go().target_n)
+    assert quiet.renderer.scene is FINE
+
+
+def test_output_begins_with_what_belongs_to_its_sample() -> None:
+    before, anew = Stroke(STRONG), Stroke(STRONG)
+    before.target(5)
+    while before.go(allow=False).level > 0.0:
+        pass
+    for _ in range(7):
+        before.go(allow=False)
+    anew.sample = before.sample
+    for _ in range(6):
+        np.testing.assert_array_equal(before.go().voltage_v, anew.go().voltage_v)
 
 
 def test_nothing_is_counted_while_there_is_no_output() -> None:
