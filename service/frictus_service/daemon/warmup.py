@@ -12,6 +12,7 @@ from frictus.messages import Excitation, Tone
 from frictus.stream import StreamFrame
 from frictus.textures import Component, Map, Region, Scene, Spectrum
 from frictus_hardware import SimulatedConfig, open_backend
+from frictus_hardware.simulated.human import HumanStrokes
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.synthesis.chain import Chain, make_chain
 from frictus_service.synthesis.excitation import compile_excitation
@@ -52,6 +53,8 @@ def warm_up(sample_rate_hz: float, block_samples: int) -> None:
     tone = Excitation(tones=[Tone(hz=100.0, amplitude=0.5)])
     excited = compile_excitation(tone, law, sample_rate_hz)
     coming: tuple[Playable, ...] = (scene, excited, scene, budget.quiet, streamed)
+    # Only a human finger has compiled code that is not every other finger's too.
+    HumanStrokes().start(config.screen_mm, np.random.default_rng(0)).at(np.zeros(1))
     with open_backend(config) as rig:
         rig.arm()
         chain = make_chain(rig, law, screen, block_samples)

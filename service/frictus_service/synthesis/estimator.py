@@ -11,6 +11,9 @@ times its range. So the rendered position moves continuously, and small correcti
 velocity. Where the finger did not turn as foretold the rendered position is left behind by more
 than a correction can make good without a false speed: it is then cross-faded to the right one,
 as it is where a contact begins.
+
+The compiled code counts through its few numbers: whole-array expressions of 3 by 3 take the
+compiler ten seconds of a first start, and run no faster.
 """
 
 from typing import Final, NamedTuple
@@ -220,57 +223,89 @@ def _transition(time_s, turning, step_s):  # type: ignore[no-untyped-def]
             for column in range(1, 3):
                 move[row, column] += term[row, column]
     for _ in range(halvings):
-        move = move @ move
+        move = _product(move, move)
     return move
+
+
+@njit(cache=True, nogil=True)
+def _product(left, right):  # type: ignore[no-untyped-def]
+    product = np.zeros((3, 3))
+    for row in range(3):
+        for column in range(3):
+            for k in range(3):
+                product[row, column] += left[row, k] * right[k, column]
+    return product
 
 
 @njit(cache=True, nogil=True)
 def _mix(stay, mean, cov, weight):  # type: ignore[no-untyped-def]
     """Let each model start from where both, by their weights, may have changed into it."""
-    old_mean = mean.copy()
-    old_cov = cov.copy()
-    old = weight.copy()
+    old_mean, old_cov = mean.copy(), cov.copy()
+    old = weight[0], weight[1]
     for to in range(2):
-        total = stay * old[to] + (1.0 - stay) * old[1 - to]
+        other = 1 - to
+        total = stay * old[to] + (1.0 - stay) * old[other]
         kept = stay * old[to] / total
-        mean[to] = kept * old_mean[to] + (1.0 - kept) * old_mean[1 - to]
-        apart = old_mean[to] - old_mean[1 - to]
-        # The axes share a covariance: the spread is the mean over both.
-        spread = 0.5 * (np.outer(apart[0], apart[0]) + np.outer(apart[1], apart[1]))
-        cov[to] = kept * old_cov[to] + (1.0 - kept) * old_cov[1 - to]
-        cov[to] += kept * (1.0 - kept) * spread
+        left = 1.0 - kept
+        for row in range(3):
+            for axis in range(2):
+                mean[to, axis, row] = (
+                    kept * old_mean[to, axis, row] + left * old_mean[other, axis, row]
+                )
+            for column in range(3):
+                # The axes share a covariance: the spread is the mean over both.
+                spread = 0.0
+                for axis in range(2):
+                    apart = old_mean[to, axis, row] - old_mean[other, axis, row]
+                    beside = old_mean[to, axis, column] - old_mean[other, axis, column]
+                    spread += 0.5 * apart * beside
+                cov[to, row, column] = (
+                    kept * old_cov[to, row, column]
+                    + left * old_cov[other, row, column]
+                    + kept * left * spread
+                )
         weight[to] = total
 
 
 @njit(cache=True, nogil=True)
 def _observe(tuning, x, y, since_s, mean, cov, weight):  # type: ignore[no-untyped-def]
     _mix(tuning.stay, mean, cov, weight)
+    report = x, y
     likelihood = np.zeros(2)
-    report = np.array([x, y])
     for m in range(2):
         time_s, sd, turning = _model(tuning, m)
         move = _transition(time_s, turning, since_s)
         # White jerk that keeps the acceleration at its spread; enough for steps below time_s.
-        noise = 2.0 * sd * sd / time_s
-        g = np.array([since_s**3 / 6.0, since_s**2 / 2.0, since_s])
-        cov[m] = move @ cov[m] @ move.T + noise / since_s * np.outer(g, g)
-        spread = cov[m, 0, 0] + tuning.report_sd_mm**2
-        gain = cov[m, :, 0] / spread
-        far = 0.0
+        noise = 2.0 * sd * sd / time_s / since_s
+        jerked = since_s**3 / 6.0, since_s**2 / 2.0, since_s
+        carried = _product(_product(move, cov[m]), move.T)
+        for row in range(3):
+            for column in range(3):
+                carried[row, column] += noise * jerked[row] * jerked[column]
+        spread = carried[0, 0] + tuning.report_sd_mm**2
+        gain = carried[0, 0] / spread, carried[1, 0] / spread, carried[2, 0] / spread
         for axis in range(2):
-            mean[m, axis] = move @ mean[m, axis]
+            was = mean[m, axis, 0], mean[m, axis, 1], mean[m, axis, 2]
+            for row in range(3):
+                mean[m, axis, row] = (
+                    move[row, 0] * was[0] + move[row, 1] * was[1] + move[row, 2] * was[2]
+                )
             miss = report[axis] - mean[m, axis, 0]
-            mean[m, axis] += gain * miss
-            far += miss * miss / spread
-        cov[m] -= np.outer(gain, cov[m, 0].copy())
-        cov[m] = 0.5 * (cov[m] + cov[m].T)
-        likelihood[m] = -0.5 * far - np.log(spread)
-    best = likelihood.max()
+            for row in range(3):
+                mean[m, axis, row] += gain[row] * miss
+            likelihood[m] -= 0.5 * miss * miss / spread
+        likelihood[m] -= np.log(spread)
+        for row in range(3):  # what the report tells, and both halves alike
+            for column in range(3):
+                told = gain[row] * carried[0, column] + gain[column] * carried[0, row]
+                both = carried[row, column] + carried[column, row]
+                cov[m, row, column] = 0.5 * (both - told)
+    best = max(likelihood[0], likelihood[1])
     for m in range(2):
         weight[m] *= np.exp(likelihood[m] - best)
-    weight /= weight.sum()
+    total = weight[0] + weight[1]
     for m in range(2):
-        weight[m] = min(max(weight[m], 1e-3), 1.0 - 1e-3)
+        weight[m] = min(max(weight[m] / total, 1e-3), 1.0 - 1e-3)
 
 
 @njit(cache=True, nogil=True)
@@ -301,19 +336,27 @@ def _follow(tuning, block_s, after, rendered, motions):  # type: ignore[no-untyp
         The fields of `Motion`: the motion to render and, where it was left, the former one.
     """
     position, velocity, before = rendered[0], rendered[1], rendered[2]
-    behind = after[:, 0] - (position + 0.5 * (velocity + after[:, 1]) * block_s)
+    behind = np.empty(2)
+    for axis in range(2):
+        covered = 0.5 * (velocity[axis] + after[axis, 1]) * block_s
+        behind[axis] = after[axis, 0] - (position[axis] + covered)
     slipped = np.hypot(behind[0], behind[1]) > tuning.slip_mm
     speeds = np.hypot(before[0], before[1]), np.hypot(after[0, 1], after[1, 1])
-    motions[:, 6], motions[:, 7] = speeds
-    if slipped:
-        motions[1, 0:2], motions[1, 2:4], motions[1, 4:6] = position, velocity, after[:, 1]
-        velocity[:] = before
-        position[:] = after[:, 0] - 0.5 * (before + after[:, 1]) * block_s
-        behind[:] = 0.0
+    for row in range(2):
+        motions[row, 6], motions[row, 7] = speeds
     limit = max(tuning.correct_share * speeds[1], tuning.correct_least_mm_s)
-    later = after[:, 1] + np.minimum(np.maximum(behind / tuning.correct_time_s, -limit), limit)
-    motions[0, 0:2], motions[0, 2:4], motions[0, 4:6] = position, velocity, later
-    position += 0.5 * (velocity + later) * block_s
-    velocity[:] = later
-    before[:] = after[:, 1]
+    for axis in range(2):
+        later = after[axis, 1]
+        if slipped:
+            motions[1, axis], motions[1, 2 + axis] = position[axis], velocity[axis]
+            motions[1, 4 + axis] = later
+            velocity[axis] = before[axis]
+            position[axis] = after[axis, 0] - 0.5 * (before[axis] + later) * block_s
+        else:
+            later += min(max(behind[axis] / tuning.correct_time_s, -limit), limit)
+        motions[0, axis], motions[0, 2 + axis] = position[axis], velocity[axis]
+        motions[0, 4 + axis] = later
+        position[axis] += 0.5 * (velocity[axis] + later) * block_s
+        velocity[axis] = later
+        before[axis] = after[axis, 1]
     return slipped

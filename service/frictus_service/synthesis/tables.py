@@ -273,7 +273,8 @@ def _sum_rows(step_rad, amplitude, phase, row, rows):  # type: ignore[no-untyped
                 out[n + 1] += value.real
                 value *= turn
     for r in range(rows.shape[0] - 2, -1, -1):
-        rows[r] += rows[r + 1]
+        for n in range(1, n_points + 1):
+            rows[r, n] += rows[r + 1, n]
     for r in range(rows.shape[0]):
         rows[r, 0] = rows[r, n_points]
         rows[r, n_points + 1] = rows[r, 1]
