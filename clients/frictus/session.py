@@ -1,7 +1,7 @@
 """Zenoh sessions as frictus needs them. A session is a context manager: always close it."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final, cast
 
 import zenoh
@@ -76,6 +76,7 @@ def open_router(
     endpoint: str = DEFAULT_ROUTER,
     tls: Tls | None = None,
     access: Mapping[str, object] | None = None,
+    links: Sequence[str] = (),
 ) -> zenoh.Session:
     """Host a router in this process, listening at `endpoint`.
 
@@ -87,6 +88,9 @@ def open_router(
         The router's certificate; every client must present one of the same authority.
     access : mapping or None
         Zenoh's ``access_control``: who may do what.
+    links : sequence of str
+        Endpoints of other routers, without certificates: together they are one network, which
+        forms as they come, in any order, and again after each has been gone.
 
     Raises
     ------
@@ -95,7 +99,10 @@ def open_router(
     CertificateError
         If the certificate cannot be used.
     """
-    config = _config("router", [endpoint], [], 1.0, PATIENT_LEASE_MS)
+    config = _config("router", [endpoint], list(links), 1.0, PATIENT_LEASE_MS)
+    if links:
+        config.insert_json5("connect/exit_on_failure", "false")
+        config.insert_json5("connect/timeout_ms", "-1")  # tries for ever, beside all else
     _secure(config, endpoint, tls, "listen")
     if access is not None:
         config.insert_json5("access_control", json.dumps(access))

@@ -79,6 +79,11 @@ class RouterConfig(_Section):
     """Zenoh endpoint: `tcp/ADDRESS:PORT`, or `tls/HOST:PORT` with a [security] section."""
     host: bool = True
     """Whether `frictus serve` listens there itself; false connects to a router elsewhere."""
+    links: tuple[
+        Annotated[str, Field(pattern=r"^tcp/.+:\d+$"), AfterValidator(_with_port)], ...
+    ] = ()
+    """Other routers, `tcp/ADDRESS:PORT`, that the one which runs here is linked to: one of two
+    names the other. For a network without certificates, as yet."""
 
 
 class SecurityConfig(_Section):
@@ -297,6 +302,16 @@ class Config(_Section):
                 ("router", "endpoint") if "router" in self.model_fields_set else ("security",),
                 f"router.endpoint {endpoint!r}: tls/HOST:PORT goes with a [security] section, "
                 "and tcp/HOST:PORT without",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _links_without_certificates(self) -> Self:
+        if self.router.links and self.security is not None:
+            raise _fault_at(
+                ("router", "links"),
+                "routers are linked without certificates only: leave links out, and have all "
+                "machines meet at one router, or leave [security] out on a trusted network",
             )
         return self
 

@@ -1,4 +1,4 @@
-"""A reader that the system sets aside for longer than a second keeps its link."""
+"""Links last: of a reader that is set aside for seconds, and between routers."""
 
 import itertools
 import os
@@ -65,6 +65,26 @@ def test_a_reader_set_aside_for_two_seconds_loses_nothing() -> None:
         publish(LAST + 1 - 500)
         told, _ = reader.communicate(timeout=30.0)
         assert told == "0\n"
+
+
+def test_linked_routers_are_one_network_in_any_order_and_again() -> None:
+    endpoint, other = free_endpoint(), free_endpoint()
+    key = RigKeys("lab", "rig1").of(Topics.FORCE)
+    with (
+        open_router(endpoint, links=[other]),
+        open_session(endpoint) as session,
+    ):
+        publisher = declare_publisher(session, key, Topics.FORCE)
+        for _ in range(2):  # the router that is linked to comes second, and goes
+            with open_router(other), open_session(other) as far:
+                came = threading.Event()
+                subscriber = far.declare_subscriber(key, lambda _sample, came=came: came.set())
+                for _ in range(600):
+                    publisher.put(b"over the link")
+                    if came.wait(0.05):
+                        break
+                assert came.is_set()
+                subscriber.undeclare()  # type: ignore[no-untyped-call]
 
 
 STARVED = """

@@ -28,7 +28,7 @@ def open_secured_router(config: Config) -> zenoh.Session:
     """
     endpoint, security = config.router.endpoint, config.security
     if security is None:
-        return open_router(endpoint)
+        return open_router(endpoint, links=config.router.links)
     if security.members is None:
         raise ConfigurationError(
             "security.members: this key is required where the router runs: the folder with "

@@ -106,6 +106,13 @@ def test_registries_that_cannot_be_shared_are_refused(url: str) -> None:
         ('[router]\nendpoint = "tcp/[::1]:0"\n', 2, ["router.endpoint", "1 to 65535"]),
         ('site = "a"\n[router]\nendpoint = "tls/a:7447"\n', 3, ["tls/HOST:PORT"]),
         ('site = "a"\n[security]\nauthority = "a.pem"\n', 2, ["tls/HOST:PORT"]),
+        ('[router]\nlinks = ["tls/a:7447"]\n', 2, ["router.links.0", "tls/a:7447"]),
+        (
+            'security.authority = "a.pem"\n[router]\nendpoint = "tls/a:7447"\n'
+            'links = ["tcp/b:7447"]\n',
+            4,
+            ["router.links", "without certificates only"],
+        ),
         ('site = "a"\nrig = "b"\nblock_ms = 5.03\n', 3, ["block_ms", "whole number"]),
         (
             'site = "a"\n[backend]\nkind = "simulated"\nclock = 0.02\n',
