@@ -22,6 +22,7 @@ from tests.campaigns.service import START_S, Said
 from frictus_hardware import SimulatedDeviceConfig
 from frictus_hardware.simulated.device_rig import recent_output
 from frictus_service.config import Config
+from frictus_service.daemon.part import PartName
 from frictus_service.daemon.supervisor import ALL, Supervisor
 
 Pipe: TypeAlias = "Connection[Any, Any]"
@@ -32,14 +33,16 @@ HISTORY_S: Final = 4.0
 GONE_S: Final = 20.0
 
 
-def host(config: Config, pipe: Pipe) -> None:
-    """Run the service until the other end of the pipe closes; say there what it says."""
+def host(
+    config: Config, parts: tuple[PartName, ...], host_router: bool | None, pipe: Pipe
+) -> None:
+    """Run parts of a service until the other end of the pipe closes; say there what it says."""
 
     def say(line: str) -> None:
         with contextlib.suppress(OSError):  # whoever listened has closed the pipe
             pipe.send(line)
 
-    with Supervisor(config, ALL, say=say) as supervisor:
+    with Supervisor(config, parts, host_router, say) as supervisor:
         supervisor.wait_ready(START_S)
         with contextlib.suppress(EOFError):
             pipe.recv()
@@ -88,29 +91,55 @@ class Spawned:
 
 
 class Hosted:
-    """The service in its own processes; started again by `start`."""
+    """Parts of a service in their own processes; started again by `start`.
 
-    def __init__(self, config: Config) -> None:
-        self.config = config
+    Parameters
+    ----------
+    config : Config
+    parts : tuple of str
+        None of them: the router alone.
+    host_router : bool or None
+        None: as configured.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        parts: tuple[PartName, ...] = ALL,
+        host_router: bool | None = None,
+    ) -> None:
+        self.config, self.parts, self._host_router = config, parts, host_router
         self.said = Said()
         self.starts = 0
         self._host: Spawned | None = None
         self._listener: threading.Thread | None = None
 
     def start(self) -> None:
-        """Start the supervisor, and wait until every part is ready.
+        """Start the supervisor, and wait until every part is ready; raises as `await_ready`."""
+        self.begin()
+        self.await_ready()
+
+    def begin(self) -> None:
+        """Start the supervisor."""
+        self.said = Said()
+        self._host = Spawned(host, self.config, self.parts, self._host_router)
+        self._listener = threading.Thread(target=self._listen, args=(self._host.pipe,))
+        self._listener.start()
+        self.starts += 1
+
+    def await_ready(self) -> None:
+        """Wait until router and parts are ready.
 
         Raises
         ------
         TimeoutError
-            If it does not get ready.
+            If they do not get so.
         """
-        self.said = Said()
-        self._host = Spawned(host, self.config)
-        self._listener = threading.Thread(target=self._listen, args=(self._host.pipe,))
-        self._listener.start()
-        self.starts += 1
-        if not self.said.await_ready(ALL, START_S):
+        said = self.said
+        if not (
+            said.await_line(lambda line: line.startswith("router "), START_S)
+            and said.await_ready(self.parts, START_S)
+        ):
             raise TimeoutError(f"the service did not start: {self.said.lines[-5:]}")
 
     def _listen(self, pipe: Pipe) -> None:

@@ -30,6 +30,7 @@ from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.benchmarks.load import Tally, subscribe
 from frictus_service.benchmarks.neighbour import Neighbour, Pipe, neighbour
+from frictus_service.benchmarks.service import RIG
 from frictus_service.benchmarks.viewers import STREAMS, view
 from frictus_service.config import Config
 from frictus_service.daemon.supervisor import ALL, Supervisor
@@ -112,11 +113,11 @@ class Soak:
             config = config_in(Path(folder), SimulatedConfig(finger=SteadyStrokes()))
             supervisor = stack.enter_context(serving(config, said))
             following = [
-                stack.enter_context(neighbour(subscribe, config.router.endpoint, share))
+                stack.enter_context(neighbour(subscribe, config.router.endpoint, [RIG] * share))
                 for share in _shares(self.subscribers, PROCESSES)
             ]
             pages = [
-                stack.enter_context(neighbour(view, config.api.port, share))
+                stack.enter_context(neighbour(view, config.api.port, [RIG] * share))
                 for share in _shares(self.viewers, PROCESSES // 2)
             ]
             stack.enter_context(neighbour(stream, config.router.endpoint))
@@ -167,7 +168,7 @@ class Soak:
             former_s, looked_s = looked_s, time.monotonic()
             before, tallied = tallied, _tallies(following)
             former, status = status, rig.status()
-            frames = sum(len(ages) for page in pages for ages, _ in page.ask("taken"))
+            frames = sum(len(each.ages_ms) for page in pages for each in page.ask("taken"))
             each = (looked_s - former_s) * max(self.viewers, 1) * len(STREAMS)
             yield Window(
                 end_s=round(looked_s - began_s, 1),

@@ -6,9 +6,11 @@ import signal
 import subprocess
 import sys
 import threading
+from functools import partial
 
 import numpy as np
 import pytest
+import zenoh
 
 from frictus.block import Block, Flag
 from frictus.keys import RigKeys, Topics
@@ -67,6 +69,10 @@ def test_a_reader_set_aside_for_two_seconds_loses_nothing() -> None:
         assert told == "0\n"
 
 
+def _note(came: threading.Event, _sample: zenoh.Sample) -> None:
+    came.set()
+
+
 def test_linked_routers_are_one_network_in_any_order_and_again() -> None:
     endpoint, other = free_endpoint(), free_endpoint()
     key = RigKeys("lab", "rig1").of(Topics.FORCE)
@@ -78,7 +84,7 @@ def test_linked_routers_are_one_network_in_any_order_and_again() -> None:
         for _ in range(2):  # the router that is linked to comes second, and goes
             with open_router(other), open_session(other) as far:
                 came = threading.Event()
-                subscriber = far.declare_subscriber(key, lambda _sample, came=came: came.set())
+                subscriber = far.declare_subscriber(key, partial(_note, came))
                 for _ in range(600):
                     publisher.put(b"over the link")
                     if came.wait(0.05):

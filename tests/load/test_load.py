@@ -60,7 +60,7 @@ def test_minutes_under_load(capsys: pytest.CaptureFixture[str]) -> None:
     with (
         serving(config, ("rig", "api")),
         frictus.connect(config.router.endpoint) as client,
-        neighbour(subscribe, config.router.endpoint, 1) as frozen,
+        neighbour(subscribe, config.router.endpoint, [RIG]) as frozen,
         loaded(config, SUBSCRIBERS) as load,
     ):
         rig = client.rig(RIG)

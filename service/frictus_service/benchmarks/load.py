@@ -3,7 +3,7 @@
 import contextlib
 import http.client
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Final
@@ -59,11 +59,13 @@ class Subscriber:
     ----------
     endpoint : str
         Zenoh endpoint of the router.
+    name : str
+        Of the rig.
     """
 
-    def __init__(self, endpoint: str) -> None:
+    def __init__(self, endpoint: str, name: str = RIG) -> None:
         self._client = frictus.connect(endpoint, reads_only=True)
-        rig = self._client.rig(RIG)
+        rig = self._client.rig(name)
         self._feeds = [rig.blocks(stream) for stream in STREAMS]
         self._tallies = [Tally() for _ in self._feeds]
         self._fingers = rig.fingers()
@@ -101,21 +103,16 @@ class Subscriber:
             pass
 
 
-def subscribe(pipe: Pipe, endpoint: str, count: int) -> None:
-    """Be some subscribers; asked for it, answer with a `Tally` of each."""
+def subscribe(pipe: Pipe, endpoint: str, rigs: Sequence[str]) -> None:
+    """Be a subscriber of each of some rigs; asked for it, answer with a `Tally` of each."""
     with contextlib.ExitStack() as stack:
         subscribers = [
-            stack.enter_context(contextlib.closing(s)) for s in _made(endpoint, count)
+            stack.enter_context(contextlib.closing(Subscriber(endpoint, rig))) for rig in rigs
         ]
         pipe.send("ready")
         while True:
             pipe.recv()
             pipe.send([subscriber.tally() for subscriber in subscribers])
-
-
-def _made(endpoint: str, count: int) -> Iterator[Subscriber]:
-    for _ in range(count):
-        yield Subscriber(endpoint)
 
 
 def keep_busy(pipe: Pipe, config: Config) -> None:
@@ -187,7 +184,9 @@ def loaded(config: Config, subscribers: int = 16, processes: int = 4) -> Iterato
         following = [
             stack.enter_context(
                 neighbour(
-                    subscribe, config.router.endpoint, len(range(n, subscribers, processes))
+                    subscribe,
+                    config.router.endpoint,
+                    [RIG] * len(range(n, subscribers, processes)),
                 )
             )
             for n in range(processes)

@@ -6,7 +6,8 @@ import math
 import os
 import threading
 import time
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Self
 
@@ -23,7 +24,6 @@ STREAMS: Final = ("force", "accel", "voltage")
 RATE_HZ: Final = 60
 WATCHED: Final = {
     "op": "watch",
-    "rig": RIG,
     "streams": STREAMS,
     "rate_hz": RATE_HZ,
     "columns": 1_200,
@@ -34,6 +34,25 @@ WATCHED: Final = {
 CPU_FILE: Final = "/proc/{pid}/stat"
 
 
+@dataclass(slots=True)
+class Taken:
+    """What came to a viewer.
+
+    Attributes
+    ----------
+    ages_ms : list of float
+        Of the newest sample of each frame.
+    state_ages_ms : list of float
+        Of each state of the finger.
+    lost : int
+        Samples.
+    """
+
+    ages_ms: list[float] = field(default_factory=list)
+    state_ages_ms: list[float] = field(default_factory=list)
+    lost: int = 0
+
+
 class Viewer:
     """A page without a browser: takes every frame, and notes how old its newest sample is.
 
@@ -41,18 +60,19 @@ class Viewer:
     ----------
     port : int
         Of the API.
+    rig : str
+        Its name.
     """
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port: int, rig: str = RIG) -> None:
         from websockets.sync.client import connect
 
         url = f"ws://127.0.0.1:{port}/v1/live"
         self._connection = connect(url, compression=None, max_size=None)
         self._connection.send(json.dumps({"op": "hello", "version": 1, "token": None}))
-        self._connection.send(json.dumps(WATCHED))
+        self._connection.send(json.dumps(WATCHED | {"rig": rig}))
         self._lock = threading.Lock()
-        self._ages_ms: list[float] = []
-        self._lost = 0
+        self._taken = Taken()
         self._thread = threading.Thread(target=self._follow, daemon=True)
         self._thread.start()
 
@@ -61,22 +81,25 @@ class Viewer:
         self._connection.close()
         self._thread.join()
 
-    def taken(self) -> tuple[list[float], int]:
-        """Return the ages, ms, and the samples lost, since this was asked for last."""
+    def taken(self) -> Taken:
+        """Return what came since this was asked for last."""
         with self._lock:
-            ages_ms, self._ages_ms = self._ages_ms, []
-            lost, self._lost = self._lost, 0
-        return ages_ms, lost
+            taken, self._taken = self._taken, Taken()
+        return taken
 
     def _follow(self) -> None:
         for message in self._connection:
-            if not isinstance(message, bytes):
-                continue
             now_ns = time.time_ns()
-            frame = Frame.unpack(message)
-            with self._lock:
-                self._ages_ms.append(1e-6 * (now_ns - frame.utc_ns) - _length_ms(frame))
-                self._lost += frame.lost_samples
+            if isinstance(message, bytes):
+                frame = Frame.unpack(message)
+                age_ms = 1e-6 * (now_ns - frame.utc_ns) - _length_ms(frame)
+                with self._lock:
+                    self._taken.ages_ms.append(age_ms)
+                    self._taken.lost += frame.lost_samples
+            elif message.startswith('{"op":"finger"'):
+                state_ns = json.loads(message)["finger"]["utc_ns"]
+                with self._lock:
+                    self._taken.state_ages_ms.append(1e-6 * (now_ns - state_ns))
 
 
 def _length_ms(frame: Frame) -> float:
@@ -85,10 +108,10 @@ def _length_ms(frame: Frame) -> float:
     return 1e3 * samples / frame.sample_rate_hz
 
 
-def view(pipe: Pipe, port: int, count: int) -> None:
-    """Be some viewers; asked for it, answer with what each has taken."""
+def view(pipe: Pipe, port: int, rigs: Sequence[str]) -> None:
+    """Be a viewer of each of some rigs; asked for it, answer with what each has `Taken`."""
     with contextlib.ExitStack() as stack:
-        viewers = [stack.enter_context(contextlib.closing(Viewer(port))) for _ in range(count)]
+        viewers = [stack.enter_context(contextlib.closing(Viewer(port, rig))) for rig in rigs]
         pipe.send("ready")
         while True:
             pipe.recv()
@@ -139,13 +162,15 @@ def measure(seconds: float = 10.0, viewers: int = VIEWERS) -> list[Figure]:
         rig, api = client.rig(RIG), supervisor.pid_of("api")
         alone = Stay.watch(rig, api, seconds)
         shares = [len(range(n, viewers, PROCESSES)) for n in range(PROCESSES)]
-        pages = [stack.enter_context(neighbour(view, config.api.port, n)) for n in shares]
+        pages = [
+            stack.enter_context(neighbour(view, config.api.port, [RIG] * n)) for n in shares
+        ]
         for page in pages:
             page.ask("taken")
         viewed = Stay.watch(rig, api, seconds)
         taken = [each for page in pages for each in page.ask("taken")]
-    ages_ms = [age for each, _ in taken for age in each]
-    lost = sum(samples for _, samples in taken)
+    ages_ms = [age for each in taken for age in each.ages_ms]
+    lost = sum(each.lost for each in taken)
     return [*_delivered(ages_ms, lost, viewers, viewed.wall_s), *_cost(alone, viewed)]
 
 
