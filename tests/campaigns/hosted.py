@@ -36,7 +36,7 @@ GONE_S: Final = 20.0
 def host(
     config: Config, parts: tuple[PartName, ...], host_router: bool | None, pipe: Pipe
 ) -> None:
-    """Run parts of a service until the other end of the pipe closes; say there what it says."""
+    """Run parts of a service until told to end, or nobody can; say what they say."""
 
     def say(line: str) -> None:
         with contextlib.suppress(OSError):  # whoever listened has closed the pipe
@@ -62,7 +62,7 @@ def _end_with(pipe: Pipe) -> None:
 
 
 class Spawned:
-    """A process that ends when its pipe closes, or is killed."""
+    """A process that ends when its pipe says so or closes, or is killed."""
 
     def __init__(self, work: Callable[..., None], *given: object) -> None:
         context = multiprocessing.get_context("spawn")
@@ -77,11 +77,17 @@ class Spawned:
         assert self.process.pid is not None
         return self.process.pid
 
+    def tell_end(self) -> None:
+        """Have it end in order; by a word, since a pipe that a thread reads stays open."""
+        with contextlib.suppress(OSError):  # it has ended
+            self.pipe.send("end")
+
     def end(self, timeout_s: float = GONE_S) -> None:
         """Have it end in order; kill it where it does not."""
-        self.pipe.close()
+        self.tell_end()
         self.process.join(timeout_s)
         self.kill()
+        self.pipe.close()
 
     def kill(self) -> None:
         """Kill it, frozen or not."""
@@ -165,6 +171,11 @@ class Hosted:
             send(pid, "SIGKILL")
         self._forget()
         return left
+
+    def tell_end(self) -> None:
+        """Have it end in order, beside others; `end` waits for it."""
+        if self._host is not None:
+            self._host.tell_end()
 
     def end(self) -> None:
         """End it in order."""

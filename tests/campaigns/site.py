@@ -21,8 +21,10 @@ from tests.campaigns.service import http_status
 from tests.campaigns.site_parts import Site, Size, make_tape
 
 import frictus
+from frictus.errors import FrictusError
 from frictus_service.benchmarks.viewers import RATE_HZ, STREAMS
 from frictus_service.config import Config
+from frictus_service.errors import ServiceError
 
 SETTLING_S: Final = 5.0
 SECONDS: Final = 40
@@ -167,12 +169,20 @@ class Campaign:
         if self._tape is None:
             folder = self._undo.enter_context(tempfile.TemporaryDirectory())
             self._tape = make_tape(Path(folder))
-        with (
-            tempfile.TemporaryDirectory() as folder,
-            Site(size, self._tape, Path(folder)) as site,
-        ):
-            threading.Event().wait(SETTLING_S)
-            return measured(site, self._seconds)
+        try:
+            with (
+                tempfile.TemporaryDirectory() as folder,
+                Site(size, self._tape, Path(folder)) as site,
+            ):
+                threading.Event().wait(SETTLING_S)
+                return measured(site, self._seconds)
+        except (FrictusError, ServiceError, TimeoutError) as error:
+            what = f"{type(error).__name__}: {error}"
+            return {
+                "size": dataclasses.asdict(size),
+                "gave": [what],
+                "failures": [{"what": what}],
+            }
 
     def close(self) -> None:
         """Remove the recording."""
@@ -186,7 +196,7 @@ def climb(
     seed: int | None,
     run: Callable[[Size], Line],
 ) -> Iterator[Line]:
-    """Run the steps of a ladder that have no line yet, until in one something gives; yield their lines.
+    """Run a ladder's steps that have no line yet, until something gives; yield their lines.
 
     Parameters
     ----------

@@ -163,8 +163,8 @@ class Site:
                 for n, endpoint in enumerate(self._endpoints)
             ]
             for together in (self.routers, [*self.rigs, *self.apis]):
+                undo.callback(_end, together)
                 for hosted in together:
-                    undo.callback(hosted.end)
                     hosted.begin()
                 for hosted in together:
                     hosted.await_ready()
@@ -280,6 +280,13 @@ class Site:
                 found = http_status(api.config, f"/v1/models/{reference}")
                 wrong += [] if found == 200 else [f"model {reference} at an API: {found}"]
         return wrong
+
+
+def _end(together: Sequence[Hosted]) -> None:
+    for hosted in together:
+        hosted.tell_end()
+    for hosted in together:
+        hosted.end()
 
 
 def _answers(asks: Iterator[Callable[[], Any]]) -> Iterator[Any]:
