@@ -1,4 +1,8 @@
-"""A process beside this one, for what must not share an interpreter with the measurement."""
+"""A process beside this one, for what must not share an interpreter with the measurement.
+
+How long it takes hangs on the machine and on what else it does: it is waited for as long as it
+gets on, which its processor time tells.
+"""
 
 import contextlib
 import multiprocessing
@@ -9,17 +13,18 @@ from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from typing import Any, Final, TypeAlias
 
+import psutil
 import zenoh
 
 from frictus.session import is_read
+from frictus_service.daemon.progress import PATIENCE_S, Progress
 from frictus_service.errors import StartError
 
 Pipe: TypeAlias = "Connection[Any, Any]"
 Work: TypeAlias = Callable[..., None]
 
-START_S: Final = 60.0
 END_S: Final = 10.0
-ANSWER_S: Final = 60.0
+LOOK_S: Final = 1.0
 
 
 class Neighbour:
@@ -45,20 +50,32 @@ class Neighbour:
         """Return whether it has said something that was not yet heard."""
         return self._pipe.poll()
 
-    def heard(self, timeout_s: float = ANSWER_S) -> Any:
+    def heard(self, patience_s: float = PATIENCE_S) -> Any:
         """Return what it says next.
+
+        Parameters
+        ----------
+        patience_s : float
+            For how long it may compute nothing before it is given up.
 
         Raises
         ------
         StartError
-            If it says nothing in time, or has ended.
+            If it says nothing and stands still, or has ended.
         """
         try:
-            if self._pipe.poll(timeout_s):
-                return self._pipe.recv()
+            _await_word(self._pipe.poll, self._used_s, Progress(), patience_s)
+            return self._pipe.recv()
         except (EOFError, OSError) as error:
             raise StartError("a process that helps to measure has ended") from error
-        raise StartError(f"a process that helps to measure said nothing for {timeout_s:g} s")
+
+    def _used_s(self) -> float:
+        """Return its processor time."""
+        try:
+            times = psutil.Process(self.pid).cpu_times()
+        except psutil.NoSuchProcess:
+            return 0.0  # the pipe tells that it has ended
+        return float(times.user + times.system)
 
     def ask(self, word: object) -> Any:
         """Say something and return the answer; raises as `heard`."""
@@ -92,7 +109,7 @@ def neighbour(work: Work, *given: object) -> Iterator[Neighbour]:
     assert process.pid is not None
     other = Neighbour(process.pid, ours)
     try:
-        other.heard(START_S)
+        other.heard()
         yield other
     finally:
         ours.close()
@@ -101,6 +118,41 @@ def neighbour(work: Work, *given: object) -> Iterator[Neighbour]:
             process.kill()
             process.join()
         process.close()
+
+
+def _await_word(
+    has_come: Callable[[float], bool],
+    used_s: Callable[[], float],
+    progress: Progress,
+    patience_s: float,
+) -> None:
+    """Wait for a word for as long as the processor time of who shall say it grows.
+
+    Parameters
+    ----------
+    has_come : callable
+        Waits so many seconds at most, and returns whether there is a word.
+    used_s : callable
+        Returns the processor time.
+    progress : Progress
+    patience_s : float
+
+    Raises
+    ------
+    StartError
+        If it has not grown for so long.
+    """
+    before_s = used_s()
+    while not has_come(LOOK_S):
+        now_s = used_s()
+        if now_s > before_s:
+            before_s = now_s
+            progress.move()
+        elif progress.left_s(patience_s) <= 0.0:
+            raise StartError(
+                f"a process that helps to measure stood still for {patience_s:g} s: "
+                "measure again with less beside it"
+            )
 
 
 def await_subscriber(publisher: zenoh.Publisher, timeout_s: float = END_S) -> None:
