@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from frictus_service.discovery.catalogue import catalogue
+from frictus_service.discovery.catalogue.page import catalogue
 
 
 def main() -> None:

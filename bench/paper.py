@@ -15,13 +15,13 @@ from frictus_service.reproduction import paper
 from frictus_service.reproduction.coverage import (
     PEOPLE,
     SMALL,
-    Tally,
+    CoverageCount,
     pooled_coverage,
     run_studies,
     summary,
     tally,
 )
-from frictus_service.reproduction.plan import Design, Scatter
+from frictus_service.reproduction.plan import StudyConditions, WithinPersonScatter
 from frictus_service.reproduction.population import NULL_FORCE_SD, NULL_SPEED_SD, SLOPE_SD
 from frictus_service.reproduction.reproduce import (
     BAD_SHARE,
@@ -36,7 +36,7 @@ from frictus_service.reproduction.spread import spread_of
 from frictus_service.reproduction.table import markdown
 
 UNITS = {"gain": "N/V", "cutoff": "Hz", "mass": "kg", "damping": "N s/m", "stiffness": "N/m"}
-SCATTER = Scatter()
+SCATTER = WithinPersonScatter()
 
 INTRODUCTION = """# The paper, reproduced
 
@@ -110,7 +110,7 @@ tests/service/reproduction/test_coverage.py` asserts what is asked of these figu
 """
 
 
-def described(design: Design, participants: int) -> str:
+def described(design: StudyConditions, participants: int) -> str:
     """Return one sentence on a design."""
     trials = len(design.tones_hz) * len(design.speeds_mm_s) * len(design.forces_n)
     return (
@@ -131,7 +131,7 @@ def spread_table() -> str:
     return "\n".join(lines) + "\n"
 
 
-def coverage_table(tallies: Sequence[Tally]) -> str:
+def coverage_table(tallies: Sequence[CoverageCount]) -> str:
     """Return coverage, rejection and bias of each quantity."""
     lines = ["| quantity | held | significant | bias, SD |", "|---|---|---|---|"]
     for each in tallies:

@@ -30,7 +30,7 @@ from frictus_service.identification.analysis import identify
 from frictus_service.identification.documents import Settings
 from frictus_service.identification.observation import TrialObservations
 from frictus_service.identification.observe import observe
-from frictus_service.reproduction.plan import Design, TrialPlan, plan_study
+from frictus_service.reproduction.plan import StudyConditions, TrialPlan, plan_study
 from frictus_service.reproduction.population import (
     ALONG,
     POPULATION,
@@ -273,7 +273,7 @@ def raw_quick(
     rng: np.random.Generator, person: Person, asks: Sequence[Ask]
 ) -> list[TrialObservations]:
     """Return what a person's quick trials say, from raw samples; bad ones are asked again."""
-    shape = Design(
+    shape = StudyConditions(
         tones_hz=(0.0,),
         speeds_mm_s=tuple(sorted({ask.speed_mm_s for ask in asks})),
         forces_n=tuple(sorted({ask.force_n for ask in asks})),
@@ -302,7 +302,7 @@ def raw_quick(
 
 def raw_paper(rng: np.random.Generator, person: Person) -> list[TrialObservations]:
     """Return what a person's 375 trials say, from raw samples."""
-    plans = plan_study([person], Design(tuple(design.paper_tones().tolist())), rng)
+    plans = plan_study([person], StudyConditions(tuple(design.paper_tones().tolist())), rng)
     return [observe(simulate_trial(plan), study_info()) for plan in plans]
 
 

@@ -14,7 +14,7 @@ from tests.blind.generator.transfer import mount, other_mount
 from tests.blind.generator.world import Moment, World
 from tests.blind.observed import ONE_PERSON, observations, trials
 
-from frictus_service.identification.observation import Rows, TrialObservations
+from frictus_service.identification.observation import ResponseRows, TrialObservations
 from frictus_service.study.trial import Trial
 
 FloatArray = NDArray[np.float64]
@@ -23,11 +23,11 @@ ComplexArray = NDArray[np.complexfloating]
 LAW_ONLY = Design(participants=1, n_tones=5, n_speeds=2, n_forces=1)
 
 
-def law(rows: Rows) -> FloatArray:
+def law(rows: ResponseRows) -> FloatArray:
     return CUTOFF_HZ + SLOPE_HZ_PER_MM_S * (np.clip(rows.speed_mm_s, 20.0, 100.0) - 60.0)
 
 
-def first_order(rows: Rows, cutoff_hz: FloatArray) -> ComplexArray:
+def first_order(rows: ResponseRows, cutoff_hz: FloatArray) -> ComplexArray:
     return 1.0 / (1.0 + 1j * rows.tone_hz / cutoff_hz)
 
 
@@ -43,7 +43,7 @@ def test_friction_and_mobility_follow_the_law(tmp_path: Path, rng: np.random.Gen
         assert abs(np.degrees(np.angle(mobility))) < 0.3
 
 
-Expected = Callable[[Rows, float, float], ComplexArray]
+Expected = Callable[[ResponseRows, float, float], ComplexArray]
 
 RATIOS: dict[str, Expected] = {
     "speed_dependent_cutoff": lambda r, v, t: (

@@ -16,10 +16,10 @@ from tests.dashboard.lab import Lab, enter, expect_no_violations, read_only, run
 from tests.service.discovery.found import discovery, left, pair
 
 from frictus_service.discovery.document import Discovery
-from frictus_service.discovery.job import DiscoveryResult, DiscoverySpec
-from frictus_service.discovery.outputs import write
-from frictus_service.discovery.shelf import DiscoveryShelf
-from frictus_service.discovery.words import verdict_sentence
+from frictus_service.discovery.jobs.documents import DiscoveryResult, DiscoverySpec
+from frictus_service.discovery.jobs.store import DiscoveryStore
+from frictus_service.discovery.report.files import write
+from frictus_service.discovery.report.phrasing import verdict_sentence
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(600)]
 
@@ -42,7 +42,7 @@ def keep(lab: Lab, found: Discovery) -> str:
     """Put a finished discovery on the shelf, and return its id."""
     lab.config.studies.mkdir(exist_ok=True)
     (lab.config.studies / "kept.h5").touch()
-    shelf = DiscoveryShelf(lab.config.studies)
+    shelf = DiscoveryStore(lab.config.studies)
     job = shelf.create(DiscoverySpec(study="kept.h5", base="constant-cutoff"), "somebody")
     write(found, shelf.folder(job.id))
     result = DiscoveryResult(

@@ -24,11 +24,11 @@ from frictus_service.api import (
     studies,
     textures,
 )
-from frictus_service.api.callers import Pages
-from frictus_service.api.following import Departures
-from frictus_service.api.gate import Gate
-from frictus_service.api.limits import Limits, Rate
-from frictus_service.api.link import RigLink
+from frictus_service.api.callers import ConnectedPages
+from frictus_service.api.event_stream import Departures
+from frictus_service.api.limits import Rate, RequestLimits
+from frictus_service.api.origin_check import OriginCheck
+from frictus_service.api.rig_connection import RigConnection
 from frictus_service.api.services import Services
 from frictus_service.config import Config
 from frictus_service.dashboard import pages, socket
@@ -72,7 +72,7 @@ def build_app(config: Config, run: str = RUN, discover: str = DISCOVER) -> FastA
     discover : str
         The same for a discovery.
     """
-    link = RigLink(config.router.endpoint, config.site, tls_of_client(config))
+    link = RigConnection(config.router.endpoint, config.site, tls_of_client(config))
     hub = Hub(link)
     registry = Registry(config.registry.url)
     jobs = Jobs(config, registry, run)
@@ -108,16 +108,18 @@ def build_app(config: Config, run: str = RUN, discover: str = DISCOVER) -> FastA
         separate_input_output_schemas=False,  # a scene is read and written in one form
     )
     library = TextureLibrary(config.textures)
-    app.state.services = Services(config, link, library, registry, jobs, analyses, Pages())
+    app.state.services = Services(
+        config, link, library, registry, jobs, analyses, ConnectedPages()
+    )
     app.state.hub = hub
-    app.state.limits = Limits()
+    app.state.limits = RequestLimits()
     app.state.metrics = metrics.ApiMetrics(link)
     for part in _PARTS:
         app.include_router(part.router)
-    app.mount(pages.PAGE, pages.Pages(), name="dashboard")
+    app.mount(pages.PAGE, pages.DashboardFiles(), name="dashboard")
     problems.install(app)
     app.add_middleware(Departures)
-    app.add_middleware(Gate, loopback_only=config.api.loopback)
+    app.add_middleware(OriginCheck, loopback_only=config.api.loopback)
     app.add_middleware(Rate, per_s=config.api.max_requests_per_s)
     app.add_middleware(metrics.CountRequests, metrics=app.state.metrics)
     reference.install(app)

@@ -12,7 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic_core import from_json
 from starlette.requests import ClientDisconnect
 
-from frictus_service.api.limits import LARGE_BYTES, Limits
+from frictus_service.api.limits import LARGE_BYTES, RequestLimits
 from frictus_service.api.problems import (
     GoneError,
     InvalidError,
@@ -71,7 +71,7 @@ async def large_body(request: Request) -> AsyncIterator[bytes]:
 
 @asynccontextmanager
 async def _body(request: Request, limit_bytes: int) -> AsyncIterator[bytes]:
-    limits: Limits = request.app.state.limits
+    limits: RequestLimits = request.app.state.limits
     announced = request.headers.get("content-length", "")
     most = int(announced[:20]) if announced.isdecimal() else limit_bytes
     if most > limit_bytes:

@@ -10,9 +10,9 @@ from pydantic import BaseModel, Field, TypeAdapter
 from frictus_service.api import problems
 from frictus_service.api.access import needs
 from frictus_service.api.bodies import JSON, parse_json, raw_body, require_media
-from frictus_service.api.following import follow, place
+from frictus_service.api.event_stream import follow, place
+from frictus_service.api.idempotency import IdempotencyKey, once_of
 from frictus_service.api.models import body_of
-from frictus_service.api.once import IdempotencyKey, once_of
 from frictus_service.api.services import Services, services
 from frictus_service.calibration.job import CalibrationSpec
 from frictus_service.registry.calibrations import ACTIVE

@@ -33,7 +33,7 @@ class PageIdentity:
     key: str
 
 
-class Pages:
+class ConnectedPages:
     """The pages that are connected. Joined by the event loop, asked by any thread."""
 
     def __init__(self) -> None:

@@ -55,7 +55,7 @@ class Places:
             self._taken -= count
 
 
-class Limits:
+class RequestLimits:
     """What one API does at once."""
 
     def __init__(self) -> None:

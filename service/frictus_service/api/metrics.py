@@ -22,7 +22,7 @@ from frictus.errors import FrictusError, LinkError
 from frictus.messages import Counters, LoopTiming, RigStatus, SafetyState
 from frictus_service.api import problems
 from frictus_service.api.access import needs
-from frictus_service.api.link import RigLink
+from frictus_service.api.rig_connection import RigConnection
 
 _METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS", "POST", "PUT", "PATCH", "DELETE"})
 _RIG: Final = ["site", "rig"]
@@ -34,11 +34,11 @@ class ApiMetrics:
 
     Parameters
     ----------
-    link : RigLink
+    link : RigConnection
         Where the rigs' figures come from.
     """
 
-    def __init__(self, link: RigLink) -> None:
+    def __init__(self, link: RigConnection) -> None:
         self.registry = CollectorRegistry()
         self.registry.register(RigCollector(link))
         self.requests = Counter(
@@ -58,7 +58,7 @@ class ApiMetrics:
 class RigCollector(Collector):
     """Reads the newest status of every rig of the site when Prometheus asks."""
 
-    def __init__(self, link: RigLink) -> None:
+    def __init__(self, link: RigConnection) -> None:
         self._link = link
 
     def describe(self) -> list[Metric]:

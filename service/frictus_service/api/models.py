@@ -17,7 +17,7 @@ from frictus_service.api.etags import (
     quoted,
     required_match,
 )
-from frictus_service.api.once import IdempotencyKey, once_of
+from frictus_service.api.idempotency import IdempotencyKey, once_of
 from frictus_service.api.services import Services, services
 from frictus_service.registry import names
 from frictus_service.registry.aliases import Aliases

@@ -18,7 +18,7 @@ SEND_BYTES: Final = 262_144
 """What the kernel keeps of answers that a client does not take; Linux would keep megabytes."""
 
 
-class Stop(Protocol):
+class StopSignal(Protocol):
     """Such as an Event, of a thread or of a process."""
 
     def is_set(self) -> bool:
@@ -26,7 +26,7 @@ class Stop(Protocol):
         ...
 
 
-class Ready(Protocol):
+class ReadySignal(Protocol):
     """Such as an Event, of a thread or of a process."""
 
     def set(self) -> None:
@@ -38,7 +38,11 @@ class _Server(uvicorn.Server):
     """Tells when it listens, stops when it is told to, and leaves signals to its caller."""
 
     def __init__(
-        self, config: uvicorn.Config, stop: Stop, ready: Ready, ending: Callable[[], None]
+        self,
+        config: uvicorn.Config,
+        stop: StopSignal,
+        ready: ReadySignal,
+        ending: Callable[[], None],
     ) -> None:
         super().__init__(config)
         self._ending = ending
@@ -84,7 +88,7 @@ def listen(host: str, port: int) -> socket.socket:
         ) from error
 
 
-def run_api(config: Config, stop: Stop, ready: Ready) -> None:
+def run_api(config: Config, stop: StopSignal, ready: ReadySignal) -> None:
     """Serve the API until `stop` is set, then end cleanly, with the requests under way.
 
     Parameters

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from fastapi import Request
 
-from frictus_service.api.callers import Pages
-from frictus_service.api.link import RigLink
+from frictus_service.api.callers import ConnectedPages
+from frictus_service.api.rig_connection import RigConnection
 from frictus_service.config import Config
 from frictus_service.jobs.discoveries import Discoveries
 from frictus_service.jobs.jobs import Jobs
@@ -18,12 +18,12 @@ class Services:
     """Configuration, rigs, texture library, registry, calibrations, discoveries, pages."""
 
     config: Config
-    link: RigLink
+    link: RigConnection
     library: TextureLibrary
     registry: Registry
     jobs: Jobs
     discoveries: Discoveries
-    pages: Pages
+    pages: ConnectedPages
 
 
 def services(request: Request) -> Services:

@@ -14,18 +14,18 @@ from frictus.model import Effect, Model
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.physics.mount import Mount
 from frictus_service.benchmarks.figure import Figure, Target, interleaved
-from frictus_service.discovery.bases import base_model
 from frictus_service.discovery.discover import discover
 from frictus_service.discovery.document import StudyFacts
-from frictus_service.discovery.evidence import TrialEvidence, study_evidence
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence, study_evidence
+from frictus_service.discovery.problem.base_models import base_model
 from frictus_service.discovery.run import discover_study
-from frictus_service.reproduction.plan import Design, plan_study
+from frictus_service.reproduction.plan import StudyConditions, plan_study
 from frictus_service.reproduction.population import draw_people
 from frictus_service.reproduction.simulate import STEPS, simulate_trial, study_info
 from frictus_service.study.writer import StudyWriter
 
 PEOPLE: Final = 8
-DESIGN: Final = Design(
+DESIGN: Final = StudyConditions(
     (30.0, 91.3, 217.1, 487.9, 907.3, 1888.7),
     (20.0, 40.0, 60.0, 80.0, 100.0),
     (0.3, 0.5),
@@ -36,13 +36,15 @@ BASE: Final = "constant-cutoff"
 """Criticised: there is a cause to find, as most studies have."""
 
 
-def measure(people: int = PEOPLE, design: Design = DESIGN, repeats: int = 1) -> list[Figure]:
+def measure(
+    people: int = PEOPLE, design: StudyConditions = DESIGN, repeats: int = 1
+) -> list[Figure]:
     """Return seconds from raw samples and from the cache, and how the analysis grows.
 
     Parameters
     ----------
     people : int
-    design : Design
+    design : StudyConditions
     repeats : int
         Of what is done from kept observations.
     """
@@ -79,7 +81,7 @@ def measure(people: int = PEOPLE, design: Design = DESIGN, repeats: int = 1) -> 
     ]
 
 
-def _write(path: Path, people: int, design: Design) -> int:
+def _write(path: Path, people: int, design: StudyConditions) -> int:
     """Write a simulated study, and return how many trials it has."""
     rng = np.random.default_rng(0)
     plans = plan_study(draw_people(people, rng), design, rng)

@@ -16,7 +16,7 @@ from frictus_service.benchmarks import obvious
 from frictus_service.benchmarks.figure import Figure, Target, interleaved, skipped
 from frictus_service.identification.pipeline import Task, observe_study, read_task
 from frictus_service.identification.workers import work_through
-from frictus_service.reproduction.plan import Design, plan_study
+from frictus_service.reproduction.plan import StudyConditions, plan_study
 from frictus_service.reproduction.population import draw_people
 from frictus_service.reproduction.simulate import STEPS, simulate_trial, study_info
 from frictus_service.study.reader import StudyReader
@@ -24,7 +24,7 @@ from frictus_service.study.writer import StudyWriter
 
 TRIALS: Final = 8
 LARGER: Final = 10
-DESIGN: Final = Design((30.0, 134.4, 446.3, 1097.7), (40.0, 80.0), (0.4,))
+DESIGN: Final = StudyConditions((30.0, 134.4, 446.3, 1097.7), (40.0, 80.0), (0.4,))
 MEGA: Final = 1e6
 
 

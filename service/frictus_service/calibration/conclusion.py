@@ -14,7 +14,7 @@ from scipy import stats
 from frictus.model import FirstOrderSpeedLaw, Model, Validity
 from frictus_service.calibration.errors import EstimateError
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec
-from frictus_service.calibration.plan import Done
+from frictus_service.calibration.plan import RecordedTrial
 from frictus_service.calibration.posterior import Posterior, estimate
 from frictus_service.calibration.prior import Prior
 from frictus_service.identification.errors import NothingToIdentifyError
@@ -65,7 +65,7 @@ def precision_so_far(
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class CalibrationEstimate:
     """A model, and the intervals of its cutoff.
 
     Attributes
@@ -85,7 +85,7 @@ class Estimate:
 def conclude(
     spec: CalibrationSpec,
     observations: Sequence[TrialObservations],
-    done: Sequence[Done],
+    done: Sequence[RecordedTrial],
     left_out: Sequence[str],
     study: Path,
     excluded: Sequence[Exclusion],
@@ -96,7 +96,7 @@ def conclude(
     ----------
     spec : CalibrationSpec
     observations : sequence of TrialObservations
-    done : sequence of Done
+    done : sequence of RecordedTrial
     left_out : sequence of str
         What could not be measured.
     study : Path
@@ -158,7 +158,7 @@ def _by_prior(
     observations: Sequence[TrialObservations],
     speeds_mm_s: FloatArray,
     study: Path,
-) -> Estimate:
+) -> CalibrationEstimate:
     """Return what the trials and earlier people say together."""
     posterior = estimate_of(spec, observations)
     valid = [observed.info for observed in observations if observed.valid]
@@ -171,7 +171,7 @@ def _by_prior(
         drive_vpp=(min(drives), max(drives)),
     )
     model = posterior.model(spec.participant, validity, _provenance(spec, study))
-    return Estimate(
+    return CalibrationEstimate(
         model, posterior.cutoff_hz(speeds_mm_s), posterior.relative_width(speeds_mm_s)
     )
 
@@ -181,7 +181,7 @@ def _by_analysis(
     observations: Sequence[TrialObservations],
     speeds_mm_s: FloatArray,
     study: Path,
-) -> Estimate:
+) -> CalibrationEstimate:
     """Return what the analysis of any study makes of the trials, one of one participant too."""
     from frictus_service.identification.analysis import identify
     from frictus_service.identification.models import participant_models
@@ -201,7 +201,7 @@ def _by_analysis(
     return _with_widths(model, speeds_mm_s)
 
 
-def _with_widths(model: Model, speeds_mm_s: FloatArray) -> Estimate:
+def _with_widths(model: Model, speeds_mm_s: FloatArray) -> CalibrationEstimate:
     """Return the cutoff of a model with its interval, from its covariance."""
     law, covariance = model.base, model.covariance
     assert isinstance(law, FirstOrderSpeedLaw)
@@ -213,7 +213,7 @@ def _with_widths(model: Model, speeds_mm_s: FloatArray) -> Estimate:
     gradient = np.column_stack([np.ones_like(speeds_mm_s), speeds_mm_s])
     sd = np.sqrt(np.einsum("vi,ij,vj->v", gradient, spread, gradient))
     freedom = float(model.provenance["degrees_of_freedom"])
-    return Estimate(model, cutoff, stats.t.ppf(0.975, freedom) * sd / cutoff)
+    return CalibrationEstimate(model, cutoff, stats.t.ppf(0.975, freedom) * sd / cutoff)
 
 
 def _provenance(spec: CalibrationSpec, study: Path) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from frictus.messages import Excitation, Tone
 from frictus_service.calibration import coordinates
-from frictus_service.calibration.errors import DesignError
+from frictus_service.calibration.errors import ExcitationDesignError
 from frictus_service.calibration.prior import Prior
 
 FloatArray = NDArray[np.float64]
@@ -61,11 +61,11 @@ def lines(n_tones: int) -> FloatArray:
 
     Raises
     ------
-    DesignError
+    ExcitationDesignError
         If the number is outside.
     """
     if not 3 <= n_tones <= 24:
-        raise DesignError(f"{n_tones} tones: choose 3 to 24")
+        raise ExcitationDesignError(f"{n_tones} tones: choose 3 to 24")
     odd = np.arange(1.0, 2.0 * RANGE_HZ[1] / BASE_HZ, 2.0) * BASE_HZ
     free = odd[
         (odd >= RANGE_HZ[0])
@@ -144,13 +144,13 @@ def multisine(
 
     Raises
     ------
-    DesignError
+    ExcitationDesignError
         If a tone is not an odd multiple of 10 Hz below 5 kHz, or occurs twice.
     """
     harmonic = np.rint(tone_hz / BASE_HZ).astype(np.int64)
     fits = (harmonic * BASE_HZ == tone_hz) & (harmonic % 2 == 1) & (tone_hz < 5000.0)
     if not np.all(fits) or np.unique(harmonic).size != harmonic.size:
-        raise DesignError(
+        raise ExcitationDesignError(
             f"tones must be different odd multiples of {BASE_HZ:g} Hz below 5000 Hz; "
             f"got {tone_hz.tolist()}"
         )

@@ -3,7 +3,7 @@
 from frictus_service.errors import ServiceError
 
 
-class DesignError(ServiceError, ValueError):
+class ExcitationDesignError(ServiceError, ValueError):
     """An excitation cannot be built as asked; the text says which limit it meets."""
 
 

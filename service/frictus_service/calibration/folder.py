@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from frictus_service.calibration.errors import FolderError
 from frictus_service.calibration.job import CalibrationSpec
-from frictus_service.calibration.plan import Done
+from frictus_service.calibration.plan import RecordedTrial
 from frictus_service.durable import put_in_place, replace_file
 from frictus_service.study.errors import Exclusion, TrialError
 from frictus_service.study.reader import StudyReader
@@ -34,11 +34,11 @@ class CalibrationFolder:
     ----------
     path : Path
     spec : CalibrationSpec
-    done : list of Done
+    done : list of RecordedTrial
         In order.
     """
 
-    def __init__(self, path: Path, spec: CalibrationSpec, done: list[Done]) -> None:
+    def __init__(self, path: Path, spec: CalibrationSpec, done: list[RecordedTrial]) -> None:
         self.path = path
         self.spec = spec
         self._done = done
@@ -66,7 +66,7 @@ class CalibrationFolder:
         return cls(path, spec, done)
 
     @property
-    def done(self) -> tuple[Done, ...]:
+    def done(self) -> tuple[RecordedTrial, ...]:
         """The finished trials, in order."""
         return tuple(self._done)
 
@@ -80,7 +80,7 @@ class CalibrationFolder:
         """Id of the next trial; ids sort as the trials followed one another."""
         return f"{self.spec.participant}-{len(self._done):04d}"
 
-    def add(self, trial: Trial, info: StudyInfo, rejected: str) -> Done:
+    def add(self, trial: Trial, info: StudyInfo, rejected: str) -> RecordedTrial:
         """Keep a trial; it is on the disk when this returns.
 
         Parameters
@@ -136,11 +136,11 @@ class CalibrationFolder:
         return self.path / TRIALS / f"{trial_id}.h5"
 
 
-def _done(file: Path) -> Done:
+def _done(file: Path) -> RecordedTrial:
     with StudyReader(file) as reader:
         (info,) = reader.trials
         rejected = str(reader.info.extras.get(VERDICT, ""))
-        return Done(
+        return RecordedTrial(
             info.id,
             info.speed_mm_s,
             info.force_n,

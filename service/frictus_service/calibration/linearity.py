@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from frictus.messages import Excitation, Tone
 from frictus_service.calibration.design import BASE_HZ
-from frictus_service.calibration.errors import DesignError
+from frictus_service.calibration.errors import ExcitationDesignError
 from frictus_service.calibration.nonlinearity import Distortion, nonlinearity
 from frictus_service.identification.sweeps import find_sweeps, smooth
 from frictus_service.study.trial import Trial
@@ -48,7 +48,7 @@ def linearity_of(trials: Iterable[Trial]) -> tuple[dict[str, Any], tuple[str, ..
     lines = Excitation(tones=tones, period_s=1.0 / BASE_HZ)
     try:
         found = nonlinearity(stretches, lines, asked.sample_rate_hz)
-    except DesignError as error:
+    except ExcitationDesignError as error:
         return {}, (f"linearity was not judged: {error}",)
     parities: dict[str, Distortion] = {"even": found.even, "odd": found.odd}
     details = {

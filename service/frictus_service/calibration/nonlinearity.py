@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from frictus.messages import Excitation
-from frictus_service.calibration.errors import DesignError
+from frictus_service.calibration.errors import ExcitationDesignError
 
 FloatArray = NDArray[np.float64]
 
@@ -61,11 +61,11 @@ def nonlinearity(
 
     Raises
     ------
-    DesignError
+    ExcitationDesignError
         If the excitation has no period, or no stretch is long enough.
     """
     if excitation.period_s is None:
-        raise DesignError("the excitation has no period: its lines are not known")
+        raise ExcitationDesignError("the excitation has no period: its lines are not known")
     period = round(excitation.period_s * sample_rate_hz)
     tones = {round(tone.hz * excitation.period_s) for tone in excitation.tones}
     lines = np.arange(min(tones), max(tones) + 1)
@@ -77,7 +77,7 @@ def nonlinearity(
             powers.append(power)
             noises.append(noise)
     if not powers:
-        raise DesignError(
+        raise ExcitationDesignError(
             f"no stretch lasts {LEAST_PERIODS} periods of {excitation.period_s:g} s"
         )
     power, noise = np.array(powers), np.array(noises)

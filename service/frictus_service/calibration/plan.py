@@ -40,7 +40,7 @@ class Ask:
 
 
 @dataclass(frozen=True, slots=True)
-class Done:
+class RecordedTrial:
     """A trial that was recorded.
 
     Attributes
@@ -62,30 +62,30 @@ class Done:
     rejected: str = ""
 
 
-class Plan(Protocol):
+class CalibrationProtocol(Protocol):
     """What a protocol makes of what was done so far."""
 
-    def ask(self, done: Sequence[Done], precision: float | None) -> Ask | None:
+    def ask(self, done: Sequence[RecordedTrial], precision: float | None) -> Ask | None:
         """Return the next trial; None at the end.
 
         Parameters
         ----------
-        done : sequence of Done
+        done : sequence of RecordedTrial
             In order.
         precision : float or None
             What was reached; None where nothing can be said yet.
         """
         ...
 
-    def planned(self, done: Sequence[Done]) -> int | None:
+    def planned(self, done: Sequence[RecordedTrial]) -> int | None:
         """Return how many trials there will be, done ones included, if that is known."""
         ...
 
-    def break_s(self, done: Sequence[Done]) -> float:
+    def break_s(self, done: Sequence[RecordedTrial]) -> float:
         """Return how long the participant rests before the next trial."""
         ...
 
-    def left_out(self, done: Sequence[Done]) -> tuple[str, ...]:
+    def left_out(self, done: Sequence[RecordedTrial]) -> tuple[str, ...]:
         """Return what will not be measured, since it was rejected too often."""
         ...
 
@@ -121,11 +121,11 @@ class PaperPlan:
         shuffled = np.random.default_rng(self.seed).permutation(len(every))
         return tuple(every[place] for place in shuffled)
 
-    def remaining(self, done: Sequence[Done]) -> tuple[Condition, ...]:
+    def remaining(self, done: Sequence[RecordedTrial]) -> tuple[Condition, ...]:
         """Return what is still to be measured, in order; rejected trials at the end."""
         return tuple(self._all_so_far(done)[len(done) :])
 
-    def _all_so_far(self, done: Sequence[Done]) -> list[Condition]:
+    def _all_so_far(self, done: Sequence[RecordedTrial]) -> list[Condition]:
         """Return the conditions in the order of the trials, those to be repeated appended."""
         asked = list(self.order)
         times: dict[Condition, int] = {}
@@ -136,8 +136,8 @@ class PaperPlan:
                 asked.append(condition)
         return asked
 
-    def ask(self, done: Sequence[Done], precision: float | None) -> Ask | None:
-        """See `Plan`."""
+    def ask(self, done: Sequence[RecordedTrial], precision: float | None) -> Ask | None:
+        """See `CalibrationProtocol`."""
         left = self.remaining(done)
         if not left:
             return None
@@ -145,17 +145,17 @@ class PaperPlan:
         protocol = self.protocol
         return Ask(speed, force, design.single(tone), protocol.approach_s, protocol.record_s)
 
-    def planned(self, done: Sequence[Done]) -> int | None:
-        """See `Plan`."""
+    def planned(self, done: Sequence[RecordedTrial]) -> int | None:
+        """See `CalibrationProtocol`."""
         return len(done) + len(self.remaining(done))
 
-    def break_s(self, done: Sequence[Done]) -> float:
-        """See `Plan`."""
+    def break_s(self, done: Sequence[RecordedTrial]) -> float:
+        """See `CalibrationProtocol`."""
         due = len(done) > 0 and len(done) % self.protocol.trials_per_block == 0
         return self.protocol.break_s if due else 0.0
 
-    def left_out(self, done: Sequence[Done]) -> tuple[str, ...]:
-        """See `Plan`."""
+    def left_out(self, done: Sequence[RecordedTrial]) -> tuple[str, ...]:
+        """See `CalibrationProtocol`."""
         asked = self._all_so_far(done)
         good = {asked[place] for place, trial in enumerate(done) if not trial.rejected}
         still = set(self.remaining(done))
@@ -198,8 +198,8 @@ class QuickPlan:
         shuffled = np.random.default_rng(self.seed).permutation(len(every))
         return tuple(every[place] for place in shuffled)
 
-    def ask(self, done: Sequence[Done], precision: float | None) -> Ask | None:
-        """See `Plan`."""
+    def ask(self, done: Sequence[RecordedTrial], precision: float | None) -> Ask | None:
+        """See `CalibrationProtocol`."""
         protocol = self.protocol
         recorded_s = sum(trial.record_s for trial in done)
         if precision is not None and precision <= protocol.precision:
@@ -222,22 +222,22 @@ class QuickPlan:
         wave = design.multisine(rng, design.lines(MULTISINE_TONES), self._power)
         return Ask(speed, force, wave, protocol.approach_s, protocol.record_s)
 
-    def _open(self, done: Sequence[Done], condition: tuple[float, float]) -> bool:
+    def _open(self, done: Sequence[RecordedTrial], condition: tuple[float, float]) -> bool:
         """Return whether a condition was not rejected too often in a row."""
         last = _in(done, condition)[-(self.protocol.max_repeats + 1) :]
         full = len(last) == self.protocol.max_repeats + 1
         return not (full and all(trial.rejected for trial in last))
 
-    def planned(self, done: Sequence[Done]) -> int | None:
-        """See `Plan`."""
+    def planned(self, done: Sequence[RecordedTrial]) -> int | None:
+        """See `CalibrationProtocol`."""
         return None
 
-    def break_s(self, done: Sequence[Done]) -> float:
-        """See `Plan`."""
+    def break_s(self, done: Sequence[RecordedTrial]) -> float:
+        """See `CalibrationProtocol`."""
         return 0.0
 
-    def left_out(self, done: Sequence[Done]) -> tuple[str, ...]:
-        """See `Plan`."""
+    def left_out(self, done: Sequence[RecordedTrial]) -> tuple[str, ...]:
+        """See `CalibrationProtocol`."""
         return tuple(
             f"more at {condition[0]:g} mm/s and {condition[1]:g} N"
             for condition in self._conditions
@@ -245,11 +245,13 @@ class QuickPlan:
         )
 
 
-def _in(done: Sequence[Done], condition: tuple[float, float]) -> list[Done]:
+def _in(done: Sequence[RecordedTrial], condition: tuple[float, float]) -> list[RecordedTrial]:
     return [trial for trial in done if (trial.speed_mm_s, trial.force_n) == condition]
 
 
-def plan_of(protocol: PaperProtocol | QuickProtocol, seed: int, prior: Prior) -> Plan:
+def plan_of(
+    protocol: PaperProtocol | QuickProtocol, seed: int, prior: Prior
+) -> CalibrationProtocol:
     """Return the plan of a protocol."""
     if isinstance(protocol, PaperProtocol):
         return PaperPlan(protocol, seed)

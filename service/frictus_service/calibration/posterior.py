@@ -16,16 +16,22 @@ from scipy import stats
 
 from frictus.model import Covariance, FirstOrderSpeedLaw, Model, Validity
 from frictus_service.calibration import coordinates
-from frictus_service.calibration.errors import ContradictionError, EstimateError
-from frictus_service.calibration.prior import Prior
-from frictus_service.calibration.scores import Data, Spread, scores, spread_of, start
-from frictus_service.calibration.wander import (
+from frictus_service.calibration.cutoff_variability import (
     EXPECTED,
     UNDETERMINED,
     Mixture,
     mixture,
     root_of_inverse,
     wandered,
+)
+from frictus_service.calibration.errors import ContradictionError, EstimateError
+from frictus_service.calibration.prior import Prior
+from frictus_service.calibration.score_information import (
+    Data,
+    GainScatter,
+    scores,
+    spread_of,
+    start,
 )
 from frictus_service.identification.observation import TrialObservations
 
@@ -50,7 +56,7 @@ class Posterior:
         Of the person's `coordinates`. With a prior, its covariances are those of the error for
         a person whose cutoffs lie two standard deviations from the population.
     trials_used, trials_left_out : int
-    spread : Spread
+    spread : GainScatter
         Of the gain, between trials and within.
     note : str
         Of the prior.
@@ -59,7 +65,7 @@ class Posterior:
     mixture: Mixture
     trials_used: int
     trials_left_out: int
-    spread: Spread
+    spread: GainScatter
     note: str
 
     @property
@@ -167,7 +173,7 @@ def _fit(data: Data, left_out: int, prior: Prior | None) -> Posterior:
     nothing = np.zeros((coordinates.SIZE, coordinates.SIZE))
     information = nothing if prior is None else prior.information
     mean = (prior or Prior.weak()).mean
-    at, spread, weights = start(data, mean), Spread(), np.ones(data.tone_hz.size)
+    at, spread, weights = start(data, mean), GainScatter(), np.ones(data.tone_hz.size)
     for _ in range(3):  # scatter from the fit, weights from the scatter: twice is enough
         at = _settle(data, at, spread, weights, mean, information)
         spread, weights = spread_of(data, at)
@@ -198,7 +204,7 @@ def _together(data: Data, score: FloatArray, own: FloatArray) -> tuple[FloatArra
 def _settle(
     data: Data,
     at: FloatArray,
-    spread: Spread,
+    spread: GainScatter,
     weights: FloatArray,
     mean: FloatArray,
     information: FloatArray,

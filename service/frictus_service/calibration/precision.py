@@ -1,8 +1,8 @@
 """How precise a protocol is to be expected, before anyone slides a finger.
 
-Observations drawn directly at the level of `Rows`: the law, and what varies around it from
-condition to condition, trial to trial and stretch to stretch. Fast enough for thousands of
-people; raw samples, with all else that happens on the way, are simulated elsewhere.
+Observations drawn directly at the level of `ResponseRows`: the law, and what varies around it
+from condition to condition, trial to trial and stretch to stretch. Fast enough for thousands
+of people; raw samples, with all else that happens on the way, are simulated elsewhere.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from frictus.messages import Excitation
 from frictus_service.calibration import coordinates, design
 from frictus_service.calibration.plan import Ask
-from frictus_service.identification.observation import Rows, TrialObservations
+from frictus_service.identification.observation import ResponseRows, TrialObservations
 from frictus_service.study.trial import TrialInfo
 
 FloatArray = NDArray[np.float64]
@@ -166,7 +166,7 @@ def _trial(
     sweep, third, _ = np.indices(shape)
     every = np.broadcast_to(tone, shape).ravel()
     nothing = np.full(every.size, np.nan)
-    rows = Rows(
+    rows = ResponseRows(
         sweep=sweep.ravel(),
         direction=1 - 2 * (sweep.ravel() % 2),
         third=third.ravel(),

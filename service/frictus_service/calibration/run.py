@@ -23,7 +23,7 @@ from frictus_service.calibration.guidance import Cue, span_of
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Phase, Progress
 from frictus_service.calibration.linearity import linearity_of
 from frictus_service.calibration.plan import Ask, plan_of
-from frictus_service.calibration.session import Session, status_of
+from frictus_service.calibration.session import TrialSession, status_of
 from frictus_service.identification.observation import TrialObservations
 from frictus_service.identification.observe import observe
 from frictus_service.study.errors import Exclusion, FieldError
@@ -81,14 +81,16 @@ def run_calibration(
     """
     rig = _rig(client, spec.rig)
     status = status_of(rig)
-    calibration = Calibration(spec, CalibrationFolder.open(folder, spec), status, mount, tell)
+    calibration = CalibrationRun(
+        spec, CalibrationFolder.open(folder, spec), status, mount, tell
+    )
     publisher = declare_publisher(client.session, rig.keys.of(Topics.GUIDANCE), Topics.GUIDANCE)
 
     def show(guidance: GuidanceState) -> None:
         publisher.put(guidance.to_json())
 
     try:
-        session = Session(
+        session = TrialSession(
             rig, 1e-3 * status.lead_ms, spec.participant, show, calibration.tell, cancelled
         )
         calibration.measure(session)
@@ -97,7 +99,7 @@ def run_calibration(
     return calibration.conclude()
 
 
-class Calibration:
+class CalibrationRun:
     """What is asked for, what was done, and what it says.
 
     Parameters
@@ -138,7 +140,7 @@ class Calibration:
             },
         )
 
-    def measure(self, session: Session) -> None:
+    def measure(self, session: TrialSession) -> None:
         """Run what is left of the plan."""
         begun = len(self._kept.done)
         while (ask := self._next()) is not None:
@@ -164,7 +166,7 @@ class Calibration:
             self._precision = precision_so_far(self._spec, self._observations())
         return self._plan.ask(self._kept.done, self._precision)
 
-    def _record(self, session: Session, ask: Ask, cue: Cue) -> Trial:
+    def _record(self, session: TrialSession, ask: Ask, cue: Cue) -> Trial:
         asked = self._asked(ask)
         for _ in range(TRIES - 1):
             try:

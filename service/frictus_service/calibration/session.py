@@ -13,12 +13,12 @@ from typing import Final
 from frictus.lease import CONFIRM_S, Lease
 from frictus.messages import GuidanceState, RigStatus
 from frictus.rig import Rig
-from frictus_service.calibration.capture import BESIDE_S, Capture
 from frictus_service.calibration.errors import CalibrationError, CancelledError, CaptureError
 from frictus_service.calibration.guidance import Cue, guide
 from frictus_service.calibration.job import Phase
-from frictus_service.calibration.listener import Listener
 from frictus_service.calibration.plan import Ask
+from frictus_service.calibration.stream_reader import StreamReader
+from frictus_service.calibration.trial_capture import BESIDE_S, TrialCapture
 from frictus_service.study.trial import Trial, TrialInfo
 
 LEASE_MS: Final = 1_000
@@ -33,7 +33,7 @@ Tell = Callable[[Phase, str], None]
 """Told the phase, and what is worth saying."""
 
 
-class Session:
+class TrialSession:
     """Runs trials.
 
     Parameters
@@ -74,7 +74,7 @@ class Session:
         ------
         CancelledError, CalibrationError
         """
-        with Listener(self._rig) as heard:
+        with StreamReader(self._rig) as heard:
             self._pass(heard, "break", cue, heard.sample, seconds, None)
 
     def record(self, ask: Ask, cue: Cue, info: TrialInfo) -> Trial:
@@ -100,15 +100,15 @@ class Session:
         with self._rig.arm(LEASE_MS) as lease:
             self._rig.excite(ask.excitation)
             # Only now: whatever is heard from here on is sensed with the drive ordered.
-            with Listener(self._rig) as heard:
+            with StreamReader(self._rig) as heard:
                 return self._listen(heard, lease, ask, cue, info)
 
     def _listen(
-        self, heard: Listener, lease: Lease, ask: Ask, cue: Cue, info: TrialInfo
+        self, heard: StreamReader, lease: Lease, ask: Ask, cue: Cue, info: TrialInfo
     ) -> Trial:
         rate_hz, begin = heard.sample_rate_hz, heard.sample
         approach_s = max(ask.approach_s, self._lead_s + SETTLE_S)
-        capture = Capture(
+        capture = TrialCapture(
             begin + round(approach_s * rate_hz), round(ask.record_s * rate_hz), rate_hz
         )
         heard.capture = capture
@@ -135,7 +135,7 @@ class Session:
 
     def _pass(
         self,
-        heard: Listener,
+        heard: StreamReader,
         phase: Phase,
         cue: Cue,
         begin: int,
@@ -158,7 +158,7 @@ class Session:
                 self._tell(phase, "")
             heard.advance()
 
-    def _check(self, heard: Listener, lease: Lease | None) -> None:
+    def _check(self, heard: StreamReader, lease: Lease | None) -> None:
         if self._cancelled():
             raise CancelledError("cancelled; the finished trials are kept")
         # The blocks tell in which sample the drive went; the lease tells why, a little later.
@@ -172,7 +172,12 @@ class Session:
             )
 
     def _guide(
-        self, cue: Cue, phase: Phase, elapsed_s: float, left_s: float, heard: Listener | None
+        self,
+        cue: Cue,
+        phase: Phase,
+        elapsed_s: float,
+        left_s: float,
+        heard: StreamReader | None,
     ) -> None:
         finger = heard.finger if heard is not None else None
         self._show(

@@ -29,12 +29,12 @@ from frictus_service.cli import (
     watch,
     zero,
 )
-from frictus_service.cli.exits import Commands
+from frictus_service.cli.exits import CommandGroup
 from frictus_service.cli.options import AsJson, Workers
 
 app = typer.Typer(
     name="frictus",
-    cls=Commands,
+    cls=CommandGroup,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},

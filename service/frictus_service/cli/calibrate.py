@@ -15,7 +15,7 @@ from frictus_service.cli.options import (
     RigOption,
     RouterOption,
     SiteOption,
-    Target,
+    TargetRig,
     wants_lines,
 )
 
@@ -82,7 +82,7 @@ def calibrate(
     from frictus_service.calibration.run import run_calibration
     from frictus_service.cli.guided import Watching
 
-    target = Target.of(config, router, site, rig)
+    target = TargetRig.of(config, router, site, rig)
     lines = wants_lines(as_json)
     with frictus.connect(target.router, tls=target.tls) as client:
         found = target.choose(client)

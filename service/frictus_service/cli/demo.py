@@ -22,7 +22,7 @@ from frictus_service.cli.options import wants_lines
 from frictus_service.cli.screen import Display
 from frictus_service.config import ApiConfig, Config, RouterConfig
 from frictus_service.daemon.supervisor import Supervisor
-from frictus_service.demonstration.comparison import Comparison, compare
+from frictus_service.demonstration.comparison import BandComparison, compare
 from frictus_service.demonstration.explorer import Heard, explore, profile_of
 from frictus_service.demonstration.picture import draw
 from frictus_service.fidelity.bands import JND_DB, NOMINAL_HZ, rms_db
@@ -121,7 +121,7 @@ def _explore(
         return heard, rig.status(), law_of(rig.model().model)
 
 
-def _summary(heard: Heard, status: RigStatus, comparison: Comparison) -> dict[str, Any]:
+def _summary(heard: Heard, status: RigStatus, comparison: BandComparison) -> dict[str, Any]:
     """Return what `--json` prints."""
     felt, bare = comparison.compensated_db, comparison.uncompensated_db
     latency = heard.latency_ms
@@ -159,7 +159,9 @@ def _finite(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> list[f
     return [float(value) if np.isfinite(value) else None for value in values]
 
 
-def _print(heard: Heard, status: RigStatus, comparison: Comparison, plot: Path | None) -> None:
+def _print(
+    heard: Heard, status: RigStatus, comparison: BandComparison, plot: Path | None
+) -> None:
     felt, bare = comparison.compensated_db, comparison.uncompensated_db
     table = Table(title="error of the friction felt, dB", title_justify="left")
     for heading in ("band, Hz", "compensated", "not compensated"):

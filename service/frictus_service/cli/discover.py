@@ -48,7 +48,7 @@ def discover(
     as_json: AsJson = False,
 ) -> None:
     """Say what the base model gets wrong in STUDY, name the causes, and extend the model."""
-    from frictus_service.discovery import outputs
+    from frictus_service.discovery.report import files as outputs
     from frictus_service.discovery.run import discover_study
 
     folder = out or study.with_name(f"{study.stem}-discovery")
@@ -89,11 +89,11 @@ def show(found: "Discovery", console: "Console") -> None:
     """
     from rich.table import Table
 
-    from frictus_service.discovery.words import (
+    from frictus_service.discovery.catalogue.cause import title
+    from frictus_service.discovery.report.phrasing import (
         gain_sentence,
         place_of,
         shown,
-        title,
         verdict_sentence,
     )
 

@@ -30,9 +30,9 @@ def code_of(error: Exception) -> Exit:
     """Return the exit code that stands for an error."""
     from frictus.errors import FrictusError, LinkError, NoRigError, RefusedError, SilenceError
     from frictus_service.calibration.errors import CalibrationError, EstimateError, FolderError
-    from frictus_service.discovery.blows import BlowsError
     from frictus_service.discovery.errors import BaseModelError, DesignError
-    from frictus_service.discovery.ringdown import RingdownError
+    from frictus_service.discovery.mount.impact_test import ImpactRecordingError
+    from frictus_service.discovery.mount.ring_down import RingDownError
     from frictus_service.errors import ConfigurationError
     from frictus_service.library import LibraryError
     from frictus_service.recording.errors import NotWrittenError, RecordingError
@@ -44,7 +44,7 @@ def code_of(error: Exception) -> Exit:
         return Exit.CONFIG
     if isinstance(error, LinkError | NoRigError | SilenceError | RegistryUnavailableError):
         return Exit.NO_LINK
-    if isinstance(error, EstimateError | RingdownError):
+    if isinstance(error, EstimateError | RingDownError):
         return Exit.CHECK_FAILED
     if isinstance(error, RefusedError | CalibrationError) and not isinstance(
         error, FolderError
@@ -52,7 +52,7 @@ def code_of(error: Exception) -> Exit:
         return Exit.REFUSED
     ours = (
         BaseModelError,
-        BlowsError,
+        ImpactRecordingError,
         DesignError,
         FolderError,
         FrictusError,
@@ -78,7 +78,7 @@ def sentence_of(error: Exception) -> str:
     return f"unexpected {type(error).__name__}: {error}; --debug shows where"
 
 
-class Commands(TyperGroup):
+class CommandGroup(TyperGroup):
     """The commands; whatever goes wrong in one ends in a sentence and a code."""
 
     def invoke(self, ctx: Any) -> Any:

@@ -12,7 +12,7 @@ from frictus_service.cli.options import AsJson, wants_lines
 
 if TYPE_CHECKING:
     from frictus_hardware.physics.linear import TransferFunction
-    from frictus_service.recording.segments import Declared
+    from frictus_service.recording.segments import TrialDeclaration
     from frictus_service.study.errors import Exclusion
 
 Format = Literal["h5", "mat", "parquet", "replay"]
@@ -60,13 +60,13 @@ def export(
     Guided trials of a recording become trials; a recording in which nobody was guided is one
     trial, of which --participant, --speed, --force and --tone have to be said.
     """
-    from frictus_service.recording.segments import Declared
+    from frictus_service.recording.segments import TrialDeclaration
 
     if to == "replay":
         _taped(file, out or file.with_suffix(".npz"), begin, end, touch_latency, as_json)
         return
     tones = None if tone is None else tuple(hz for hz in tone if hz > 0.0)
-    declared = Declared(participant, session, speed, force, tones, begin, end)
+    declared = TrialDeclaration(participant, session, speed, force, tones, begin, end)
     path = out or _beside(file, to)
     if file.suffix != ".mcap":
         trials, excluded = _converted(file, to, path)
@@ -81,7 +81,7 @@ def _beside(file: Path, to: Format) -> Path:
 
 
 def _recorded(
-    file: Path, to: Format, path: Path, declared: "Declared", mount: str
+    file: Path, to: Format, path: Path, declared: "TrialDeclaration", mount: str
 ) -> tuple[int, "tuple[Exclusion, ...]", str]:
     """Export a recording; return how many trials, what was left out, and how it ends."""
     from frictus_service.recording.export import export_study

@@ -23,7 +23,7 @@ FRICTION_ROW: Final = {"truth": 4, "force": 0}
 
 
 @dataclass(frozen=True, slots=True)
-class Felt:
+class RigSnapshot:
     """One look at a rig.
 
     Attributes
@@ -100,7 +100,7 @@ class Observer:
         self._scene: SceneState | None = None
         self._heard_s = clock_s()
 
-    def look(self) -> Felt:
+    def look(self) -> RigSnapshot:
         """Take what has come since the last look; never waits for more."""
         for finger in self._fingers.drain():
             self._finger = finger
@@ -113,7 +113,7 @@ class Observer:
             for item in _waiting(feed):
                 self._take(name, item)
         source = next((name for name in FRICTION_ROW if self._recent[name]), None)
-        return Felt(
+        return RigSnapshot(
             self._finger,
             self._status,
             self._scene,

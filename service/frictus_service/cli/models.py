@@ -14,7 +14,7 @@ from frictus_service.cli.options import (
     ConfigFile,
     RouterOption,
     SiteOption,
-    Target,
+    TargetRig,
     wants_lines,
 )
 
@@ -232,7 +232,7 @@ def activate(
     """Give a rig a published model, while it is disarmed, and say what it confirmed."""
     import frictus
 
-    target = Target.of(config, router, site, rig)
+    target = TargetRig.of(config, router, site, rig)
     with (
         registry_of(config) as registry,
         frictus.connect(target.router, tls=target.tls) as client,

@@ -10,7 +10,7 @@ from frictus_service.cli.lines import write_line
 from frictus_service.cli.options import AsJson, wants_lines
 
 if TYPE_CHECKING:
-    from frictus_service.discovery.ringdown import Resonance
+    from frictus_service.discovery.mount.ring_down import Resonance
 
 
 def mount(
@@ -30,11 +30,11 @@ def mount(
     as_json: AsJson = False,
 ) -> None:
     """Tell frequency and damping of a mount's resonances from hammer blows in RECORDING."""
-    from frictus_service.discovery.blows import read_blows
-    from frictus_service.discovery.ringdown import ringdown
+    from frictus_service.discovery.mount.impact_test import read_impacts
+    from frictus_service.discovery.mount.ring_down import estimate_ring_down
 
-    blows = read_blows(recording, rate_hz)
-    found = ringdown(blows.samples, blows.rate_hz, band)
+    blows = read_impacts(recording, rate_hz)
+    found = estimate_ring_down(blows.samples, blows.rate_hz, band)
     if wants_lines(as_json):
         write_line(resonances=[asdict(each) for each in found])
     else:

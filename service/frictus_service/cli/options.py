@@ -43,7 +43,7 @@ Response = Annotated[
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
+class TargetRig:
     """Which rig a command is about: what the options say, else the configuration.
 
     Attributes
@@ -69,7 +69,7 @@ class Target:
     @classmethod
     def of(
         cls, config: Path | None, router: str | None, site: str | None, rig: str | None
-    ) -> "Target":
+    ) -> "TargetRig":
         """Return the target of the given options.
 
         Raises

@@ -119,7 +119,7 @@ def show(found: "Plan", console: "Console") -> None:
 
 def advice(found: "Plan") -> list[str]:
     """Return the additions that solve something, cheapest first, each with what it solves."""
-    from frictus_service.discovery.words import title
+    from frictus_service.discovery.catalogue.cause import title
 
     solves: dict[tuple[float, str], list[str]] = {}
     for effect in found.effects:
@@ -146,7 +146,7 @@ def _effects(found: "Plan") -> "Table":
 def _pairs(found: "Plan") -> "Table":
     from rich.table import Table
 
-    from frictus_service.discovery.words import title
+    from frictus_service.discovery.catalogue.cause import title
 
     table = Table("look alike", "cosine", "separable", "needs")
     for pair in found.pairs:
@@ -168,14 +168,14 @@ def duration(seconds: float) -> str:
 
 
 def _name(effect: "PlannedEffect") -> str:
-    from frictus_service.discovery.words import title
+    from frictus_service.discovery.catalogue.cause import title
 
     held = [f"{value:g} Hz" for name, value in effect.held.items() if name == "frequency_hz"]
     return ", ".join([title(effect.id), *held])
 
 
 def _sizes(effect: "PlannedEffect") -> tuple[str, str]:
-    from frictus_service.discovery.words import NO_UNIT
+    from frictus_service.discovery.catalogue.cause import NO_UNIT
 
     unit = "" if effect.unit == NO_UNIT else f" {effect.unit}"
     found = "-" if effect.detectable is None else f"{effect.detectable:.2g}{unit}"

@@ -15,7 +15,7 @@ from frictus_service.cli.options import (
     RouterOption,
     Seconds,
     SiteOption,
-    Target,
+    TargetRig,
     wants_lines,
 )
 
@@ -58,7 +58,7 @@ def play(
     from frictus_service.cli.felt import Observer
     from frictus_service.cli.screen import Display
 
-    target = Target.of(config, router, site, rig)
+    target = TargetRig.of(config, router, site, rig)
     scene = scene_of(texture, target.config.textures, speed, rate, scale, gain)
     lines = wants_lines(as_json)
     with frictus.connect(target.router, tls=target.tls) as client:

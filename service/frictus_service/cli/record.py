@@ -19,7 +19,7 @@ from frictus_service.cli.options import (
     RouterOption,
     Seconds,
     SiteOption,
-    Target,
+    TargetRig,
     wants_lines,
 )
 
@@ -63,7 +63,7 @@ def record(
     from frictus.messages import RecordRequest
 
     _check_together(start, stop, out, seconds)
-    target = Target.of(config, router, site, rig)
+    target = TargetRig.of(config, router, site, rig)
     given = name or (out.stem if out is not None else _name_of_now())
     with frictus.connect(target.router, tls=target.tls) as client:
         found = target.choose(client)
@@ -105,7 +105,7 @@ def _record_here(
     rig: "frictus.Rig",
     request: "RecordRequest",
     path: Path,
-    target: Target,
+    target: TargetRig,
     seconds: float | None,
     as_json: bool,
 ) -> None:

@@ -7,7 +7,7 @@ from typing import Self
 from rich.live import Live
 from rich.table import Table
 
-from frictus_service.cli.felt import Felt
+from frictus_service.cli.felt import RigSnapshot
 from frictus_service.cli.lines import write_line
 
 ALARM_S = 1.0
@@ -28,7 +28,7 @@ class Display:
         self._title = title
         self._live = None if lines else Live(auto_refresh=False)
 
-    def show(self, felt: Felt, elapsed_s: float) -> None:
+    def show(self, felt: RigSnapshot, elapsed_s: float) -> None:
         """Show one look."""
         if self._live is None:
             write_line(event="felt", elapsed_s=round(elapsed_s, 3), **felt.fields())
@@ -52,7 +52,7 @@ class Display:
             self._live.stop()
 
 
-def table_of(felt: Felt, title: str, elapsed_s: float) -> Table:
+def table_of(felt: RigSnapshot, title: str, elapsed_s: float) -> Table:
     """Return the table of one look."""
     table = Table(title=f"{title}, {elapsed_s:.1f} s", show_header=False, min_width=60)
     table.add_column(style="bold", no_wrap=True)
@@ -62,7 +62,7 @@ def table_of(felt: Felt, title: str, elapsed_s: float) -> Table:
     return table
 
 
-def _finger_rows(felt: Felt) -> list[tuple[str, str]]:
+def _finger_rows(felt: RigSnapshot) -> list[tuple[str, str]]:
     finger = felt.finger
     if finger is None:
         return [("finger", "[yellow]no finger state yet[/]")]
@@ -89,7 +89,7 @@ def _finger_rows(felt: Felt) -> list[tuple[str, str]]:
     ]
 
 
-def _rig_rows(felt: Felt) -> list[tuple[str, str]]:
+def _rig_rows(felt: RigSnapshot) -> list[tuple[str, str]]:
     rows = []
     if felt.scene is not None:
         applied = felt.scene.applied

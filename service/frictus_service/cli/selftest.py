@@ -74,7 +74,7 @@ def _outcomes(config: "Config", yes: bool, interactive: bool) -> "Iterator[Outco
     from frictus_hardware import make_backend
     from frictus_hardware.errors import HardwareError
     from frictus_service.selftest.report import Outcome
-    from frictus_service.selftest.suite import Rig, run_tests
+    from frictus_service.selftest.suite import RigUnderTest, run_tests
 
     simulated = config.backend.kind == "simulated"
     if not simulated and _runs(config):
@@ -92,7 +92,9 @@ def _outcomes(config: "Config", yes: bool, interactive: bool) -> "Iterator[Outco
         found = "a recording that is played as a rig is no rig to be tested"
         yield Outcome("device", "fail", found, "configure another backend")
         return
-    yield from run_tests(Rig(backend, config.block_samples), _ask if interactive else None)
+    yield from run_tests(
+        RigUnderTest(backend, config.block_samples), _ask if interactive else None
+    )
 
 
 def _runs(config: "Config") -> bool:

@@ -11,7 +11,7 @@ from frictus_service.cli.lines import write_line
 from frictus_service.cli.options import AsJson, wants_lines
 
 if TYPE_CHECKING:
-    from frictus_service.recording.summary import Summary
+    from frictus_service.recording.summary import RecordingSummary
 
 SHOWN_GAPS = 20
 
@@ -34,7 +34,7 @@ def verify(
         raise typer.Exit(Exit.CHECK_FAILED)
 
 
-def lines_of(file: Path, summary: "Summary") -> list[str]:
+def lines_of(file: Path, summary: "RecordingSummary") -> list[str]:
     """Return what to tell of a recording."""
     info = summary.info
     who = f", participant {info.participant}" if info.participant else ""

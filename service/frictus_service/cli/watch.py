@@ -10,7 +10,7 @@ from frictus_service.cli.options import (
     RouterOption,
     Seconds,
     SiteOption,
-    Target,
+    TargetRig,
     wants_lines,
 )
 
@@ -30,7 +30,7 @@ def watch(
     from frictus_service.cli.felt import Observer
     from frictus_service.cli.screen import Display
 
-    target = Target.of(config, router, site, rig)
+    target = TargetRig.of(config, router, site, rig)
     with frictus.connect(target.router, tls=target.tls, reads_only=True) as client:
         found = target.choose(client)
         observer = Observer(found)

@@ -22,7 +22,7 @@ from frictus.errors import LinkError
 from frictus.lease import Lease
 from frictus.messages import RigStatus
 from frictus.reception import Feed
-from frictus_service.api.link import RigLink
+from frictus_service.api.rig_connection import RigConnection
 from frictus_service.dashboard.channels import Channel, Value, open_channel
 from frictus_service.dashboard.refusal import TRY_LATER, RefusedViewerError
 
@@ -32,7 +32,7 @@ MAX_VIEWERS: Final = 64
 _LOG: Final = logging.getLogger(__name__)
 
 
-class Watcher(Protocol):
+class ChannelSubscriber(Protocol):
     """Who wants channels."""
 
     @property
@@ -46,7 +46,7 @@ class Hub:
 
     Parameters
     ----------
-    link : RigLink
+    link : RigConnection
         The API's connection.
 
     Attributes
@@ -57,7 +57,7 @@ class Hub:
         Whether the router can be reached, as far as is known.
     """
 
-    def __init__(self, link: RigLink) -> None:
+    def __init__(self, link: RigConnection) -> None:
         self._link = link
         self.site = link.site
         self.linked = False
@@ -67,12 +67,12 @@ class Hub:
         self._client: frictus.Client | None = None
         self._rigs: dict[str, frictus.Rig] = {}
         self._channels: dict[tuple[str, str], Channel] = {}
-        self._watchers: list[Watcher] = []
+        self._watchers: list[ChannelSubscriber] = []
         self._poked = asyncio.Event()
         self._tending: asyncio.Task[None] | None = None
 
     @contextlib.contextmanager
-    def joined(self, watcher: Watcher) -> Iterator[None]:
+    def joined(self, watcher: ChannelSubscriber) -> Iterator[None]:
         """Serve a viewer within the block.
 
         Raises

@@ -60,7 +60,7 @@ class Point(_Asked):
     normal_force_n: Annotated[FiniteFloat, Field(ge=0.0, le=5.0)] = 0.4
 
 
-class Arm(_Asked):
+class ArmRequest(_Asked):
     """Take a rig and let it drive its screen while the page is there."""
 
     op: Literal["arm"]
@@ -69,7 +69,7 @@ class Arm(_Asked):
     """Clients and people who may change what is rendered meanwhile."""
 
 
-class Disarm(_Asked):
+class DisarmRequest(_Asked):
     """Give it back."""
 
     op: Literal["disarm"]
@@ -83,7 +83,7 @@ class Ping(_Asked):
     id: Annotated[int, Field(ge=0, lt=2**53)]
 
 
-Asked = Hello | Watch | Point | Arm | Disarm | Ping
+Asked = Hello | Watch | Point | ArmRequest | DisarmRequest | Ping
 _ASKED: Final[TypeAdapter[Asked]] = TypeAdapter(Annotated[Asked, Field(discriminator="op")])
 
 
@@ -137,7 +137,7 @@ class Rigs(Message):
     link: bool
 
 
-class Lost(Message):
+class RigLost(Message):
     """The watched rig is not present. It is watched still."""
 
     op: Literal["lost"] = "lost"

@@ -39,7 +39,7 @@ def root() -> RedirectResponse:
     return RedirectResponse(PAGE, headers=HEADERS)
 
 
-class Pages(StaticFiles):
+class DashboardFiles(StaticFiles):
     """The files of the dashboard. They hold no data, and need no token."""
 
     def __init__(self) -> None:

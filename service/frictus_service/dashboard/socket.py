@@ -9,14 +9,14 @@ from typing import Final, get_args
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
 from frictus_service.api.access import LOCAL, find
-from frictus_service.api.callers import Pages
+from frictus_service.api.callers import ConnectedPages
 from frictus_service.config import Scope, Token
 from frictus_service.dashboard.arming import Arming
 from frictus_service.dashboard.hub import Hub
 from frictus_service.dashboard.messages import (
-    Arm,
+    ArmRequest,
     Asked,
-    Disarm,
+    DisarmRequest,
     Hello,
     Ping,
     Point,
@@ -28,7 +28,7 @@ from frictus_service.dashboard.messages import (
 )
 from frictus_service.dashboard.pointing import Pointing
 from frictus_service.dashboard.refusal import BAD_DATA, NOT_ALLOWED, RefusedViewerError
-from frictus_service.dashboard.viewer import Viewer
+from frictus_service.dashboard.viewer import PageFeed
 
 HELLO_S: Final = 5.0
 SEND_S: Final = 5.0
@@ -63,12 +63,12 @@ class Conversation:
         What all viewers share.
     tokens : collection of Token
         Those of the configuration; without any, everybody may everything.
-    pages : Pages
+    pages : ConnectedPages
         Gives the page its name.
     """
 
     def __init__(
-        self, socket: WebSocket, hub: Hub, tokens: Collection[Token], pages: Pages
+        self, socket: WebSocket, hub: Hub, tokens: Collection[Token], pages: ConnectedPages
     ) -> None:
         self._socket = socket
         self._hub = hub
@@ -95,7 +95,7 @@ class Conversation:
     async def _converse(self) -> None:
         person, scopes = await self._greeted()
         hub = self._hub
-        viewer = Viewer(hub, scopes)
+        viewer = PageFeed(hub, scopes)
         with hub.joined(viewer), self._pages.joined(person) as page:
             welcome = Welcome(
                 scopes=tuple(sorted(scopes)), site=hub.site, client=page.client, key=page.key
@@ -148,7 +148,7 @@ class Conversation:
             raise RefusedViewerError("hello", "unauthenticated", known, NOT_ALLOWED)
         return token.name, token.scopes
 
-    async def _listen(self, viewer: Viewer, pointing: Pointing, arming: Arming) -> None:
+    async def _listen(self, viewer: PageFeed, pointing: Pointing, arming: Arming) -> None:
         while True:
             asked = await self._receive()
             arming.hear()
@@ -160,7 +160,7 @@ class Conversation:
                 await self._refuse(refusal)
 
     async def _do(
-        self, asked: Asked, viewer: Viewer, pointing: Pointing, arming: Arming
+        self, asked: Asked, viewer: PageFeed, pointing: Pointing, arming: Arming
     ) -> None:
         match asked:
             case Watch():
@@ -168,10 +168,10 @@ class Conversation:
             case Point():
                 viewer.require("render", "point")
                 pointing.point(viewer.watching.rig, asked)
-            case Arm():
+            case ArmRequest():
                 viewer.require("render", "arm")
                 await arming.arm(asked.rig, asked.share_with)
-            case Disarm():
+            case DisarmRequest():
                 await arming.disarm(asked.rig)
             case Ping():
                 await self._send(Pong(id=asked.id).model_dump_json())
@@ -179,7 +179,7 @@ class Conversation:
                 message = "hello has been said already"
                 raise RefusedViewerError("hello", "malformed", message, BAD_DATA)
 
-    async def _tell(self, viewer: Viewer) -> None:
+    async def _tell(self, viewer: PageFeed) -> None:
         """Send what is new, at the viewer's rate: absolute deadlines, none made up for."""
         loop = asyncio.get_running_loop()
         due_s = loop.time()

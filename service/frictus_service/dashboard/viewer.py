@@ -8,7 +8,7 @@ from frictus_service.config import Scope
 from frictus_service.dashboard.channels import VALUES, Channel, Stream, Value
 from frictus_service.dashboard.frames import LiveFrameError
 from frictus_service.dashboard.hub import Hub
-from frictus_service.dashboard.messages import Lost, Rigs, Watch
+from frictus_service.dashboard.messages import RigLost, Rigs, Watch
 from frictus_service.dashboard.refusal import NOT_ALLOWED, RefusedViewerError
 from frictus_service.dashboard.trace import Trace
 
@@ -17,7 +17,7 @@ IDLE_RATE_HZ: Final = 10.0
 _NOTHING: Final = Watch(op="watch", rig=None, rate_hz=IDLE_RATE_HZ)
 
 
-class Viewer:
+class PageFeed:
     """Collects what is new since it collected last.
 
     Nothing is queued for a viewer: it has cursors into what all viewers share. One that
@@ -100,7 +100,7 @@ class Viewer:
         self._told_present = present
         if not present:
             if before is not False:
-                news.append(Lost(rig=rig).model_dump_json())
+                news.append(RigLost(rig=rig).model_dump_json())
             return news
         return news + self._values(rig) + self._frames(rig)
 

@@ -28,7 +28,7 @@ class DemoError(RuntimeError):
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class BandComparison:
     """Powers in third octaves, shape (16,), N².
 
     Attributes
@@ -57,7 +57,7 @@ def compare(
     friction_n: FloatArray,
     law: FrictionLaw,
     config: SimulatedConfig,
-) -> Comparison:
+) -> BandComparison:
     """Judge what was felt live, and what would have been felt without compensation.
 
     The simulated finger's way is a function of the device's time alone, so it can be walked
@@ -103,7 +103,7 @@ def compare(
     twin = standard_twin(config.screen, config.participant.law)
     bare, _ = feel(path, scene, uncompensated(law), config.screen, twin)
     without = bare.friction_n[heard.first_sample : heard.first_sample + n_samples]
-    return Comparison(
+    return BandComparison(
         band_power(target, rate, segments),
         band_power(heard.truth[4].astype(float), rate, segments),
         band_power(without, rate, segments),

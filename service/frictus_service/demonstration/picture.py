@@ -5,18 +5,18 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from frictus_service.demonstration.comparison import Comparison
+from frictus_service.demonstration.comparison import BandComparison
 from frictus_service.fidelity.bands import JND_DB, NOMINAL_HZ, rms_db
 
 LABELS = [f"{centre:g}" for centre in NOMINAL_HZ]
 
 
-def draw(comparison: Comparison, texture: str, path: Path) -> None:
+def draw(comparison: BandComparison, texture: str, path: Path) -> None:
     """Draw the spectra and the errors; the suffix of the path says the format.
 
     Parameters
     ----------
-    comparison : Comparison
+    comparison : BandComparison
     texture : str
         Its name, for the title.
     path : Path

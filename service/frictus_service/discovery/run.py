@@ -4,11 +4,11 @@ import secrets
 from collections.abc import Callable
 from pathlib import Path
 
-from frictus_service.discovery.bases import base_model
 from frictus_service.discovery.discover import discover
 from frictus_service.discovery.document import Discovery, StudyFacts
-from frictus_service.discovery.evidence import study_evidence
-from frictus_service.discovery.own import ResponseName
+from frictus_service.discovery.evidence.trial_evidence import study_evidence
+from frictus_service.discovery.problem.base_models import base_model
+from frictus_service.discovery.problem.nuisance import ResponseName
 from frictus_service.study.importers import open_study
 
 

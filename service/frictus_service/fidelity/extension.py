@@ -49,7 +49,7 @@ class Stroke:
 
 
 @dataclass(frozen=True, slots=True)
-class Felt:
+class RenderingError:
     """How far what is felt is from what was asked for.
 
     Attributes
@@ -68,18 +68,18 @@ class Felt:
 
 
 @dataclass(frozen=True, slots=True)
-class Gain:
+class ExtensionGain:
     """The error before and after the effects came into the model, and the strength it costs.
 
     Attributes
     ----------
-    before, after : Felt
+    before, after : RenderingError
     applied_share : float
         Largest gain of the texture with the effects over that without.
     """
 
-    before: Felt
-    after: Felt
+    before: RenderingError
+    after: RenderingError
     applied_share: float
 
 
@@ -89,7 +89,7 @@ def gain_of(
     strokes: Sequence[Stroke],
     law: FrictionLaw,
     screen: Screen,
-) -> Gain:
+) -> ExtensionGain:
     """Feel a texture on a twin that has the effects, without and with them undone.
 
     Parameters
@@ -111,7 +111,7 @@ def gain_of(
     before, after = (
         _felt(undone, inverse, simulator, texture, strokes, screen) for undone in (law, inverse)
     )
-    return Gain(before, after, applied / plain)
+    return ExtensionGain(before, after, applied / plain)
 
 
 def _felt(
@@ -121,7 +121,7 @@ def _felt(
     texture: Texture,
     strokes: Sequence[Stroke],
     screen: Screen,
-) -> Felt:
+) -> RenderingError:
     errors, shapes, clipped, samples = [], [], 0, 0
     for stroke in strokes:
         path = stroke.path
@@ -141,7 +141,7 @@ def _felt(
         shapes.append(waveform_error(signals.friction_n, target, path.sample_rate_hz, segments))
         clipped += missed
         samples += target.size
-    return Felt(
+    return RenderingError(
         rms_db(np.array(errors)), float(np.sqrt(np.mean(np.square(shapes)))), clipped / samples
     )
 

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus_service.identification import effects, mixed
-from frictus_service.identification.account import account_for
-from frictus_service.identification.conditions import Table
+from frictus_service.identification.conditions import ObservationTable
 from frictus_service.identification.correlations import correlations_of
 from frictus_service.identification.documents import (
     EffectTest,
@@ -35,6 +34,7 @@ from frictus_service.identification.results import (
     participants_of,
     sweeps_of,
 )
+from frictus_service.identification.trial_accounting import account_for
 from frictus_service.study.errors import Exclusion
 
 FloatArray = NDArray[np.float64]
@@ -67,7 +67,7 @@ def identify(
         If no trial can be used.
     """
     settings = settings or Settings()
-    table = Table.of(observations)
+    table = ObservationTable.of(observations)
     measured = Measured.of(table)
     centre = Centre.of(measured.target_mm_s.tolist(), measured.target_n.tolist())
     friction = friction_of(table, measured, settings)

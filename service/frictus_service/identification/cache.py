@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 
 from frictus_service.durable import replace_file
-from frictus_service.identification.observation import Rows, TrialObservations
+from frictus_service.identification.observation import ResponseRows, TrialObservations
 from frictus_service.identification.reading import Reader, Reading, version_of
 from frictus_service.identification.tables import Table, columns_of, table_of
 from frictus_service.study.trial import StudyInfo, TrialInfo
@@ -147,7 +147,7 @@ def _decoded(held: bytes, sha256: str, asked: TrialInfo) -> Reading:
         notes=tuple(said["notes"]),
         mean_speed_mm_s=said["mean_speed_mm_s"],
         mean_force_n=said["mean_force_n"],
-        rows=columns_of(Rows, tables.pop("rows")),
+        rows=columns_of(ResponseRows, tables.pop("rows")),
     )
     return Reading(observed, tables)
 

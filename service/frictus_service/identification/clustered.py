@@ -35,7 +35,7 @@ class Levels:
 
 
 @dataclass(frozen=True, slots=True)
-class Scatter:
+class GroupVariances:
     """Variances of relative deviations that the rows of an inner or outer group share."""
 
     inner: float
@@ -43,7 +43,7 @@ class Scatter:
 
 
 def moments(
-    table: FloatArray, weight: FloatArray, levels: Levels, scatter: Scatter
+    table: FloatArray, weight: FloatArray, levels: Levels, scatter: GroupVariances
 ) -> FloatArray:
     """Return ``T' C^-1 T`` of each outer group, shape (n_outer, k, k).
 
@@ -53,7 +53,7 @@ def moments(
     weight : ndarray, shape (n_rows,)
         Inverse of the variance of the independent noise.
     levels : Levels
-    scatter : Scatter
+    scatter : GroupVariances
     """
     if levels.inner is None:
         alone = weight / (1.0 + scatter.inner * weight)
@@ -74,7 +74,7 @@ def moments(
 
 def scatter_of(
     residual: FloatArray, weight: FloatArray, levels: Levels, fitted: float
-) -> Scatter:
+) -> GroupVariances:
     """Return the scatter behind residuals, by moments (DerSimonian and Laird).
 
     The inner one comes from replicates within the outer groups; the outer one from the groups'
@@ -102,7 +102,7 @@ def scatter_of(
     mean = np.bincount(parent, certainty * value, n) / total
     left = max(n - fitted, 1.0)
     outer = max(float(np.sum(mean**2) / left - np.mean(1.0 / total)), 0.0)
-    return Scatter(inner, outer)
+    return GroupVariances(inner, outer)
 
 
 def _within(value: FloatArray, noise: FloatArray, parent: IntArray, n: int) -> float:

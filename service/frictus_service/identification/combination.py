@@ -18,7 +18,7 @@ _LEAST_SHARE = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class ConditionEvidence:
     """What is known of one participant's conditions.
 
     Attributes
@@ -95,12 +95,12 @@ class Line:
     excess: float
 
 
-def combine(evidence: Evidence, maps: FloatArray, excess: FloatArray) -> Combination:
+def combine(evidence: ConditionEvidence, maps: FloatArray, excess: FloatArray) -> Combination:
     """Return linear combinations of the conditions' parameters, and the delay.
 
     Parameters
     ----------
-    evidence : Evidence
+    evidence : ConditionEvidence
     maps : ndarray, shape (q, n_conditions, p)
     excess : ndarray, shape (p,)
         Variance of each parameter between conditions.
@@ -117,12 +117,12 @@ def combine(evidence: Evidence, maps: FloatArray, excess: FloatArray) -> Combina
     return Combination(value, covariance, np.full(value.size, evidence.degrees_of_freedom))
 
 
-def levels(evidence: Evidence) -> Combination:
+def levels(evidence: ConditionEvidence) -> Combination:
     """Return all parameters at the mean speed of the conditions, and the delay.
 
     Parameters
     ----------
-    evidence : Evidence
+    evidence : ConditionEvidence
     """
     n, p = evidence.value.shape
     centred = evidence.speed_mm_s - evidence.speed_mm_s.mean()
@@ -135,15 +135,15 @@ def levels(evidence: Evidence) -> Combination:
     return combine(evidence, maps, excess)
 
 
-def settle(design: FloatArray, evidence: Evidence, parameter: int) -> Line:
+def settle(design: FloatArray, evidence: ConditionEvidence, parameter: int) -> Line:
     """Fit one parameter of the conditions, weighted by sampling error and excess.
 
     Parameters
     ----------
     design : ndarray, shape (n_conditions, k)
-    evidence : Evidence
+    evidence : ConditionEvidence
     parameter : int
-        Column of `Evidence.value`.
+        Column of `ConditionEvidence.value`.
     """
     value = evidence.value[:, parameter]
     linear = np.asarray(np.linalg.pinv(design), dtype=np.float64)

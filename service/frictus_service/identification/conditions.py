@@ -29,7 +29,7 @@ class Condition:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class ObservationTable:
     """Rows of all usable trials; arrays of shape (n_rows,), as in `Rows`.
 
     Attributes
@@ -60,7 +60,7 @@ class Table:
     mobility_variance: FloatArray
 
     @classmethod
-    def of(cls, observations: Sequence[TrialObservations]) -> "Table":
+    def of(cls, observations: Sequence[TrialObservations]) -> "ObservationTable":
         """Collect the rows of the valid trials.
 
         Raises
@@ -154,7 +154,7 @@ class Selection:
 
 
 def select(
-    table: Table,
+    table: ObservationTable,
     response: Literal["friction", "mobility"],
     group: IntArray,
     people: IntArray,
@@ -165,7 +165,7 @@ def select(
 
     Parameters
     ----------
-    table : Table
+    table : ObservationTable
     response : {'friction', 'mobility'}
     group : ndarray of int, shape (n_rows,)
         What is fitted together; negative: left out.
@@ -192,7 +192,7 @@ def select(
 
 
 def _sample(
-    table: Table,
+    table: ObservationTable,
     there: BoolArray,
     condition: IntArray,
     value: ComplexArray,
@@ -221,7 +221,7 @@ def _sample(
     )
 
 
-def _smoothed(table: Table) -> FloatArray:
+def _smoothed(table: ObservationTable) -> FloatArray:
     """Return variances of the mobility that do not follow each row's own error.
 
     A ratio whose denominator came out small is large and says that it is uncertain; weighted by

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus_service.identification.combination import Evidence
-from frictus_service.identification.conditions import Selection, Table, select
+from frictus_service.identification.combination import ConditionEvidence
+from frictus_service.identification.conditions import ObservationTable, Selection, select
 from frictus_service.identification.documents import Parameter, Settings
 from frictus_service.identification.effects import Cells
 from frictus_service.identification.friction_fit import CUTOFF, GAIN, fit_friction
@@ -55,7 +55,7 @@ class Measured:
     target_n: FloatArray
 
     @classmethod
-    def of(cls, table: Table) -> "Measured":
+    def of(cls, table: ObservationTable) -> "Measured":
         """Return the means over the rows of each condition."""
         n = len(table.conditions)
         count = np.bincount(table.condition, minlength=n)
@@ -93,12 +93,14 @@ class Fitted:
         return out
 
 
-def friction_of(table: Table, measured: Measured, settings: Settings) -> Fitted | None:
+def friction_of(
+    table: ObservationTable, measured: Measured, settings: Settings
+) -> Fitted | None:
     """Fit the friction response of every condition; None if none has enough tones.
 
     Parameters
     ----------
-    table : Table
+    table : ObservationTable
     measured : Measured
     settings : Settings
     """
@@ -113,12 +115,14 @@ def friction_of(table: Table, measured: Measured, settings: Settings) -> Fitted 
     return fitted
 
 
-def mobility_of(table: Table, measured: Measured, settings: Settings) -> Fitted | None:
+def mobility_of(
+    table: ObservationTable, measured: Measured, settings: Settings
+) -> Fitted | None:
     """Fit the mobility of every condition; None where nothing measured the skin.
 
     Parameters
     ----------
-    table : Table
+    table : ObservationTable
     measured : Measured
     settings : Settings
     """
@@ -160,7 +164,7 @@ def cells_of(measured: Measured, value: FloatArray) -> Cells:
 
 def evidence_of(
     fitted: Fitted, measured: Measured, person: int, kept: BoolArray | None = None
-) -> Evidence | None:
+) -> ConditionEvidence | None:
     """Return what is known of a participant's conditions; None if none settled.
 
     Parameters
@@ -179,7 +183,7 @@ def evidence_of(
         return None
     place = np.cumsum(used) - 1
     trials = used[sample.condition_of_trial]
-    return Evidence(
+    return ConditionEvidence(
         measured.speed_mm_s[fitted.selection.groups[used]],
         np.exp(fit.log_parameters[used]),
         _typical(fitted, measured)[used],

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from frictus_service.identification import joint_fit
 from frictus_service.identification.conditions import Sample
-from frictus_service.identification.joint_fit import JointFit, Problem, Spreads
+from frictus_service.identification.joint_fit import JointFit, JointFitProblem, Spreads
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -69,7 +69,7 @@ def fit_friction(
         Logarithms: gain (N per unit of drive fraction), cutoff (Hz).
     """
     ratio = np.ones(sample.tone_hz.size) if cutoff_ratio is None else cutoff_ratio
-    problem = Problem(sample, FirstOrder(ratio), LOWEST, HIGHEST)
+    problem = JointFitProblem(sample, FirstOrder(ratio), LOWEST, HIGHEST)
     return joint_fit.fit(problem, *_start(sample, n_people))
 
 
@@ -88,7 +88,7 @@ def refit_friction(
     spreads : Spreads
     """
     law = FirstOrder(np.ones(sample.tone_hz.size))
-    problem = Problem(sample, law, LOWEST, HIGHEST, fit_delay=False)
+    problem = JointFitProblem(sample, law, LOWEST, HIGHEST, fit_delay=False)
     return joint_fit.fit(problem, begin, delay_s, spreads)
 
 

@@ -11,7 +11,7 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus_service.identification.clustered import Levels, Scatter, moments, scatter_of
+from frictus_service.identification.clustered import GroupVariances, Levels, moments, scatter_of
 from frictus_service.identification.conditions import Sample
 
 FloatArray = NDArray[np.float64]
@@ -41,11 +41,11 @@ class Law(Protocol):
 class Spreads:
     """Scatter of relative residuals: of size (real part) and of phase (imaginary part)."""
 
-    size: Scatter
-    phase: Scatter
+    size: GroupVariances
+    phase: GroupVariances
 
 
-BEGIN: Final = Spreads(Scatter(0.0, 0.01), Scatter(0.0, 1e-4))
+BEGIN: Final = Spreads(GroupVariances(0.0, 0.01), GroupVariances(0.0, 1e-4))
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,7 @@ class JointFit:
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class JointFitProblem:
     """What is fitted to what.
 
     Attributes
@@ -114,7 +114,7 @@ class Problem:
 
 
 def fit(
-    problem: Problem,
+    problem: JointFitProblem,
     log_parameters: FloatArray,
     delay_s: FloatArray,
     spreads: Spreads | None = None,
@@ -123,7 +123,7 @@ def fit(
 
     Parameters
     ----------
-    problem : Problem
+    problem : JointFitProblem
     log_parameters : ndarray, shape (n_conditions, p)
         Where to begin.
     delay_s : ndarray, shape (n_people,)
@@ -153,7 +153,7 @@ class _Step:
 
 
 def _linearise(
-    problem: Problem, log_parameters: FloatArray, delay_s: FloatArray
+    problem: JointFitProblem, log_parameters: FloatArray, delay_s: FloatArray
 ) -> tuple[ComplexArray, ComplexArray, FloatArray]:
     """Return d ln H / d (parameters, delay), relative residuals, and certainties."""
     sample = problem.sample
@@ -167,7 +167,7 @@ def _linearise(
 
 
 def _normal(
-    problem: Problem, log_parameters: FloatArray, delay_s: FloatArray, spreads: Spreads
+    problem: JointFitProblem, log_parameters: FloatArray, delay_s: FloatArray, spreads: Spreads
 ) -> _Step:
     sample = problem.sample
     columns, residual, weight = _linearise(problem, log_parameters, delay_s)
@@ -186,7 +186,7 @@ def _normal(
     return _Step(by_trial[:, : p + 1, p + 1], local, cross, delay)
 
 
-def _influences(problem: Problem, step: _Step) -> tuple[FloatArray, FloatArray]:
+def _influences(problem: JointFitProblem, step: _Step) -> tuple[FloatArray, FloatArray]:
     """Return what each trial pulls: its condition's logarithms, its participant's delay."""
     sample = problem.sample
     condition = sample.condition_of_trial
@@ -199,7 +199,7 @@ def _influences(problem: Problem, step: _Step) -> tuple[FloatArray, FloatArray]:
 
 
 def _descend(
-    problem: Problem, log_parameters: FloatArray, delay_s: FloatArray, spreads: Spreads
+    problem: JointFitProblem, log_parameters: FloatArray, delay_s: FloatArray, spreads: Spreads
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     sample = problem.sample
     settled = np.zeros(log_parameters.shape[0], dtype=np.bool_)
@@ -224,7 +224,9 @@ def _descend(
     return log_parameters, delay_s, settled & inside.all(axis=1)
 
 
-def _spreads(problem: Problem, log_parameters: FloatArray, delay_s: FloatArray) -> Spreads:
+def _spreads(
+    problem: JointFitProblem, log_parameters: FloatArray, delay_s: FloatArray
+) -> Spreads:
     _, residual, weight = _linearise(problem, log_parameters, delay_s)
     n, p = log_parameters.shape
     # A condition's size takes one degree of freedom, its shape the rest, from both parts alike.
@@ -236,7 +238,7 @@ def _spreads(problem: Problem, log_parameters: FloatArray, delay_s: FloatArray) 
 
 
 def _conclude(
-    problem: Problem,
+    problem: JointFitProblem,
     log_parameters: FloatArray,
     delay_s: FloatArray,
     settled: BoolArray,

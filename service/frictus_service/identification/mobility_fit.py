@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from frictus_service.identification import joint_fit
 from frictus_service.identification.conditions import Sample
 from frictus_service.identification.friction_fit import averages
-from frictus_service.identification.joint_fit import JointFit, Problem, Spreads
+from frictus_service.identification.joint_fit import JointFit, JointFitProblem, Spreads
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -46,7 +46,7 @@ def fit_mobility(sample: Sample, n_people: int) -> JointFit:
     JointFit
         Logarithms: mass (kg), damping (N s/m), stiffness (N/m).
     """
-    problem = Problem(sample, mass_spring_damper, LOWEST, HIGHEST)
+    problem = JointFitProblem(sample, mass_spring_damper, LOWEST, HIGHEST)
     return joint_fit.fit(problem, *_start(sample, n_people))
 
 
@@ -54,7 +54,7 @@ def refit_mobility(
     sample: Sample, begin: FloatArray, delay_s: FloatArray, spreads: Spreads
 ) -> JointFit:
     """Fit parts of conditions; as `friction_fit.refit_friction`."""
-    problem = Problem(sample, mass_spring_damper, LOWEST, HIGHEST, fit_delay=False)
+    problem = JointFitProblem(sample, mass_spring_damper, LOWEST, HIGHEST, fit_delay=False)
     return joint_fit.fit(problem, begin, delay_s, spreads)
 
 

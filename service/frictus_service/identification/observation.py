@@ -13,7 +13,7 @@ ComplexArray = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class ResponseRows:
     """One row per sweep, third of the stroke and tone; arrays of shape (n_rows,).
 
     Attributes
@@ -73,7 +73,7 @@ class TrialObservations:
         What a reader should know of a trial that is used: missing samples and the like.
     mean_speed_mm_s, mean_force_n : float
         Over the sweeps; NaN where nothing was measured.
-    rows : Rows
+    rows : ResponseRows
         Empty where there was no drive, or no sweep.
     """
 
@@ -84,4 +84,4 @@ class TrialObservations:
     notes: tuple[str, ...]
     mean_speed_mm_s: float
     mean_force_n: float
-    rows: Rows
+    rows: ResponseRows

@@ -10,9 +10,9 @@ from frictus_service.identification.blocks import BLOCK
 from frictus_service.identification.observation import TrialObservations
 from frictus_service.identification.response import rows_of
 from frictus_service.identification.sweeps import (
-    Motion,
-    Segment,
     Sweep,
+    SweepThird,
+    TouchMotion,
     cut_thirds,
     find_sweeps,
     smooth,
@@ -27,26 +27,26 @@ PRESSED_SHARE = 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class FingerTrajectory:
     """How the finger moved and pressed in a trial.
 
     Attributes
     ----------
-    motion : Motion
+    motion : TouchMotion
     normal_n : ndarray, shape (n_blocks,)
         Mean normal force of each block of samples; NaN where one is missing.
     sweeps : list of Sweep
-    segments : list of Segment
+    segments : list of SweepThird
         Thirds of the sweeps.
     """
 
-    motion: Motion
+    motion: TouchMotion
     normal_n: FloatArray
     sweeps: list[Sweep]
-    segments: list[Segment]
+    segments: list[SweepThird]
 
 
-def course_of(trial: Trial) -> Course:
+def course_of(trial: Trial) -> FingerTrajectory:
     """Return how the finger moved and pressed.
 
     Parameters
@@ -56,7 +56,7 @@ def course_of(trial: Trial) -> Course:
     motion = smooth(trial.position_mm, trial.position_t_s)
     normal_n = _normal_force(trial)
     sweeps = find_sweeps(motion, _pressed(motion, normal_n, trial.info.sample_rate_hz))
-    return Course(motion, normal_n, sweeps, cut_thirds(motion, sweeps))
+    return FingerTrajectory(motion, normal_n, sweeps, cut_thirds(motion, sweeps))
 
 
 def observe(trial: Trial, study: StudyInfo) -> TrialObservations:
@@ -71,12 +71,14 @@ def observe(trial: Trial, study: StudyInfo) -> TrialObservations:
     return observe_along(course_of(trial), trial, study)
 
 
-def observe_along(course: Course, trial: Trial, study: StudyInfo) -> TrialObservations:
+def observe_along(
+    course: FingerTrajectory, trial: Trial, study: StudyInfo
+) -> TrialObservations:
     """Return the observations of a trial whose course is known.
 
     Parameters
     ----------
-    course : Course
+    course : FingerTrajectory
         From `course_of`.
     trial : Trial
     study : StudyInfo
@@ -105,7 +107,7 @@ def _normal_force(trial: Trial) -> FloatArray:
     return mean
 
 
-def _pressed(motion: Motion, normal_n: FloatArray, rate_hz: float) -> NDArray[np.bool_]:
+def _pressed(motion: TouchMotion, normal_n: FloatArray, rate_hz: float) -> NDArray[np.bool_]:
     """Return whether the finger is on the screen at each report."""
     measured = normal_n[np.isfinite(normal_n)]
     if not measured.size:
@@ -118,7 +120,7 @@ def _pressed(motion: Motion, normal_n: FloatArray, rate_hz: float) -> NDArray[np
     return inside & ~off
 
 
-def _means(segments: Sequence[Segment], normal_n: FloatArray, rate_hz: float) -> Means:
+def _means(segments: Sequence[SweepThird], normal_n: FloatArray, rate_hz: float) -> Means:
     """Return speed and force over the sweeps."""
     if not segments:
         return Means(np.nan, np.nan)
@@ -134,7 +136,7 @@ def _means(segments: Sequence[Segment], normal_n: FloatArray, rate_hz: float) ->
     return Means(float(speed @ lasting / lasting.sum()), force)
 
 
-def _gaps(trial: Trial, motion: Motion) -> Iterator[str]:
+def _gaps(trial: Trial, motion: TouchMotion) -> Iterator[str]:
     """Yield what a reader should know of missing data."""
     reports = trial.position_t_s.size
     if motion.time_s.size < reports:

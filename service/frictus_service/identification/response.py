@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from frictus_service.identification.blocks import BLOCK
 from frictus_service.identification.message import advance, drive_fraction, hold
-from frictus_service.identification.observation import Rows
-from frictus_service.identification.sweeps import Segment
+from frictus_service.identification.observation import ResponseRows
+from frictus_service.identification.sweeps import SweepThird
 from frictus_service.identification.tones import Tones, fit
 from frictus_service.study.trial import StudyInfo, Trial
 
@@ -81,24 +81,24 @@ class Instrument:
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class WholeBlocks:
     """A segment in whole blocks of samples, the last one excluded."""
 
-    segment: Segment
+    segment: SweepThird
     first: int
     last: int
 
 
 def rows_of(
-    trial: Trial, study: StudyInfo, segments: list[Segment], normal_n: FloatArray
-) -> tuple[Rows, list[str]]:
+    trial: Trial, study: StudyInfo, segments: list[SweepThird], normal_n: FloatArray
+) -> tuple[ResponseRows, list[str]]:
     """Return one row per segment and tone, and what was left out.
 
     Parameters
     ----------
     trial : Trial
     study : StudyInfo
-    segments : list of Segment
+    segments : list of SweepThird
     normal_n : ndarray, shape (n_blocks,)
         Mean normal force of each block of samples; NaN where it is missing.
     """
@@ -132,12 +132,12 @@ def rows_of(
     return _rows(kept, normal, tones, instrument, amplitude[usable], variance[usable]), notes
 
 
-def whole_blocks(segment: Segment, rate_hz: float, blocks: int) -> Piece:
+def whole_blocks(segment: SweepThird, rate_hz: float, blocks: int) -> WholeBlocks:
     """Return a segment's blocks.
 
     Parameters
     ----------
-    segment : Segment
+    segment : SweepThird
     rate_hz : float
         Of samples.
     blocks : int
@@ -145,11 +145,11 @@ def whole_blocks(segment: Segment, rate_hz: float, blocks: int) -> Piece:
     """
     first = math.ceil(segment.begin_s * rate_hz / BLOCK)
     last = min(int(segment.end_s * rate_hz / BLOCK), blocks)
-    return Piece(segment, first, max(first, last))
+    return WholeBlocks(segment, first, max(first, last))
 
 
 def _fit_all(
-    trial: Trial, study: StudyInfo, tones: Tones, pieces: list[Piece]
+    trial: Trial, study: StudyInfo, tones: Tones, pieces: list[WholeBlocks]
 ) -> tuple[ComplexArray, FloatArray]:
     """Return amplitudes and their variances, (n_pieces, n_channels, n_tones)."""
     channels = tones.reduce(channels_of(trial, study))
@@ -160,12 +160,12 @@ def _fit_all(
     return np.stack([f.amplitude for f in found]), np.stack([f.variance for f in found])
 
 
-def projections(segment: Segment, columns: tuple[int, ...]) -> list[tuple[float, ...]]:
+def projections(segment: SweepThird, columns: tuple[int, ...]) -> list[tuple[float, ...]]:
     """Return the projection on the motion of each channel that `channels_of` gives.
 
     Parameters
     ----------
-    segment : Segment
+    segment : SweepThird
     columns : tuple of int
         How many columns each channel has; those at the end may be left out.
     """
@@ -175,13 +175,13 @@ def projections(segment: Segment, columns: tuple[int, ...]) -> list[tuple[float,
 
 
 def _rows(
-    kept: list[Piece],
+    kept: list[WholeBlocks],
     normal_n: list[float],
     tones: Tones,
     instrument: Instrument,
     amplitude: ComplexArray,
     variance: FloatArray,
-) -> Rows:
+) -> ResponseRows:
     """Return the responses.
 
     The sensor under the screen reports the force of the finger on it, so that along the motion
@@ -200,7 +200,7 @@ def _rows(
             mobility_variance += np.square(np.abs(mobility)) * friction_variance / strength
     count = len(tones.tones_hz)
     segments = [piece.segment for piece in kept]
-    return Rows(
+    return ResponseRows(
         sweep=np.repeat(np.array([s.sweep for s in segments], dtype=np.int64), count),
         direction=np.repeat(np.array([s.direction for s in segments], dtype=np.int64), count),
         third=np.repeat(np.array([s.third for s in segments], dtype=np.int64), count),
@@ -221,11 +221,11 @@ def _mean(normal_n: FloatArray) -> float:
     return float(measured.mean()) if measured.size else np.nan
 
 
-def _seconds(segments: list[Segment]) -> float:
+def _seconds(segments: list[SweepThird]) -> float:
     return sum(segment.end_s - segment.begin_s for segment in segments)
 
 
-NO_ROWS = Rows(
+NO_ROWS = ResponseRows(
     sweep=np.empty(0, dtype=np.int64),
     direction=np.empty(0, dtype=np.int64),
     third=np.empty(0, dtype=np.int64),

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from frictus_service.identification.combination import Combination, levels
-from frictus_service.identification.conditions import Table, select
+from frictus_service.identification.conditions import ObservationTable, select
 from frictus_service.identification.documents import (
     ConditionResult,
     CovarianceResult,
@@ -59,7 +59,7 @@ def estimates_of(fit: JointFit, people: NDArray[np.int64]) -> list[list[Estimate
 
 
 def conditions_of(
-    table: Table,
+    table: ObservationTable,
     measured: Measured,
     fits: dict[str, Fitted | None],
     outliers: dict[Parameter, BoolArray],
@@ -69,7 +69,7 @@ def conditions_of(
 
     Parameters
     ----------
-    table : Table
+    table : ObservationTable
     measured : Measured
     fits : dict
         By 'friction' and 'mobility'.
@@ -138,13 +138,13 @@ def _missing(c: int, fits: dict[str, Fitted | None], settings: Settings) -> tupl
 
 
 def sweeps_of(
-    table: Table, measured: Measured, friction: Fitted, settings: Settings
+    table: ObservationTable, measured: Measured, friction: Fitted, settings: Settings
 ) -> tuple[SweepResult, ...]:
     """Return gain and cutoff of sweep j of all trials of a condition, by direction.
 
     Parameters
     ----------
-    table : Table
+    table : ObservationTable
     measured : Measured
     friction : Fitted
         Its delays and its scatter are taken as known.
@@ -182,7 +182,7 @@ def sweeps_of(
 
 
 def participants_of(
-    table: Table,
+    table: ObservationTable,
     measured: Measured,
     fits: dict[str, Fitted | None],
     outliers: dict[Parameter, BoolArray],
@@ -191,7 +191,7 @@ def participants_of(
 
     Parameters
     ----------
-    table : Table
+    table : ObservationTable
     measured : Measured
     fits : dict
         By 'friction' and 'mobility'.

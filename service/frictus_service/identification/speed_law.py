@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from frictus_service.identification.combination import (
     Combination,
-    Evidence,
+    ConditionEvidence,
     combine,
     settle,
 )
@@ -45,12 +45,12 @@ class SpeedLaw:
         return line
 
 
-def estimate(evidence: Evidence) -> SpeedLaw:
+def estimate(evidence: ConditionEvidence) -> SpeedLaw:
     """Estimate the speed law from conditions at two speeds at least.
 
     Parameters
     ----------
-    evidence : Evidence
+    evidence : ConditionEvidence
         Its parameters are gain (N) and cutoff (Hz).
     """
     n = evidence.speed_mm_s.size
@@ -70,7 +70,7 @@ def estimate(evidence: Evidence) -> SpeedLaw:
     return SpeedLaw(replace(found, degrees_of_freedom=freedom), float(np.sqrt(line.excess)))
 
 
-def _freedom_of_gain(evidence: Evidence, variance: float, between: float) -> float:
+def _freedom_of_gain(evidence: ConditionEvidence, variance: float, between: float) -> float:
     """Return the degrees of freedom of a variance made of two (Satterthwaite).
 
     Every trial says how large the response is, and they scatter alike: there are as many as

@@ -39,7 +39,7 @@ LEAST_SWEEP_S = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class TouchMotion:
     """The finger at those reports around which its velocity is known.
 
     Attributes
@@ -84,7 +84,7 @@ class Sweep:
 
 
 @dataclass(frozen=True, slots=True)
-class Segment:
+class SweepThird:
     """The part of a sweep that lies in one third of the stroke.
 
     Attributes
@@ -113,7 +113,7 @@ class Segment:
     position_mm: float
 
 
-def smooth(position_mm: FloatArray, position_t_s: FloatArray) -> Motion:
+def smooth(position_mm: FloatArray, position_t_s: FloatArray) -> TouchMotion:
     """Return position and velocity by local straight lines; strays and silences left out.
 
     Parameters
@@ -132,8 +132,8 @@ def smooth(position_mm: FloatArray, position_t_s: FloatArray) -> Motion:
         time, place = time[kept], place[kept]
     parts = [_lines(time[run], place[run]) for run in _runs(np.diff(time) <= GAP_S)]
     if not parts:
-        return Motion(np.empty(0), np.empty((0, 2)), np.empty((0, 2)))
-    return Motion(
+        return TouchMotion(np.empty(0), np.empty((0, 2)), np.empty((0, 2)))
+    return TouchMotion(
         np.concatenate([part.time_s for part in parts]),
         np.concatenate([part.position_mm for part in parts]),
         np.concatenate([part.velocity_mm_s for part in parts]),
@@ -148,7 +148,7 @@ def _runs(joined: BoolArray) -> Iterator[slice]:
         yield slice(first, last)
 
 
-def _lines(time: FloatArray, place: FloatArray) -> Motion:
+def _lines(time: FloatArray, place: FloatArray) -> TouchMotion:
     """Return the straight line around each report, where at least four reports carry it."""
     low = np.searchsorted(time, time - WINDOW_S, side="left")
     high = np.searchsorted(time, time + WINDOW_S, side="right")
@@ -168,10 +168,10 @@ def _lines(time: FloatArray, place: FloatArray) -> Motion:
     known = (count >= 4) & (spread > 0.0)
     velocity = moved[known] / spread[known, np.newaxis]
     since = (clock - mean_time)[known, np.newaxis]
-    return Motion(time[known], mean_place[known] + since * velocity, velocity)
+    return TouchMotion(time[known], mean_place[known] + since * velocity, velocity)
 
 
-def rest_mm_s(motion: Motion) -> float:
+def rest_mm_s(motion: TouchMotion) -> float:
     """Return the speed along x below which the finger rests or turns."""
     if not motion.time_s.size:
         return REST_MM_S
@@ -179,12 +179,12 @@ def rest_mm_s(motion: Motion) -> float:
     return max(REST_MM_S, REST_SHARE * brisk)
 
 
-def find_sweeps(motion: Motion, pressed: BoolArray) -> list[Sweep]:
+def find_sweeps(motion: TouchMotion, pressed: BoolArray) -> list[Sweep]:
     """Return the sweeps of a trial, in time.
 
     Parameters
     ----------
-    motion : Motion
+    motion : TouchMotion
     pressed : ndarray of bool, shape (k,)
         Whether the finger is on the screen at each report.
     """
@@ -198,7 +198,7 @@ def find_sweeps(motion: Motion, pressed: BoolArray) -> list[Sweep]:
     return [sweep for sweep in found if sweep is not None]
 
 
-def _steady(motion: Motion, run: slice, direction: int) -> Sweep | None:
+def _steady(motion: TouchMotion, run: slice, direction: int) -> Sweep | None:
     """Return what is steady of a run of reports in one direction; None where too short."""
     if direction == 0:
         return None
@@ -214,12 +214,12 @@ def _steady(motion: Motion, run: slice, direction: int) -> Sweep | None:
     return Sweep(direction, float(begin), float(end))
 
 
-def cut_thirds(motion: Motion, sweeps: list[Sweep]) -> list[Segment]:
+def cut_thirds(motion: TouchMotion, sweeps: list[Sweep]) -> list[SweepThird]:
     """Cut sweeps where they pass from one third of the stroke to the next.
 
     Parameters
     ----------
-    motion : Motion
+    motion : TouchMotion
     sweeps : list of Sweep
         The stroke is the range of x that all of them together cover.
     """
@@ -249,7 +249,7 @@ class _Cut:
     end_s: float
 
 
-def _cuts(motion: Motion, number: int, sweep: Sweep, walls: FloatArray) -> Iterator[_Cut]:
+def _cuts(motion: TouchMotion, number: int, sweep: Sweep, walls: FloatArray) -> Iterator[_Cut]:
     """Yield when a sweep is in which third, in time."""
     inside = (motion.time_s > sweep.begin_s) & (motion.time_s < sweep.end_s)
     time = np.concatenate([[sweep.begin_s], motion.time_s[inside], [sweep.end_s]])
@@ -263,9 +263,9 @@ def _cuts(motion: Motion, number: int, sweep: Sweep, walls: FloatArray) -> Itera
             yield _Cut(number, sweep.direction, third, begin, end)
 
 
-def _segment(cut: _Cut, begin_mm: float, x_mm: float, y_mm: float) -> Segment:
+def _segment(cut: _Cut, begin_mm: float, x_mm: float, y_mm: float) -> SweepThird:
     travel = math.hypot(x_mm, y_mm)
-    return Segment(
+    return SweepThird(
         cut.sweep,
         cut.direction,
         cut.third,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from frictus_service.identification.clipping import CLIPPED_SHARE, inspect
 from frictus_service.identification.message import drive_fraction
-from frictus_service.identification.sweeps import GAP_S, Motion, Sweep, rest_mm_s
+from frictus_service.identification.sweeps import GAP_S, Sweep, TouchMotion, rest_mm_s
 from frictus_service.study.trial import StudyInfo, Trial
 
 FloatArray = NDArray[np.float64]
@@ -52,7 +52,7 @@ class Means:
 
 
 def judge(
-    trial: Trial, study: StudyInfo, motion: Motion, sweeps: list[Sweep], means: Means
+    trial: Trial, study: StudyInfo, motion: TouchMotion, sweeps: list[Sweep], means: Means
 ) -> tuple[str, ...]:
     """Return why a trial may not be used: one sentence each, none where it may.
 
@@ -60,7 +60,7 @@ def judge(
     ----------
     trial : Trial
     study : StudyInfo
-    motion : Motion
+    motion : TouchMotion
         Of the finger, from `sweeps.smooth`.
     sweeps : list of Sweep
     means : Means
@@ -106,7 +106,7 @@ def _samples(trial: Trial) -> Iterator[str]:
 
 
 def _speed(
-    trial: Trial, motion: Motion, sweeps: list[Sweep], mean_mm_s: float
+    trial: Trial, motion: TouchMotion, sweeps: list[Sweep], mean_mm_s: float
 ) -> Iterator[str]:
     if not sweeps:
         reported = np.isfinite(trial.position_mm).all(axis=1).sum()
@@ -122,7 +122,7 @@ def _speed(
     yield from _excess("speed", float(lasting[judged].sum()), _duration_s(trial))
 
 
-def _reversing(motion: Motion) -> BoolArray:
+def _reversing(motion: TouchMotion) -> BoolArray:
     """Return which reports lie close to the end or the beginning of motion at a reversal."""
     along = motion.velocity_mm_s[:, 0]
     brisk = np.flatnonzero(np.abs(along) > rest_mm_s(motion))

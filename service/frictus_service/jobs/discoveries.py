@@ -13,12 +13,12 @@ from typing import Final
 
 from frictus_service.config import Config
 from frictus_service.discovery.errors import DiscoveryStateError, UnknownStudyError
-from frictus_service.discovery.job import ACTIVE, DiscoveryJob, DiscoverySpec
-from frictus_service.discovery.shelf import DiscoveryShelf
+from frictus_service.discovery.jobs.documents import ACTIVE, DiscoveryJob, DiscoverySpec
+from frictus_service.discovery.jobs.store import DiscoveryStore
+from frictus_service.jobs.job_protocol import DiscoveryOrder, Failed, Found, Looked, Said
 from frictus_service.jobs.process import JobProcess
-from frictus_service.jobs.words import DiscoveryOrder, Failed, Found, Looked, Said
 
-DISCOVER: Final = "frictus_service.discovery.carry_out:carry_out"
+DISCOVER: Final = "frictus_service.discovery.jobs.worker:carry_out"
 _LOG: Final = logging.getLogger(__name__)
 
 
@@ -42,7 +42,7 @@ class Discoveries:
     """
 
     def __init__(self, config: Config, run: str = DISCOVER) -> None:
-        self.shelf = DiscoveryShelf(config.studies)
+        self.shelf = DiscoveryStore(config.studies)
         self._run = run
         self._lock = threading.Lock()
         self._jobs: dict[str, _Running] = {}

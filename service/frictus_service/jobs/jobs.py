@@ -12,8 +12,8 @@ from typing import Final
 
 from frictus_service.calibration.job import CalibrationSpec, Progress
 from frictus_service.config import Config
+from frictus_service.jobs.job_protocol import Done, Failed, Moved, Order, Said
 from frictus_service.jobs.process import JobProcess
-from frictus_service.jobs.words import Done, Failed, Moved, Order, Said
 from frictus_service.registry.calibrations import RESUMABLE
 from frictus_service.registry.documents import Calibration, CalibrationState, Published
 from frictus_service.registry.errors import (

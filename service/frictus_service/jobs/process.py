@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from types import TracebackType
 from typing import Self
 
-from frictus_service.jobs.words import SAID, AnyOrder, Said
+from frictus_service.jobs.job_protocol import SAID, AnyOrder, Said
 
 
 class JobProcess:

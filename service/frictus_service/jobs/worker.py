@@ -19,9 +19,9 @@ from frictus.errors import FrictusError
 from frictus_service.calibration.errors import CancelledError
 from frictus_service.calibration.job import CalibrationResult, Progress
 from frictus_service.discovery.errors import DiscoveryCancelledError
-from frictus_service.discovery.job import DiscoveryProgress, DiscoveryResult
+from frictus_service.discovery.jobs.documents import DiscoveryProgress, DiscoveryResult
 from frictus_service.errors import ServiceError
-from frictus_service.jobs.words import (
+from frictus_service.jobs.job_protocol import (
     ORDER,
     AnyOrder,
     DiscoveryOrder,

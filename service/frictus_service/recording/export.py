@@ -12,15 +12,15 @@ from frictus.block import Block
 from frictus.messages import RigStatus, TouchState
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.screen import Screen
-from frictus_service.calibration.capture import Capture, Stream
 from frictus_service.calibration.errors import CaptureError
+from frictus_service.calibration.trial_capture import Stream, TrialCapture
 from frictus_service.recording.errors import ExportError
 from frictus_service.recording.reader import Ending, Item, RecordingReader, State
 from frictus_service.recording.samples import Samples
 from frictus_service.recording.segments import (
-    Declared,
     Outline,
-    Segment,
+    TrialDeclaration,
+    TrialSegment,
     declared_segment,
     guided_segments,
 )
@@ -58,7 +58,7 @@ class Exported:
 
 
 def export_study(
-    path: Path, out: Path, declared: Declared, mount: TransferFunction | None
+    path: Path, out: Path, declared: TrialDeclaration, mount: TransferFunction | None
 ) -> Exported:
     """Write the trials of a recording as a study; one is in memory at a time.
 
@@ -68,7 +68,7 @@ def export_study(
         Recording; where it is torn, what comes before is exported.
     out : Path
         Must not exist.
-    declared : Declared
+    declared : TrialDeclaration
         What the recording does not say itself.
     mount : TransferFunction or None
         Between screen and force sensor; no recording knows it.
@@ -121,7 +121,7 @@ def _study_of(reader: RecordingReader, mount: TransferFunction | None) -> StudyI
     )
 
 
-def _trials(items: Iterator[Item], segments: list[Segment]) -> Iterator[Trial | Exclusion]:
+def _trials(items: Iterator[Item], segments: list[TrialSegment]) -> Iterator[Trial | Exclusion]:
     """Yield the trials in order; each is let go once it is over."""
     waiting = list(segments)
     under_way: list[_Gathering] = []
@@ -145,10 +145,10 @@ def _trials(items: Iterator[Item], segments: list[Segment]) -> Iterator[Trial | 
 class _Gathering:
     """Gathers one trial."""
 
-    def __init__(self, segment: Segment) -> None:
+    def __init__(self, segment: TrialSegment) -> None:
         place = segment.place
         self._segment = segment
-        self._capture = Capture(place.first_sample, place.n_samples, place.sample_rate_hz)
+        self._capture = TrialCapture(place.first_sample, place.n_samples, place.sample_rate_hz)
         self._pending = set(CAPTURED)
         self._until = place.end_sample + AROUND_S * place.sample_rate_hz
 
@@ -213,7 +213,7 @@ def _block_of(samples: Samples) -> Block:
     )
 
 
-def _reaches(item: Item, segment: Segment) -> bool:
+def _reaches(item: Item, segment: TrialSegment) -> bool:
     """Return whether a trial is near, so that it has to be followed from now on."""
     place = segment.place
     near = place.first_sample - AROUND_S * place.sample_rate_hz
@@ -224,7 +224,7 @@ def _reaches(item: Item, segment: Segment) -> bool:
     return False
 
 
-def _too_long(segment: Segment) -> str:
+def _too_long(segment: TrialSegment) -> str:
     place = segment.place
     return (
         f"{place.n_samples / place.sample_rate_hz:.0f} s; at most "

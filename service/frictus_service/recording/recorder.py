@@ -36,7 +36,7 @@ WAITING_CALLS: Final = 16
 _LOG: Final = logging.getLogger(__name__)
 
 
-class Ready(Protocol):
+class ReadySignal(Protocol):
     """Such as an Event, of a thread or of a process."""
 
     def set(self) -> None:
@@ -216,7 +216,7 @@ class Recorder:
 
 def run_recorder(
     config: Config,
-    ready: Ready,
+    ready: ReadySignal,
     stop: threading.Event,
     say: Callable[[str], None] = lambda _line: None,
 ) -> None:

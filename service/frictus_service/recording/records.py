@@ -25,7 +25,7 @@ T = TypeVar("T", DataEnd, Footer)
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class RecordGroup:
     """A record of the file, or all records of a chunk.
 
     Attributes
@@ -62,7 +62,7 @@ class RecordScanner:
         self._offset = 0
         self._crc = 0
 
-    def pieces(self) -> Iterator[Piece]:
+    def pieces(self) -> Iterator[RecordGroup]:
         """Yield what the file holds.
 
         Raises
@@ -103,16 +103,16 @@ class RecordScanner:
         except TornError as error:
             raise TornError(start, error.reason) from None
 
-    def _piece(self, start: int, opcode: int, body: bytes) -> Piece:
+    def _piece(self, start: int, opcode: int, body: bytes) -> RecordGroup:
         if opcode == Opcode.CHUNK:
-            return Piece(self._offset, inner=_records_of(start, body))
+            return RecordGroup(self._offset, inner=_records_of(start, body))
         if opcode == Opcode.ATTACHMENT:
-            return Piece(self._offset, attachment=_attachment(start, body))
+            return RecordGroup(self._offset, attachment=_attachment(start, body))
         if opcode in (Opcode.HEADER, Opcode.MESSAGE_INDEX, Opcode.METADATA):
-            return Piece(self._offset)
+            return RecordGroup(self._offset)
         raise TornError(start, f"no record of kind {opcode} belongs here")
 
-    def _finish(self, start: int, body: bytes, crc: int) -> Piece:
+    def _finish(self, start: int, body: bytes, crc: int) -> RecordGroup:
         """Check what only a finished file has: the checksums of the whole, and the index."""
         end = _parsed(start, DataEnd, body)
         if end.data_section_crc != crc:
@@ -130,7 +130,7 @@ class RecordScanner:
             raise TornError(data_end, "the checksum of the index does not agree")
         if self._take(len(MCAP0_MAGIC)) != MCAP0_MAGIC or self._offset < self._size:
             raise TornError(data_end, "something else follows where the file should end")
-        return Piece(data_end, last=True)
+        return RecordGroup(data_end, last=True)
 
 
 def _parsed(start: int, kind: type[T], body: bytes) -> T:

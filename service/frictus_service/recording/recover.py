@@ -13,13 +13,13 @@ from frictus_service.recording.errors import NotWrittenError, RecordingError
 from frictus_service.recording.notes import END, PROFILE, EndNote, StreamTotal
 from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.records import RecordScanner
-from frictus_service.recording.summary import Summary, summarise
+from frictus_service.recording.summary import RecordingSummary, summarise
 from frictus_service.recording.writer import create
 
 CHUNK_BYTES: Final = 1_000_000
 
 
-def recover(path: Path, out: Path) -> Summary:
+def recover(path: Path, out: Path) -> RecordingSummary:
     """Write what can be read of a torn recording as one that ends in order, byte for byte.
 
     Parameters
@@ -31,7 +31,7 @@ def recover(path: Path, out: Path) -> Summary:
 
     Returns
     -------
-    Summary
+    RecordingSummary
         Of what was read; its ending says what is lost, and where.
 
     Raises
@@ -63,7 +63,7 @@ def recover(path: Path, out: Path) -> Summary:
 _SETTINGS: Final = (CompressionType.NONE, IndexType.ALL)
 
 
-def _copy(path: Path, summary: Summary, writer: Any) -> None:
+def _copy(path: Path, summary: RecordingSummary, writer: Any) -> None:
     """Copy the records of the clean beginning, then say why it ends."""
     writer.start(PROFILE, summary.info.software)
     ending = summary.ending
@@ -105,7 +105,7 @@ def _copy(path: Path, summary: Summary, writer: Any) -> None:
     writer.finish()
 
 
-def _end_of(path: Path, summary: Summary) -> EndNote:
+def _end_of(path: Path, summary: RecordingSummary) -> EndNote:
     return EndNote(
         utc_ns=time.time_ns(),
         reason=f"recovered from {path.name}, which {summary.ending}",

@@ -14,7 +14,7 @@ from frictus_service.translate import FORCE
 
 
 @dataclass(frozen=True, slots=True)
-class Declared:
+class TrialDeclaration:
     """What a person says of a recording that nobody guided; None: take the recording's.
 
     Attributes
@@ -39,7 +39,7 @@ class Declared:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class SampleRange:
     """Where a trial stands: consecutive samples of one run."""
 
     run: int
@@ -54,7 +54,7 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True)
-class Segment:
+class TrialSegment:
     """One trial of a recording.
 
     Attributes
@@ -64,7 +64,7 @@ class Segment:
     speed_mm_s, force_n : float
         Targets.
     tones_hz : tuple of float
-    place : Place
+    place : SampleRange
     """
 
     id: str
@@ -74,7 +74,7 @@ class Segment:
     speed_mm_s: float
     force_n: float
     tones_hz: tuple[float, ...]
-    place: Place
+    place: SampleRange
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +139,7 @@ class Outline:
             1e9 * (last.end_sample - last.first_sample) / last.sample_rate_hz
         )
 
-    def place(self, begin_ns: int, end_ns: int) -> Place:
+    def place(self, begin_ns: int, end_ns: int) -> SampleRange:
         """Return where a span of time stands.
 
         Raises
@@ -155,7 +155,9 @@ class Outline:
             )
         if last[1] <= first[1]:
             raise ExportError("there are no samples in it")
-        return Place(first[0], first[1], last[1] - first[1], self.stretches[0].sample_rate_hz)
+        return SampleRange(
+            first[0], first[1], last[1] - first[1], self.stretches[0].sample_rate_hz
+        )
 
     def _at(self, utc_ns: int) -> tuple[int, int]:
         """Return run and device sample at a time within the recording, or nearest to it."""
@@ -176,13 +178,15 @@ class Outline:
         return tuple(tone.hz for tone in scene.excitation.tones)
 
 
-def declared_segment(outline: Outline, declared: Declared, participant: str | None) -> Segment:
+def declared_segment(
+    outline: Outline, declared: TrialDeclaration, participant: str | None
+) -> TrialSegment:
     """Return the one trial that a person says a recording is.
 
     Parameters
     ----------
     outline : Outline
-    declared : Declared
+    declared : TrialDeclaration
     participant : str or None
         As the recording itself names.
 
@@ -213,21 +217,21 @@ def declared_segment(outline: Outline, declared: Declared, participant: str | No
             f"{missing} (--tone 0 where nothing was played)"
         )
     place = outline.place(begin_ns, end_ns)
-    return Segment("t0000", who, declared.session, 0, speed_mm_s, force_n, tones, place)
+    return TrialSegment("t0000", who, declared.session, 0, speed_mm_s, force_n, tones, place)
 
 
 def guided_segments(
-    outline: Outline, declared: Declared
-) -> tuple[list[Segment], list[Exclusion]]:
+    outline: Outline, declared: TrialDeclaration
+) -> tuple[list[TrialSegment], list[Exclusion]]:
     """Return the trials in which a participant was guided, and those that cannot be used.
 
     Parameters
     ----------
     outline : Outline
-    declared : Declared
+    declared : TrialDeclaration
         Its session and tones count; the rest is what the guidance says.
     """
-    segments: list[Segment] = []
+    segments: list[TrialSegment] = []
     excluded: list[Exclusion] = []
     orders: Counter[str] = Counter()
     for number, (begin, end_ns) in enumerate(_recorded(outline)):
@@ -239,7 +243,7 @@ def guided_segments(
             if tones is None:
                 raise ExportError("no excitation was played: give its tones with --tone")
             segments.append(
-                Segment(
+                TrialSegment(
                     name,
                     who,
                     declared.session,

@@ -35,7 +35,7 @@ class StreamSummary:
 
 
 @dataclass(frozen=True, slots=True)
-class Summary:
+class RecordingSummary:
     """What a whole reading found.
 
     Attributes
@@ -81,7 +81,7 @@ class Summary:
         }
 
 
-def summarise(reader: RecordingReader) -> Summary:
+def summarise(reader: RecordingReader) -> RecordingSummary:
     """Read a recording from beginning to end.
 
     Parameters
@@ -93,7 +93,7 @@ def summarise(reader: RecordingReader) -> Summary:
         tally.add(item)
     if tally.end is not None:
         tally.check_totals(tally.end)
-    return Summary(
+    return RecordingSummary(
         reader.info,
         reader.ending,
         tally.streams,

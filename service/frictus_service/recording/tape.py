@@ -13,7 +13,7 @@ from frictus_hardware.replay.tape import Tape, write_tape
 from frictus_service.recording.errors import ExportError
 from frictus_service.recording.reader import Ending, Item, RecordingReader, State
 from frictus_service.recording.samples import Samples, counts_of
-from frictus_service.recording.segments import Outline, Place
+from frictus_service.recording.segments import Outline, SampleRange
 from frictus_service.recording.writer import create
 from frictus_service.translate import ACCEL, FORCE, VOLTAGE
 
@@ -48,7 +48,7 @@ class Taped:
 class _Found:
     """What the second reading gathers; samples that did not come stay NaN."""
 
-    place: Place
+    place: SampleRange
     data: dict[int, NDArray[np.float32]] = field(init=False)
     touches: list[TouchState] = field(default_factory=list)
 
@@ -119,7 +119,7 @@ def export_tape(
         return Taped(span / tape.sample_rate_hz, missing, reader.ending)
 
 
-def _place(items: Iterable[Item], from_s: float | None, to_s: float | None) -> Place:
+def _place(items: Iterable[Item], from_s: float | None, to_s: float | None) -> SampleRange:
     outline = Outline.of(items)
     begin_ns, end_ns = outline.begin_ns, outline.end_ns
     if to_s is not None:

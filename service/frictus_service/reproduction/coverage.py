@@ -11,13 +11,13 @@ from frictus_service.identification.documents import ParticipantResult, Settings
 from frictus_service.identification.observe import observe
 from frictus_service.identification.workers import Crash, WorkerError, work_through
 from frictus_service.reproduction.comparison import compare
-from frictus_service.reproduction.plan import Design, plan_study
+from frictus_service.reproduction.plan import StudyConditions, plan_study
 from frictus_service.reproduction.population import POPULATION, Person, draw_people
 from frictus_service.reproduction.simulate import simulate_trial, study_info
 from frictus_service.reproduction.table import Row
 
 PEOPLE: Final = 8
-SMALL: Final = Design(
+SMALL: Final = StudyConditions(
     tones_hz=(40.0, 80.0, 150.0, 300.0, 500.0, 750.0, 2000.0),
     speeds_mm_s=(20.0, 60.0, 100.0),
     forces_n=(0.3, 0.5),
@@ -36,7 +36,7 @@ MEANS: Final = Person("population", {name: spread.mean for name, spread in POPUL
 
 
 @dataclass(frozen=True, slots=True)
-class Tally:
+class CoverageCount:
     """One quantity over many studies.
 
     Attributes
@@ -87,14 +87,14 @@ class Said:
     people: list[Row]
 
 
-def run_study(seed: int, participants: int = PEOPLE, design: Design = SMALL) -> Said:
+def run_study(seed: int, participants: int = PEOPLE, design: StudyConditions = SMALL) -> Said:
     """Return what one small study of freely drawn people says, from raw samples on.
 
     Parameters
     ----------
     seed : int
     participants : int
-    design : Design
+    design : StudyConditions
     """
     rng = np.random.default_rng(seed)
     people = draw_people(participants, rng)
@@ -165,7 +165,7 @@ def run_studies(
     return done
 
 
-def tally(studies: Iterable[Sequence[Row]]) -> list[Tally]:
+def tally(studies: Iterable[Sequence[Row]]) -> list[CoverageCount]:
     """Count what many studies said.
 
     Parameters
@@ -179,10 +179,10 @@ def tally(studies: Iterable[Sequence[Row]]) -> list[Tally]:
     return [_tally(quantity, rows) for quantity, rows in told.items()]
 
 
-def _tally(quantity: str, rows: list[Row]) -> Tally:
+def _tally(quantity: str, rows: list[Row]) -> CoverageCount:
     errors = np.array([row.estimate - row.drawn for row in rows])
     spread = float(np.std(errors)) if len(rows) > 1 else np.inf
-    return Tally(
+    return CoverageCount(
         quantity,
         tested=rows[0].p_value is not None,
         null=rows[0].p_value is not None and rows[0].drawn == 0.0,
@@ -193,18 +193,18 @@ def _tally(quantity: str, rows: list[Row]) -> Tally:
     )
 
 
-def pooled_coverage(tallies: Sequence[Tally]) -> float:
+def pooled_coverage(tallies: Sequence[CoverageCount]) -> float:
     """Return the share of all intervals that held the truth."""
     return sum(each.covered for each in tallies) / sum(each.studies for each in tallies)
 
 
-def pooled_rejection(tallies: Sequence[Tally]) -> float:
+def pooled_rejection(tallies: Sequence[CoverageCount]) -> float:
     """Return the share of all tests of nulls that were significant."""
     nulls = [each for each in tallies if each.null]
     return sum(each.significant for each in nulls) / sum(each.studies for each in nulls)
 
 
-def summary(tallies: Sequence[Tally]) -> str:
+def summary(tallies: Sequence[CoverageCount]) -> str:
     """Return one line."""
     return (
         f"95 % intervals hold the truth in {pooled_coverage(tallies):.1%}, "

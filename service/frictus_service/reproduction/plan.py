@@ -29,7 +29,7 @@ go beyond it half of the time; held at the paper's range, the line itself would 
 
 
 @dataclass(frozen=True, slots=True)
-class Scatter:
+class WithinPersonScatter:
     """What varies within a person, as shares of the value: standard deviations.
 
     The paper's residuals (72 % of the gain, 31 % of the middle cutoff) also hold the errors of
@@ -49,7 +49,7 @@ class Scatter:
 
 
 @dataclass(frozen=True, slots=True)
-class Design:
+class StudyConditions:
     """Conditions of a study, and what is wrong with its rig and its people.
 
     Attributes
@@ -64,7 +64,7 @@ class Design:
         Of the trials: too fast, too hard, finger lifted, or sensor clipped.
     delay_s : float
         Of the screen's voltage, which nothing declares; a multiple of 12.5 us.
-    scatter : Scatter
+    scatter : WithinPersonScatter
     """
 
     tones_hz: tuple[float, ...]
@@ -74,7 +74,7 @@ class Design:
     span_mm: float = 60.0
     bad_share: float = 0.0
     delay_s: float = 0.0
-    scatter: Scatter = Scatter()
+    scatter: WithinPersonScatter = WithinPersonScatter()
 
 
 def log_tones(count: int) -> tuple[float, ...]:
@@ -99,7 +99,7 @@ class TrialPlan:
     mobility : Mobility
     friction_coefficient : float
     seconds, span_mm, delay_s : float
-        As in `Design`.
+        As in `StudyConditions`.
     fault : {'fast', 'hard', 'lifted', 'clipped'} or None
     seed : int
         Of everything random in the trial.
@@ -117,20 +117,22 @@ class TrialPlan:
 
 
 def plan_study(
-    people: Sequence[Person], design: Design, rng: np.random.Generator
+    people: Sequence[Person], design: StudyConditions, rng: np.random.Generator
 ) -> list[TrialPlan]:
     """Return the trials of a study, each person's in random order.
 
     Parameters
     ----------
     people : sequence of Person
-    design : Design
+    design : StudyConditions
     rng : Generator
     """
     return [plan for person in people for plan in _plan_person(person, design, rng)]
 
 
-def _plan_person(person: Person, design: Design, rng: np.random.Generator) -> list[TrialPlan]:
+def _plan_person(
+    person: Person, design: StudyConditions, rng: np.random.Generator
+) -> list[TrialPlan]:
     conditions = list(product(design.speeds_mm_s, design.forces_n))
     scatter = design.scatter
     spread = [scatter.cutoff_per_condition, *3 * [scatter.skin_per_condition]]
@@ -152,7 +154,7 @@ def _about_one(spread: Sequence[float], rng: np.random.Generator) -> list[float]
 
 def _plan_trial(
     person: Person,
-    design: Design,
+    design: StudyConditions,
     order: int,
     tone_hz: float,
     condition: tuple[float, float],

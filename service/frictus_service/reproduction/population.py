@@ -72,7 +72,7 @@ class Person:
 
 
 @dataclass(frozen=True, slots=True)
-class Population:
+class ParameterDistribution:
     """How a parameter is spread over people.
 
     Attributes
@@ -126,23 +126,23 @@ def _from_lowest(at_20: float, slope: float) -> Plane:
 _BETWEEN: Final = {name: spread_of(found).between for name, found in paper.LIKELIHOODS.items()}
 
 POPULATION: Final = {
-    "gain_n": Population(
+    "gain_n": ParameterDistribution(
         Plane(paper.GAIN_N),
         paper.GAIN_N * _BETWEEN["gain"] / paper.GAIN_N_PER_V,
         lognormal=True,
     ),
-    "cutoff_hz": Population(
+    "cutoff_hz": ParameterDistribution(
         Plane(
             paper.CUTOFF_0_HZ + MIDDLE_SPEED_MM_S * paper.CUTOFF_SLOPE_HZ_PER_MM_S,
             paper.CUTOFF_SLOPE_HZ_PER_MM_S,
         ),
         _BETWEEN["cutoff"],
     ),
-    "mass_kg": Population(
+    "mass_kg": ParameterDistribution(
         _from_lowest(paper.MASS_20_KG, paper.MASS_SLOPE_KG_PER_MM_S), _BETWEEN["mass"]
     ),
-    "damping_n_s_m": Population(Plane(paper.DAMPING_N_S_M), _BETWEEN["damping"]),
-    "stiffness_n_m": Population(
+    "damping_n_s_m": ParameterDistribution(Plane(paper.DAMPING_N_S_M), _BETWEEN["damping"]),
+    "stiffness_n_m": ParameterDistribution(
         _from_lowest(paper.STIFFNESS_20_N_M, paper.STIFFNESS_SLOPE_N_M_PER_MM_S),
         _BETWEEN["stiffness"],
     ),
@@ -185,7 +185,7 @@ def _positive(plane: Plane) -> bool:
     return all(plane.at(*corner) > 0.0 for corner in [*corners, (0.0, MIDDLE_FORCE_N)])
 
 
-def _centred(planes: list[Plane], population: Population) -> list[Plane]:
+def _centred(planes: list[Plane], population: ParameterDistribution) -> list[Plane]:
     mean = population.mean
     middle, per_mm_s, per_n = np.mean(
         [(plane.middle, plane.per_mm_s, plane.per_n) for plane in planes], axis=0

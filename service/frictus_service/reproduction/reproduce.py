@@ -12,7 +12,7 @@ from frictus_service.identification.documents import Identification
 from frictus_service.identification.pipeline import observe_study
 from frictus_service.reproduction import paper
 from frictus_service.reproduction.comparison import compare
-from frictus_service.reproduction.plan import Design, log_tones, plan_study
+from frictus_service.reproduction.plan import StudyConditions, log_tones, plan_study
 from frictus_service.reproduction.population import draw_people
 from frictus_service.reproduction.record import record_study
 from frictus_service.reproduction.table import Row
@@ -22,9 +22,9 @@ BAD_SHARE: Final = 0.05
 DELAY_S: Final = 1e-4
 """Of the drive, which no file declares."""
 
-FULL: Final = Design(log_tones(15), bad_share=BAD_SHARE, delay_s=DELAY_S)
+FULL: Final = StudyConditions(log_tones(15), bad_share=BAD_SHARE, delay_s=DELAY_S)
 """The paper's conditions: 375 trials of 10 s for each person."""
-QUICK: Final = Design(
+QUICK: Final = StudyConditions(
     log_tones(8), forces_n=(0.2, 0.4, 0.6), seconds=3.0, bad_share=BAD_SHARE, delay_s=DELAY_S
 )
 """120 trials of 3 s for each person."""
@@ -60,7 +60,7 @@ class Reproduction:
 
 def reproduce(
     path: Path,
-    design: Design,
+    design: StudyConditions,
     participants: int,
     seed: int,
     workers: int,
@@ -74,7 +74,7 @@ def reproduce(
     ----------
     path : Path
         Of the study file.
-    design : Design
+    design : StudyConditions
     participants : int
         At least 2; below 6 no exact test can reach 5 %.
     seed : int

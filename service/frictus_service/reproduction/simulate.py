@@ -18,7 +18,7 @@ from frictus_hardware.physics.twin import Signals, Twin, simulate
 from frictus_service.reproduction.plan import TrialPlan
 from frictus_service.reproduction.stages import LateDrive, Rubbing
 from frictus_service.reproduction.strokes import move, report
-from frictus_service.study.encoding import Step
+from frictus_service.study.encoding import ConverterStep
 from frictus_service.study.trial import StudyInfo, Trial
 
 FloatArray = NDArray[np.float64]
@@ -36,9 +36,9 @@ VOLTAGE_STEP_V: Final = 1000.0 / 65536.0
 """A 16-bit converter of ±10 V, times the amplifier's gain of 50."""
 
 STEPS: Final = {
-    "voltage_v": Step(VOLTAGE_STEP_V),
-    "force_n": Step(Quantisation().force_step_n),
-    "accel_m_s2": Step(Quantisation().accel_step_m_s2),
+    "voltage_v": ConverterStep(VOLTAGE_STEP_V),
+    "force_n": ConverterStep(Quantisation().force_step_n),
+    "accel_m_s2": ConverterStep(Quantisation().accel_step_m_s2),
 }
 """How the converters count; what `StudyWriter.add` stores."""
 

@@ -19,7 +19,7 @@ from frictus_service.reproduction.paper import CONDITIONS, PARTICIPANTS, Likelih
 
 
 @dataclass(frozen=True, slots=True)
-class Spread:
+class MeasurementSpread:
     """Standard deviations, in the unit of what was measured.
 
     Attributes
@@ -35,13 +35,13 @@ class Spread:
 
 
 def likelihoods(
-    spread: Spread, participants: int = PARTICIPANTS, conditions: int = CONDITIONS
+    spread: MeasurementSpread, participants: int = PARTICIPANTS, conditions: int = CONDITIONS
 ) -> Likelihoods:
     """Return the -2 log-likelihoods that a spread gives rise to.
 
     Parameters
     ----------
-    spread : Spread
+    spread : MeasurementSpread
     participants, conditions : int
         Number of participants, and of conditions of each.
     """
@@ -57,7 +57,7 @@ def likelihoods(
 
 def spread_of(
     found: Likelihoods, participants: int = PARTICIPANTS, conditions: int = CONDITIONS
-) -> Spread:
+) -> MeasurementSpread:
     """Return the spread behind two -2 log-likelihoods, the inverse of `likelihoods`.
 
     Parameters
@@ -86,4 +86,4 @@ def spread_of(
     total = math.exp(found.reduced / count - 1.0 - math.log(2.0 * math.pi))
     share = math.expm1(log_ratio) / conditions
     within = total / (1.0 + share)
-    return Spread(math.sqrt(within), math.sqrt(share * within))
+    return MeasurementSpread(math.sqrt(within), math.sqrt(share * within))

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus_service.selftest.playing import PEAK_V, Played
-from frictus_service.selftest.report import Figure, Outcome, Remark, beyond, judged, lost
+from frictus_service.selftest.report import Finding, Measure, Outcome, beyond, judged, lost
 from frictus_service.selftest.spread import mean_and_half
 
 FloatArray = NDArray[np.float64]
@@ -31,7 +31,7 @@ EARLY_SAMPLES: Final = -0.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Excitation:
+class PeriodicTones:
     """Tones that begin anew with every period.
 
     Attributes
@@ -50,7 +50,7 @@ class Excitation:
         return np.tile(self.period_v, PERIODS + 1)
 
 
-def tones(sample_rate_hz: float, peak_v: float = PEAK_V) -> Excitation:
+def tones(sample_rate_hz: float, peak_v: float = PEAK_V) -> PeriodicTones:
     """Return tones of equal amplitude from 30 Hz to 4 kHz, a fifth of the rate at most.
 
     Parameters
@@ -70,7 +70,7 @@ def tones(sample_rate_hz: float, peak_v: float = PEAK_V) -> Excitation:
     # Schroeder's phases keep the peak low: IEEE Trans. Inf. Theory 16 (1970) 85.
     spectrum[bins] = np.exp(-1j * np.pi * order**2 / bins.size)
     wave = np.fft.irfft(spectrum, period)
-    return Excitation(peak_v * wave / np.abs(wave).max(), bins)
+    return PeriodicTones(peak_v * wave / np.abs(wave).max(), bins)
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,14 +155,14 @@ def _rms(spectra: NDArray[np.complex128], period_samples: int) -> FloatArray:
     return rms
 
 
-def judge_loop_back(played: Played, excitation: Excitation) -> Outcome:
+def judge_loop_back(played: Played, excitation: PeriodicTones) -> Outcome:
     """Say whether the monitor reads what the output plays.
 
     Parameters
     ----------
     played : Played
         Of the drive of the excitation.
-    excitation : Excitation
+    excitation : PeriodicTones
     """
     if played.lost_samples:
         return lost(TEST, played.lost_samples)
@@ -172,10 +172,10 @@ def judge_loop_back(played: Played, excitation: Excitation) -> Outcome:
         played.applied_v[counted], played.monitor_v[counted], excitation.bins, period
     )
     figures = [
-        Figure("gain, monitor over drive", found.gain, "", found.gain_half),
-        Figure("delay after play_sample", found.delay_samples, "samples", found.delay_half),
-        Figure("residual, rms", found.residual_v, "V", found.residual_half),
-        Figure("drive, rms", found.drive_v, "V"),
+        Measure("gain, monitor over drive", found.gain, "", found.gain_half),
+        Measure("delay after play_sample", found.delay_samples, "samples", found.delay_half),
+        Measure("residual, rms", found.residual_v, "V", found.residual_half),
+        Measure("drive, rms", found.drive_v, "V"),
     ]
     fine = (
         f"the monitor reads the drive {100.0 * (found.gain - 1.0):+.2f} ± "
@@ -185,18 +185,18 @@ def judge_loop_back(played: Played, excitation: Excitation) -> Outcome:
     return judged(TEST, figures, _remarks(found), fine)
 
 
-def _remarks(found: LoopBack) -> list[Remark]:
+def _remarks(found: LoopBack) -> list[Finding]:
     if not (found.follows >= FOLLOWS and abs(found.gain) >= PRESENT):
         what = (
             f"the monitor does not follow the drive: {100.0 * max(found.follows, 0.0):.0f} % "
             f"of its power is the drive's, at a gain of {found.gain:.2g}"
         )
         to_do = "connect the monitor's input and switch the amplifier on"
-        return [Remark("fail", what, to_do)]
+        return [Finding("fail", what, to_do)]
     remarks = []
     if found.gain < 0.0:
         what = f"the monitor has the wrong polarity (gain {found.gain:.3g})"
-        remarks.append(Remark("fail", what, "swap the two leads of the monitor"))
+        remarks.append(Finding("fail", what, "swap the two leads of the monitor"))
     off = beyond(abs(abs(found.gain) - 1.0), *GAIN_OFF)
     if off != "ok":
         what = (
@@ -204,11 +204,11 @@ def _remarks(found: LoopBack) -> list[Remark]:
             f"1 ± {GAIN_OFF[0]:g} is expected"
         )
         to_do = "measure the screen's volts; correct monitor.gain or amplifier_gain"
-        remarks.append(Remark(off, what, to_do))
+        remarks.append(Finding(off, what, to_do))
     return [*remarks, *_late(found), *_unlike(found)]
 
 
-def _late(found: LoopBack) -> list[Remark]:
+def _late(found: LoopBack) -> list[Finding]:
     early = found.delay_samples < EARLY_SAMPLES
     late = "fail" if early else beyond(found.delay_samples, *DELAY_SAMPLES)
     if late == "ok":
@@ -218,10 +218,10 @@ def _late(found: LoopBack) -> list[Remark]:
         f"after it plays, 0 to {DELAY_SAMPLES[0]:g} are expected"
     )
     to_do = "look for a filter in monitor or amplifier; the recorded drive is off by as much"
-    return [Remark(late, what, to_do)]
+    return [Finding(late, what, to_do)]
 
 
-def _unlike(found: LoopBack) -> list[Remark]:
+def _unlike(found: LoopBack) -> list[Finding]:
     share = found.residual_v / found.drive_v
     unlike = beyond(share, *RESIDUAL)
     if unlike == "ok":
@@ -231,4 +231,4 @@ def _unlike(found: LoopBack) -> list[Remark]:
         f"{100.0 * share:.0f} % of the drive, {100.0 * RESIDUAL[0]:g} % are expected at most"
     )
     to_do = "see the noise floor; look for distortion and for a narrow amplifier"
-    return [Remark(unlike, what, to_do)]
+    return [Finding(unlike, what, to_do)]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus_service.selftest.playing import Played
-from frictus_service.selftest.report import Figure, Outcome, Remark, beyond, judged, lost
+from frictus_service.selftest.report import Finding, Measure, Outcome, beyond, judged, lost
 from frictus_service.selftest.spread import half_width, mean_and_half
 
 FloatArray = NDArray[np.float64]
@@ -66,7 +66,7 @@ EXPECTED: Final = {
 
 
 @dataclass(frozen=True, slots=True)
-class Noise:
+class ChannelNoise:
     """Noise of one channel, in its unit.
 
     Attributes
@@ -95,7 +95,7 @@ class Noise:
         return self.line > self.line_limit
 
 
-def noise_of(samples: FloatArray, sample_rate_hz: float) -> Noise:
+def noise_of(samples: FloatArray, sample_rate_hz: float) -> ChannelNoise:
     """Return the noise of a channel.
 
     Parameters
@@ -113,7 +113,7 @@ def noise_of(samples: FloatArray, sample_rate_hz: float) -> Noise:
     rms = float(np.sqrt(mean_square))
     mean, mean_half = mean_and_half(samples[: parts * PARTS].reshape(PARTS, parts).mean(axis=1))
     line_hz, line, beside = _largest_line(swing, sample_rate_hz)
-    return Noise(
+    return ChannelNoise(
         rms=rms,
         rms_half=half / (2.0 * rms) if rms else 0.0,
         mean=mean,
@@ -176,7 +176,7 @@ def judge_noise(played: Played, simulated: bool) -> Outcome:
     ]
     if played.saturated_samples:
         what = f"an acceleration was at its range's end for {played.saturated_samples} samples"
-        remarks.append(Remark("fail", what, "check zero_g_v, output_range_v and its supply"))
+        remarks.append(Finding("fail", what, "check zero_g_v, output_range_v and its supply"))
     return judged(TEST, figures, remarks, "every channel is as quiet as it should be")
 
 
@@ -187,18 +187,18 @@ def _expected(name: str) -> Expectation:
     return EXPECTED[name.partition(" ")[0]]
 
 
-def _figures(name: str, noise: Noise) -> list[Figure]:
+def _figures(name: str, noise: ChannelNoise) -> list[Measure]:
     unit = _expected(name).unit
     return [
-        Figure(f"{name} rms", noise.rms, unit, noise.rms_half),
-        Figure(f"{name} mean", noise.mean, unit, noise.mean_half),
-        Figure(f"{name} line at {noise.line_hz:.1f} Hz", noise.line, unit, noise.line_half)
+        Measure(f"{name} rms", noise.rms, unit, noise.rms_half),
+        Measure(f"{name} mean", noise.mean, unit, noise.mean_half),
+        Measure(f"{name} line at {noise.line_hz:.1f} Hz", noise.line, unit, noise.line_half)
         if noise.found
-        else Figure(f"{name} mains lines, none above", noise.line_limit, unit),
+        else Measure(f"{name} mains lines, none above", noise.line_limit, unit),
     ]
 
 
-def _remarks(name: str, noise: Noise, simulated: bool) -> list[Remark]:
+def _remarks(name: str, noise: ChannelNoise, simulated: bool) -> list[Finding]:
     expected = _expected(name)
     remarks = []
     at_rms = beyond(noise.rms, expected.warn, expected.fail)
@@ -207,19 +207,19 @@ def _remarks(name: str, noise: Noise, simulated: bool) -> list[Remark]:
             f"{name} has {noise.rms:.3g} ± {noise.rms_half:.1g} {expected.unit} rms, "
             f"{expected.warn:g} is expected at most"
         )
-        remarks.append(Remark(at_rms, found, expected.cause))
+        remarks.append(Finding(at_rms, found, expected.cause))
     at_line = beyond(noise.line, expected.warn, expected.fail)
     if at_line != "ok" and noise.found:
         found = (
             f"{name} has a mains line of {noise.line:.3g} ± {noise.line_half:.1g} "
             f"{expected.unit} at {noise.line_hz:.1f} Hz, {expected.warn:g} is expected at most"
         )
-        remarks.append(Remark(at_line, found, expected.cause))
+        remarks.append(Finding(at_line, found, expected.cause))
     if noise.rms == 0.0 and not simulated:
         found = f"{name} does not move at all"
-        remarks.append(Remark("warn", found, f"see whether {name} is connected"))
+        remarks.append(Finding("warn", found, f"see whether {name} is connected"))
     at_rest = beyond(abs(noise.mean), *OFFSET_V)
     if name == "voltage" and at_rest != "ok":
         found = f"at zero drive the monitor reads {noise.mean:.3g} ± {noise.mean_half:.1g} V"
-        remarks.append(Remark(at_rest, found, "adjust the offset of amplifier or monitor"))
+        remarks.append(Finding(at_rest, found, "adjust the offset of amplifier or monitor"))
     return remarks

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from frictus_hardware.sensors.rotation import AXES
 from frictus_hardware.sensors.taps import Orientation, check_orientation
-from frictus_service.selftest.report import Figure, Outcome, Remark, judged
+from frictus_service.selftest.report import Finding, Measure, Outcome, judged
 from frictus_service.selftest.spread import half_width
 
 FloatArray = NDArray[np.float64]
@@ -56,13 +56,13 @@ def judge_orientation(sensor: str, taps: Sequence[FloatArray]) -> Outcome:
     half_deg = _half_deg(check_orientation(taps, found.rotation))
     vector_deg = np.rad2deg(Rotation.from_matrix(found.rotation).as_rotvec())
     figures = [
-        Figure("off the configured frame", found.off_deg, "deg", half_deg),
+        Measure("off the configured frame", found.off_deg, "deg", half_deg),
         *(
-            Figure(f"tap towards +{axis}, off by", off_deg, "deg")
+            Measure(f"tap towards +{axis}, off by", off_deg, "deg")
             for axis, off_deg in zip(AXES, found.tap_off_deg, strict=True)
         ),
         *(
-            Figure(f"still to turn about {axis}", float(deg), "deg", half_deg)
+            Measure(f"still to turn about {axis}", float(deg), "deg", half_deg)
             for axis, deg in zip(AXES, vector_deg, strict=True)
         ),
     ]
@@ -75,7 +75,7 @@ def judge_orientation(sensor: str, taps: Sequence[FloatArray]) -> Outcome:
         if found.mirrored
         else f"add the rotation found to {sensor}.rotation, and tap again"
     )
-    return judged(test, figures, [Remark("fail", found.text(), to_do)], "")
+    return judged(test, figures, [Finding("fail", found.text(), to_do)], "")
 
 
 def _half_deg(fitted: Orientation) -> float:

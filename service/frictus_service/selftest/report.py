@@ -9,7 +9,7 @@ WORSE: Final[tuple[Verdict, ...]] = ("skip", "ok", "warn", "fail")
 
 
 @dataclass(frozen=True, slots=True)
-class Figure:
+class Measure:
     """One number.
 
     Attributes
@@ -35,7 +35,7 @@ class Figure:
 
 
 @dataclass(frozen=True, slots=True)
-class Remark:
+class Finding:
     """Something that is not as it should be.
 
     Attributes
@@ -62,26 +62,26 @@ class Outcome:
         What was found, or why the test was skipped.
     to_do : str
         What an operator should do; empty if nothing.
-    figures : tuple of Figure
+    figures : tuple of Measure
     """
 
     test: str
     verdict: Verdict
     found: str
     to_do: str = ""
-    figures: tuple[Figure, ...] = ()
+    figures: tuple[Measure, ...] = ()
 
 
 def judged(
-    test: str, figures: Sequence[Figure], remarks: Sequence[Remark], fine: str
+    test: str, figures: Sequence[Measure], remarks: Sequence[Finding], fine: str
 ) -> Outcome:
     """Return the outcome of a test: its worst remark's verdict, or that all is fine.
 
     Parameters
     ----------
     test : str
-    figures : sequence of Figure
-    remarks : sequence of Remark
+    figures : sequence of Measure
+    remarks : sequence of Finding
     fine : str
         What to say without a remark.
     """

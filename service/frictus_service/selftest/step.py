@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from frictus_service.selftest.loop_back import DELAY_SAMPLES, EARLY_SAMPLES
 from frictus_service.selftest.playing import PEAK_V, Played
-from frictus_service.selftest.report import Figure, Outcome, Remark, beyond, judged
+from frictus_service.selftest.report import Finding, Measure, Outcome, beyond, judged
 from frictus_service.selftest.spread import mean_and_half
 
 FloatArray = NDArray[np.float64]
@@ -110,16 +110,16 @@ def judge_step(played: Played, stairs: Staircase, lead_samples: int, block: int)
     if seen.size < max(2, moved.size // 2):
         what = f"the monitor moved with {seen.size} of {moved.size} steps"
         return judged(
-            TEST, figures, [*remarks, Remark("fail", what, "see the loop-back's monitor")], ""
+            TEST, figures, [*remarks, Finding("fail", what, "see the loop-back's monitor")], ""
         )
     mean, half = mean_and_half(seen)
     half = max(half, 0.5)  # whole samples are counted
     ms = 1e3 / played.sample_rate_hz
     lead = played.leads[1]
     figures += [
-        Figure("monitor moves after play_sample", mean, "samples", half),
-        Figure("the latest of them", float(seen.max()), "samples"),
-        Figure("from handing over to moving", (lead + mean) * ms, "ms", half * ms),
+        Measure("monitor moves after play_sample", mean, "samples", half),
+        Measure("the latest of them", float(seen.max()), "samples"),
+        Measure("from handing over to moving", (lead + mean) * ms, "ms", half * ms),
     ]
     late = "fail" if mean < EARLY_SAMPLES else beyond(float(seen.max()), *DELAY_SAMPLES)
     if late != "ok":
@@ -127,7 +127,7 @@ def judge_step(played: Played, stairs: Staircase, lead_samples: int, block: int)
             f"the monitor moves {mean:.2f} ± {half:.1g} samples after the step plays, "
             f"{seen.max():g} at most; 0 to {DELAY_SAMPLES[0]:g} are expected"
         )
-        remarks.append(Remark(late, what, "look for a filter in monitor or amplifier"))
+        remarks.append(Finding(late, what, "look for a filter in monitor or amplifier"))
     fine = (
         f"a step is on the screen {(lead + mean) * ms:.2f} ± {half * ms:.1g} ms after it was "
         f"handed over; at least {played.margin_samples * ms:.1f} ms of margin were left"
@@ -135,18 +135,18 @@ def judge_step(played: Played, stairs: Staircase, lead_samples: int, block: int)
     return judged(TEST, figures, remarks, fine)
 
 
-def _counts(played: Played, lead_samples: int) -> list[Figure]:
+def _counts(played: Played, lead_samples: int) -> list[Measure]:
     return [
-        Figure("lead promised", lead_samples, "samples"),
-        Figure("lead, the longest", played.leads[1], "samples"),
-        Figure("margin, the least", played.margin_samples, "samples"),
-        Figure("underrun", played.underrun_samples, "samples"),
-        Figure("overrun", played.overrun_samples, "samples"),
-        Figure("blocks offered again", played.retries, ""),
+        Measure("lead promised", lead_samples, "samples"),
+        Measure("lead, the longest", played.leads[1], "samples"),
+        Measure("margin, the least", played.margin_samples, "samples"),
+        Measure("underrun", played.underrun_samples, "samples"),
+        Measure("overrun", played.overrun_samples, "samples"),
+        Measure("blocks offered again", played.retries, ""),
     ]
 
 
-def _lost(played: Played, lead_samples: int, block: int) -> list[Remark]:
+def _lost(played: Played, lead_samples: int, block: int) -> list[Finding]:
     remarks = []
     to_do = "raise lead_ms; see priority and timer of `frictus doctor`"
     if played.lost_samples:
@@ -154,14 +154,14 @@ def _lost(played: Played, lead_samples: int, block: int) -> list[Remark]:
             f"the output had nothing to play for {played.underrun_samples} samples, and "
             f"{played.overrun_samples} sensed samples were lost"
         )
-        remarks.append(Remark("fail", what, to_do))
+        remarks.append(Finding("fail", what, to_do))
     elif played.margin_samples < block:
         what = f"{played.margin_samples} samples of margin were left, less than a block"
-        remarks.append(Remark("warn", what, to_do))
+        remarks.append(Finding("warn", what, to_do))
     if played.leads != (lead_samples, lead_samples):
         what = (
             f"blocks play {played.leads[0]} to {played.leads[1]} samples after they are handed "
             f"over; {lead_samples} are promised"
         )
-        remarks.append(Remark("fail", what, "report this: the backend breaks its promise"))
+        remarks.append(Finding("fail", what, "report this: the backend breaks its promise"))
     return remarks

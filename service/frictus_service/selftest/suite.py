@@ -25,7 +25,7 @@ SENSORS: Final[dict[str, Callable[[Played], FloatArray]]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Rig:
+class RigUnderTest:
     """A rig under test.
 
     Attributes
@@ -52,12 +52,12 @@ class Rig:
         return self.play(np.zeros(round(seconds * self.backend.info.sample_rate_hz)))
 
 
-def run_tests(rig: Rig, ask: Ask | None = None) -> Iterator[Outcome]:
+def run_tests(rig: RigUnderTest, ask: Ask | None = None) -> Iterator[Outcome]:
     """Run every test; a rig that fails in one is not asked for the next.
 
     Parameters
     ----------
-    rig : Rig
+    rig : RigUnderTest
     ask : callable or None
         None: nobody is there to tap, and the orientation is left out.
     """
@@ -80,18 +80,18 @@ def run_tests(rig: Rig, ask: Ask | None = None) -> Iterator[Outcome]:
             yield Outcome(name, "fail", str(error), _to_do(error))
 
 
-def measure_noise(rig: Rig) -> Outcome:
+def measure_noise(rig: RigUnderTest) -> Outcome:
     """Measure the noise floor at zero drive."""
     return noise.judge_noise(rig.listen(noise.SECONDS), rig.backend.info.simulated)
 
 
-def measure_loop_back(rig: Rig) -> Outcome:
+def measure_loop_back(rig: RigUnderTest) -> Outcome:
     """Play tones and compare what the monitor reads."""
     excitation = loop_back.tones(rig.backend.info.sample_rate_hz, rig.peak_v)
     return loop_back.judge_loop_back(rig.play(excitation.drive_v), excitation)
 
 
-def measure_step(rig: Rig) -> Outcome:
+def measure_step(rig: RigUnderTest) -> Outcome:
     """Play steps and see when the monitor moves."""
     info = rig.backend.info
     stairs = step.staircase(info.sample_rate_hz, rig.peak_v)
@@ -99,7 +99,7 @@ def measure_step(rig: Rig) -> Outcome:
     return step.judge_step(played, stairs, info.lead_samples, rig.block_samples)
 
 
-def measure_orientation(rig: Rig, sensor: str, ask: Ask | None) -> Outcome:
+def measure_orientation(rig: RigUnderTest, sensor: str, ask: Ask | None) -> Outcome:
     """Have someone tap in three directions and compare what the sensor says."""
     name = f"orientation, {sensor}"
     if ask is None:

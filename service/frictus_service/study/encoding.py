@@ -12,7 +12,7 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class ConverterStep:
     """How a converter counts: value = count * scale + offset.
 
     Attributes
@@ -45,12 +45,12 @@ class Encoded:
     Attributes
     ----------
     raw : ndarray
-    step : Step or None
+    step : ConverterStep or None
         Of integers.
     """
 
     raw: NDArray[Any]
-    step: Step | None
+    step: ConverterStep | None
 
     @property
     def values(self) -> FloatArray:
@@ -58,7 +58,7 @@ class Encoded:
         return self.raw.astype(np.float64) if self.step is None else self.step.values(self.raw)
 
 
-def encode(field: str, values: FloatArray, step: Step | None) -> Encoded:
+def encode(field: str, values: FloatArray, step: ConverterStep | None) -> Encoded:
     """Return how to store an array.
 
     Parameters
@@ -66,7 +66,7 @@ def encode(field: str, values: FloatArray, step: Step | None) -> Encoded:
     field : str
     values : ndarray
         NaN where samples are missing; counts cannot say that, so these stay floating point.
-    step : Step or None
+    step : ConverterStep or None
         None: exact, as float32 where that is enough.
 
     Raises

@@ -14,7 +14,7 @@ from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 
 
 @dataclass(frozen=True, slots=True)
-class Participant:
+class ParticipantSummary:
     """One participant's share of a study.
 
     Attributes
@@ -34,7 +34,7 @@ class Participant:
 
 
 @dataclass(frozen=True, slots=True)
-class Summary:
+class StudySummary:
     """What is in a study.
 
     Attributes
@@ -42,7 +42,7 @@ class Summary:
     info : StudyInfo
     size_bytes : int
         On disk.
-    participants : tuple of Participant
+    participants : tuple of ParticipantSummary
     conditions : dict of str to dict of float to int
         By attribute: its values, rising, and in how many trials each occurs.
     excluded : tuple of Exclusion
@@ -52,7 +52,7 @@ class Summary:
 
     info: StudyInfo
     size_bytes: int
-    participants: tuple[Participant, ...]
+    participants: tuple[ParticipantSummary, ...]
     conditions: dict[str, dict[float, int]]
     excluded: tuple[Exclusion, ...]
     missing: dict[str, dict[str, int]] | None
@@ -85,7 +85,7 @@ class Summary:
         }
 
 
-def summarise(study: Study, size_bytes: int, *, check: bool = False) -> Summary:
+def summarise(study: Study, size_bytes: int, *, check: bool = False) -> StudySummary:
     """Return what is in a study.
 
     Parameters
@@ -99,7 +99,7 @@ def summarise(study: Study, size_bytes: int, *, check: bool = False) -> Summary:
     trials, excluded, missing = study.trials, study.excluded, None
     if check:
         trials, excluded, missing = _checked(study)
-    return Summary(
+    return StudySummary(
         info=study.info,
         size_bytes=size_bytes,
         participants=_participants(study, trials),
@@ -144,12 +144,12 @@ def _checked(
     return tuple(trials), tuple(excluded), missing
 
 
-def _participants(study: Study, trials: Iterable[TrialInfo]) -> tuple[Participant, ...]:
+def _participants(study: Study, trials: Iterable[TrialInfo]) -> tuple[ParticipantSummary, ...]:
     own: dict[str, list[TrialInfo]] = {}
     for trial in trials:
         own.setdefault(trial.participant, []).append(trial)
     return tuple(
-        Participant(
+        ParticipantSummary(
             name=name,
             sessions=len({trial.session for trial in done}),
             trials=len(done),

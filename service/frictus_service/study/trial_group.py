@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from frictus_service.study import attributes
 from frictus_service.study.digest import digest
-from frictus_service.study.encoding import Step
+from frictus_service.study.encoding import ConverterStep
 from frictus_service.study.errors import FieldError
 from frictus_service.study.hdf5 import Stored, attributes_of, data_sets_in
 from frictus_service.study.layout import (
@@ -141,7 +141,7 @@ def _values(stored: Stored) -> FloatArray:
             )
         return raw.astype(np.float64)
     columns = 1 if raw.ndim == 1 else raw.shape[1]
-    return Step(
+    return ConverterStep(
         _per_column(stored, "scale", columns), _per_column(stored, "offset", columns)
     ).values(raw)
 

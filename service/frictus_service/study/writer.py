@@ -11,7 +11,7 @@ import numpy as np
 
 from frictus_service.durable import put_in_place
 from frictus_service.study.digest import digest
-from frictus_service.study.encoding import Encoded, Step, encode
+from frictus_service.study.encoding import ConverterStep, Encoded, encode
 from frictus_service.study.errors import FieldError, StudyError
 from frictus_service.study.layout import DATA_SETS, SCHEMA, is_shape_of, shape_hint
 from frictus_service.study.mount import mount_text
@@ -71,7 +71,7 @@ class StudyWriter:
         self._file.close()
         put_in_place(self._unfinished, self.path)
 
-    def add(self, trial: Trial, steps: Mapping[str, Step] | None = None) -> str:
+    def add(self, trial: Trial, steps: Mapping[str, ConverterStep] | None = None) -> str:
         """Write a trial.
 
         Parameters
@@ -115,7 +115,7 @@ class StudyWriter:
         self._unfinished.unlink(missing_ok=True)
 
 
-def _encoded(trial: Trial, steps: Mapping[str, Step]) -> dict[str, Encoded]:
+def _encoded(trial: Trial, steps: Mapping[str, ConverterStep]) -> dict[str, Encoded]:
     stored: dict[str, Encoded] = {}
     rows: dict[str, int] = {}
     for data_set in DATA_SETS:

@@ -21,15 +21,15 @@ from tests.blind.generator.recursion import RATE_HZ
 from tests.blind.generator.transfer import mount
 from tests.blind.generator.trial import CARRIER_HZ, PEAK_V, Contact, Samples, Sensors, run
 
-from frictus_service.study.encoding import Step
+from frictus_service.study.encoding import ConverterStep
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 from frictus_service.study.writer import StudyWriter
 
 STEPS = {
-    "voltage_v": Step(76.0 / 32767),
-    "force_n": Step(4.0 / 32767),
-    "accel_m_s2": Step(500.0 / 32767),
-    "position_mm": Step(0.1),
+    "voltage_v": ConverterStep(76.0 / 32767),
+    "force_n": ConverterStep(4.0 / 32767),
+    "accel_m_s2": ConverterStep(500.0 / 32767),
+    "position_mm": ConverterStep(0.1),
 }
 
 

@@ -11,7 +11,7 @@ from frictus_hardware.physics.simulator import Simulator
 from frictus_hardware.physics.twin import Signals, simulate
 from frictus_hardware.simulated.press import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
-from frictus_service.identification.observation import Rows
+from frictus_service.identification.observation import ResponseRows
 from frictus_service.identification.observe import observe
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 
@@ -67,7 +67,7 @@ def recorded(simulator: Simulator, rng: np.random.Generator) -> Trial:
     )
 
 
-def probe_of(rows: Rows) -> Probe:
+def probe_of(rows: ResponseRows) -> Probe:
     ones = np.ones(rows.tone_hz.size)
     tones = len(TONES_HZ)
     power = np.square(np.abs(rows.message)).reshape(-1, tones).sum(axis=1) / 2.0

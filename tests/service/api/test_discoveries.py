@@ -14,8 +14,8 @@ from tests.service.jobs import stepwise_discovery
 
 from frictus_service.api.app import build_app
 from frictus_service.discovery.document import Discovery
-from frictus_service.discovery.job import DiscoverySpec
-from frictus_service.discovery.shelf import DiscoveryShelf
+from frictus_service.discovery.jobs.documents import DiscoverySpec
+from frictus_service.discovery.jobs.store import DiscoveryStore
 
 RUN = "tests.service.jobs.stepwise_discovery:run"
 ROOT = Path(__file__).parents[3]
@@ -172,7 +172,7 @@ def test_a_link_out_of_the_folder_is_not_followed(api: TestClient, studies: Path
 def test_a_torn_job_is_set_aside_and_the_rest_served(
     studies: Path, serve: Serve, caplog: pytest.LogCaptureFixture, torn: bytes
 ) -> None:
-    shelf = DiscoveryShelf(studies)
+    shelf = DiscoveryStore(studies)
     whole, lost = (shelf.create(DiscoverySpec(study="visit.h5"), by="me") for _ in range(2))
     job = studies / "discoveries" / lost.id / "job.json"
     job.write_bytes(torn)
@@ -195,7 +195,7 @@ def test_an_api_that_ends_leaves_interrupted_ones(
     with TestClient(build_app(config, discover=RUN), base_url=base) as api:
         running, waiting = (start(api).headers["location"] for _ in range(2))
         wait_until(api, running, "step 1")
-    shelf = DiscoveryShelf(studies)
+    shelf = DiscoveryStore(studies)
     lost = shelf.create(DiscoverySpec(study="visit.h5"), by="a process that was killed")
     events = studies / "discoveries" / lost.id / "events.jsonl"
     events.write_bytes(events.read_bytes() + b'{"number": 2, "ki')  # in the middle of a word

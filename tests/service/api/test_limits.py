@@ -16,9 +16,10 @@ from fastapi.testclient import TestClient
 from tests.service.api.test_server import configuration, get
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from frictus_service.api import bodies, connections, following, limits
-from frictus_service.api.link import RigLink
+from frictus_service.api import bodies, connections, limits
+from frictus_service.api import event_stream as following
 from frictus_service.api.problems import BusyError, GoneError
+from frictus_service.api.rig_connection import RigConnection
 from frictus_service.api.server import run_api
 from frictus_service.ports import free_port
 
@@ -183,12 +184,12 @@ def test_who_takes_its_answers_late_gets_all(
 def test_health_does_not_wait_for_a_thread(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
     waiting, released = threading.Semaphore(0), threading.Event()
 
-    def names(_: RigLink) -> list[str]:
+    def names(_: RigConnection) -> list[str]:
         waiting.release()
         assert released.wait(60.0)
         return []
 
-    monkeypatch.setattr(RigLink, "names", names)
+    monkeypatch.setattr(RigConnection, "names", names)
     asked = b"GET /v1/rigs HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n"
     with ExitStack() as opened:
         many = [opened.enter_context(connected(port, asked)) for _ in range(60)]

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from frictus.messages import Excitation
 from frictus_service.calibration import design
-from frictus_service.calibration.errors import DesignError
+from frictus_service.calibration.errors import ExcitationDesignError
 from frictus_service.calibration.prior import Prior
 
 FloatArray = NDArray[np.float64]
@@ -135,11 +135,11 @@ def test_paper_tones_and_single() -> None:
 
 @pytest.mark.parametrize("tones", [[70.0, 80.0], [70.0, 70.0], [75.0], [5010.0]])
 def test_tones_off_the_grid_are_refused(rng: np.random.Generator, tones: list[float]) -> None:
-    with pytest.raises(DesignError, match="odd multiples of 10 Hz"):
+    with pytest.raises(ExcitationDesignError, match="odd multiples of 10 Hz"):
         design.multisine(rng, np.array(tones))
 
 
 @pytest.mark.parametrize("n_tones", [2, 25])
 def test_too_few_or_many_lines_are_refused(n_tones: int) -> None:
-    with pytest.raises(DesignError, match="3 to 24"):
+    with pytest.raises(ExcitationDesignError, match="3 to 24"):
         design.lines(n_tones)

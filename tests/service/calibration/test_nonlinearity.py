@@ -9,7 +9,7 @@ from scipy import signal
 
 from frictus.messages import Excitation
 from frictus_service.calibration import design
-from frictus_service.calibration.errors import DesignError
+from frictus_service.calibration.errors import ExcitationDesignError
 from frictus_service.calibration.nonlinearity import Nonlinearity, nonlinearity
 
 FloatArray = NDArray[np.float64]
@@ -81,7 +81,7 @@ def test_the_level_is_that_of_the_products(rng: np.random.Generator) -> None:
 
 
 def test_what_cannot_be_judged_is_refused(rng: np.random.Generator) -> None:
-    with pytest.raises(DesignError, match="no period"):
+    with pytest.raises(ExcitationDesignError, match="no period"):
         nonlinearity([np.zeros(20_000)], design.single(200.0), RATE)
-    with pytest.raises(DesignError, match="5 periods"):
+    with pytest.raises(ExcitationDesignError, match="5 periods"):
         nonlinearity([np.zeros(9_000)], design.multisine(rng, design.lines(8)), RATE)

@@ -9,7 +9,13 @@ from hypothesis import strategies as st
 
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_service.calibration.job import PaperProtocol, QuickProtocol
-from frictus_service.calibration.plan import Ask, Done, PaperPlan, Plan, QuickPlan
+from frictus_service.calibration.plan import (
+    Ask,
+    CalibrationProtocol,
+    PaperPlan,
+    QuickPlan,
+    RecordedTrial,
+)
 from frictus_service.calibration.prior import Prior
 from frictus_service.synthesis.excitation import compile_excitation
 
@@ -18,14 +24,18 @@ SMALL = PaperProtocol(
 )
 
 
-def finished(ask: Ask, number: int, rejected: bool = False) -> Done:
+def finished(ask: Ask, number: int, rejected: bool = False) -> RecordedTrial:
     reason = "too slow" if rejected else ""
-    return Done(f"t{number}", ask.speed_mm_s, ask.force_n, ask.tones_hz, ask.record_s, reason)
+    return RecordedTrial(
+        f"t{number}", ask.speed_mm_s, ask.force_n, ask.tones_hz, ask.record_s, reason
+    )
 
 
-def work_off(plan: Plan, verdicts: list[bool], precision: float | None = None) -> list[Done]:
+def work_off(
+    plan: CalibrationProtocol, verdicts: list[bool], precision: float | None = None
+) -> list[RecordedTrial]:
     """Do trials until the plan ends; each verdict says whether one is rejected."""
-    done: list[Done] = []
+    done: list[RecordedTrial] = []
     while (ask := plan.ask(done, precision)) is not None:
         rejected = len(done) < len(verdicts) and verdicts[len(done)]
         done.append(finished(ask, len(done), rejected))

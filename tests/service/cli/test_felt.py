@@ -8,11 +8,11 @@ import pytest
 from rich.console import Console
 
 from frictus_service.cli import checks
-from frictus_service.cli.felt import Felt, band_rms
+from frictus_service.cli.felt import RigSnapshot, band_rms
 from frictus_service.cli.screen import table_of
 
 RATE_HZ = 20_000.0
-NOTHING = Felt(None, None, None, None, None, {"force": 0}, {"force": 0}, {}, 5.0)
+NOTHING = RigSnapshot(None, None, None, None, None, {"force": 0}, {"force": 0}, {}, 5.0)
 
 
 def test_band_rms_is_that_of_the_band(rng: np.random.Generator) -> None:

@@ -16,7 +16,7 @@ from frictus_service.cli import selftest
 from frictus_service.cli.app import app
 from frictus_service.cli.exits import Exit
 from frictus_service.selftest.playing import PEAK_V
-from frictus_service.selftest.report import Figure, Outcome
+from frictus_service.selftest.report import Measure, Outcome
 
 FloatArray = NDArray[np.float64]
 VIRTUAL = 'kind = "simulated"\nclock = "virtual"\nsample_rate_hz = 10_000.0\n'
@@ -123,7 +123,7 @@ def test_a_report_that_cannot_be_written_is_told_before(tmp_path: Path) -> None:
 
 
 def test_people_read_figures_with_units(capsys: pytest.CaptureFixture[str]) -> None:
-    figure = Figure("delay", 1.25, "samples", 0.012)
+    figure = Measure("delay", 1.25, "samples", 0.012)
     selftest.show(Outcome("loop-back", "warn", "late", "look", (figure,)), lines=False)
     assert capsys.readouterr().out.splitlines() == [
         "warn loop-back: late",

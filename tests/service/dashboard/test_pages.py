@@ -16,7 +16,7 @@ FILES = sorted(
 def client() -> TestClient:
     app = FastAPI()
     app.include_router(pages.router)
-    app.mount(pages.PAGE, pages.Pages())
+    app.mount(pages.PAGE, pages.DashboardFiles())
     return TestClient(app, base_url="http://127.0.0.1:8420")
 
 

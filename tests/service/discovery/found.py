@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from frictus.model import Effect, FirstOrderSpeedLaw, Model
-from frictus_service.discovery.causes import CAUSES, separating_experiment
+from frictus_service.discovery.catalogue.causes import CAUSES, separating_experiment
 from frictus_service.discovery.document import (
     Alternative,
     CannotTell,

@@ -18,12 +18,12 @@ from frictus_hardware.physics.mount import Mount
 from frictus_hardware.physics.prediction import Prediction, Probe, predict
 from frictus_hardware.physics.schedule import Circumstances
 from frictus_hardware.physics.simulator import Simulator
-from frictus_service.discovery.bases import base_model, simulator_of
 from frictus_service.discovery.discover import discover
 from frictus_service.discovery.document import Discovery, NamedCause, StudyFacts
-from frictus_service.discovery.evidence import TrialEvidence
-from frictus_service.discovery.spectra import Harmonics, Stretches
-from frictus_service.identification.observation import Rows, TrialObservations
+from frictus_service.discovery.evidence.spectra import HarmonicResponse, Stretches
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
+from frictus_service.discovery.problem.base_models import base_model, simulator_of
+from frictus_service.identification.observation import ResponseRows, TrialObservations
 from frictus_service.study.trial import TrialInfo
 
 FloatArray = NDArray[np.float64]
@@ -155,7 +155,7 @@ def _trial(
     power = n_tones * amplitude**2 / 2.0
     probe = Probe(tone, amplitude.astype(complex), np.full(tone.size, 0.5), power, each)
     seen = predict(simulator, probe, nominal)
-    rows = Rows(
+    rows = ResponseRows(
         sweep=np.where(each.direction > 0.0, 0, 1),
         direction=each.direction.astype(np.int64),
         third=np.tile(np.arange(3).repeat(n_tones), 2),
@@ -204,10 +204,10 @@ def _noisy(values: Any, scatter: Scatter, rng: np.random.Generator) -> Any:
 
 def _harmonics(
     seen: Prediction, probe: Probe, scatter: Scatter, rng: np.random.Generator
-) -> Harmonics:
+) -> HarmonicResponse:
     noise = rng.normal(0.0, scatter.harmonic, (4, probe.tone_hz.size))
     variance = np.full(probe.tone_hz.size, scatter.harmonic**2)
-    return Harmonics(
+    return HarmonicResponse(
         message_mean=probe.message_mean,
         message_power=probe.message_power,
         second=seen.second + noise[0] + 1j * noise[1],

@@ -17,13 +17,13 @@ from tests.service.discovery.made import (
     named,
 )
 
-from frictus_service.discovery.bases import base_model, simulator_of
-from frictus_service.discovery.evidence import TrialEvidence
-from frictus_service.discovery.spectra import NO_HARMONICS
-from frictus_service.discovery.words import verdict_sentence
-from frictus_service.identification.observation import Rows
+from frictus_service.discovery.evidence.spectra import NO_HARMONICS
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
+from frictus_service.discovery.problem.base_models import base_model, simulator_of
+from frictus_service.discovery.report.phrasing import verdict_sentence
+from frictus_service.identification.observation import ResponseRows
 
-Factor = Callable[[Rows], NDArray[Any]]
+Factor = Callable[[ResponseRows], NDArray[Any]]
 
 
 def changed(evidence: list[TrialEvidence], factor: Factor) -> list[TrialEvidence]:

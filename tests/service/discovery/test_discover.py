@@ -25,12 +25,12 @@ from frictus.model import Model
 from frictus_hardware.physics.effects import EFFECTS, extended
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.mount import Mount
-from frictus_service.discovery.bases import base_model, simulator_of
 from frictus_service.discovery.document import Discovery
-from frictus_service.discovery.evidence import TrialEvidence
-from frictus_service.discovery.significance import LEAST_UNITS
-from frictus_service.discovery.spectra import Harmonics, Stretches
-from frictus_service.identification.observation import Rows
+from frictus_service.discovery.evidence.observation_table import LEAST_UNITS
+from frictus_service.discovery.evidence.spectra import HarmonicResponse, Stretches
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
+from frictus_service.discovery.problem.base_models import base_model, simulator_of
+from frictus_service.identification.observation import ResponseRows
 
 NULLS = 8
 UNCLEAN = 4
@@ -236,14 +236,16 @@ def leftwards_out(one: TrialEvidence) -> TrialEvidence:
     """Return what a trial says of strokes to the right."""
     rows, stretches = one.observed.rows, one.stretches
     right = rows.direction > 0
-    observed = replace(one.observed, rows=Rows(**of(rows, right)))
-    harmonics = Harmonics(**of(one.harmonics, right))
+    observed = replace(one.observed, rows=ResponseRows(**of(rows, right)))
+    harmonics = HarmonicResponse(**of(one.harmonics, right))
     return TrialEvidence(
         observed, harmonics, Stretches(**of(stretches, stretches.direction > 0))
     )
 
 
-def of(part: Rows | Harmonics | Stretches, kept: NDArray[np.bool_]) -> dict[str, Any]:
+def of(
+    part: ResponseRows | HarmonicResponse | Stretches, kept: NDArray[np.bool_]
+) -> dict[str, Any]:
     return {field.name: getattr(part, field.name)[kept] for field in fields(part)}
 
 

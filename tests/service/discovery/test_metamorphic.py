@@ -18,8 +18,8 @@ from tests.service.discovery.made import (
 )
 
 from frictus_service.discovery import discover as engine
-from frictus_service.discovery.candidates import Candidate, candidates_of
-from frictus_service.discovery.evidence import TrialEvidence
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
+from frictus_service.discovery.problem.candidates import Candidate, candidates_of
 
 FloatArray = NDArray[np.float64]
 Change = Callable[[FloatArray], FloatArray]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus_service.identification.observation import Rows, TrialObservations
+from frictus_service.identification.observation import ResponseRows, TrialObservations
 from frictus_service.study.trial import TrialInfo
 
 FloatArray = NDArray[np.float64]
@@ -124,7 +124,7 @@ def trial(
     skin_error: FloatArray = np.abs(skin) * np.abs(error / clean)
     sweep, third, _ = np.indices(shape)
     force = info.force_n * (1.0 + 0.05 * rng.standard_normal(shape))
-    rows = Rows(
+    rows = ResponseRows(
         sweep=sweep.ravel(),
         direction=1 - 2 * (sweep.ravel() % 2),
         third=third.ravel(),

@@ -15,7 +15,7 @@ from frictus_service.identification.analysis import identify
 from frictus_service.identification.documents import Settings
 from frictus_service.identification.observation import TrialObservations
 from frictus_service.identification.observe import observe
-from frictus_service.reproduction.plan import Design, TrialPlan, log_tones, plan_study
+from frictus_service.reproduction.plan import StudyConditions, TrialPlan, log_tones, plan_study
 from frictus_service.reproduction.population import draw_people
 from frictus_service.reproduction.simulate import simulate_trial, study_info
 from frictus_service.study.trial import Trial
@@ -25,7 +25,7 @@ Condition = tuple[str, float, float]
 
 DELAY_S = 1e-4
 BAD_SHARE = 0.05
-FEW = Design(
+FEW = StudyConditions(
     log_tones(15),
     speeds_mm_s=(20.0, 60.0, 100.0),
     forces_n=(0.4,),
@@ -33,7 +33,7 @@ FEW = Design(
     delay_s=DELAY_S,
     bad_share=BAD_SHARE,
 )
-MANY = Design(log_tones(15), forces_n=(0.2, 0.5), delay_s=DELAY_S, bad_share=BAD_SHARE)
+MANY = StudyConditions(log_tones(15), forces_n=(0.2, 0.5), delay_s=DELAY_S, bad_share=BAD_SHARE)
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Errors:
     literal: FloatArray
 
 
-def errors_of(design: Design, people: int, rng: np.random.Generator) -> Errors:
+def errors_of(design: StudyConditions, people: int, rng: np.random.Generator) -> Errors:
     plans = plan_study(draw_people(people, rng), design, rng)
     observations: list[TrialObservations] = []
 

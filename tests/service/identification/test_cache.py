@@ -10,7 +10,7 @@ from tests.service.identification.trials import STUDY, Made, trial
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.identification import cache as caching
 from frictus_service.identification.cache import Cache, state_of
-from frictus_service.identification.observation import Rows, TrialObservations
+from frictus_service.identification.observation import ResponseRows, TrialObservations
 from frictus_service.identification.observe import observe
 from frictus_service.identification.pipeline import OBSERVER
 from frictus_service.identification.reading import Reader, Reading
@@ -30,7 +30,7 @@ def same(one: TrialObservations, other: TrialObservations) -> bool:
     )
     return plain and all(
         getattr(one.rows, field.name).tobytes() == getattr(other.rows, field.name).tobytes()
-        for field in fields(Rows)
+        for field in fields(ResponseRows)
     )
 
 
@@ -45,7 +45,9 @@ def test_round_trip(tmp_path: Path, seen: TrialObservations) -> None:
 
 
 def test_nothing_measured_round_trips(tmp_path: Path, seen: TrialObservations) -> None:
-    empty = Rows(**{f.name: getattr(seen.rows, f.name)[:0] for f in fields(Rows)})
+    empty = ResponseRows(
+        **{f.name: getattr(seen.rows, f.name)[:0] for f in fields(ResponseRows)}
+    )
     unusable = replace(
         seen,
         valid=False,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from frictus_service.identification.clustered import Levels, Scatter, moments, scatter_of
+from frictus_service.identification.clustered import GroupVariances, Levels, moments, scatter_of
 
 
 @pytest.mark.parametrize("alone", [True, False])
@@ -19,7 +19,7 @@ def test_moments_are_those_of_the_full_covariance(
     count = n if alone else n_inner
     parent = np.concatenate([np.arange(n_outer), rng.integers(0, n_outer, count - n_outer)])
     table, noise = rng.standard_normal((n, 3)), rng.uniform(0.1, 2.0, n)
-    scatter = Scatter(0.3, 0.7)
+    scatter = GroupVariances(0.3, 0.7)
     same_inner = inner[:, np.newaxis] == inner
     same_outer = parent[inner][:, np.newaxis] == parent[inner]
     full = np.diag(noise) + scatter.inner * same_inner + scatter.outer * same_outer

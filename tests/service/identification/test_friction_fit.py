@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.service.identification.observed import Bench, Finger, observations
 
-from frictus_service.identification.conditions import Table, select
+from frictus_service.identification.conditions import ObservationTable, select
 from frictus_service.identification.estimates import Measured
 from frictus_service.identification.friction_fit import CUTOFF, GAIN, FirstOrder, fit_friction
 from frictus_service.identification.joint_fit import JointFit
@@ -16,7 +16,7 @@ SMALL = Bench(speeds=(20.0, 60.0, 100.0), forces=(0.3, 0.5), seconds=4.0)
 
 
 def fitted(fingers: list[Finger], bench: Bench, rng: np.random.Generator) -> JointFit:
-    table = Table.of(observations(fingers, bench, rng))
+    table = ObservationTable.of(observations(fingers, bench, rng))
     person = Measured.of(table).person
     chosen = select(table, "friction", table.condition, person, 3)
     return fit_friction(chosen.sample, len(fingers))
@@ -83,7 +83,7 @@ def test_order_of_the_trials_does_not_matter(rng: np.random.Generator) -> None:
     seen = observations([Finger(), Finger(gain_n=0.2)], SMALL, rng)
     fits = []
     for order in (np.arange(len(seen)), rng.permutation(len(seen))):
-        table = Table.of([seen[i] for i in order])
+        table = ObservationTable.of([seen[i] for i in order])
         person = Measured.of(table).person
         chosen = select(table, "friction", table.condition, person, 3)
         fits.append(fit_friction(chosen.sample, 2))

@@ -11,11 +11,11 @@ from typer.testing import CliRunner
 
 from frictus.model import Model
 from frictus_service.cli.app import app
-from frictus_service.reproduction.plan import Design, plan_study
+from frictus_service.reproduction.plan import StudyConditions, plan_study
 from frictus_service.reproduction.population import draw_people
 from frictus_service.reproduction.record import record_study
 
-DESIGN = Design(
+DESIGN = StudyConditions(
     tones_hz=(60.0, 150.0, 300.0, 600.0, 1200.0),
     speeds_mm_s=(40.0, 100.0),
     forces_n=(0.4,),

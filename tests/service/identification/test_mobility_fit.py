@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.service.identification.observed import Bench, Finger, observations
 
-from frictus_service.identification.conditions import Table, select
+from frictus_service.identification.conditions import ObservationTable, select
 from frictus_service.identification.estimates import Measured
 from frictus_service.identification.joint_fit import JointFit
 from frictus_service.identification.mobility_fit import fit_mobility, mass_spring_damper
@@ -20,7 +20,7 @@ EXACT = Bench(
 
 
 def fitted(fingers: list[Finger], bench: Bench, rng: np.random.Generator) -> JointFit:
-    table = Table.of(observations(fingers, bench, rng))
+    table = ObservationTable.of(observations(fingers, bench, rng))
     person = Measured.of(table).person
     chosen = select(table, "mobility", table.condition, person, 3, 750.0)
     return fit_mobility(chosen.sample, len(fingers))
@@ -73,7 +73,7 @@ def test_a_noisy_friction_does_not_bias_the_mass(rng: np.random.Generator) -> No
         rows.mobility[:] = rows.mobility / friction
         share = 0.25**2 / np.abs(friction) ** 2
         rows.mobility_variance[:] += np.abs(rows.mobility) ** 2 * share
-    table = Table.of(seen)
+    table = ObservationTable.of(seen)
     person = Measured.of(table).person
     chosen = select(table, "mobility", table.condition, person, 3, 750.0)
     fit = fit_mobility(chosen.sample, 20)

@@ -16,7 +16,7 @@ from tests.service.identification.trials import (
     true_mobility,
 )
 
-from frictus_service.identification.observation import Rows, TrialObservations
+from frictus_service.identification.observation import ResponseRows, TrialObservations
 from frictus_service.identification.observe import observe
 from frictus_service.study.reader import StudyReader
 
@@ -25,7 +25,7 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 
-def mean_ratio(rows: Rows, measured: ComplexArray, true: ComplexArray) -> ComplexArray:
+def mean_ratio(rows: ResponseRows, measured: ComplexArray, true: ComplexArray) -> ComplexArray:
     """Return measured over true per tone, the mean over all segments."""
     ratio = measured / true
     return np.array([ratio[rows.tone_hz == tone].mean() for tone in np.unique(rows.tone_hz)])
@@ -36,14 +36,14 @@ def friction_ratio(seen: TrialObservations, speed_mm_s: float) -> ComplexArray:
     return mean_ratio(rows, rows.friction_response, true_friction(rows.tone_hz, speed_mm_s))
 
 
-def relative_error(rows: Rows, true: ComplexArray) -> FloatArray:
+def relative_error(rows: ResponseRows, true: ComplexArray) -> FloatArray:
     """Return the standard deviation that is declared for the mean over segments, per tone."""
     relative = rows.friction_variance / np.square(np.abs(true))
     own = [relative[rows.tone_hz == tone] for tone in np.unique(rows.tone_hz)]
     return np.array([np.sqrt(each.sum()) / each.size for each in own])
 
 
-def mobility_ratio(rows: Rows) -> ComplexArray:
+def mobility_ratio(rows: ResponseRows) -> ComplexArray:
     return mean_ratio(rows, rows.mobility, true_mobility(rows.tone_hz))
 
 
@@ -198,7 +198,7 @@ def test_rows_say_what_they_are(rng: np.random.Generator) -> None:
     seen = observe(trial(Made(tones), rng), STUDY)
     rows = seen.rows
     count = rows.tone_hz.size
-    assert all(getattr(rows, name).shape == (count,) for name in Rows.__slots__)
+    assert all(getattr(rows, name).shape == (count,) for name in ResponseRows.__slots__)
     np.testing.assert_array_equal(rows.tone_hz, np.tile(tones, count // 3))
     keys = list(zip(rows.sweep, rows.third, rows.tone_hz, strict=True))
     assert len(set(keys)) == count

@@ -12,7 +12,7 @@ import pytest
 from tests.service.identification.trials import STUDY, Made, numbered, trial
 
 from frictus_service.identification import pipeline
-from frictus_service.identification.observation import Rows, TrialObservations
+from frictus_service.identification.observation import ResponseRows, TrialObservations
 from frictus_service.identification.observe import observe
 from frictus_service.identification.pipeline import Task, observe_study
 from frictus_service.identification.reading import Reading
@@ -39,7 +39,7 @@ def require_same(one: list[TrialObservations], other: list[TrialObservations]) -
     assert [each.sha256 for each in one] == [each.sha256 for each in other]
     assert [each.reasons for each in one] == [each.reasons for each in other]
     for first, second in zip(one, other, strict=True):
-        for field in fields(Rows):
+        for field in fields(ResponseRows):
             np.testing.assert_array_equal(
                 getattr(first.rows, field.name), getattr(second.rows, field.name)
             )

@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 from tests.service.identification.observed import Bench, Finger, observations, trial
 
-from frictus_service.identification.combination import Evidence
-from frictus_service.identification.conditions import Table
+from frictus_service.identification.combination import ConditionEvidence
+from frictus_service.identification.conditions import ObservationTable
 from frictus_service.identification.documents import Settings
 from frictus_service.identification.estimates import Measured, friction_of, law_of
 from frictus_service.identification.observation import TrialObservations
@@ -26,7 +26,7 @@ SMALL = Bench(
 
 
 def laws(seen: list[TrialObservations]) -> list[SpeedLaw | None]:
-    table = Table.of(seen)
+    table = ObservationTable.of(seen)
     measured = Measured.of(table)
     friction = friction_of(table, measured, Settings())
     assert friction is not None
@@ -114,7 +114,7 @@ def test_a_low_estimate_weighs_no_more(rng: np.random.Generator) -> None:
     for _ in range(100):
         value = truth * np.exp(rng.normal(-0.02, 0.2, speed.size))
         none = np.zeros((0, 2))
-        evidence = Evidence(
+        evidence = ConditionEvidence(
             speed,
             np.column_stack([np.ones(speed.size), value]),
             np.full((speed.size, 2), 0.04),

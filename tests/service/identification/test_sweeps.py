@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.identification.sweeps import (
-    Motion,
-    Segment,
     Sweep,
+    SweepThird,
+    TouchMotion,
     cut_thirds,
     find_sweeps,
     smooth,
@@ -37,7 +37,7 @@ def reported(
 
 def found(
     position_mm: FloatArray, time_s: FloatArray
-) -> tuple[Motion, list[Sweep], list[Segment]]:
+) -> tuple[TouchMotion, list[Sweep], list[SweepThird]]:
     motion = smooth(position_mm, time_s)
     sweeps = find_sweeps(motion, np.ones(motion.time_s.size, dtype=np.bool_))
     return motion, sweeps, cut_thirds(motion, sweeps)

@@ -12,9 +12,13 @@ import numpy as np
 from tests.service.discovery.found import discovery
 
 from frictus_service.discovery.errors import DiscoveryCancelledError
-from frictus_service.discovery.job import DiscoveryProgress, DiscoveryResult, DiscoverySpec
-from frictus_service.discovery.outputs import write
-from frictus_service.discovery.words import verdict_sentence
+from frictus_service.discovery.jobs.documents import (
+    DiscoveryProgress,
+    DiscoveryResult,
+    DiscoverySpec,
+)
+from frictus_service.discovery.report.files import write
+from frictus_service.discovery.report.phrasing import verdict_sentence
 from frictus_service.study.errors import StudyError
 
 STEPS = 3

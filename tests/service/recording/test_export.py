@@ -24,7 +24,7 @@ from frictus_hardware.physics.mount import Mount
 from frictus_service.recording.errors import ExportError
 from frictus_service.recording.export import Exported, export_study
 from frictus_service.recording.notes import GapNote
-from frictus_service.recording.segments import Declared
+from frictus_service.recording.segments import TrialDeclaration
 from frictus_service.recording.writer import RecordingWriter
 from frictus_service.study.reader import StudyReader
 from frictus_service.study.trial import Trial
@@ -41,8 +41,8 @@ APPLIED = Applied(
     scaled=False,
     speed_range_mm_s=(0.0, 100.0),
 )
-WHOLE = Declared("p1", 2, 60.0, 0.4, (100.0,))
-UNDECLARED = Declared()
+WHOLE = TrialDeclaration("p1", 2, 60.0, 0.4, (100.0,))
+UNDECLARED = TrialDeclaration()
 STATUS = RigStatus(
     site="lab",
     rig="rig1",
@@ -176,7 +176,7 @@ Export = Callable[..., Exported]
 def export(tmp_path: Path, known: Any) -> Export:
     """Write a tape, export it, and return what came of it; the study is `study.h5`."""
 
-    def make(play: Callable[[Tape], None], declared: Declared = UNDECLARED) -> Exported:
+    def make(play: Callable[[Tape], None], declared: TrialDeclaration = UNDECLARED) -> Exported:
         path = tmp_path / "tape.mcap"
         path.unlink(missing_ok=True)
         attached = {"status.json": STATUS.to_json()}
@@ -216,7 +216,7 @@ def test_declared_trial_holds_every_sample(export: Export, tmp_path: Path) -> No
 
 
 def test_part_of_a_recording(export: Export, tmp_path: Path) -> None:
-    export(lambda tape: tape.play(3.0), Declared("p", 1, 60.0, 0.4, (), 1.0, 2.0))
+    export(lambda tape: tape.play(3.0), TrialDeclaration("p", 1, 60.0, 0.4, (), 1.0, 2.0))
     (trial,) = trials_of(tmp_path)
     assert trial.force_n == pytest.approx(value(1, 2_000, 2_000).T)
     assert trial.info.tones_hz == ()
@@ -240,13 +240,13 @@ def test_lost_samples_are_missing_not_made_up(export: Export, tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("declared", "words"),
     [
-        (Declared(), "--participant, --speed, --force, --tone"),
-        (Declared("p", 1, 60.0, 0.4), "--tone"),
-        (Declared("p", 1, 60.0, 0.4, (), 5.0), "no samples"),
+        (TrialDeclaration(), "--participant, --speed, --force, --tone"),
+        (TrialDeclaration("p", 1, 60.0, 0.4), "--tone"),
+        (TrialDeclaration("p", 1, 60.0, 0.4, (), 5.0), "no samples"),
     ],
 )
 def test_what_has_to_be_said(
-    export: Export, tmp_path: Path, declared: Declared, words: str
+    export: Export, tmp_path: Path, declared: TrialDeclaration, words: str
 ) -> None:
     with pytest.raises(ExportError, match=words):
         export(lambda tape: tape.play(1.0), declared)
@@ -261,7 +261,7 @@ def test_a_trial_is_of_one_run(export: Export, tmp_path: Path) -> None:
 
     with pytest.raises(ExportError, match="started anew"):
         export(play, WHOLE)
-    export(play, Declared("p", 1, 60.0, 0.4, (), 1.5))
+    export(play, TrialDeclaration("p", 1, 60.0, 0.4, (), 1.5))
     (trial,) = trials_of(tmp_path)
     assert trial.force_n == pytest.approx(value(1, 1_000, 3_000).T)
 
@@ -282,7 +282,7 @@ def test_guided_trials(export: Export, tmp_path: Path) -> None:
             guided(tape, trial + 1, tones, speed)
         tape.guide("done", 3)
 
-    done = export(play, Declared(session=4))
+    done = export(play, TrialDeclaration(session=4))
     assert done.excluded == ()
     trials = trials_of(tmp_path)
     assert [trial.info.order for trial in trials] == [0, 1, 2]

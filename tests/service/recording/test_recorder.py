@@ -33,7 +33,7 @@ from frictus_service.recording.notes import PresenceNote
 from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.recording import Recording
 from frictus_service.recording.samples import INT16, Samples
-from frictus_service.recording.summary import Summary, summarise
+from frictus_service.recording.summary import RecordingSummary, summarise
 from frictus_service.recording.tape import export_tape
 
 posix_signals = pytest.mark.skipif(
@@ -54,7 +54,7 @@ def until(
     raise AssertionError("the feed has ended")
 
 
-def summary_of(path: Path) -> Summary:
+def summary_of(path: Path) -> RecordingSummary:
     with RecordingReader(path) as reader:
         return summarise(reader)
 

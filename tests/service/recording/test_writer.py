@@ -15,13 +15,13 @@ from frictus_service.recording.errors import NotWrittenError
 from frictus_service.recording.notes import GapNote
 from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.shelf import shelved, unfinished
-from frictus_service.recording.summary import Summary, summarise
+from frictus_service.recording.summary import RecordingSummary, summarise
 from frictus_service.recording.writer import FLUSH_S, SYNC_S, RecordingWriter
 
 GAP = {"utc_ns": 1, "stream": "force", "run": 5, "reason": "lost"}
 
 
-def summary_of(path: Path) -> Summary:
+def summary_of(path: Path) -> RecordingSummary:
     with RecordingReader(path) as reader:
         return summarise(reader)
 

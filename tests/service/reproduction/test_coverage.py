@@ -12,7 +12,7 @@ import pytest
 from frictus_service.reproduction.coverage import (
     MEANS,
     SMALL,
-    Tally,
+    CoverageCount,
     pooled_coverage,
     pooled_rejection,
     run_studies,
@@ -25,7 +25,7 @@ STUDIES = 200
 WORKERS = 2
 
 
-def listed(tallies: Iterable[Tally]) -> str:
+def listed(tallies: Iterable[CoverageCount]) -> str:
     return "\n".join(
         f"{each.quantity:32} {each.coverage:7.1%} {each.rejected:7.1%} {each.bias:+.2f} SD"
         for each in tallies

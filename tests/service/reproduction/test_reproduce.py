@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from frictus_service.reproduction.plan import Design
+from frictus_service.reproduction.plan import StudyConditions
 from frictus_service.reproduction.reproduce import Reproduction, reproduce
 from frictus_service.reproduction.table import HEADINGS, Row, markdown
 from frictus_service.study.errors import StudyError
 
-TINY = Design(
+TINY = StudyConditions(
     (40.0, 100.0, 220.0, 450.0, 700.0, 2000.0),
     speeds_mm_s=(30.0, 90.0),
     forces_n=(0.3, 0.5),

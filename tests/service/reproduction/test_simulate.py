@@ -10,9 +10,9 @@ from frictus_hardware.physics import friction
 from frictus_hardware.physics.mount import Mount
 from frictus_service.reproduction.plan import (
     FAULTS,
-    Design,
-    Scatter,
+    StudyConditions,
     TrialPlan,
+    WithinPersonScatter,
     log_tones,
     plan_study,
 )
@@ -22,13 +22,13 @@ from frictus_service.reproduction.simulate import simulate_trial, study_info
 from frictus_service.study.reader import StudyReader
 from frictus_service.study.trial import Trial
 
-SMALL = Design(
+SMALL = StudyConditions(
     (30.0, 300.0, 1000.0), speeds_mm_s=(40.0, 100.0), forces_n=(0.4,), seconds=1.0, span_mm=25.0
 )
 
 
 def plans_of(
-    rng: np.random.Generator, design: Design = SMALL, people: int = 1
+    rng: np.random.Generator, design: StudyConditions = SMALL, people: int = 1
 ) -> list[TrialPlan]:
     return plan_study(draw_people(people, rng), design, rng)
 
@@ -57,7 +57,9 @@ def test_every_combination_is_asked_once_of_each_person(rng: np.random.Generator
 
 
 def test_scatter_has_mean_one_and_its_size(rng: np.random.Generator) -> None:
-    scatter = Scatter(gain_per_trial=0.2, cutoff_per_condition=0.1, skin_per_condition=0.1)
+    scatter = WithinPersonScatter(
+        gain_per_trial=0.2, cutoff_per_condition=0.1, skin_per_condition=0.1
+    )
     design = replace(SMALL, tones_hz=log_tones(200), scatter=scatter)
     person = draw_people(1, rng)[0]
     plans = plan_study([person], design, rng)

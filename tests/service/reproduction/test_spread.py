@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from frictus_service.reproduction.paper import LIKELIHOODS, STIFFNESS_20_N_M, Likelihoods
-from frictus_service.reproduction.spread import Spread, likelihoods, spread_of
+from frictus_service.reproduction.spread import MeasurementSpread, likelihoods, spread_of
 
 
 @pytest.mark.parametrize("name", LIKELIHOODS)
@@ -49,6 +49,6 @@ def test_stiffness_at_40_is_the_example_of_the_paper() -> None:
 
 
 def test_random_intercept_that_gains_nothing_is_refused() -> None:
-    alike = likelihoods(Spread(1.0, 0.0))
+    alike = likelihoods(MeasurementSpread(1.0, 0.0))
     with pytest.raises(ValueError, match="above 0"):
         spread_of(alike)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from frictus_service.selftest.loop_back import PERIODS, Excitation, compare, tones
+from frictus_service.selftest.loop_back import PERIODS, PeriodicTones, compare, tones
 from frictus_service.selftest.noise import noise_of
 from frictus_service.selftest.playing import PEAK_V
 from frictus_service.selftest.spread import mean_and_half
@@ -13,7 +13,7 @@ RATE_HZ = 20_000.0
 FloatArray = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 
-def delayed(excitation: Excitation, samples: float) -> FloatArray:
+def delayed(excitation: PeriodicTones, samples: float) -> FloatArray:
     """Return the periods that count, a fraction of samples later."""
     size = excitation.period_v.size
     turns = np.exp(-2j * np.pi * np.arange(size // 2 + 1) * samples / size)

@@ -35,7 +35,7 @@ from frictus_hardware.simulated.pointer import ClientFinger
 from frictus_service.selftest.playing import PEAK_V, TooStrongError, play
 from frictus_service.selftest.report import Outcome
 from frictus_service.selftest.suite import (
-    Rig,
+    RigUnderTest,
     measure_loop_back,
     measure_noise,
     measure_orientation,
@@ -46,8 +46,8 @@ from frictus_service.selftest.suite import (
 FloatArray = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 
-def spoiled(spoil: Spoil, simulated: bool = True) -> Rig:
-    return Rig(FaultyRig(quiet_rig(), spoil, simulated), BLOCK)
+def spoiled(spoil: Spoil, simulated: bool = True) -> RigUnderTest:
+    return RigUnderTest(FaultyRig(quiet_rig(), spoil, simulated), BLOCK)
 
 
 def figure(outcome: Outcome, name: str) -> float:
@@ -56,7 +56,7 @@ def figure(outcome: Outcome, name: str) -> float:
 
 def test_a_rig_that_is_well_passes() -> None:
     backend = FaultyRig(quiet_rig(), lambda got: got)
-    outcomes = list(run_tests(Rig(backend, BLOCK)))
+    outcomes = list(run_tests(RigUnderTest(backend, BLOCK)))
     assert [each.verdict for each in outcomes] == ["ok", "ok", "ok", "skip", "skip"]
     assert 0.0 < backend.loudest_v <= PEAK_V
     assert all(each.found for each in outcomes)
@@ -138,14 +138,16 @@ def test_a_promise_that_is_broken_is_noticed() -> None:
 def test_a_loop_that_does_not_keep_up_is_noticed(
     fault: EmptyOutput | LostSamples | LateBlock, said: str
 ) -> None:
-    found = measure_step(Rig(quiet_rig(fault), 50))
+    found = measure_step(RigUnderTest(quiet_rig(fault), 50))
     assert found.verdict == ("warn" if isinstance(fault, LateBlock) else "fail")
     assert said in found.found
     assert "lead_ms" in found.to_do
 
 
 def test_what_a_rig_could_not_take_at_once_is_offered_again_and_counted() -> None:
-    found = measure_step(Rig(quiet_rig(Raised(at_sample=10_000, error="transient")), BLOCK))
+    found = measure_step(
+        RigUnderTest(quiet_rig(Raised(at_sample=10_000, error="transient")), BLOCK)
+    )
     assert found.verdict == "ok"
     assert figure(found, "blocks offered again") == 1
 
@@ -186,14 +188,14 @@ def test_noise_offset_saturation_and_dead_channels_are_noticed(
 
 
 def test_a_finger_on_the_screen_is_noticed() -> None:
-    found = measure_noise(Rig(quiet_rig(finger=SimulatedConfig().finger), BLOCK))
+    found = measure_noise(RigUnderTest(quiet_rig(finger=SimulatedConfig().finger), BLOCK))
     assert found.verdict == "fail"
     assert "a finger" in found.found
 
 
 def test_after_a_lost_device_the_rig_is_left_alone() -> None:
     backend = quiet_rig(Raised(at_sample=5_000, error="device_lost"))
-    outcomes = list(run_tests(Rig(backend, BLOCK)))
+    outcomes = list(run_tests(RigUnderTest(backend, BLOCK)))
     assert [each.verdict for each in outcomes] == ["fail", "skip", "skip", "skip", "skip"]
     assert "injected" in outcomes[0].found
     assert backend.health() == "not open"
@@ -201,7 +203,7 @@ def test_after_a_lost_device_the_rig_is_left_alone() -> None:
 
 def test_after_a_sensor_s_fault_the_other_tests_are_made() -> None:
     backend = quiet_rig(Raised(at_sample=5_000, error="sensor"))
-    outcomes = list(run_tests(Rig(backend, BLOCK)))
+    outcomes = list(run_tests(RigUnderTest(backend, BLOCK)))
     assert [each.verdict for each in outcomes] == ["fail", "ok", "ok", "skip", "skip"]
 
 
@@ -261,7 +263,7 @@ def test_taps_tell_how_a_sensor_is_turned(
     rng: np.random.Generator, sensor: str, turn: FloatArray, verdict: str, off_deg: float
 ) -> None:
     someone = Tapped(turn, rng)
-    rig = Rig(FaultyRig(quiet_rig(), someone.spoil, simulated=False), BLOCK)
+    rig = RigUnderTest(FaultyRig(quiet_rig(), someone.spoil, simulated=False), BLOCK)
     found = measure_orientation(rig, sensor, someone.ask)
     assert len(someone.asked) == 3
     assert found.verdict == verdict
@@ -270,16 +272,18 @@ def test_taps_tell_how_a_sensor_is_turned(
 
 
 def test_without_anyone_to_tap_the_orientation_is_skipped_with_its_reason() -> None:
-    real = Rig(FaultyRig(quiet_rig(), lambda got: got, simulated=False), BLOCK)
+    real = RigUnderTest(FaultyRig(quiet_rig(), lambda got: got, simulated=False), BLOCK)
     assert measure_orientation(real, "force", None).verdict == "skip"
     refused = measure_orientation(real, "force", lambda _request: False)
     assert (refused.verdict, refused.found) == ("skip", "nobody tapped")
-    simulated = measure_orientation(Rig(quiet_rig(), BLOCK), "force", lambda _request: True)
+    simulated = measure_orientation(
+        RigUnderTest(quiet_rig(), BLOCK), "force", lambda _request: True
+    )
     assert "simulated" in simulated.found
 
 
 def test_without_a_tap_nothing_is_said_of_the_orientation() -> None:
-    rig = Rig(FaultyRig(quiet_rig(), lambda got: got, simulated=False), BLOCK)
+    rig = RigUnderTest(FaultyRig(quiet_rig(), lambda got: got, simulated=False), BLOCK)
     with pytest.raises(SensorError, match="tap"):
         measure_orientation(rig, "force", lambda _request: True)
 
@@ -301,7 +305,7 @@ def test_the_same_tests_run_on_an_ni_device(rng: np.random.Generator) -> None:
         server = stack.enter_context(FakeServer(device))
         config = wiring(address=server.address, deadline_s=20.0, block_ms=50.0, lead_ms=120.0)
         touch = FingerTouch(SimulatedConfig(finger=ClientFinger()))
-        rig = Rig(NiRig(config, conversion(config), touch), 1_000)
+        rig = RigUnderTest(NiRig(config, conversion(config), touch), 1_000)
         outcomes = list(run_tests(rig))
         assert [each.verdict for each in outcomes] == ["ok", "fail", "ok", "skip", "skip"]
         assert "polarity" in outcomes[1].found

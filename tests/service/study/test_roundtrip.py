@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from frictus_service.study.digest import digest, duplicates
-from frictus_service.study.encoding import Step
+from frictus_service.study.encoding import ConverterStep
 from frictus_service.study.errors import Exclusion, StudyError
 from frictus_service.study.importers import open_study
 from frictus_service.study.reader import StudyReader
@@ -33,9 +33,9 @@ DATA = (
 )
 NO_VOLTAGE = {"voltage_v": None, "voltage_source": "command"}
 STEPS = {
-    "voltage_v": Step(0.0025),
-    "force_n": Step((0.0004, 0.0005, 0.0006), (0.1, 0.0, -0.2)),
-    "accel_m_s2": Step(0.01, -3.0),
+    "voltage_v": ConverterStep(0.0025),
+    "force_n": ConverterStep((0.0004, 0.0005, 0.0006), (0.1, 0.0, -0.2)),
+    "accel_m_s2": ConverterStep(0.01, -3.0),
 }
 
 
@@ -130,7 +130,7 @@ def test_missing_samples_survive_a_step(make_trial: MakeTrial, tmp_path: Path) -
     trial = make_trial()
     trial.force_n[7] = np.nan
     with StudyWriter(tmp_path / "s.h5", StudyInfo("r")) as writer:
-        writer.add(trial, {"force_n": Step(0.0005)})
+        writer.add(trial, {"force_n": ConverterStep(0.0005)})
     with StudyReader(tmp_path / "s.h5") as study:
         np.testing.assert_array_equal(study.read("a").force_n, trial.force_n)
 
@@ -253,7 +253,7 @@ def test_what_cannot_be_written_is_refused(make_trial: MakeTrial, tmp_path: Path
         with pytest.raises(StudyError, match=r"trial b, accel_m_s2: has 7 rows"):
             writer.add(make_trial("b", accel_m_s2=np.zeros((7, 3))))
         with pytest.raises(StudyError, match="voltage_v: reaches more than 32 bits"):
-            writer.add(make_trial("b"), {"voltage_v": Step(1e-12)})
+            writer.add(make_trial("b"), {"voltage_v": ConverterStep(1e-12)})
     with StudyReader(tmp_path / "new.h5") as study:
         assert [info.id for info in study.trials] == ["a"]
 

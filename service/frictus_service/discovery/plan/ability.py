@@ -6,14 +6,19 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_service.discovery.decision.decision import NAMING
 from frictus_service.discovery.discover import POWER
-from frictus_service.discovery.findings import NAMING
+from frictus_service.discovery.evidence.observation_table import LEAST_UNITS
+from frictus_service.discovery.inference.linear_model import (
+    ProjectedUnits,
+    project_out,
+    similarity,
+)
+from frictus_service.discovery.inference.significance import signs, standard_error
 from frictus_service.discovery.plan.assumptions import Assumptions
 from frictus_service.discovery.plan.expected import expected, units_of_people
 from frictus_service.discovery.plan.programme import Programme
 from frictus_service.discovery.plan.setup import Setup
-from frictus_service.discovery.significance import LEAST_UNITS, signs, standard_error
-from frictus_service.discovery.units import Left, leave, similarity
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -66,7 +71,7 @@ def ability_of(
     rng = np.random.default_rng(seed)
     # What fingers do beyond what they are asked for counts as evidence, but does not separate
     # effects, nor show one that the design does not ask for.
-    wandering = leave(expected(programme, setup, assumptions, rng))
+    wandering = project_out(expected(programme, setup, assumptions, rng))
     asked = expected(programme.few(), setup, assumptions, None)
     shown = _shown(programme, setup, assumptions)
     left = _of_all(wandering, n_units, shown)
@@ -91,7 +96,7 @@ def _shown(programme: Programme, setup: Setup, assumptions: Assumptions) -> Bool
     """
     one = replace(programme, people=programme.people[:1])
     exact = replace(assumptions, deviation=np.zeros_like(assumptions.deviation))
-    information = leave(expected(one, setup, exact, None)).information
+    information = project_out(expected(one, setup, exact, None)).information
     shown: BoolArray = information.sum(axis=0) > 0.0
     return shown
 
@@ -103,14 +108,16 @@ def unit_count(programme: Programme) -> int:
     return len(units_of_people(programme))
 
 
-def _of_all(left: Left, n_units: int, shown: BoolArray) -> Left:
+def _of_all(left: ProjectedUnits, n_units: int, shown: BoolArray) -> ProjectedUnits:
     """Return the same of all units; those that are not looked at are like the others."""
     like = np.resize(np.arange(left.information.shape[0]), n_units)
     information = np.where(shown, left.information[like], 0.0)
     return replace(left, along=np.zeros_like(information), information=information)
 
 
-def _with_estimates(left: Left, spread: FloatArray, deviates: FloatArray) -> Left:
+def _with_estimates(
+    left: ProjectedUnits, spread: FloatArray, deviates: FloatArray
+) -> ProjectedUnits:
     """Return units whose estimates deviate by noise and by differences between people."""
     with np.errstate(divide="ignore"):
         noise = np.where(left.information > 0.0, 1.0 / left.information, 0.0)
@@ -125,7 +132,7 @@ def _typical(n_units: int) -> FloatArray:
     return deviates
 
 
-def _critical(left: Left, spread: FloatArray, rng: np.random.Generator) -> float:
+def _critical(left: ProjectedUnits, spread: FloatArray, rng: np.random.Generator) -> float:
     flips = signs(left.information.shape[0], rng)
     drawn = [
         _with_estimates(left, spread, rng.standard_normal(left.information.shape))

@@ -7,9 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus_service.discovery.candidates import Candidate
-from frictus_service.discovery.own import ResponseName
-from frictus_service.discovery.readings import (
+from frictus_service.discovery.evidence.residuals import (
     HARMONIC,
     PHASE,
     STRETCH_PHASE,
@@ -21,7 +19,9 @@ from frictus_service.discovery.readings import (
     accuracy_of,
     trials_of,
 )
-from frictus_service.reproduction.plan import Scatter
+from frictus_service.discovery.problem.candidates import Candidate
+from frictus_service.discovery.problem.nuisance import ResponseName
+from frictus_service.reproduction.plan import WithinPersonScatter
 from frictus_service.reproduction.simulate import FORCE_NOISE_N
 
 FloatArray = NDArray[np.float64]
@@ -120,7 +120,7 @@ SMALL: Final = 1e-9
 ANY: Final = 100.0
 
 ASSUMED_SCATTER: Final[Mapping[int, Grid]] = {
-    TRIAL_SIZE: ((ANY, Scatter().gain_per_trial),),
+    TRIAL_SIZE: ((ANY, WithinPersonScatter().gain_per_trial),),
     TONE_SIZE: ((ANY, 0.001),),
     PHASE: ((800.0, 0.0008), (1700.0, 0.0014)),
     STRETCH_SIZE: ((800.0, 0.001), (1700.0, 0.002)),

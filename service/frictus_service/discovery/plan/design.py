@@ -17,7 +17,7 @@ Levels = Annotated[int, Field(ge=1, le=100)]
 MOST_TRIALS = 1000
 
 
-class Design(BaseModel):
+class FactorialDesign(BaseModel):
     """Every participant does every combination of tones, speed, force and drive."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
@@ -70,7 +70,7 @@ class Design(BaseModel):
         return conditions * (driven + self.blanks)
 
 
-def read_design(path: Path) -> Design:
+def read_design(path: Path) -> FactorialDesign:
     """Return the design in a file.
 
     Parameters
@@ -83,7 +83,7 @@ def read_design(path: Path) -> Design:
         If there is no such file, or it is no `design/1`.
     """
     try:
-        return Design.model_validate_json(path.read_bytes())
+        return FactorialDesign.model_validate_json(path.read_bytes())
     except FileNotFoundError as error:
         raise DesignError(
             f"no design {str(path)!r}; accepted: a study file, or a design/1 file (.json)"

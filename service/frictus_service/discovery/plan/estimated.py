@@ -6,14 +6,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus_service.discovery.candidates import Candidate
-from frictus_service.discovery.ground import Ground
-from frictus_service.discovery.linearised import linearise
+from frictus_service.discovery.evidence.evidence_rows import EvidenceRows
+from frictus_service.discovery.evidence.residuals import TRIAL_SIZE, Layout, accuracy_of
+from frictus_service.discovery.inference.covariance import UnwhitenedUnit, Whitening, whiten
+from frictus_service.discovery.inference.linear_model import ProjectedUnits, project_out
+from frictus_service.discovery.inference.linearisation import linearise
 from frictus_service.discovery.plan.assumptions import SMALL, Assumptions, Grid, kinds
-from frictus_service.discovery.readings import TRIAL_SIZE, Layout, accuracy_of
-from frictus_service.discovery.subjects import Rows
-from frictus_service.discovery.units import Left, leave
-from frictus_service.discovery.whitening import Raw, Whitening, whiten
+from frictus_service.discovery.problem.candidates import Candidate
+from frictus_service.discovery.problem.problem import DiscoveryProblem
 
 FloatArray = NDArray[np.float64]
 SOURCE = "Scatters and differences between people are those of this study."
@@ -24,39 +24,46 @@ class _Kept:
     """Whitens as if people did not differ, and keeps how."""
 
     layouts: Sequence[Layout] = ()
-    raws: Sequence[Raw] = ()
+    raws: Sequence[UnwhitenedUnit] = ()
     found: list[Whitening] = field(default_factory=list)
 
-    def __call__(self, layouts: Sequence[Layout], raws: Sequence[Raw]) -> list[Whitening]:
+    def __call__(
+        self, layouts: Sequence[Layout], raws: Sequence[UnwhitenedUnit]
+    ) -> list[Whitening]:
         self.layouts, self.raws = layouts, raws
         self.found = [
-            replace(Whitening.of(raw, each.weight, each.deviation), leans=each.leans)
+            replace(
+                Whitening.of(raw, each.weight, each.deviation),
+                random_coefficients=each.random_coefficients,
+            )
             for raw, each in zip(raws, whiten(layouts, raws), strict=True)
         ]
         return self.found
 
 
-def estimated(ground: Ground, rows: Rows, strength: FloatArray) -> Assumptions:
+def estimated(
+    problem: DiscoveryProblem, rows: EvidenceRows, strength: FloatArray
+) -> Assumptions:
     """Return how the readings of a study scatter about its base model.
 
     Parameters
     ----------
-    ground : Ground
-    rows : Rows
-        From which the subjects of the ground were made.
+    problem : DiscoveryProblem
+    rows : EvidenceRows
+        From which the subjects of the problem were made.
     strength : ndarray, shape (n_trials,)
         From `rows.strength`; 0 of trials without drive.
     """
     kept = _Kept()
-    units = linearise(replace(ground, whiten=kept, patterns=()), ()).units
+    units = linearise(replace(problem, patterns=()), (), whiten=kept).units
     return Assumptions(
         scatter=_scatter(kept, rows.tones_hz),
         at=float(np.median(strength[strength > 0.0])),
         deviation=kept.found[0].deviation,
-        spread=_spread(leave(units), ground.candidates),
+        spread=_spread(project_out(units), problem.candidates),
         speed_wander=_wander(rows.rows.circumstances.speed_mm_s, rows.target_mm_s, rows),
         force_wander=_wander(rows.rows.circumstances.normal_force_n, rows.target_n, rows),
-        quiet_n2=float(np.median([subject.quiet_n2 for subject in ground.subjects])),
+        quiet_n2=float(np.median([subject.quiet_n2 for subject in problem.subjects])),
         source=SOURCE,
     )
 
@@ -78,7 +85,7 @@ def _scatter(kept: _Kept, tones_hz: FloatArray) -> dict[int, Grid]:
     return {kind: tuple(sorted(grid)) for kind, grid in found.items()}
 
 
-def _spread(left: Left, candidates: Sequence[Candidate]) -> dict[Candidate, float]:
+def _spread(left: ProjectedUnits, candidates: Sequence[Candidate]) -> dict[Candidate, float]:
     """Return by how much the units' coefficients differ more than their noise explains."""
     with np.errstate(divide="ignore", invalid="ignore"):
         noise = np.mean(1.0 / left.information, axis=0)
@@ -87,7 +94,7 @@ def _spread(left: Left, candidates: Sequence[Candidate]) -> dict[Candidate, floa
     return dict(zip(candidates, spread.tolist(), strict=True))
 
 
-def _wander(found: FloatArray, target: FloatArray, rows: Rows) -> tuple[float, float]:
+def _wander(found: FloatArray, target: FloatArray, rows: EvidenceRows) -> tuple[float, float]:
     off = np.log(found / target[rows.trial])
     count = np.maximum(np.bincount(rows.trial, minlength=target.size), 1)
     mean = np.bincount(rows.trial, off, minlength=target.size) / count

@@ -5,22 +5,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from frictus_service.discovery.ground import Ground
-from frictus_service.discovery.linearised import linearise
-from frictus_service.discovery.own import OWN
+from frictus_service.discovery.evidence.evidence_rows import subjects_of
+from frictus_service.discovery.evidence.observation_table import LEAST_UNITS, blocks_of, dealt
+from frictus_service.discovery.evidence.residuals import Layout
+from frictus_service.discovery.inference.covariance import UnwhitenedUnit, Whitening
+from frictus_service.discovery.inference.linear_model import Unit
+from frictus_service.discovery.inference.linearisation import linearise
 from frictus_service.discovery.plan.assumptions import Assumptions
-from frictus_service.discovery.plan.programme import Asked, Programme
+from frictus_service.discovery.plan.programme import PlannedTrial, Programme
 from frictus_service.discovery.plan.rows import rows_of_trials, strength
 from frictus_service.discovery.plan.setup import Setup
-from frictus_service.discovery.readings import Layout
-from frictus_service.discovery.significance import LEAST_UNITS
-from frictus_service.discovery.subjects import subjects_of
-from frictus_service.discovery.table import blocks_of, dealt
-from frictus_service.discovery.units import Unit
-from frictus_service.discovery.whitening import Raw, Whitening
+from frictus_service.discovery.problem.nuisance import NUISANCE
+from frictus_service.discovery.problem.problem import DiscoveryProblem
 
 
-def units_of_people(programme: Programme) -> list[tuple[Asked, ...]]:
+def units_of_people(programme: Programme) -> list[tuple[PlannedTrial, ...]]:
     """Return the trials of each unit: people, or where there are too few, blocks of trials.
 
     Parameters
@@ -68,7 +67,7 @@ def expected(
     trials = units_of_people(programme)
     rows = rows_of_trials(trials, programme.span_mm, setup, assumptions, rng)
 
-    def known(layouts: Sequence[Layout], raws: Sequence[Raw]) -> list[Whitening]:
+    def known(layouts: Sequence[Layout], raws: Sequence[UnwhitenedUnit]) -> list[Whitening]:
         return [
             Whitening.of(
                 raw,
@@ -79,19 +78,18 @@ def expected(
         ]
 
     subjects = subjects_of(rows, len(trials))
-    ground = Ground(
+    problem = DiscoveryProblem(
         setup.base,
         setup.nominal_mount,
         setup.response,
         tuple(subjects),
         setup.candidates,
         (),
-        whiten=known,
     )
     # What the base predicts is what will be measured: the units stand about it as they are.
-    own = np.zeros(len(OWN[setup.response]))
+    own = np.zeros(len(NUISANCE[setup.response]))
     met = [
-        replace(each, measured=ground.predicted(each, own, (), np.zeros(0)))
+        replace(each, measured=problem.predicted(each, own, (), np.zeros(0)))
         for each in subjects
     ]
-    return linearise(replace(ground, subjects=tuple(met)), ()).units
+    return linearise(replace(problem, subjects=tuple(met)), (), whiten=known).units

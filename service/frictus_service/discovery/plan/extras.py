@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from frictus_service.discovery.plan.programme import Asked, Programme
+from frictus_service.discovery.plan.programme import PlannedTrial, Programme
 from frictus_service.discovery.plan.rows import FULL_VPP
 
 Change = Callable[[Programme, np.random.Generator], Programme | None]
@@ -37,7 +37,7 @@ class Extra:
     change: Change
 
 
-def _levels(own: Sequence[Asked]) -> tuple[list[float], list[float], list[float]]:
+def _levels(own: Sequence[PlannedTrial]) -> tuple[list[float], list[float], list[float]]:
     """Return tones, speeds and forces that a participant has; rising."""
     tones = sorted({tone for trial in own for tone in trial.tones_hz})
     return (
@@ -52,23 +52,23 @@ def _middle(values: Sequence[float]) -> float:
 
 
 def _crossed(
-    own: Sequence[Asked],
+    own: Sequence[PlannedTrial],
     tones: Sequence[tuple[float, ...]],
     speeds: Sequence[float],
     forces: Sequence[float],
     drive_vpp: float | None = None,
-) -> list[Asked]:
+) -> list[PlannedTrial]:
     """Return all combinations, drive and length as the participant's trials have them."""
     driven = [trial.drive_vpp for trial in own if trial.tones_hz]
     full = max(driven, default=FULL_VPP) if drive_vpp is None else drive_vpp
     seconds = float(np.median([trial.seconds for trial in own]))
     return [
-        Asked(speed, force, each, full if each else 0.0, seconds)
+        PlannedTrial(speed, force, each, full if each else 0.0, seconds)
         for each, speed, force in product(tones, speeds, forces)
     ]
 
 
-def _adding(more: Callable[[Sequence[Asked]], Sequence[Asked]]) -> Change:
+def _adding(more: Callable[[Sequence[PlannedTrial]], Sequence[PlannedTrial]]) -> Change:
     """Return the change that adds trials, nothing where there are none to add."""
 
     def change(programme: Programme, rng: np.random.Generator) -> Programme | None:
@@ -79,29 +79,29 @@ def _adding(more: Callable[[Sequence[Asked]], Sequence[Asked]]) -> Change:
     return change
 
 
-def _tone(own: Sequence[Asked], tone_hz: float) -> list[Asked]:
+def _tone(own: Sequence[PlannedTrial], tone_hz: float) -> list[PlannedTrial]:
     _, speeds, forces = _levels(own)
     return _crossed(own, [(tone_hz,)], speeds, [_middle(forces)])
 
 
-def _between(own: Sequence[Asked]) -> list[Asked]:
+def _between(own: Sequence[PlannedTrial]) -> list[PlannedTrial]:
     tones, speeds, forces = _levels(own)
     widest = sorted(pairwise(tones), key=lambda gap: gap[0] / gap[1])[:2]
     new = [(round(float(np.sqrt(low * high)), 1),) for low, high in widest]
     return _crossed(own, new, speeds, [_middle(forces)])
 
 
-def _lower(own: Sequence[Asked], tone_hz: float) -> list[Asked]:
+def _lower(own: Sequence[PlannedTrial], tone_hz: float) -> list[PlannedTrial]:
     lowest = min(_levels(own)[0], default=0.0)
     return _tone(own, tone_hz) if lowest > 1.1 * tone_hz else []
 
 
-def _higher(own: Sequence[Asked], tone_hz: float) -> list[Asked]:
+def _higher(own: Sequence[PlannedTrial], tone_hz: float) -> list[PlannedTrial]:
     highest = max(_levels(own)[0], default=np.inf)
     return _tone(own, tone_hz) if highest < tone_hz / 1.1 else []
 
 
-def _weaker(own: Sequence[Asked]) -> list[Asked]:
+def _weaker(own: Sequence[PlannedTrial]) -> list[PlannedTrial]:
     tones, speeds, forces = _levels(own)
     present = {trial.drive_vpp for trial in own}
     return [
@@ -114,14 +114,14 @@ def _weaker(own: Sequence[Asked]) -> list[Asked]:
     ]
 
 
-def _slower(own: Sequence[Asked]) -> list[Asked]:
+def _slower(own: Sequence[PlannedTrial]) -> list[PlannedTrial]:
     tones, speeds, forces = _levels(own)
     new = [speed for speed in SLOW_MM_S if speed < 0.7 * speeds[0]]
     trials = _crossed(own, [(tone,) for tone in tones], new, [_middle(forces)])
     return [replace(trial, seconds=max(trial.seconds, 8.0)) for trial in trials]
 
 
-def _other(own: Sequence[Asked], which: str) -> list[Asked]:
+def _other(own: Sequence[PlannedTrial], which: str) -> list[PlannedTrial]:
     """Return trials at two further speeds, or forces, where there is one."""
     tones, speeds, forces = _levels(own)
     asked = [(tone,) for tone in tones]
@@ -132,14 +132,14 @@ def _other(own: Sequence[Asked], which: str) -> list[Asked]:
     return []
 
 
-def _three_at_once(own: Sequence[Asked]) -> list[Asked]:
+def _three_at_once(own: Sequence[PlannedTrial]) -> list[PlannedTrial]:
     tones, speeds, forces = _levels(own)
     if len(tones) < 3:
         return []
     return _crossed(own, [(tones[0], _middle(tones), tones[-1])], speeds, forces)
 
 
-def _blank(own: Sequence[Asked]) -> list[Asked]:
+def _blank(own: Sequence[PlannedTrial]) -> list[PlannedTrial]:
     _, speeds, forces = _levels(own)
     return _crossed(own, [()], speeds, forces)
 
@@ -153,7 +153,7 @@ def _block_again(programme: Programme, rng: np.random.Generator) -> Programme | 
         return None
     backward = programme.done
 
-    def more(own: Sequence[Asked]) -> list[Asked]:
+    def more(own: Sequence[PlannedTrial]) -> list[PlannedTrial]:
         ordered = sorted(own, key=lambda trial: trial.minutes, reverse=backward)
         return ordered[: max(1, round(BLOCK_SHARE * len(own)))]
 

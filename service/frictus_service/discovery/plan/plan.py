@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 
 from frictus_hardware.physics.effects import EFFECTS
-from frictus_service.discovery.candidates import Candidate
-from frictus_service.discovery.causes import cause_of, separating_experiment
+from frictus_service.discovery.catalogue.causes import cause_of, separating_experiment
+from frictus_service.discovery.evidence.observation_table import LEAST_TRIALS, LEAST_UNITS
 from frictus_service.discovery.plan.ability import Ability, ability_of, unit_count
 from frictus_service.discovery.plan.assumptions import Assumptions
 from frictus_service.discovery.plan.document import (
@@ -20,11 +20,10 @@ from frictus_service.discovery.plan.document import (
     Shown,
 )
 from frictus_service.discovery.plan.programme import Programme
-from frictus_service.discovery.plan.search import Problem, Tried, remedies
+from frictus_service.discovery.plan.search import Shortcoming, Tried, remedies
 from frictus_service.discovery.plan.setup import Setup
 from frictus_service.discovery.plan.strokes import stretches_of, tones_in
-from frictus_service.discovery.significance import LEAST_UNITS
-from frictus_service.discovery.table import LEAST_TRIALS
+from frictus_service.discovery.problem.candidates import Candidate
 
 WEAK: Final = 0.7
 """Cosine from which two signatures are told apart only where both are strong."""
@@ -88,16 +87,18 @@ def plan(
     )
 
 
-def _faint(setup: Setup, ability: Ability | None, wanted: Mapping[str, float]) -> list[Problem]:
+def _faint(
+    setup: Setup, ability: Ability | None, wanted: Mapping[str, float]
+) -> list[Shortcoming]:
     """Return the effects that are not shown as small as is wanted."""
     found = [
-        Problem((each.effect,), (k,), wanted=_coefficient(each, wanted[each.effect]))
+        Shortcoming((each.effect,), (k,), wanted=_coefficient(each, wanted[each.effect]))
         for k, each in enumerate(setup.candidates)
     ]
     return [each for each in found if not each.left(ability) < 1.0]
 
 
-def _alike(setup: Setup, ability: Ability | None) -> list[Problem]:
+def _alike(setup: Setup, ability: Ability | None) -> list[Shortcoming]:
     """Return the pairs of effects that look alike, most alike first."""
     if ability is None:
         return []
@@ -105,7 +106,7 @@ def _alike(setup: Setup, ability: Ability | None) -> list[Problem]:
     for k, each in enumerate(setup.candidates):
         of_effect.setdefault(each.effect, []).append(k)
     pairs = [
-        Problem((a, b), tuple(of_effect[a]), tuple(of_effect[b]))
+        Shortcoming((a, b), tuple(of_effect[a]), tuple(of_effect[b]))
         for a, b in combinations(sorted(of_effect), 2)
     ]
     kept = [each for each in pairs if abs(_largest(each, ability)) > WEAK]
@@ -125,7 +126,7 @@ def _effect(
     place: int,
     ability: Ability | None,
     wanted: Mapping[str, float],
-    found: Mapping[Problem, Tried | None],
+    found: Mapping[Shortcoming, Tried | None],
 ) -> PlannedEffect:
     candidate = candidates[place]
     effect = EFFECTS[candidate.effect]
@@ -162,7 +163,7 @@ def _effect(
 
 
 def _pair(
-    pair: Problem, ability: Ability, found: Mapping[Problem, Tried | None]
+    pair: Shortcoming, ability: Ability, found: Mapping[Shortcoming, Tried | None]
 ) -> PlannedPair:
     first, second = pair.effects
     tried = found.get(pair)
@@ -177,7 +178,7 @@ def _pair(
     )
 
 
-def _largest(pair: Problem, ability: Ability) -> float:
+def _largest(pair: Shortcoming, ability: Ability) -> float:
     """Return the cosine of largest size between two effects."""
     cosines = ability.cosine[np.ix_(pair.rows, pair.columns)].ravel()
     return float(cosines[np.argmax(np.abs(cosines))])

@@ -6,15 +6,15 @@ from itertools import product
 
 import numpy as np
 
-from frictus_service.discovery.plan.design import Design
-from frictus_service.discovery.significance import LEAST_UNITS
+from frictus_service.discovery.evidence.observation_table import LEAST_UNITS
+from frictus_service.discovery.plan.design import FactorialDesign
 
 TYPICAL = 2
 """People of a design who are looked at: the others differ from them by the order alone."""
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class PlannedTrial:
     """One trial.
 
     Attributes
@@ -44,7 +44,7 @@ class Programme:
 
     Attributes
     ----------
-    people : tuple of tuple of Asked
+    people : tuple of tuple of PlannedTrial
         Trials of typical participants, in order.
     participants : int
         All; those who are not in `people` are like them.
@@ -57,7 +57,7 @@ class Programme:
         The trials were run: what is added makes a session of its own.
     """
 
-    people: tuple[tuple[Asked, ...], ...]
+    people: tuple[tuple[PlannedTrial, ...], ...]
     participants: int
     span_mm: float
     trial_every_s: float
@@ -71,7 +71,7 @@ class Programme:
         return self.participants * float(np.mean(own))
 
     @property
-    def trials(self) -> tuple[Asked, ...]:
+    def trials(self) -> tuple[PlannedTrial, ...]:
         """All that stand in it."""
         return tuple(trial for trials in self.people for trial in trials)
 
@@ -81,7 +81,9 @@ class Programme:
         return replace(self, people=kept)
 
     def with_more(
-        self, more: Callable[[Sequence[Asked]], Sequence[Asked]], rng: np.random.Generator
+        self,
+        more: Callable[[Sequence[PlannedTrial]], Sequence[PlannedTrial]],
+        rng: np.random.Generator,
     ) -> "Programme":
         """Return the programme with further trials.
 
@@ -97,8 +99,11 @@ class Programme:
         )
 
     def _added(
-        self, own: tuple[Asked, ...], more: Sequence[Asked], rng: np.random.Generator
-    ) -> tuple[Asked, ...]:
+        self,
+        own: tuple[PlannedTrial, ...],
+        more: Sequence[PlannedTrial],
+        rng: np.random.Generator,
+    ) -> tuple[PlannedTrial, ...]:
         further = [more[k] for k in rng.permutation(len(more))]
         if self.done:
             return (*own, *timed(further, self.trial_every_s))
@@ -112,12 +117,12 @@ class Programme:
         return replace(self, shuffled=True).with_more(lambda own: (), rng)
 
 
-def timed(trials: Sequence[Asked], every_s: float) -> tuple[Asked, ...]:
+def timed(trials: Sequence[PlannedTrial], every_s: float) -> tuple[PlannedTrial, ...]:
     """Return trials that begin one after the other.
 
     Parameters
     ----------
-    trials : sequence of Asked
+    trials : sequence of PlannedTrial
     every_s : float
     """
     return tuple(
@@ -125,12 +130,12 @@ def timed(trials: Sequence[Asked], every_s: float) -> tuple[Asked, ...]:
     )
 
 
-def programme_of(design: Design, rng: np.random.Generator) -> Programme:
+def programme_of(design: FactorialDesign, rng: np.random.Generator) -> Programme:
     """Return the trials of a design.
 
     Parameters
     ----------
-    design : Design
+    design : FactorialDesign
     rng : numpy.random.Generator
         Of the order.
     """
@@ -145,9 +150,9 @@ def programme_of(design: Design, rng: np.random.Generator) -> Programme:
     )
 
 
-def _in_order(design: Design, rng: np.random.Generator) -> tuple[Asked, ...]:
+def _in_order(design: FactorialDesign, rng: np.random.Generator) -> tuple[PlannedTrial, ...]:
     trials = [
-        Asked(speed, force, tones, drive if tones else 0.0, design.seconds)
+        PlannedTrial(speed, force, tones, drive if tones else 0.0, design.seconds)
         for speed, force in product(design.speeds_mm_s, design.forces_n)
         for tones, drive in [
             *product(_together(design), design.drive_vpp),
@@ -161,7 +166,7 @@ def _in_order(design: Design, rng: np.random.Generator) -> tuple[Asked, ...]:
     return timed(shuffled, design.trial_every_s)
 
 
-def _together(design: Design) -> list[tuple[float, ...]]:
+def _together(design: FactorialDesign) -> list[tuple[float, ...]]:
     """Return the tones of as many trials as there are tones, each tone equally often."""
     tones = sorted(design.tones_hz)
     apart = len(tones) // design.tones_per_trial

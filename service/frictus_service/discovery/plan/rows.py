@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 
 from frictus_hardware.physics.prediction import Probe
 from frictus_hardware.physics.schedule import REFERENCE_POSITION_MM, Circumstances
-from frictus_service.discovery.background import LEAST_LOW_S
 from frictus_service.discovery.errors import DesignError
-from frictus_service.discovery.lines import lines_of
+from frictus_service.discovery.evidence.background import LEAST_LOW_S
+from frictus_service.discovery.evidence.evidence_rows import EvidenceRows
+from frictus_service.discovery.evidence.residuals import Compared
+from frictus_service.discovery.evidence.spectral_lines import lines_of
 from frictus_service.discovery.plan.assumptions import Assumptions
-from frictus_service.discovery.plan.programme import Asked
+from frictus_service.discovery.plan.programme import PlannedTrial
 from frictus_service.discovery.plan.setup import Setup
-from frictus_service.discovery.plan.strokes import Stretch, stretches_of, tones_in
-from frictus_service.discovery.readings import Compared
-from frictus_service.discovery.subjects import Rows
+from frictus_service.discovery.plan.strokes import StrokeThird, stretches_of, tones_in
 
 FloatArray = NDArray[np.float64]
 
@@ -29,23 +29,23 @@ FULL_VPP: Final = 150.0
 class _Cells:
     """Trials, their stretches, and the tones of those: a row each."""
 
-    trials: list[Asked]
-    stretches: list[Stretch]
+    trials: list[PlannedTrial]
+    stretches: list[StrokeThird]
     by_tone: list[tuple[int, float]]
 
 
 def rows_of_trials(
-    units: Sequence[Sequence[Asked]],
+    units: Sequence[Sequence[PlannedTrial]],
     span_mm: float,
     setup: Setup,
     assumptions: Assumptions,
     rng: np.random.Generator | None,
-) -> Rows:
+) -> EvidenceRows:
     """Return the rows; measured is 0, or NaN where nothing can be.
 
     Parameters
     ----------
-    units : sequence of sequence of Asked
+    units : sequence of sequence of PlannedTrial
         Trials of each unit.
     span_mm : float
     setup : Setup
@@ -68,7 +68,7 @@ def rows_of_trials(
         )
     tones_hz, tone = np.unique([hz for _, hz in cells.by_tone], return_inverse=True)
     targets = np.array([(trial.speed_mm_s, trial.force_n) for trial in trials])
-    return Rows(
+    return EvidenceRows(
         unit_of_trial=np.repeat(np.arange(len(units)), [len(unit) for unit in units]),
         condition_of_trial=np.unique(targets, axis=0, return_inverse=True)[1].ravel(),
         target_mm_s=targets[:, 0],
@@ -82,24 +82,24 @@ def rows_of_trials(
     )
 
 
-def amplitude(trial: Asked) -> float:
+def amplitude(trial: PlannedTrial) -> float:
     """Return the amplitude of the drive fraction at each tone of a trial; 0 of a blank one.
 
     Parameters
     ----------
-    trial : Asked
+    trial : PlannedTrial
     """
     if not trial.tones_hz:
         return 0.0
     return 0.5 * (trial.drive_vpp / FULL_VPP) ** 2 / len(trial.tones_hz)
 
 
-def strength(trials: Sequence[Asked]) -> FloatArray:
+def strength(trials: Sequence[PlannedTrial]) -> FloatArray:
     """Return what the noise of trials falls with: amplitude times root of the seconds.
 
     Parameters
     ----------
-    trials : sequence of Asked
+    trials : sequence of PlannedTrial
     """
     return np.array([amplitude(trial) * np.sqrt(trial.seconds) for trial in trials])
 
@@ -139,7 +139,7 @@ def _wander(
     return np.exp(whole + rng.normal(0.0, within, trial.size))
 
 
-def _at_trials(trials: Sequence[Asked]) -> Probe:
+def _at_trials(trials: Sequence[PlannedTrial]) -> Probe:
     nothing = np.zeros(len(trials))
     around = Circumstances(
         np.array([trial.speed_mm_s for trial in trials]),

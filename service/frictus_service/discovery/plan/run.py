@@ -10,23 +10,28 @@ from threadpoolctl import threadpool_limits
 
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.mount import Mount
-from frictus_service.discovery.bases import base_model, simulator_of
-from frictus_service.discovery.candidates import candidates_of
 from frictus_service.discovery.errors import DesignError
-from frictus_service.discovery.evidence import TrialEvidence, study_evidence
-from frictus_service.discovery.ground import Ground
-from frictus_service.discovery.own import ResponseName
+from frictus_service.discovery.evidence.evidence_rows import EvidenceRows, subjects_of
+from frictus_service.discovery.evidence.observation_table import (
+    comparable,
+    rows_of,
+    units_of,
+    used,
+)
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence, study_evidence
 from frictus_service.discovery.plan.assumptions import Assumptions, assumed
 from frictus_service.discovery.plan.design import read_design
 from frictus_service.discovery.plan.document import Plan
 from frictus_service.discovery.plan.estimated import estimated
 from frictus_service.discovery.plan.plan import plan
-from frictus_service.discovery.plan.programme import Asked, Programme, programme_of
+from frictus_service.discovery.plan.programme import PlannedTrial, Programme, programme_of
 from frictus_service.discovery.plan.rows import strength
 from frictus_service.discovery.plan.setup import Setup
 from frictus_service.discovery.plan.sizes import wanted_sizes
-from frictus_service.discovery.subjects import Rows, subjects_of
-from frictus_service.discovery.table import comparable, rows_of, units_of, used
+from frictus_service.discovery.problem.base_models import base_model, simulator_of
+from frictus_service.discovery.problem.candidates import candidates_of
+from frictus_service.discovery.problem.nuisance import ResponseName
+from frictus_service.discovery.problem.problem import DiscoveryProblem
 from frictus_service.study.importers import open_study
 
 ORDINARY_S = 20.0
@@ -123,7 +128,7 @@ def of_study(
     units = units_of(trials, setup.response)
     rows = rows_of(trials, units, setup.response)
     programme = _programme(trials, seconds, rows)
-    ground = Ground(
+    problem = DiscoveryProblem(
         setup.base,
         setup.nominal_mount,
         setup.response,
@@ -132,18 +137,18 @@ def of_study(
         (),
     )
     with threadpool_limits(limits=1):
-        return programme, estimated(ground, rows, strength(programme.trials))
+        return programme, estimated(problem, rows, strength(programme.trials))
 
 
 def _programme(
-    trials: Sequence[TrialEvidence], seconds: Mapping[str, float], rows: Rows
+    trials: Sequence[TrialEvidence], seconds: Mapping[str, float], rows: EvidenceRows
 ) -> Programme:
     """Return the programme of trials that were run, by participant and time."""
     minutes = rows.trials.circumstances.minutes
-    people: dict[str, list[Asked]] = {}
+    people: dict[str, list[PlannedTrial]] = {}
     for one, at in zip(trials, minutes.tolist(), strict=True):
         info = one.observed.info
-        asked = Asked(
+        asked = PlannedTrial(
             info.speed_mm_s, info.force_n, info.tones_hz, info.drive_vpp, seconds[info.id], at
         )
         people.setdefault(info.participant, []).append(asked)
@@ -157,14 +162,14 @@ def _programme(
     )
 
 
-def _span_mm(rows: Rows) -> float:
+def _span_mm(rows: EvidenceRows) -> float:
     """Return the stroke: half as long again as the middles of its outer thirds are apart."""
     position = rows.rows.circumstances.position_mm
     low, high = np.quantile(position, [0.05, 0.95])
     return float(max(1.5 * (high - low), 5.0))
 
 
-def _every_s(people: Sequence[Sequence[Asked]]) -> float:
+def _every_s(people: Sequence[Sequence[PlannedTrial]]) -> float:
     steps = [
         60.0 * (after.minutes - before.minutes)
         for own in people

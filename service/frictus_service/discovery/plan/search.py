@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from frictus_service.discovery.findings import ALIKE
+from frictus_service.discovery.decision.decision import ALIKE
 from frictus_service.discovery.plan.ability import Ability, ability_of
 from frictus_service.discovery.plan.assumptions import Assumptions
 from frictus_service.discovery.plan.extras import EXTRAS, Extra
@@ -21,7 +21,7 @@ MOST_PAIRS: Final = 12
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class Shortcoming:
     """Two effects that look alike, or one that is not shown as small as is wanted.
 
     Attributes
@@ -71,7 +71,7 @@ def remedies(
     programme: Programme,
     setup: Setup,
     assumptions: Assumptions,
-    problems: Sequence[Problem],
+    problems: Sequence[Shortcoming],
     seed: int,
 ) -> list[Tried | None]:
     """Return for each problem the cheapest addition, or two, that solves it; None if none does.
@@ -81,7 +81,7 @@ def remedies(
     programme : Programme
     setup : Setup
     assumptions : Assumptions
-    problems : sequence of Problem
+    problems : sequence of Shortcoming
     seed : int
     """
     if not problems:
@@ -121,14 +121,14 @@ def _changed(programme: Programme, extras: Sequence[Extra], seed: int) -> Progra
     return changed
 
 
-def _cheapest(problem: Problem, tried: Sequence[Tried]) -> Tried | None:
+def _cheapest(problem: Shortcoming, tried: Sequence[Tried]) -> Tried | None:
     """Return the cheapest that solves a problem."""
     solved = [each for each in tried if problem.left(each.ability) < 1.0]
     return min(solved, key=lambda each: each.finger_s, default=None)
 
 
 def _cheapest_pair(
-    problem: Problem,
+    problem: Shortcoming,
     now: Ability | None,
     singles: Sequence[Tried],
     both: Callable[[Tried, Tried], Tried | None],

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.simulator import Simulator
-from frictus_service.discovery.candidates import Candidate
-from frictus_service.discovery.own import ResponseName
+from frictus_service.discovery.problem.candidates import Candidate
+from frictus_service.discovery.problem.nuisance import ResponseName
 
 
 @dataclass(frozen=True, slots=True)

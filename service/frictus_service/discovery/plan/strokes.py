@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from frictus_hardware.physics.schedule import REFERENCE_POSITION_MM
-from frictus_service.discovery.plan.programme import Asked
+from frictus_service.discovery.plan.programme import PlannedTrial
 from frictus_service.identification.tones import Tones
 
 TURN_S: Final = 0.08
@@ -18,7 +18,7 @@ INSTANTS: Final = 400
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class StrokeThird:
     """A third of a stroke in one direction, all of a trial's taken together.
 
     Attributes
@@ -38,12 +38,12 @@ class Stretch:
     position_mm: float
 
 
-def stretches_of(trials: Sequence[Asked], span_mm: float) -> list[Stretch]:
+def stretches_of(trials: Sequence[PlannedTrial], span_mm: float) -> list[StrokeThird]:
     """Return the stretches of trials in which fingers go back and forth.
 
     Parameters
     ----------
-    trials : sequence of Asked
+    trials : sequence of PlannedTrial
     span_mm : float
         Of a stroke, about the middle of the screen.
     """
@@ -54,7 +54,7 @@ def stretches_of(trials: Sequence[Asked], span_mm: float) -> list[Stretch]:
     ]
 
 
-def _of_trial(number: int, trial: Asked, span_mm: float) -> list[Stretch]:
+def _of_trial(number: int, trial: PlannedTrial, span_mm: float) -> list[StrokeThird]:
     cycle_s = 2.0 * span_mm / trial.speed_mm_s
     time = trial.seconds * (np.arange(INSTANTS) + 0.5) / INSTANTS
     half = np.mod(2.0 * (GOLDEN * number + time / cycle_s), 2.0)  # there, and back from 1 on
@@ -70,7 +70,7 @@ def _of_trial(number: int, trial: Asked, span_mm: float) -> list[Stretch]:
     middle = np.bincount(cell, way, minlength=7) / np.maximum(count, 1)
     once_s = (high - low) * cycle_s / 6.0
     return [
-        Stretch(
+        StrokeThird(
             number,
             1 if each < 3 else -1,
             min(float(count[each]) * trial.seconds / INSTANTS, once_s),
@@ -82,14 +82,14 @@ def _of_trial(number: int, trial: Asked, span_mm: float) -> list[Stretch]:
 
 
 def tones_in(
-    trials: Sequence[Asked], stretches: Sequence[Stretch], sample_rate_hz: float
+    trials: Sequence[PlannedTrial], stretches: Sequence[StrokeThird], sample_rate_hz: float
 ) -> list[tuple[int, float]]:
     """Return numbers of stretches with the tones that they are long enough for.
 
     Parameters
     ----------
-    trials : sequence of Asked
-    stretches : sequence of Stretch
+    trials : sequence of PlannedTrial
+    stretches : sequence of StrokeThird
     sample_rate_hz : float
     """
     least_s = [

@@ -5,18 +5,18 @@ from importlib import resources
 from matplotlib.figure import Figure
 
 from frictus.model import Model
-from frictus_service.discovery.causes import CAUSES
+from frictus_service.discovery.catalogue.cause import title
+from frictus_service.discovery.catalogue.causes import CAUSES
 from frictus_service.discovery.document import Discovery
 from frictus_service.discovery.report.parameters import parameters
-from frictus_service.discovery.report.places import levels, places
-from frictus_service.discovery.report.residuals import by_relevance, residual_bode
-from frictus_service.discovery.words import (
+from frictus_service.discovery.report.phrasing import (
     gain_sentence,
     place_of,
     shown,
-    title,
     verdict_sentence,
 )
+from frictus_service.discovery.report.places import levels, places
+from frictus_service.discovery.report.residuals import by_relevance, residual_bode
 from frictus_service.identification.report.html import fill, number, picture
 
 

@@ -3,8 +3,8 @@
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from frictus_service.discovery.catalogue.cause import NO_UNIT, title
 from frictus_service.discovery.document import Discovery, NamedCause, ParameterEstimate
-from frictus_service.discovery.words import NO_UNIT, title
 from frictus_service.identification.report.style import FIT, GRID
 
 ROW_IN = 0.22

@@ -1,0 +1,1 @@
+"""The decision: causes named, patterns left unexplained, and the gain of extending."""

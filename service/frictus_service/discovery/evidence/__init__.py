@@ -1,0 +1,1 @@
+"""What the trials of a study measure, as a table of rows that a model can be compared with."""

@@ -1,0 +1,353 @@
+"""Responses of trials that name no tones, from averaged cross-spectra.
+
+Noise or a texture as message, or no message at all. Windows of a tenth of a second, half
+overlapping, within each third of each sweep; all windows and all frequencies of a sixth of an
+octave are averaged. With a message m, friction is ``S_mF / S_mm`` (H1) and mobility
+``S_mv / S_mF``: noise of force and skin averages out. Without, mobility is ``S_Fv / S_FF``,
+which noise of the force makes too small by a share of one minus the coherence at most; bands
+weigh by coherence through their variance, and are left out where it is below one half.
+
+Bendat and Piersol, Random Data, chapters 6 and 9: H1, its variance, chance coherence. Welch
+1967: overlapping windows.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Final
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from frictus_hardware.physics.linear import TransferFunction
+from frictus_service.discovery.evidence.spectra import NO_HARMONICS, NOTHING, HarmonicResponse
+from frictus_service.identification.blocks import BLOCK
+from frictus_service.identification.message import drive_fraction
+from frictus_service.identification.observation import ResponseRows
+from frictus_service.identification.observe import FingerTrajectory
+from frictus_service.identification.response import NO_ROWS, Instrument
+from frictus_service.identification.sweeps import SweepThird
+from frictus_service.study.trial import StudyInfo, Trial
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
+
+WINDOW_S: Final = 0.1
+PER_OCTAVE: Final = 6
+RANGE_HZ: Final = (40.0, 2000.0)
+CHANCE: Final = 1e-3
+"""A band is used in which noise alone would be as coherent over the trial less often,"""
+LEAST_OF_FORCE: Final = 0.5
+"""and, where no message drives, at least so coherent: what is missing may be bias."""
+MOST_BEND: Final = 0.02
+"""By which the mount's response may differ from the geometric mean of its neighbours."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bands:
+    """Frequencies of the windows, in bands of a sixth of an octave.
+
+    Attributes
+    ----------
+    centre_hz : ndarray, shape (n_bands,)
+        Means of the frequencies in each band of a grid through 1 kHz; bands that hold none are
+        left out.
+    frequency_hz : ndarray, shape (n_frequencies,)
+        Of the windows, those that lie in a band.
+    band : ndarray of int, shape (n_frequencies,)
+        Rising.
+    """
+
+    centre_hz: FloatArray
+    frequency_hz: FloatArray
+    band: IntArray
+
+    @classmethod
+    def of(cls, window: int, sample_rate_hz: float, mount: TransferFunction | None) -> "Bands":
+        """Return the bands of windows of so many samples.
+
+        Parameters
+        ----------
+        window : int
+        sample_rate_hz : float
+        mount : TransferFunction or None
+            Frequencies at which it bends too fast for the window are left out.
+        """
+        every = np.linspace(0.0, sample_rate_hz / 2.0, window // 2 + 1)[1:-1]
+        number = np.rint(PER_OCTAVE * np.log2(every / 1000.0))
+        margin = 2.0 ** (0.5 / PER_OCTAVE)
+        middle = 1000.0 * 2.0 ** (number / PER_OCTAVE)
+        within = (middle >= RANGE_HZ[0] / margin) & (middle <= RANGE_HZ[1] * margin)
+        within &= _bend(mount, every, sample_rate_hz / window) <= MOST_BEND
+        _, band = np.unique(number[within], return_inverse=True)
+        centre = np.bincount(band, every[within]) / np.bincount(band)
+        return cls(centre, every[within], band.astype(np.int64))
+
+    def total(self, spectra: NDArray[np.complex128 | np.float64]) -> ComplexArray:
+        """Return the sums over windows and over the frequencies of each band, (n_bands,).
+
+        Parameters
+        ----------
+        spectra : ndarray, shape (n_windows, n_frequencies)
+        """
+        starts = np.flatnonzero(np.diff(self.band, prepend=-1))
+        summed: ComplexArray = np.add.reduceat(spectra.sum(axis=0), starts).astype(complex)
+        return summed
+
+    def averages(self, windows: int) -> FloatArray:
+        """Return how many independent averages so many half overlapping windows are.
+
+        One frequency of a Hann window counts as 1.9 of those next to it together: its noise
+        bandwidth.
+        """
+        lines = np.bincount(self.band).astype(np.float64)
+        return 0.5 * windows * (lines + 0.9)
+
+
+@dataclass(frozen=True, slots=True)
+class _Spectra:
+    """Of one segment, instrument removed; arrays of shape (n_windows, n_frequencies)."""
+
+    segment: SweepThird
+    message: ComplexArray | None
+    force: ComplexArray
+    skin: ComplexArray | None
+    message_mean: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Transfer:
+    """A response and its variance per component; arrays of shape (n_bands,)."""
+
+    response: ComplexArray
+    variance: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Broadband:
+    """What a trial without tones says.
+
+    Attributes
+    ----------
+    rows : ResponseRows
+        One per third of a sweep and band, `tone_hz` the band's mean frequency and `message` the
+        amplitude of a tone of its power; friction NaN without a message.
+    harmonics : HarmonicResponse
+        Mean and power of the message; no harmonics.
+    notes : tuple of str
+        How strong the evidence is.
+    """
+
+    rows: ResponseRows
+    harmonics: HarmonicResponse
+    notes: tuple[str, ...]
+
+
+def broadband(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> Broadband:
+    """Return the responses of a trial that names no tones.
+
+    Parameters
+    ----------
+    trial : Trial
+    study : StudyInfo
+    course : FingerTrajectory
+        Of the finger in the trial.
+    """
+    rate_hz = trial.info.sample_rate_hz
+    window = 2 * round(WINDOW_S * rate_hz / 2.0)
+    bands = Bands.of(window, rate_hz, study.mount)
+    instrument = Instrument.of(trial, study, bands.frequency_hz)
+    every = [
+        _spectra(trial, study, segment, window, bands, instrument)
+        for segment in course.segments
+    ]
+    spectra = [each for each in every if each is not None]
+    if not spectra or (spectra[0].message is None and spectra[0].skin is None):
+        return Broadband(NO_ROWS, NO_HARMONICS, ())
+    coherence = _coherence(spectra, bands)
+    averages = bands.averages(sum(each.force.shape[0] for each in spectra))
+    least = 1.0 - CHANCE ** (1.0 / np.maximum(averages - 1.0, 1e-9))
+    if spectra[0].message is None:
+        least = np.maximum(least, LEAST_OF_FORCE)
+    used = coherence > least
+    notes = _notes(spectra, coherence, used, len(every))
+    if not used.any():
+        return Broadband(NO_ROWS, NO_HARMONICS, notes)
+    rows = [_rows(each, bands, used, course.normal_n, rate_hz, window) for each in spectra]
+    whole = ResponseRows(
+        **{
+            f.name: np.concatenate([getattr(r, f.name) for r in rows])
+            for f in fields(ResponseRows)
+        }
+    )
+    return Broadband(whole, _message(spectra, rows), notes)
+
+
+def _spectra(
+    trial: Trial,
+    study: StudyInfo,
+    segment: SweepThird,
+    window: int,
+    bands: Bands,
+    instrument: Instrument,
+) -> _Spectra | None:
+    """Return the spectra of a segment; None where it holds no window without gaps."""
+    rate_hz = trial.info.sample_rate_hz
+    cut = slice(max(int(segment.begin_s * rate_hz), 0), int(segment.end_s * rate_hz))
+    along = np.array(segment.along)
+    channels = [trial.force_n[cut, :2] @ along]
+    if trial.accel_m_s2 is not None:
+        channels.append(trial.accel_m_s2[cut, :2] @ along)
+    elif trial.skin_velocity_m_s is not None:
+        channels.append(trial.skin_velocity_m_s[cut] / along[0])
+    if trial.voltage_v is not None:
+        channels.append(drive_fraction(trial.voltage_v[cut], study.screen_peak_v))
+    # A sensor that says nothing at all takes only what needs it.
+    skin_dead = trial.voltage_v is not None and len(channels) == 3
+    if skin_dead and np.isnan(channels[1]).all():
+        del channels[1]
+    cut_up = _windows(np.stack(channels), window)
+    if not cut_up.shape[1]:
+        return None
+    place = np.rint(bands.frequency_hz * window / rate_hz).astype(np.int64)
+    found = list(np.fft.rfft(_tapered(cut_up), axis=-1)[:, :, place])
+    message = found.pop() * instrument.drive if trial.voltage_v is not None else None
+    skin = found[1] / instrument.skin if len(found) > 1 else None
+    mean = np.nan if message is None else float(np.nanmean(channels[-1]))
+    return _Spectra(segment, message, found[0] / instrument.force, skin, mean)
+
+
+def _bend(
+    mount: TransferFunction | None, frequency_hz: FloatArray, step_hz: float
+) -> FloatArray:
+    """Return how far the mount's response is from that of its neighbours, as a share."""
+    if mount is None:
+        return np.zeros(frequency_hz.size)
+    at, below, above = (
+        mount.frequency_response(frequency_hz + off) for off in (0.0, -step_hz, step_hz)
+    )
+    bend: FloatArray = np.abs(below * above / np.square(at) - 1.0)
+    return bend
+
+
+def _windows(channels: FloatArray, window: int) -> FloatArray:
+    """Return the half overlapping windows without gaps, (n_channels, n_windows, window)."""
+    if channels.shape[1] < window:
+        return np.empty((channels.shape[0], 0, window))
+    cut = sliding_window_view(channels, window, axis=1)[:, :: window // 2]
+    whole: FloatArray = cut[:, np.isfinite(cut).all(axis=(0, 2))]
+    return whole
+
+
+def _tapered(windows: FloatArray) -> FloatArray:
+    """Return windows without their straight lines, times Hann's, of unit power."""
+    length = windows.shape[-1]
+    line = np.linspace(-1.0, 1.0, length)
+    level = windows.mean(axis=-1, keepdims=True)
+    slope = (windows @ line / (line @ line))[..., np.newaxis]
+    hann = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
+    tapered: FloatArray = (windows - level - slope * line) * hann / np.sqrt(hann @ hann)
+    return tapered
+
+
+def _coherence(spectra: Sequence[_Spectra], bands: Bands) -> FloatArray:
+    """Return the coherence over the trial, of message and force, or of force and skin."""
+    cross = np.zeros(bands.centre_hz.size, dtype=np.complex128)
+    of_one, of_other = cross.copy(), cross.copy()
+    for each in spectra:
+        one = each.force if each.message is None else each.message
+        other = each.skin if each.message is None else each.force
+        assert other is not None
+        cross += bands.total(one.conj() * other)
+        of_one += bands.total(np.square(np.abs(one)))
+        of_other += bands.total(np.square(np.abs(other)))
+    coherence: FloatArray = np.square(np.abs(cross)) / (of_one * of_other).real
+    return coherence
+
+
+def _transfer(
+    bands: Bands, known: ComplexArray, cause: ComplexArray, effect: ComplexArray
+) -> _Transfer:
+    """Return effect over cause, both seen through what is known without noise.
+
+    ``S_ke / S_kc``; the cause itself as the known gives H1. What the response leaves of the
+    effect is noise, from which the variance follows.
+    """
+    through = bands.total(known.conj() * cause)
+    response = bands.total(known.conj() * effect) / through
+    left = effect - response[bands.band] * cause
+    noise = bands.total(np.square(np.abs(left))).real
+    power = bands.total(np.square(np.abs(known))).real
+    free = bands.averages(known.shape[0]) - 1.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        variance = power * noise / np.square(np.abs(through)) / (2.0 * free)
+    return _Transfer(response, np.where(free > 0.0, variance, np.nan))
+
+
+def _rows(
+    spectra: _Spectra,
+    bands: Bands,
+    used: BoolArray,
+    normal_n: FloatArray,
+    rate_hz: float,
+    window: int,
+) -> ResponseRows:
+    count = bands.centre_hz.size
+    nothing = _Transfer(np.full(count, NOTHING), np.full(count, np.nan))
+    friction, mobility, amplitude = nothing, nothing, np.full(count, NOTHING)
+    known = spectra.force
+    if spectra.message is not None:
+        known = spectra.message
+        friction = _transfer(bands, known, known, spectra.force)
+        power = bands.total(np.square(np.abs(known))) * 2.0 / known.shape[0] / window
+        amplitude = np.sqrt(2.0 * power)
+    if spectra.skin is not None:
+        # The sensor reports the force of the finger; the skin feels its opposite.
+        mobility = _transfer(bands, known, -spectra.force, spectra.skin)
+    segment = spectra.segment
+    first, last = (int(at * rate_hz / BLOCK) for at in (segment.begin_s, segment.end_s))
+    normal = normal_n[first:last][np.isfinite(normal_n[first:last])]
+    each = np.ones(np.count_nonzero(used))
+    return ResponseRows(
+        sweep=np.full(each.size, segment.sweep),
+        direction=np.full(each.size, segment.direction),
+        third=np.full(each.size, segment.third),
+        speed_mm_s=segment.speed_mm_s * each,
+        normal_force_n=(normal.mean() if normal.size else np.nan) * each,
+        position_mm=segment.position_mm * each,
+        tone_hz=bands.centre_hz[used],
+        message=amplitude[used],
+        friction_response=friction.response[used],
+        friction_variance=friction.variance[used],
+        mobility=mobility.response[used],
+        mobility_variance=mobility.variance[used],
+    )
+
+
+def _message(spectra: Sequence[_Spectra], rows: Sequence[ResponseRows]) -> HarmonicResponse:
+    sizes = [each.tone_hz.size for each in rows]
+    power = [np.square(np.abs(each.message)).sum() / 2.0 for each in rows]
+    nothing = np.full(sum(sizes), np.nan)
+    return HarmonicResponse(
+        message_mean=np.repeat([each.message_mean for each in spectra], sizes),
+        message_power=np.repeat(power, sizes),
+        second=nothing.astype(np.complex128),
+        second_variance=nothing,
+        third=nothing.astype(np.complex128),
+        third_variance=nothing,
+    )
+
+
+def _notes(
+    spectra: Sequence[_Spectra], coherence: FloatArray, used: BoolArray, segments: int
+) -> tuple[str, ...]:
+    between = "force and skin" if spectra[0].message is None else "drive and friction"
+    from_where = f"{len(spectra)} of {segments} thirds of sweeps"
+    if not used.any():
+        return (f"broadband: {between} are not coherent in {from_where}; nothing is used",)
+    return (
+        f"broadband: {used.sum()} of {used.size} bands in {from_where}, mean coherence of "
+        f"{between} {coherence[used].mean():.2f}; the other bands are not coherent enough",
+    )

@@ -1,0 +1,311 @@
+"""What the friction of a trial holds besides the answer at its tones.
+
+Harmonics of the tones, mains lines, power at low frequencies; from every third of every sweep,
+also of blank trials.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_service.discovery.evidence.background import Backdrop, low_power
+from frictus_service.discovery.evidence.spectral_lines import Lines, lines_of
+from frictus_service.identification.blocks import BLOCK, BlockSums
+from frictus_service.identification.least_squares import noise_reach
+from frictus_service.identification.observation import ResponseRows
+from frictus_service.identification.observe import FingerTrajectory
+from frictus_service.identification.response import (
+    Instrument,
+    WholeBlocks,
+    channels_of,
+    projections,
+    whole_blocks,
+)
+from frictus_service.identification.tones import Amplitudes, fit
+from frictus_service.study.trial import StudyInfo, Trial
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+ComplexArray = NDArray[np.complex128]
+
+IN_MESSAGE: Final = 1e-4
+"""Share of the tone: a stronger harmonic of the message itself says nothing of the finger."""
+SURE: Final = 4.0
+"""Standard errors by which it must exceed that."""
+SETTLED_S: Final = 0.1
+"""Of a trial, left out: what the beginning of the drive excites in the mount rings for long."""
+NOTHING: Final = complex(np.nan, np.nan)
+
+
+@dataclass(frozen=True, slots=True)
+class HarmonicResponse:
+    """What the tones make besides their answers, an entry per row; arrays of shape (n_rows,).
+
+    Attributes
+    ----------
+    message_mean : ndarray
+        Mean of the drive fraction over the segment, tones taken out.
+    message_power : ndarray
+        Sum over all tones of half the square of the drive fraction's amplitude.
+    second, third : ndarray of complex
+        Friction at twice and at three times the tone over that at the tone, mount and skew
+        removed, with the message's phase (once, twice; hold included) taken out: a square that
+        acts at once gives a constant. NaN where it cannot be told from something else.
+    second_variance, third_variance : ndarray
+        Of real and of imaginary part each, from the noise around the lines.
+    """
+
+    message_mean: FloatArray
+    message_power: FloatArray
+    second: ComplexArray
+    second_variance: FloatArray
+    third: ComplexArray
+    third_variance: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Stretches:
+    """What does not follow the drive, one entry per third of a sweep; shape (n_stretches,).
+
+    All of it is the friction as the sensor reports it, mount included, along the motion.
+
+    Attributes
+    ----------
+    sweep, direction, third : ndarray of int
+    speed_mm_s, normal_force_n, position_mm, seconds : ndarray
+        As in `ResponseRows`; the length.
+    line50_n2, line60_n2 : ndarray
+        Power at 50 and 60 Hz less that of the noise beside it, so that no line gives zero on
+        average; NaN within 8 Hz of a tone or where the stretch is too short.
+    line50_variance, line60_variance : ndarray
+        Of that, were there noise alone.
+    low_n2 : ndarray
+        Power from 4 to 30 Hz, noise included, trend and tones taken out; NaN in stretches
+        shorter than 0.35 s.
+    low_variance : ndarray
+        Of that, were it Gaussian noise: it goes with its square, so that ln `low_n2` has the
+        variance `low_variance / low_n2**2`, which is known before.
+    """
+
+    sweep: IntArray
+    direction: IntArray
+    third: IntArray
+    speed_mm_s: FloatArray
+    normal_force_n: FloatArray
+    position_mm: FloatArray
+    seconds: FloatArray
+    line50_n2: FloatArray
+    line50_variance: FloatArray
+    line60_n2: FloatArray
+    line60_variance: FloatArray
+    low_n2: FloatArray
+    low_variance: FloatArray
+
+
+def spectra_of(
+    trial: Trial, study: StudyInfo, course: FingerTrajectory, rows: ResponseRows
+) -> tuple[HarmonicResponse, Stretches]:
+    """Return harmonics, an entry per row, and stretches, an entry per third of a sweep.
+
+    Parameters
+    ----------
+    trial : Trial
+    study : StudyInfo
+        Its mount, its carrier and its screen voltage are used.
+    course : FingerTrajectory
+        Of the finger in the trial.
+    rows : ResponseRows
+        Of the trial's observations: the tones of a stretch in turn; some stretches have none.
+    """
+    info = trial.info
+    driven = rows.tone_hz.size > 0
+    lines = lines_of(info.tones_hz if driven else (), study.carrier_hz, info.sample_rate_hz)
+    samples = channels_of(trial, study)[:2] if driven else [trial.force_n[:, :2]]
+    channels = lines.tones.reduce(samples)
+    whole = [
+        whole_blocks(segment, info.sample_rate_hz, channels.n_blocks)
+        for segment in course.segments
+    ]
+    settled = math.ceil(SETTLED_S * info.sample_rate_hz / BLOCK)
+    pieces = [_later(piece, settled) for piece in whole]
+    fitted = [_fit(lines, channels, piece) for piece in pieces]
+    backdrop = Backdrop.of(lines.tones, channels.n_blocks)
+    stretches = _stretches(lines, channels, backdrop, pieces, fitted, course.normal_n)
+    if not driven:
+        return NO_HARMONICS, stretches
+    place = {(s.sweep, s.third): number for number, s in enumerate(course.segments)}
+    keys = zip(rows.sweep.tolist(), rows.third.tolist(), strict=True)
+    stretch = np.array([place[key] for key in keys])[:: lines.n_tones]
+    mean, power = _message(lines, channels, backdrop, [whole[at] for at in stretch], rows)
+    ratios = _ratios(trial, study, lines, [fitted[at] for at in stretch])
+    return HarmonicResponse(mean, power, *ratios[0], *ratios[1]), stretches
+
+
+def _later(piece: WholeBlocks, settled: int) -> WholeBlocks:
+    """Return what of a piece lies after so many blocks."""
+    first = max(piece.first, settled)
+    return replace(piece, first=first, last=max(piece.last, first))
+
+
+def _fit(lines: Lines, channels: BlockSums, piece: WholeBlocks) -> Amplitudes:
+    """Return the amplitudes of the lines, NaN in a piece that is too short for them."""
+    seconds = (piece.last - piece.first) * BLOCK / lines.tones.sample_rate_hz
+    if seconds < lines.tones.least_s:
+        shape = (len(channels.columns), len(lines.tones.tones_hz))
+        return Amplitudes(np.full(shape, NOTHING), np.full(shape, np.nan))
+    weights = _weights(piece, channels)
+    return fit(lines.tones, channels, weights, piece.first, piece.last)
+
+
+def _weights(piece: WholeBlocks, channels: BlockSums) -> list[tuple[float, ...]]:
+    """Return the weights of message and force, or of the force alone."""
+    return projections(piece.segment, (1, 2))[2 - len(channels.columns) :]
+
+
+def _message(
+    lines: Lines,
+    channels: BlockSums,
+    backdrop: Backdrop,
+    pieces: list[WholeBlocks],
+    rows: ResponseRows,
+) -> tuple[FloatArray, FloatArray]:
+    """Return mean and power of the message in each row."""
+    count = lines.n_tones
+    known = rows.message.reshape(-1, count)
+    amplitude = np.zeros((known.shape[0], len(lines.tones.tones_hz)), dtype=np.complex128)
+    amplitude[:, :count] = known
+    mean = [
+        _mean(*backdrop.left_of(channels, 0, (1.0,), each, piece))
+        for piece, each in zip(pieces, amplitude, strict=True)
+    ]
+    power = np.square(np.abs(known)).sum(axis=1) / 2.0
+    return np.repeat(np.array(mean), count), np.repeat(power, count)
+
+
+def _ratios(
+    trial: Trial, study: StudyInfo, lines: Lines, fitted: list[Amplitudes]
+) -> list[tuple[ComplexArray, FloatArray]]:
+    """Return, of either order, harmonics and their variances in each row."""
+    count = lines.n_tones
+    amplitude = np.stack([each.amplitude for each in fitted])  # (n_stretches, 2, n_lines)
+    variance = np.stack([each.variance for each in fitted])
+    instrument = Instrument.of(trial, study, np.array(lines.tones.tones_hz))
+    message = amplitude[:, 0]
+    friction = amplitude[:, 1] / instrument.force
+    friction_variance = variance[:, 1] / np.square(np.abs(instrument.force))
+    driven = message[:, :count] * instrument.drive[:count]
+    found: list[tuple[ComplexArray, FloatArray]] = []
+    with np.errstate(invalid="ignore", divide="ignore"):  # NaN in stretches that are too short
+        turn = driven / np.abs(driven)
+        base = np.square(np.abs(friction[:, :count]))
+        for turns, places in enumerate(lines.harmonics, 1):
+            ratio = friction[:, places] / (friction[:, :count] * turn**turns)
+            spread = friction_variance[:, places] / base
+            spread += np.square(np.abs(ratio)) * friction_variance[:, :count] / base
+            in_message = np.abs(message[:, places]) - SURE * np.sqrt(variance[:, 0, places])
+            own = in_message > IN_MESSAGE * np.abs(message[:, :count])
+            own |= places < 0
+            ratio[own], spread[own] = NOTHING, np.nan
+            found.append((ratio.ravel(), spread.ravel()))
+    return found
+
+
+def _mean(total: FloatArray, count: FloatArray) -> float:
+    return float(total.sum() / count.sum()) if count.any() else np.nan
+
+
+def _stretches(
+    lines: Lines,
+    channels: BlockSums,
+    backdrop: Backdrop,
+    pieces: list[WholeBlocks],
+    fitted: list[Amplitudes],
+    normal_n: FloatArray,
+) -> Stretches:
+    segments = [piece.segment for piece in pieces]
+    seconds = np.array([segment.end_s - segment.begin_s for segment in segments])
+    line50, line60 = (_mains(lines, place, pieces, fitted) for place in lines.mains)
+    low = np.array(
+        [
+            _low(lines, channels, backdrop, piece, each)
+            for piece, each in zip(pieces, fitted, strict=True)
+        ]
+    ).reshape(-1, 2)
+    normal = [normal_n[piece.first : piece.last] for piece in pieces]
+    return Stretches(
+        sweep=np.array([s.sweep for s in segments], dtype=np.int64),
+        direction=np.array([s.direction for s in segments], dtype=np.int64),
+        third=np.array([s.third for s in segments], dtype=np.int64),
+        speed_mm_s=np.array([s.speed_mm_s for s in segments]),
+        normal_force_n=np.array([_mean(np.nan_to_num(n), np.isfinite(n)) for n in normal]),
+        position_mm=np.array([s.position_mm for s in segments]),
+        seconds=seconds,
+        line50_n2=line50[:, 0],
+        line50_variance=line50[:, 1],
+        line60_n2=line60[:, 0],
+        line60_variance=line60[:, 1],
+        low_n2=low[:, 0],
+        low_variance=low[:, 1],
+    )
+
+
+def _mains(
+    lines: Lines, place: int, pieces: list[WholeBlocks], fitted: list[Amplitudes]
+) -> FloatArray:
+    """Return a mains line's power above the noise and its variance, (n_pieces, 2)."""
+    found = np.full((len(pieces), 2), np.nan)
+    if place < 0:
+        return found
+    omega = lines.tones.per_sample[place]
+    for row, (piece, each) in enumerate(zip(pieces, fitted, strict=True)):
+        amplitude, noise = each.amplitude[-1, place], each.variance[-1, place]
+        # Half of |amplitude|² is expected to be the line's power and this variance.
+        power = abs(amplitude) ** 2 / 2.0 - noise
+        bins = 2 * noise_reach(omega, (piece.last - piece.first) * BLOCK)
+        found[row] = power, noise**2 * (1.0 + 1.0 / bins)
+    return found
+
+
+def _low(
+    lines: Lines,
+    channels: BlockSums,
+    backdrop: Backdrop,
+    piece: WholeBlocks,
+    fitted: Amplitudes,
+) -> tuple[float, float]:
+    amplitude = fitted.amplitude[-1]
+    if not np.isfinite(amplitude).all():
+        return np.nan, np.nan
+    force = len(channels.columns) - 1
+    weights = _weights(piece, channels)[-1]
+    left, count = backdrop.left_of(channels, force, weights, amplitude, piece)
+    lines_hz = np.array(lines.tones.tones_hz)
+    return low_power(left, count, lines_hz, lines.tones.sample_rate_hz)
+
+
+NO_HARMONICS: Final = HarmonicResponse(
+    message_mean=np.empty(0),
+    message_power=np.empty(0),
+    second=np.empty(0, dtype=np.complex128),
+    second_variance=np.empty(0),
+    third=np.empty(0, dtype=np.complex128),
+    third_variance=np.empty(0),
+)
+NO_STRETCHES: Final = Stretches(
+    sweep=np.empty(0, dtype=np.int64),
+    direction=np.empty(0, dtype=np.int64),
+    third=np.empty(0, dtype=np.int64),
+    speed_mm_s=np.empty(0),
+    normal_force_n=np.empty(0),
+    position_mm=np.empty(0),
+    seconds=np.empty(0),
+    line50_n2=np.empty(0),
+    line50_variance=np.empty(0),
+    line60_n2=np.empty(0),
+    line60_variance=np.empty(0),
+    low_n2=np.empty(0),
+    low_variance=np.empty(0),
+)

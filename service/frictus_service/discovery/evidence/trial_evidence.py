@@ -1,0 +1,126 @@
+"""What one trial says about the model: responses, and all that a linear model leaves out."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final, Self
+
+from frictus_service.discovery.evidence.broadband import broadband
+from frictus_service.discovery.evidence.spectra import (
+    NO_HARMONICS,
+    NO_STRETCHES,
+    HarmonicResponse,
+    Stretches,
+    spectra_of,
+)
+from frictus_service.identification.observation import TrialObservations
+from frictus_service.identification.observe import course_of, observe_along
+from frictus_service.identification.pipeline import read_study
+from frictus_service.identification.reading import Reader, Reading
+from frictus_service.identification.tables import columns_of, table_of
+from frictus_service.study.trial import StudyInfo, Trial
+
+NOTHING_READ: Final = {
+    "harmonics": table_of(NO_HARMONICS),
+    "stretches": table_of(NO_STRETCHES),
+}
+"""Of a trial that could not be read."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrialEvidence:
+    """Evidence of one trial.
+
+    Attributes
+    ----------
+    observed : TrialObservations
+    harmonics : HarmonicResponse
+        One entry per row of `observed.rows`.
+    stretches : Stretches
+        One entry per third of a sweep, with or without drive.
+    """
+
+    observed: TrialObservations
+    harmonics: HarmonicResponse
+    stretches: Stretches
+
+    @classmethod
+    def of(cls, reading: Reading) -> Self:
+        """Return the evidence that workers or the cache give; empty of an unreadable trial."""
+        more = reading.more or NOTHING_READ
+        return cls(
+            reading.observed,
+            columns_of(HarmonicResponse, more["harmonics"]),
+            columns_of(Stretches, more["stretches"]),
+        )
+
+
+def evidence_of(trial: Trial, study: StudyInfo) -> TrialEvidence:
+    """Return the evidence of a trial; of one that names no tones, from its whole spectrum.
+
+    Parameters
+    ----------
+    trial : Trial
+    study : StudyInfo
+        Its mount, its carrier and its screen voltage are used.
+    """
+    course = course_of(trial)
+    observed = observe_along(course, trial, study)
+    harmonics, stretches = spectra_of(trial, study, course, observed.rows)
+    if trial.info.tones_hz:
+        return TrialEvidence(observed, harmonics, stretches)
+    found = broadband(trial, study, course)
+    notes = (*observed.notes, *found.notes)
+    observed = replace(observed, rows=found.rows, notes=notes)
+    return TrialEvidence(observed, found.harmonics, stretches)
+
+
+def read_evidence(trial: Trial, study: StudyInfo) -> Reading:
+    """Return the evidence of a trial as workers hand it on."""
+    found = evidence_of(trial, study)
+    more = {"harmonics": table_of(found.harmonics), "stretches": table_of(found.stretches)}
+    return Reading(found.observed, more)
+
+
+EVIDENCE: Final = Reader(
+    "evidence",
+    read_evidence,
+    (
+        "frictus_service.discovery.evidence.background",
+        "frictus_service.discovery.evidence.broadband",
+        "frictus_service.discovery.evidence.trial_evidence",
+        "frictus_service.discovery.evidence.spectral_lines",
+        "frictus_service.discovery.evidence.spectra",
+    ),
+)
+
+
+def study_evidence(
+    path: Path | str,
+    *,
+    workers: int | None = None,
+    cache: Path | str | None = None,
+    cluster: str | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> list[TrialEvidence]:
+    """Return the evidence of all trials of a study, in the order of its trials.
+
+    Parameters
+    ----------
+    path : Path or str
+    workers, cache, cluster, tell
+        As for `identification.pipeline.observe_study`; the cache's folder may be the same.
+
+    Raises
+    ------
+    StudyError
+        If the study cannot be read.
+    WorkerError
+        If worker processes do not start, or fail.
+    ClusterError
+        If the cluster cannot be used.
+    """
+    readings = read_study(
+        path, EVIDENCE, workers=workers, cache=cache, cluster=cluster, tell=tell
+    )
+    return [TrialEvidence.of(reading) for reading in readings]

@@ -1,0 +1,1 @@
+"""The statistics: linearisation, covariance, random effects, significance, selection."""

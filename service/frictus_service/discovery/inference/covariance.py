@@ -1,0 +1,200 @@
+"""How readings scatter: by themselves, and together where a condition or a person deviates.
+
+Between the conditions of one participant gain and cutoff deviate from any law by some per cent.
+That is no noise of a reading: all tones of the condition share it. Tones within a condition
+tell delays from cutoffs a hundred times better than conditions tell laws.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_service.discovery.evidence.residuals import Layout, huber, scatters
+from frictus_service.discovery.inference.linear_model import LEAST_SHARE, orthonormal
+from frictus_service.discovery.inference.random_effects import (
+    RandomEffects,
+    estimate_random_effects,
+)
+from frictus_service.discovery.problem.problem import UnwhitenedUnit
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+ROUNDS: Final = 3
+"""Scatter and fit follow from each other."""
+LEAST_FREE: Final = 0.1
+"""Share of a reading that a fit leaves free, from which its scatter can still be told."""
+DEVIATIONS: Final = (0.0, 0.01, 0.02, 0.035, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3)
+"""Standard deviations of ln gain or ln cutoff between conditions that are tried."""
+
+
+@dataclass(frozen=True, slots=True)
+class Whitening:
+    """From readings to what has unit variance and no correlation.
+
+    Attributes
+    ----------
+    weight : ndarray, shape (n,)
+        One over the scatter, outliers less.
+    basis : ndarray, shape (n, k)
+        Orthonormal, in weighted readings: along these they scatter more.
+    shrink : ndarray, shape (k,)
+        By which they are divided there.
+    deviation : ndarray, shape (n_kinds,)
+        Of the conditions, from which both follow.
+    random_coefficients : ndarray, shape (n_random,)
+        Predicted coefficients of the random effects of this unit.
+    """
+
+    weight: FloatArray
+    basis: FloatArray
+    shrink: FloatArray
+    deviation: FloatArray
+    random_coefficients: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        raw: UnwhitenedUnit,
+        weight: FloatArray,
+        deviation: FloatArray,
+        difference: FloatArray | None = None,
+    ) -> "Whitening":
+        """Return the whitening of a unit of which it is known how readings scatter.
+
+        Parameters
+        ----------
+        raw : UnwhitenedUnit
+        weight : ndarray, shape (n,)
+        deviation : ndarray, shape (n_kinds,)
+        difference : ndarray, shape (n_random,), or None
+            Standard deviation of each random effect between units.
+        """
+        columns = raw.deviating * np.resize(deviation, raw.deviating.shape[1])
+        if difference is not None:
+            columns = np.hstack([columns, raw.random_effects * difference])
+        left, values, _ = np.linalg.svd(_times(columns, weight), full_matrices=False)
+        kept = values > 1e-6
+        shrink = np.sqrt(1.0 + np.square(values[kept]))
+        return cls(
+            weight, left[:, kept], shrink, deviation, np.zeros(raw.random_effects.shape[1])
+        )
+
+    def __call__(self, columns: FloatArray) -> FloatArray:
+        """Return columns, shape (n,) or (n, m), whitened."""
+        weighted = (columns.T * self.weight).T
+        along = self.basis.T @ weighted
+        return weighted + self.basis @ (((1.0 / self.shrink - 1.0) * along.T).T)
+
+
+Whiten = Callable[[Sequence[Layout], Sequence[UnwhitenedUnit]], list[Whitening]]
+"""From layouts and units to the whitening of each unit, as `whiten`."""
+
+
+def whiten(layouts: Sequence[Layout], raws: Sequence[UnwhitenedUnit]) -> list[Whitening]:
+    """Return the whitening of each unit; scatters and deviations are those of all.
+
+    Parameters
+    ----------
+    layouts : sequence of Layout
+    raws : sequence of UnwhitenedUnit
+    """
+    weights = _weights(layouts, raws)
+    rests = []
+    for raw, weight in zip(raws, weights, strict=True):
+        fitted = np.hstack([raw.own, raw.chosen, raw.random_effects])
+        basis = orthonormal(_times(fitted, weight))
+        along = np.hstack(
+            [(raw.readings * weight)[:, np.newaxis], _times(raw.deviating, weight)]
+        )
+        rests.append(along - basis @ (basis.T @ along))
+    deviation = _deviations(rests, raws[0].n_kinds)
+    plain = [
+        Whitening.of(raw, weight, deviation) for raw, weight in zip(raws, weights, strict=True)
+    ]
+    found = _random_effects(raws, plain)
+    return [
+        replace(
+            Whitening.of(raw, weight, deviation, found.difference),
+            random_coefficients=random_coefficients,
+        )
+        for raw, weight, random_coefficients in zip(
+            raws, weights, found.coefficients, strict=True
+        )
+    ]
+
+
+def _random_effects(
+    raws: Sequence[UnwhitenedUnit], whitenings: Sequence[Whitening]
+) -> RandomEffects:
+    """Return the random effects, beside what all units have in common."""
+    readings, signatures = [], []
+    for raw, whitening in zip(raws, whitenings, strict=True):
+        basis = orthonormal(whitening(np.hstack([raw.own, raw.chosen[:, raw.common]])))
+        rest, whole = whitening(raw.readings), whitening(raw.random_effects)
+        left = whole - basis @ (basis.T @ whole)
+        square = np.einsum("ij,ij->j", whole, whole)
+        left[:, np.einsum("ij,ij->j", left, left) <= LEAST_SHARE * square] = 0.0
+        readings.append(rest - basis @ (basis.T @ rest))
+        signatures.append(left)
+    return estimate_random_effects(readings, signatures)
+
+
+def _times(columns: FloatArray, weight: FloatArray) -> FloatArray:
+    return columns * weight[:, np.newaxis]
+
+
+def _weights(layouts: Sequence[Layout], raws: Sequence[UnwhitenedUnit]) -> list[FloatArray]:
+    """Return what each reading is multiplied with."""
+    rests = [raw.readings - np.median(raw.readings) for raw in raws]
+    for _ in range(ROUNDS):
+        found = [
+            np.hypot(scatter, raw.accuracy / 2.0)
+            for scatter, raw in zip(scatters(layouts, rests), raws, strict=True)
+        ]
+        weights = [huber(rest, sd) / sd for rest, sd in zip(rests, found, strict=True)]
+        rests = [_rest(raw, weight) for raw, weight in zip(raws, weights, strict=True)]
+    return weights
+
+
+def _rest(raw: UnwhitenedUnit, weight: FloatArray) -> FloatArray:
+    """Return what a fit with own deviations of every condition leaves, scaled to scatter."""
+    basis = orthonormal(_times(np.hstack([raw.own, raw.chosen, raw.deviating]), weight))
+    whitened = raw.readings * weight
+    free = 1.0 - np.einsum("ij,ij->i", basis, basis)
+    left = whitened - basis @ (basis.T @ whitened)
+    rest: FloatArray = left / weight / np.sqrt(np.maximum(free, LEAST_FREE))
+    return rest
+
+
+def _deviations(rests: Sequence[FloatArray], n_kinds: int) -> FloatArray:
+    """Return the deviations of each kind under which the readings are most likely.
+
+    Parameters
+    ----------
+    rests : sequence of ndarray, shape (n, 1 + n_deviating)
+        Readings and signatures of deviations, weighted, fit projected out.
+    n_kinds : int
+    """
+    products = [(rest[:, 1:].T @ rest[:, 1:], rest[:, 1:].T @ rest[:, 0]) for rest in rests]
+    tried = [np.array(each) for each in product(DEVIATIONS, repeat=min(n_kinds, 2))]
+    if n_kinds > 2:  # all but the first alike: the skin's three
+        tried = [np.append(each[:1], np.full(n_kinds - 1, each[1])) for each in tried]
+    return max(tried, key=lambda each: _likelihood(products, each))
+
+
+def _likelihood(
+    products: Sequence[tuple[FloatArray, FloatArray]], deviation: FloatArray
+) -> float:
+    """Return the log-likelihood of deviations, but for a constant."""
+    total = 0.0
+    for gram, along in products:
+        size = np.resize(deviation, along.size)
+        inner = np.eye(along.size) + size[:, np.newaxis] * gram * size
+        total -= 0.5 * float(np.linalg.slogdet(inner)[1])
+        total += 0.5 * float((size * along) @ np.linalg.solve(inner, size * along))
+    return total

@@ -1,0 +1,349 @@
+"""The linear problem behind a discovery: readings of each unit, and what could explain them.
+
+A unit is a participant, or a block of a participant's trials where there are too few people.
+Everything is whitened: one reading is one standard deviation of its noise.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_service.discovery.inference.significance import (
+    PRIOR_DEGREES,
+    Significance,
+    critical_t,
+    largest_of_flips,
+    standard_error,
+)
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+LEAST_SHARE: Final = 1e-3
+"""What own parameters and causes already named leave of a signature, as a share of its square,
+below which a unit says nothing about it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """Readings of one unit.
+
+    Attributes
+    ----------
+    readings : ndarray, shape (n,)
+        Measured less simulated.
+    own : ndarray, shape (n, n_own)
+        Signatures of what everybody has of their own: gain, cutoff.
+    effects : ndarray, shape (n, n_effects)
+        Signatures of what is looked for: the causes of the catalogue.
+    generic : ndarray, shape (n, n_patterns)
+        Patterns without a cause.
+    accuracy, generic_accuracy : ndarray, shape (n_effects,), (n_patterns,)
+        Coefficient at which each shows as much as measuring is accurate.
+    positive, squared : ndarray of bool, shape (n_effects,)
+        Those whose coefficient cannot be negative; is the square of a parameter.
+    """
+
+    readings: FloatArray
+    own: FloatArray
+    effects: FloatArray
+    generic: FloatArray
+    accuracy: FloatArray
+    generic_accuracy: FloatArray
+    positive: BoolArray
+    squared: BoolArray
+
+    def only(self, effects: Sequence[int]) -> "Unit":
+        """Return the unit with some of its effects."""
+        kept = list(effects)
+        return replace(
+            self,
+            effects=self.effects[:, kept],
+            accuracy=self.accuracy[kept],
+            positive=self.positive[kept],
+            squared=self.squared[kept],
+        )
+
+    def and_own(self, columns: FloatArray) -> "Unit":
+        """Return the unit with more that is its own."""
+        return replace(self, own=np.column_stack([self.own, columns]))
+
+    def beyond(self, chosen: Sequence[int]) -> "Unit":
+        """Return the unit with chosen effects as its own, in which patterns are looked for."""
+        own = np.column_stack([self.own, self.effects[:, list(chosen)]])
+        return replace(self, own=own).looking_for(self.generic, self.generic_accuracy)
+
+    def looking_for(self, columns: FloatArray, accuracy: FloatArray) -> "Unit":
+        """Return the unit with other signatures to look for, of either sign.
+
+        Parameters
+        ----------
+        columns : ndarray, shape (n, m)
+        accuracy : ndarray, shape (m,)
+        """
+        none = np.zeros(accuracy.size, dtype=np.bool_)
+        return replace(self, effects=columns, accuracy=accuracy, positive=none, squared=none)
+
+
+@dataclass(frozen=True, slots=True)
+class ProjectedUnits:
+    """What is left of all units once some signatures have been projected out.
+
+    Attributes
+    ----------
+    along : ndarray, shape (n_units, n_effects)
+        Readings along what is left of each signature.
+    information : ndarray, shape (n_units, n_effects)
+        Square of what is left of each signature: inverse variance of its coefficient; 0 where
+        the unit says nothing.
+    accuracy : ndarray, shape (n_effects,)
+        Mean over units.
+    positive, squared : ndarray of bool, shape (n_effects,)
+    """
+
+    along: FloatArray
+    information: FloatArray
+    accuracy: FloatArray
+    positive: BoolArray
+    squared: BoolArray
+
+    def significance(self, flips: FloatArray) -> Significance:
+        """Return whether each effect differs from zero over units, see `largest_of_flips`."""
+        return largest_of_flips(*self.tested, flips, self._margin, self.positive)
+
+    def critical(self, flips: FloatArray, level: float) -> float:
+        """Return the |t| that the largest of all effects exceeds by chance at a level."""
+        return critical_t(*self.tested, flips, level)
+
+    def detectable(self, critical: float, power: float) -> FloatArray:
+        """Return how large each effect must be to exceed a |t|, power in standard errors more.
+
+        Parameters
+        ----------
+        critical : float
+        power : float
+        """
+        size = self._margin + (critical + power) * standard_error(*self.tested)
+        return np.where(self.squared, np.square(size), size)
+
+    @property
+    def tested(self) -> tuple[FloatArray, FloatArray]:
+        """Return what is tested, and its information: parameters, and not their squares.
+
+        People differ in a parameter; its square is as skewed as it is large.
+        """
+        value, noise = self.estimates, np.full(self.information.shape, np.nan)
+        np.divide(1.0, self.information, out=noise, where=self.information > 0.0)
+        root = np.sign(value) * np.sqrt(np.abs(value))
+        slope = 2.0 * np.maximum(np.abs(root), noise**0.25)
+        value = np.where(self.squared, root, value)
+        noise = np.where(self.squared, noise / slope**2, noise)
+        return value, np.where(self.information > 0.0, 1.0 / noise, 0.0)
+
+    @property
+    def _margin(self) -> FloatArray:
+        return np.where(self.squared, np.sqrt(self.accuracy), self.accuracy)
+
+    @property
+    def estimates(self) -> FloatArray:
+        """Coefficient of each signature by itself, (n_units, n_effects); NaN where unknown."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found: FloatArray = np.where(
+                self.information > 0.0, self.along / self.information, np.nan
+            )
+        return found
+
+
+def project_out(units: Sequence[Unit], chosen: Sequence[int] = ()) -> ProjectedUnits:
+    """Project own parameters and chosen effects out of readings and signatures.
+
+    Parameters
+    ----------
+    units : sequence of Unit
+    chosen : sequence of int
+        Columns of `Unit.effects`.
+    """
+    parts = [_leave(unit, list(chosen)) for unit in units]
+    along, information = (np.stack(part) for part in zip(*parts, strict=True))
+    accuracy = np.mean([unit.accuracy for unit in units], axis=0)
+    return ProjectedUnits(along, information, accuracy, units[0].positive, units[0].squared)
+
+
+def _leave(unit: Unit, chosen: list[int]) -> tuple[FloatArray, FloatArray]:
+    effects, readings = _projected(unit, chosen)
+    return effects.T @ readings, np.einsum("ij,ij->j", effects, effects)
+
+
+def _projected(unit: Unit, chosen: list[int]) -> tuple[FloatArray, FloatArray]:
+    """Return what is left of signatures, 0 where it is next to nothing, and of readings."""
+    basis = orthonormal(np.column_stack([unit.own, unit.effects[:, chosen]]))
+    effects = unit.effects - basis @ (basis.T @ unit.effects)
+    readings = unit.readings - basis @ (basis.T @ unit.readings)
+    whole = np.einsum("ij,ij->j", unit.effects, unit.effects)
+    silent = np.einsum("ij,ij->j", effects, effects) <= LEAST_SHARE * whole
+    silent[chosen] = True
+    effects[:, silent] = 0.0
+    return effects, readings
+
+
+def orthonormal(columns: FloatArray) -> FloatArray:
+    """Return an orthonormal basis of what columns span; dependent ones add nothing.
+
+    Parameters
+    ----------
+    columns : ndarray, shape (n, k)
+    """
+    size = np.sqrt(np.einsum("ij,ij->j", columns, columns))
+    scaled = columns[:, size > 0.0] / size[size > 0.0]
+    if not scaled.shape[1]:
+        return np.zeros((columns.shape[0], 0))
+    left, values, _ = np.linalg.svd(scaled, full_matrices=False)
+    basis: FloatArray = left[:, values > 1e-9 * values[0]]
+    return basis
+
+
+def joint(units: Sequence[Unit], chosen: Sequence[int]) -> FloatArray:
+    """Return coefficients of several effects fitted together, (n_units, n_chosen).
+
+    Parameters
+    ----------
+    units : sequence of Unit
+    chosen : sequence of int
+        NaN where a unit does not determine one.
+    """
+    columns = []
+    for position, effect in enumerate(chosen):
+        others = [other for k, other in enumerate(chosen) if k != position]
+        columns.append(project_out(units, others).estimates[:, effect])
+    return np.column_stack(columns) if columns else np.zeros((len(units), 0))
+
+
+def mean_of_known(estimates: FloatArray) -> FloatArray:
+    """Return means over units, shape (n_effects,); 0 where no unit knows.
+
+    Parameters
+    ----------
+    estimates : ndarray, shape (n_units, n_effects)
+        NaN where a unit says nothing.
+    """
+    known = np.isfinite(estimates)
+    total = np.where(known, estimates, 0.0).sum(axis=0)
+    mean: FloatArray = total / np.maximum(known.sum(axis=0), 1)
+    return mean
+
+
+def held_out_gain(left: ProjectedUnits) -> FloatArray:
+    """Return by how much each effect makes each unit more likely.
+
+    Log-likelihood, in nats, of the unit's own coefficient where the others' mean is expected,
+    over that where none is. It scatters as the others do, and as noise alone would at least.
+
+    Parameters
+    ----------
+    left : ProjectedUnits
+
+    Returns
+    -------
+    ndarray, shape (n_units, n_effects)
+        0 where the unit, or all others, say nothing.
+    """
+    tested, information = left.tested
+    known = information > 0.0
+    value = np.where(known, np.nan_to_num(tested), 0.0)
+    with np.errstate(divide="ignore"):
+        noise = np.where(known, 1.0 / information, 0.0)
+    count = np.maximum(known.sum(axis=0) - known, 1)
+    mean = (value.sum(axis=0) - value) / count
+    scatter = np.maximum((value**2).sum(axis=0) - value**2 - count * mean**2, 0.0)
+    expected = (noise.sum(axis=0) - noise) / count
+    variance = (PRIOR_DEGREES * expected + scatter) / (PRIOR_DEGREES + count - 1)
+    variance = np.maximum(variance * (1.0 + 1.0 / count), np.finfo(float).tiny)
+    gain: FloatArray = (value * mean - 0.5 * mean**2) / variance
+    return np.where(known & (known.sum(axis=0) > 1), gain, 0.0)
+
+
+def joint_gain(units: Sequence[Unit], chosen: Sequence[int]) -> FloatArray:
+    """Return by how much several effects together make each unit more likely.
+
+    As `held_out_gain`, of all coefficients at once: where signatures are alike, the gains of
+    each beside the others do not add up to it.
+
+    Parameters
+    ----------
+    units : sequence of Unit
+    chosen : sequence of int
+
+    Returns
+    -------
+    ndarray, shape (n_units,)
+    """
+    if not chosen:
+        return np.zeros(len(units))
+    parts = [_together(unit, list(chosen)) for unit in units]
+    value, noise = (np.stack(part) for part in zip(*parts, strict=True))
+    known = np.isfinite(value)
+    return np.array([_gain_of_one(value, noise, known, unit) for unit in range(len(units))])
+
+
+def _together(unit: Unit, chosen: list[int]) -> tuple[FloatArray, FloatArray]:
+    """Return the coefficients fitted together, NaN where unknown, and their covariance.
+
+    Of parameters, and not of their squares, as in `ProjectedUnits.tested`.
+    """
+    effects, readings = _projected(unit, [])
+    effects = effects[:, chosen]
+    told = np.einsum("ij,ij->j", effects, effects) > 0.0
+    gram = effects.T @ effects
+    covariance = np.linalg.pinv(gram, rcond=LEAST_SHARE**2, hermitian=True)
+    value = covariance @ (effects.T @ readings)
+    root = np.sign(value) * np.sqrt(np.abs(value))
+    squared = unit.squared[chosen]
+    slope = 2.0 * np.maximum(np.abs(root), np.maximum(np.diagonal(covariance), 0.0) ** 0.25)
+    scale = np.where(squared & told, 1.0 / np.maximum(slope, np.finfo(float).tiny), 1.0)
+    value = np.where(told, np.where(squared, root, value), np.nan)
+    return value, scale[:, np.newaxis] * covariance * scale
+
+
+def _gain_of_one(value: FloatArray, noise: FloatArray, known: BoolArray, unit: int) -> float:
+    """Return the gain of one unit, whose coefficients are expected to be the others' mean."""
+    others = np.arange(len(value)) != unit
+    count = known[others].sum(axis=0)
+    kept = np.flatnonzero(known[unit] & (count > 0))
+    if not kept.size:
+        return 0.0
+    there = known[others][:, kept]
+    least = int(count[kept].min())
+    values = np.where(there, value[others][:, kept], 0.0)
+    mean = values.sum(axis=0) / count[kept]
+    apart = np.where(there, values - mean, 0.0)
+    expected = noise[others][:, kept][:, :, kept].mean(axis=0)
+    variance = (PRIOR_DEGREES * expected + apart.T @ apart) / (PRIOR_DEGREES + least - 1)
+    variance *= 1.0 + 1.0 / least
+    towards = np.linalg.lstsq(variance, mean, rcond=None)[0]
+    return float(towards @ (value[unit, kept] - 0.5 * mean))
+
+
+def similarity(units: Sequence[Unit], chosen: Sequence[int] = ()) -> FloatArray:
+    """Return the cosine between what is left of any two signatures, over all units.
+
+    Parameters
+    ----------
+    units : sequence of Unit
+    chosen : sequence of int
+        Projected out, as in `project_out`.
+
+    Returns
+    -------
+    ndarray, shape (n_effects, n_effects)
+        In [-1, 1]; 0 where nothing is left.
+    """
+    parts = [_projected(unit, list(chosen))[0] for unit in units]
+    gram = np.sum([part.T @ part for part in parts], axis=0)
+    size = np.sqrt(np.diagonal(gram))
+    scale = np.multiply.outer(size, size)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cosine: FloatArray = np.where(scale > 0.0, gram / scale, 0.0)
+    return np.clip(cosine, -1.0, 1.0)

@@ -1,0 +1,346 @@
+"""The model about which everything is linear: fitted to each unit, with what it left there."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_hardware.physics.effects import EFFECTS
+from frictus_service.discovery.evidence.evidence_rows import as_asked
+from frictus_service.discovery.evidence.residuals import Compared, Layout, accuracy_of, reduce
+from frictus_service.discovery.inference.covariance import Whiten, Whitening, whiten
+from frictus_service.discovery.inference.linear_model import (
+    Unit,
+    joint,
+    mean_of_known,
+    orthonormal,
+)
+from frictus_service.discovery.problem.nuisance import NUISANCE
+from frictus_service.discovery.problem.patterns import Pattern
+from frictus_service.discovery.problem.problem import (
+    DiscoveryProblem,
+    UnwhitenedUnit,
+    as_accurate,
+)
+
+FloatArray = NDArray[np.float64]
+
+ROUNDS: Final = 8
+"""Of Gauss-Newton at most; without a power that outgrows its background, three do."""
+SETTLED: Final = 1e-3
+ASTRAY: Final = 0.01
+"""By which what is left may grow in a step: people are drawn towards each other, too."""
+LEAST_STEP: Final = 0.1
+MOST_CHANGE: Final = 0.7
+"""Of the logarithm of an own parameter in one round."""
+
+
+@dataclass(frozen=True, slots=True)
+class Linearised:
+    """The units about the model, and the model.
+
+    Attributes
+    ----------
+    units : tuple of Unit
+        The chosen effects are back in the readings: their coefficients are the whole ones.
+    own : ndarray, shape (n_units, n_own)
+        Logarithms of what everybody has of their own, less the base model's.
+    chosen : tuple of int
+    coefficients : ndarray, shape (n_units, n_chosen)
+        Of the chosen effects: the unit's own, or means over units of what is the rig's.
+    whitenings : tuple of Whitening
+        Of each unit.
+    """
+
+    units: tuple[Unit, ...]
+    own: FloatArray
+    chosen: tuple[int, ...]
+    coefficients: FloatArray
+    whitenings: tuple[Whitening, ...]
+
+
+def linearise(
+    problem: DiscoveryProblem,
+    chosen: Sequence[int],
+    wanted: Sequence[int] | None = None,
+    patterns: Sequence[Pattern] | None = None,
+    start: Linearised | None = None,
+    whiten: Whiten = whiten,
+) -> Linearised:
+    """Fit own parameters and chosen effects, and return the units about that.
+
+    Parameters
+    ----------
+    problem : DiscoveryProblem
+    chosen : sequence of int
+        Candidates.
+    wanted : sequence of int or None
+        Candidates whose signatures the units have; None: all.
+    patterns : sequence of Pattern or None
+        Likewise.
+    start : Linearised or None
+        With fewer effects, from which the fit begins.
+    whiten : callable
+        From layouts and units to whitenings; the default estimates the covariance from the
+        readings themselves.
+    """
+    own = np.zeros((len(problem.subjects), len(NUISANCE[problem.response])))
+    random_coefficients = np.zeros((len(problem.subjects), len(problem.random_effects)))
+    if start is not None:
+        own = start.own
+        random_coefficients = np.array(
+            [whitening.random_coefficients for whitening in start.whitenings]
+        )
+    random = [each for each in problem.random_effects if each not in chosen]
+    places = [problem.random_effects.index(each) for each in random]
+    there = [*chosen, *random]  # effects about which all is linear
+    at = np.hstack(
+        [np.zeros((len(problem.subjects), len(chosen))), random_coefficients[:, places]]
+    )
+    for _ in range(ROUNDS):
+        before = at
+        units, whitenings = _about(problem, own, there, at, len(chosen), there, (), whiten)
+        coefficients = _settled(problem, joint(units, range(len(chosen))), chosen)
+        random_coefficients = np.array(
+            [whitening.random_coefficients[places] for whitening in whitenings]
+        )
+        at = np.clip(np.hstack([coefficients, random_coefficients]), *problem.limits(there))
+        steps = np.array(
+            [_own_step(*each, own.shape[1]) for each in zip(units, at, strict=True)]
+        )
+        steps = np.clip(steps, -MOST_CHANGE, MOST_CHANGE)
+        share = _eased(problem, own, steps, there, before, at, units, whitenings)
+        own = own + share * steps
+        at = before + share * (at - before)
+        at[:, : len(chosen)] = _settled(problem, at[:, : len(chosen)], chosen)
+        change = np.abs(at - before)[:, : len(chosen)]
+        small = np.all(change <= SETTLED * np.abs(at[:, : len(chosen)]))
+        if small and np.all(np.abs(steps) < SETTLED):
+            break
+    wanted = range(len(problem.candidates)) if wanted is None else wanted
+    patterns = problem.patterns if patterns is None else patterns
+    units, whitenings = _about(problem, own, there, at, len(chosen), wanted, patterns, whiten)
+    return Linearised(units, own, tuple(chosen), at[:, : len(chosen)], whitenings)
+
+
+def _about(
+    problem: DiscoveryProblem,
+    own: FloatArray,
+    there: Sequence[int],
+    at: FloatArray,
+    n_chosen: int,
+    wanted: Sequence[int],
+    patterns: Sequence[Pattern],
+    whiten: Whiten,
+) -> tuple[tuple[Unit, ...], tuple[Whitening, ...]]:
+    """Return the units about given parameters, with wanted candidates, and whitenings.
+
+    Parameters
+    ----------
+    problem : DiscoveryProblem
+    own : ndarray, shape (n_units, n_own)
+    there : sequence of int
+        Effects in the simulator: the chosen ones, and then the random effects.
+    at : ndarray, shape (n_units, n_there)
+    n_chosen : int
+    wanted : sequence of int
+    patterns : sequence of Pattern
+    whiten : callable
+    """
+    subjects = problem.subjects
+    raw = [
+        problem.unwhitened(subject, values, there, row, n_chosen, wanted)
+        for subject, values, row in zip(subjects, own, at, strict=True)
+    ]
+    whitenings = whiten([s.layout for s in subjects], [each for each, _ in raw])
+    positive = problem.positive(wanted)
+    squared = np.array([problem.candidates[each].squared for each in wanted], dtype=np.bool_)
+    # Where a power is in the model already, its signature levels off: it was seen before.
+    passed = [each in there and problem.candidates[each].squared for each in wanted]
+    units = []
+    for subject, (each, effects), whitening in zip(subjects, raw, whitenings, strict=True):
+        generic = [reduce(subject.layout, pattern.of(subject)) for pattern in patterns]
+        columns = np.array(generic).reshape(len(generic), each.readings.size).T
+        units.append(
+            Unit(
+                whitening(each.readings),
+                whitening(each.own),
+                whitening(effects),
+                whitening(columns),
+                np.where(passed, 0.0, as_accurate(effects, each.accuracy)),
+                as_accurate(columns, each.accuracy),
+                positive,
+                squared,
+            )
+        )
+    return tuple(units), tuple(whitenings)
+
+
+def _eased(
+    problem: DiscoveryProblem,
+    own: FloatArray,
+    steps: FloatArray,
+    there: Sequence[int],
+    before: FloatArray,
+    at: FloatArray,
+    units: Sequence[Unit],
+    whitenings: Sequence[Whitening],
+) -> FloatArray:
+    """Return how much of its step each unit goes, so that it leaves no more than before.
+
+    Halves until it does: what is far from linear leads a whole step astray.
+
+    Returns
+    -------
+    ndarray, shape (n_units, 1)
+    """
+    shares = np.ones((len(units), 1))
+    for place, (unit, whitening) in enumerate(zip(units, whitenings, strict=True)):
+        free = orthonormal(unit.own[:, own.shape[1] :])
+        most = _beyond(free, unit.readings - unit.effects @ before[place]) * (1.0 + ASTRAY)
+        share = 1.0
+        while share > LEAST_STEP:
+            here = before[place] + share * (at[place] - before[place])
+            rest = _whitened_rest(
+                problem, place, whitening, own[place] + share * steps[place], there, here
+            )
+            if _beyond(free, rest) <= most:
+                break
+            share /= 2.0
+        shares[place] = share
+    return shares
+
+
+def _whitened_rest(
+    problem: DiscoveryProblem,
+    place: int,
+    whitening: Whitening,
+    own: FloatArray,
+    there: Sequence[int],
+    at: FloatArray,
+) -> FloatArray:
+    """Return what the model with these parameters leaves of a unit's readings."""
+    subject = problem.subjects[place]
+    return whitening(reduce(subject.layout, problem.rest(subject, own, there, at)))
+
+
+def _beyond(basis: FloatArray, readings: FloatArray) -> float:
+    """Return the sum of squares outside an orthonormal basis."""
+    return float(np.sum(np.square(readings - basis @ (basis.T @ readings))))
+
+
+def as_designed(problem: DiscoveryProblem, model: Linearised) -> tuple[Unit, ...]:
+    """Return the units as the design alone makes them.
+
+    Fingers move as they were asked to, and are the same in every condition. What speeds
+    that wander within a trial tell besides rests on the form of a law being exact.
+
+    Parameters
+    ----------
+    problem : DiscoveryProblem
+    model : Linearised
+
+    Returns
+    -------
+    tuple of Unit
+        Without patterns.
+    """
+    asked = replace(problem, subjects=tuple(as_asked(subject) for subject in problem.subjects))
+    return _again(asked, model, (), deviating=False).units
+
+
+def if_alike(problem: DiscoveryProblem, model: Linearised) -> Linearised:
+    """Return a model whose units are as they were if people did not differ in its causes.
+
+    Parameters
+    ----------
+    problem : DiscoveryProblem
+    model : Linearised
+    """
+    return _again(problem, model, problem.patterns, deviating=True)
+
+
+def _again(
+    problem: DiscoveryProblem,
+    model: Linearised,
+    patterns: Sequence[Pattern],
+    *,
+    deviating: bool,
+) -> Linearised:
+    """Return the model with its units taken anew, weighted as they were."""
+
+    def whitened(_: Sequence[Layout], raws: Sequence[UnwhitenedUnit]) -> list[Whitening]:
+        return [
+            Whitening.of(raw, each.weight, each.deviation * deviating)
+            for raw, each in zip(raws, model.whitenings, strict=True)
+        ]
+
+    wanted = range(len(problem.candidates))
+    chosen, at = model.chosen, model.coefficients
+    units, whitenings = _about(
+        problem, model.own, chosen, at, len(chosen), wanted, patterns, whitened
+    )
+    return replace(model, units=units, whitenings=whitenings)
+
+
+def misfit(problem: DiscoveryProblem, model: Linearised, ruler: Linearised) -> float:
+    """Return the sum of squares that a model leaves, whitened as about another.
+
+    Parameters
+    ----------
+    problem : DiscoveryProblem
+    model : Linearised
+    ruler : Linearised
+        The same for all models that are compared.
+    """
+    total = 0.0
+    for place, whitening in enumerate(ruler.whitenings):
+        own, at = model.own[place], model.coefficients[place]
+        rest = _whitened_rest(problem, place, whitening, own, model.chosen, at)
+        total += _beyond(orthonormal(ruler.units[place].own), rest)
+    return total
+
+
+def columns_of(
+    problem: DiscoveryProblem,
+    model: Linearised,
+    made: Callable[[int], Sequence[Compared]],
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Return further columns of each unit, whitened, and how accurate they are.
+
+    Parameters
+    ----------
+    problem : DiscoveryProblem
+    model : Linearised
+    made : callable
+        From the number of a unit to columns.
+    """
+    found = []
+    for place, (subject, whitening) in enumerate(
+        zip(problem.subjects, model.whitenings, strict=True)
+    ):
+        raw = [reduce(subject.layout, each) for each in made(place)]
+        columns = np.array(raw).T
+        accuracy = as_accurate(columns, accuracy_of(subject.layout))
+        found.append((whitening(columns), accuracy))
+    return found
+
+
+def _settled(problem: DiscoveryProblem, found: FloatArray, chosen: Sequence[int]) -> FloatArray:
+    """Return coefficients to go on with: each unit's own only where people differ."""
+    if not chosen:
+        return found
+    mean = mean_of_known(found)
+    scopes = [EFFECTS[problem.candidates[effect].effect].scope for effect in chosen]
+    own = np.array([scope == "participant" for scope in scopes]) & np.isfinite(found)
+    settled = np.where(own, found, mean)
+    return np.where(problem.positive(chosen), np.maximum(settled, 0.0), settled)
+
+
+def _own_step(unit: Unit, coefficients: FloatArray, n_own: int) -> FloatArray:
+    """Return by how much the own parameters of a unit are off."""
+    readings = unit.readings - unit.effects @ coefficients
+    found = np.linalg.lstsq(unit.own, readings, rcond=None)[0]
+    return np.asarray(found[:n_own], dtype=np.float64)

@@ -1,0 +1,121 @@
+"""Which causes the readings ask for: forward by held-out gain, then backward."""
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_service.discovery.inference.linear_model import Unit, held_out_gain, project_out
+from frictus_service.discovery.inference.significance import Significance
+
+FloatArray = NDArray[np.float64]
+
+MOST_CAUSES: Final = 6
+
+Linearise = Callable[[Sequence[int]], Sequence[Unit]]
+"""From the effects in the model to the units about the model fitted with them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Selected:
+    """The effects that are in the model, and the units about it.
+
+    Attributes
+    ----------
+    effects : tuple of int
+        In the order in which they were chosen.
+    units : sequence of Unit
+        About the model fitted with all of them.
+    first : Significance
+        Of all candidates before anything was chosen.
+    """
+
+    effects: tuple[int, ...]
+    units: Sequence[Unit]
+    first: Significance
+
+
+def select(
+    linearise: Linearise,
+    flips: FloatArray,
+    level: float,
+    banned: Collection[int] = (),
+    most: int = MOST_CAUSES,
+    kinds: Sequence[str] | None = None,
+) -> Selected:
+    """Choose effects that are significant and predict units that did not set their size.
+
+    Parameters
+    ----------
+    linearise : callable
+    flips : ndarray, shape (n_flips, n_units)
+    level : float
+        Family-wise, at each step.
+    banned : collection of int
+        Never chosen.
+    most : int
+        Chosen at most.
+    kinds : sequence of str or None
+        Of each effect; of a kind no more than one is chosen. None: all are of their own.
+    """
+    chosen: list[int] = []
+    dropped = set(banned)
+    units = linearise(chosen)
+    first = _significance(units, chosen, flips)
+    while len(chosen) < most:
+        taken = {kinds[effect] for effect in chosen} if kinds else set()
+        closed = {k for k, kind in enumerate(kinds or ()) if kind in taken}
+        best = _best(units, chosen, dropped | closed, flips, level)
+        if best is None:
+            break
+        chosen.append(best)
+        units = linearise(chosen)
+        while (worst := _superfluous(units, chosen, flips, level)) is not None:
+            chosen.remove(worst)
+            dropped.add(worst)  # or it would come and go for ever
+            units = linearise(chosen)
+    return Selected(tuple(chosen), units, first)
+
+
+def _significance(
+    units: Sequence[Unit], chosen: Sequence[int], flips: FloatArray
+) -> Significance:
+    left = project_out(units, chosen)
+    return left.significance(flips)
+
+
+def _best(
+    units: Sequence[Unit],
+    chosen: Sequence[int],
+    dropped: set[int],
+    flips: FloatArray,
+    level: float,
+) -> int | None:
+    """Return the candidate of the largest held-out gain among the significant."""
+    left = project_out(units, chosen)
+    found = left.significance(flips)
+    gain = held_out_gain(left).sum(axis=0)
+    open_to_choice = (found.p <= level) & (gain > 0.0)
+    open_to_choice[list(dropped)] = False
+    if not open_to_choice.any():
+        return None
+    return int(np.argmax(np.where(open_to_choice, gain, -np.inf)))
+
+
+def _superfluous(
+    units: Sequence[Unit], chosen: Sequence[int], flips: FloatArray, level: float
+) -> int | None:
+    """Return the chosen effect that the others make needless, if there is one."""
+    if len(chosen) < 2:
+        return None
+    worst, least = None, 0.0
+    for effect in chosen:
+        left = project_out(units, [other for other in chosen if other != effect])
+        found = left.significance(flips)
+        gain = float(held_out_gain(left)[:, effect].sum())
+        needed = found.p[effect] <= level and gain > 0.0
+        if not needed and (worst is None or gain < least):
+            worst, least = effect, gain
+    return worst

@@ -1,0 +1,1 @@
+"""Discoveries as jobs of a service: specification, worker and store."""

@@ -1,0 +1,1 @@
+"""The mount of a screen: resonances from a hammer (impact) test."""

@@ -1,0 +1,1 @@
+"""The regression problem: a base model, its nuisance parameters and candidate effects."""

@@ -1,0 +1,112 @@
+"""Base models by name, and simulators of models."""
+
+from pathlib import Path
+from typing import Final
+
+from pydantic import ValidationError
+
+from frictus.model import FirstOrderSpeedLaw, MassSpringDamper, Model
+from frictus_hardware.physics.effects import extended
+from frictus_hardware.physics.friction import FrictionLaw
+from frictus_hardware.physics.linear import TransferFunction
+from frictus_hardware.physics.mobility import Mobility
+from frictus_hardware.physics.simulator import Simulator
+from frictus_service.discovery.errors import BaseModelError
+from frictus_service.discovery.problem.nuisance import ResponseName
+
+SPEEDS_MM_S: Final = (1.0, 200.0)
+"""Where laws are taken at their word. Half of the strokes at a target of 20 or 100 mm/s are
+slower or faster; a law that held still there would be bent for them."""
+MIDDLE_SPEED_MM_S: Final = 60.0
+
+
+def base_model(base: str, response: ResponseName) -> Model:
+    """Return the model that is criticised.
+
+    Parameters
+    ----------
+    base : str
+        ``paper``, ``constant-cutoff`` or the path of a `model/1` document.
+    response : {'friction', 'mobility'}
+
+    Raises
+    ------
+    BaseModelError
+        If there is no such file, it is no model, or one of the other response.
+    """
+    law, skin = FrictionLaw(), Mobility()
+    if base == "paper" and response == "mobility":
+        return Model(
+            response="mobility",
+            base=MassSpringDamper(
+                mass_kg=skin.mass_kg,
+                damping_n_s_m=skin.damping_n_s_m,
+                stiffness_n_m=skin.stiffness_n_m,
+            ),
+        )
+    if base == "paper":
+        return _friction(law.cutoff_0_hz, law.slope_hz_per_mm_s)
+    if base == "constant-cutoff" and response == "friction":
+        return _friction(law.cutoff_0_hz + MIDDLE_SPEED_MM_S * law.slope_hz_per_mm_s, 0.0)
+    if base == "constant-cutoff":
+        raise BaseModelError(
+            "constant-cutoff is a model of friction; for the mobility give paper or a file"
+        )
+    model = _read(Path(base))
+    if model.response != response:
+        raise BaseModelError(
+            f"{base} is a model of the {model.response}, and the {response} is asked for; give "
+            f"a {response} model, or --response {model.response}"
+        )
+    return model
+
+
+def _friction(cutoff_0_hz: float, slope: float) -> Model:
+    return Model(
+        base=FirstOrderSpeedLaw(
+            gain_n=FrictionLaw().gain_n, cutoff_0_hz=cutoff_0_hz, slope_hz_per_mm_s=slope
+        )
+    )
+
+
+def _read(path: Path) -> Model:
+    try:
+        return Model.model_validate_json(path.read_bytes())
+    except FileNotFoundError as error:
+        raise BaseModelError(
+            f"no base model {str(path)!r}; accepted: paper, constant-cutoff, or a model/1 file"
+        ) from error
+    except (OSError, ValidationError) as error:
+        raise BaseModelError(f"{path} is no model/1 document: {error}") from error
+
+
+def simulator_of(model: Model, mount: TransferFunction | None) -> Simulator:
+    """Return what a model says of finger and rig.
+
+    Parameters
+    ----------
+    model : Model
+    mount : TransferFunction or None
+        The study's.
+
+    Raises
+    ------
+    UnknownEffectError, EffectParameterError
+        If the model has an effect that is not known, or out of its bounds.
+    """
+    base = model.base
+    effects = [(effect.id, effect.parameters) for effect in model.effects]
+    if isinstance(base, FirstOrderSpeedLaw):
+        law = FrictionLaw(base.gain_n, base.cutoff_0_hz, base.slope_hz_per_mm_s, SPEEDS_MM_S)
+        simulator = Simulator(law=law, mount=mount, delay_s=model.skew_s)
+    else:
+        skin = Mobility(base.mass_kg, base.damping_n_s_m, base.stiffness_n_m)
+        law = FrictionLaw(speed_range_mm_s=SPEEDS_MM_S)
+        simulator = Simulator(
+            law=law,
+            mobility=skin,
+            mount=mount,
+            response="mobility",
+            skin_delay_s=model.skew_s,
+        )
+    return extended(simulator, effects)

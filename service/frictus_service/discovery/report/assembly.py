@@ -1,0 +1,382 @@
+"""The document of a discovery, assembled from what was decided."""
+
+from collections.abc import ItemsView, Sequence
+from importlib.metadata import version
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from frictus.model import Effect, FirstOrderSpeedLaw, MassSpringDamper, Model
+from frictus_hardware.physics.effects import EFFECTS
+from frictus_service.discovery.catalogue.causes import CAUSES, cause_of, separating_experiment
+from frictus_service.discovery.decision.decision import CauseDecision, Decision
+from frictus_service.discovery.decision.prediction_gain import gain_of, unseen
+from frictus_service.discovery.decision.unexplained import UnexplainedPattern
+from frictus_service.discovery.document import (
+    Alternative,
+    CannotTell,
+    CauseTest,
+    Discovery,
+    Evidence,
+    NamedCause,
+    ParameterEstimate,
+    ParticipantValue,
+    StudyFacts,
+    Unexplained,
+    Verdict,
+)
+from frictus_service.discovery.evidence.evidence_rows import EvidenceRows
+from frictus_service.discovery.evidence.observation_table import (
+    UnitAssignment,
+)
+from frictus_service.discovery.inference.linear_model import joint_gain, project_out
+from frictus_service.discovery.inference.linearisation import Linearised, linearise
+from frictus_service.discovery.inference.nuisance_refit import with_refitted_nuisance
+from frictus_service.discovery.problem.candidates import Candidate
+from frictus_service.discovery.problem.nuisance import NUISANCE
+from frictus_service.discovery.problem.problem import DiscoveryProblem
+from frictus_service.discovery.report.figures import level_bins, residual_bins, rests_of
+
+FloatArray = NDArray[np.float64]
+
+POWER: Final = 0.84
+"""Quantile of the normal distribution: four of five studies."""
+
+
+def nothing_tested(
+    study: StudyFacts, base: Model, seed: int, notes: tuple[str, ...]
+) -> Discovery:
+    """Return the document where nothing could be tested."""
+    return Discovery(
+        code_version=version("frictus"),
+        seed=seed,
+        study=study,
+        response=base.response,
+        base_model=base,
+        extended_model=base,
+        verdict=None,
+        causes=(),
+        cannot_tell=(),
+        unexplained=(),
+        explained_share=None,
+        gain=None,
+        tests=tuple(
+            CauseTest(id=name, not_tested="too few participants and trials")
+            for name, cause in CAUSES.items()
+            if cause.response in (base.response, "both")
+        ),
+        notes=notes,
+    )
+
+
+class Assembly:
+    """Assembles the document from a decision.
+
+    Parameters
+    ----------
+    problem : DiscoveryProblem
+    units : UnitAssignment
+    rows : EvidenceRows
+    found : Decision
+    flips : ndarray, shape (n_flips, n_units)
+    base : Model
+    study : StudyFacts
+    seed : int
+    notes : tuple of str
+    """
+
+    def __init__(
+        self,
+        problem: DiscoveryProblem,
+        units: UnitAssignment,
+        rows: EvidenceRows,
+        found: Decision,
+        flips: FloatArray,
+        base: Model,
+        study: StudyFacts,
+        seed: int,
+        notes: tuple[str, ...],
+    ) -> None:
+        self._problem, self._units, self._rows = problem, units, rows
+        self._found, self._flips, self._base = found, flips, base
+        self._study, self._seed, self._notes = study, seed, notes
+        self._sure = [each for each in found.named if not each.alike]
+        self._unsure = [each for each in found.named if each.alike]
+        self._chosen = [each.candidate for each in self._sure if each.in_model]
+
+    def document(self) -> Discovery:
+        """Return the document."""
+        found, problem = self._found, self._problem
+        base = (with_refitted_nuisance(problem, found.base), ())
+        model = with_refitted_nuisance(problem, self._model_of(self._chosen))
+        extended = (model, tuple(self._chosen))
+        before, after = rests_of(problem, *base), rests_of(problem, *extended)
+        gain = None
+        if self._chosen:
+            per_unit = joint_gain(model.units, self._chosen)
+            gain = gain_of(problem, per_unit, base, extended)
+        return Discovery(
+            code_version=version("frictus"),
+            seed=self._seed,
+            study=self._study,
+            response=problem.response,
+            base_model=self._base,
+            extended_model=self._extended(model),
+            verdict=self._verdict(),
+            causes=tuple(self._cause(each) for each in self._sure),
+            cannot_tell=tuple(pair for each in self._unsure for pair in self._pairs(each)),
+            unexplained=tuple(self._unexplained(each) for each in found.unexplained),
+            explained_share=found.explained_share if found.named or found.unexplained else None,
+            gain=gain,
+            evidence=self._evidence(),
+            tests=tuple(self._tests()),
+            unseen=tuple(unseen(problem, self._chosen)) if self._chosen else (),
+            residuals=tuple(residual_bins(problem, self._rows.tones_hz, before, after)),
+            levels=tuple(level_bins(problem, base, extended)),
+            notes=(*self._notes, *self._beyond_bounds()),
+        )
+
+    def _model_of(self, effects: Sequence[int]) -> Linearised:
+        if tuple(effects) == self._found.effects:
+            return self._found.extended
+        base = self._found.base
+        return linearise(self._problem, effects, start=base) if effects else base
+
+    def _verdict(self) -> Verdict:
+        found = self._found
+        if not found.named:
+            return "unexplained" if found.unexplained else "clean"
+        # Of two that are not told apart neither is in the extended model.
+        open_ = self._unsure or any(each.verdict == "family" for each in found.named)
+        return "partly_explained" if found.unexplained or open_ else "explained"
+
+    def _cause(self, each: CauseDecision) -> NamedCause:
+        candidate = self._problem.candidates[each.candidate]
+        others = [other for other in self._chosen if other != each.candidate]
+        cause = cause_of(candidate.effect)
+        return NamedCause(
+            id=cause.id,
+            statement=cause.statement,
+            verdict=each.verdict,
+            parameters=self._parameters(each) if each.in_model else {},
+            p_value=each.p_value,
+            gain=gain_of(
+                self._problem,
+                each.gain,
+                (self._model_of(others), others),
+                (self._model_of([*others, each.candidate]), [*others, each.candidate]),
+            )
+            if each.in_model
+            else None,
+            alternatives=tuple(
+                Alternative(
+                    id=name,
+                    similarity=cosine,
+                    separating_experiment=separating_experiment(cause.id, name),
+                )
+                for name, cosine in self._others(each.near)
+            ),
+            next_experiment=cause.next_experiment,
+            evidence=self._evidence(),
+        )
+
+    def _others(self, near: Sequence[tuple[int, float]]) -> ItemsView[str, float]:
+        """Return other causes with their cosines, each once."""
+        names: dict[str, float] = {}
+        for candidate, cosine in near:
+            names.setdefault(self._problem.candidates[candidate].effect, cosine)
+        return names.items()
+
+    def _pairs(self, each: CauseDecision) -> list[CannotTell]:
+        name = self._problem.candidates[each.candidate].effect
+        return [
+            CannotTell(
+                between=(name, other),
+                separating_experiment=separating_experiment(name, other),
+                similarity=cosine,
+                p_value=each.p_value,
+            )
+            for other, cosine in self._others(each.alike)
+        ]
+
+    def _parameters(self, each: CauseDecision) -> dict[str, ParameterEstimate]:
+        candidate = self._problem.candidates[each.candidate]
+        effect = EFFECTS[candidate.effect]
+        units = {parameter.name: parameter.unit for parameter in effect.parameters}
+        known = each.coefficients[np.isfinite(each.coefficients)]
+        values = _parameter(candidate, known)
+        mean, n = float(values.mean()), values.size
+        error = float(values.std(ddof=1) / np.sqrt(n))
+        # What measuring is wrong by is the same for all: no mean takes it away.
+        best = float(_parameter(candidate, self._found.accuracy[each.candidate]))
+        half = float(np.hypot(stats.t.ppf(0.975, n - 1) * error, best / 2.0))
+        least = 0.0 if candidate.positive else -np.inf
+        estimate = ParameterEstimate(
+            value=max(mean, least),
+            ci95=(max(mean - half, least), max(mean + half, least)),
+            unit=units[candidate.parameter],
+            standard_error=error,
+            per_participant=tuple(
+                ParticipantValue(
+                    participant=unit, value=float(_parameter(candidate, coefficient))
+                )
+                for unit, coefficient in zip(self._units.names, each.coefficients, strict=True)
+                if np.isfinite(coefficient)
+            ),
+        )
+        found = {candidate.parameter: estimate}
+        for name, held in candidate.held:
+            found[name] = ParameterEstimate(value=held, ci95=None, unit=units[name])
+        return found
+
+    def _unexplained(self, each: UnexplainedPattern) -> Unexplained:
+        tones = self._rows.tones_hz[list(each.tones)]
+        band = (
+            (float(tones.min()), float(tones.max()))
+            if tones.size
+            else _BANDS[each.pattern.channel]
+        )
+        covariate = each.pattern.covariate
+        return Unexplained(
+            channel=each.pattern.channel,
+            band_hz=band,
+            covariate=None if covariate == "none" else covariate,
+            p_value=each.p_value,
+        )
+
+    def _extended(self, model: Linearised) -> Model:
+        """Return the base model with the population's own values and the named effects."""
+        if not self._chosen:
+            return self._base
+        scale = dict(
+            zip(NUISANCE[self._problem.response], np.exp(model.own.mean(axis=0)), strict=True)
+        )
+        base = self._base.base
+        law: FirstOrderSpeedLaw | MassSpringDamper
+        if isinstance(base, FirstOrderSpeedLaw):
+            law = base.model_copy(
+                update={
+                    "gain_n": base.gain_n * scale["gain_n"],
+                    "cutoff_0_hz": base.cutoff_0_hz * scale["cutoff_hz"],
+                    "slope_hz_per_mm_s": base.slope_hz_per_mm_s * scale["cutoff_hz"],
+                }
+            )
+        else:
+            law = base.model_copy(
+                update={name: getattr(base, name) * value for name, value in scale.items()}
+            )
+        effects = [
+            Effect(
+                id=self._problem.candidates[each.candidate].effect,
+                parameters=self._accepted(each),
+            )
+            for each in self._sure
+            if each.in_model
+        ]
+        return self._base.model_copy(
+            update={
+                "base": law,
+                "effects": [*self._base.effects, *effects],
+                "covariance": None,
+                "provenance": {
+                    **self._base.provenance,
+                    "source": "discovery",
+                    "study_sha256": self._study.sha256,
+                    "code_version": version("frictus"),
+                    "settings": {"response": self._problem.response},
+                    "seed": self._seed,
+                    "participants": self._study.participants,
+                },
+            }
+        )
+
+    def _accepted(self, each: CauseDecision) -> dict[str, float]:
+        """Return the parameters of a cause as a model accepts them."""
+        candidate = self._problem.candidates[each.candidate]
+        bounds = {p.name: (p.low, p.high) for p in EFFECTS[candidate.effect].parameters}
+        return {
+            name: float(np.clip(estimate.value, *bounds[name]))
+            for name, estimate in self._parameters(each).items()
+        }
+
+    def _beyond_bounds(self) -> list[str]:
+        """Return the notes on parameters that no model accepts as they were found."""
+        notes = []
+        for each in self._sure:
+            if not each.in_model:
+                continue
+            effect = self._problem.candidates[each.candidate].effect
+            accepted = self._accepted(each)
+            for name, estimate in self._parameters(each).items():
+                limited = accepted[name]
+                if limited != estimate.value:
+                    notes.append(
+                        f"{effect}: {name} is found at "
+                        f"{estimate.value:.4g}, beyond what a model accepts: "
+                        f"the extended model has {limited:.4g}, and was measured with that."
+                    )
+        return notes
+
+    def _evidence(self) -> Evidence:
+        people = len(set(self._units.participant))
+        count = len(self._units.names)
+        if self._units.held_out == "participants":
+            statement = (
+                f"{people} participants, each of whom counts once; each was predicted from the "
+                "others."
+            )
+        else:
+            statement = (
+                f"{people} participant{'s' if people > 1 else ''}, in {count} blocks of "
+                "trials, each predicted from the others: it holds for these people, and says "
+                "nothing of others."
+            )
+        return Evidence(
+            participants=people,
+            trials=self._study.trials_used,
+            rows=int(self._rows.tone.size),
+            held_out=self._units.held_out,
+            statement=statement,
+        )
+
+    def _tests(self) -> list[CauseTest]:
+        """Return what came of every cause about the base model."""
+        problem, first = self._problem, self._found.first
+        left = project_out(self._found.base.units)
+        critical = left.critical(self._flips, 0.05)
+        tests = {}
+        for name in {candidate.effect for candidate in problem.candidates}:
+            own = [k for k, each in enumerate(problem.candidates) if each.effect == name]
+            seen = [k for k in own if np.isfinite(first.t[k])]
+            if not seen:
+                reason = (
+                    f"this design does not show it; it needs: {cause_of(name).visible_with}"
+                )
+                tests[name] = CauseTest(id=name, not_tested=reason)
+                continue
+            best = max(seen, key=lambda k: float(abs(first.t[k])))
+            candidate = problem.candidates[best]
+            size = float(left.detectable(critical, POWER)[best])
+            tests[name] = CauseTest(
+                id=name,
+                statistic=float(first.t[best]),
+                p_value=float(first.p[best]),
+                detectable={candidate.parameter: float(_parameter(candidate, size))},
+            )
+        return [tests[name] for name in sorted(tests)]
+
+
+def _parameter(candidate: Candidate, coefficient: FloatArray | float) -> FloatArray:
+    """Return the parameter itself; below 0 where its square came out so."""
+    value = np.asarray(coefficient, dtype=np.float64)
+    return np.sign(value) * np.sqrt(np.abs(value)) if candidate.squared else value
+
+
+_BANDS: Final = {
+    "line50": (50.0, 50.0),
+    "line60": (60.0, 60.0),
+    "low": (4.0, 30.0),
+}
+"""Where what no tone says is looked for."""

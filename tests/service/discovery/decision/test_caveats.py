@@ -1,0 +1,93 @@
+"""Notes: what was left out, what the design cannot show, and what was compared."""
+
+from dataclasses import replace
+
+import numpy as np
+from tests.service.discovery.made import Design, made
+
+from frictus_service.discovery.decision.caveats import caveats_on
+from frictus_service.discovery.evidence.observation_table import (
+    LEAST_TRIALS,
+    comparable,
+    units_of,
+    used,
+)
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
+
+
+def notes(evidence: list[TrialEvidence]) -> tuple[str, ...]:
+    usable = used(evidence)
+    trials = comparable(usable, "friction")
+    return caveats_on(evidence, usable, trials, units_of(trials, "friction"), "friction")
+
+
+def invalid(one: TrialEvidence, *reasons: str) -> TrialEvidence:
+    return replace(one, observed=replace(one.observed, valid=False, reasons=reasons))
+
+
+def test_nothing_to_say(rng: np.random.Generator) -> None:
+    assert notes(made(rng)) == ()
+
+
+def test_the_most_frequent_kind_of_reason_is_told_with_an_example(
+    rng: np.random.Generator,
+) -> None:
+    evidence = made(rng)
+    for k in range(5):
+        slow = f"too slow: {k}.5 mm/s, -{k}0% from its target"
+        reason = slow if k < 3 else "lifted: the force fell to 0.01 N"
+        evidence[k] = invalid(evidence[k], reason, "not this")
+    (told,) = notes(evidence)
+    assert told.startswith(f"5 of {len(evidence)} trials are not used; most often (3 times)")
+    assert "too slow: 0.5 mm/s, -00% from its target" in told
+    assert "lifted" not in told
+    assert "not this" not in told
+
+
+def test_trials_without_a_sweep(rng: np.random.Generator) -> None:
+    evidence = made(rng)
+    names = evidence[0].stretches.__dataclass_fields__
+    none = {name: getattr(evidence[0].stretches, name)[:0] for name in names}
+    evidence[0] = replace(evidence[0], stretches=replace(evidence[0].stretches, **none))
+    (told,) = notes(evidence)
+    assert told.startswith(f"1 of {len(evidence)} trials are not used: they hold no steady")
+
+
+def test_designs_of_one_level(rng: np.random.Generator) -> None:
+    for name, design in (
+        ("speed", Design(speeds_mm_s=(60.0,))),
+        ("force", Design(forces_n=(0.4,))),
+    ):
+        (told,) = notes(made(rng, design=design))
+        assert told.startswith(f"All trials have one target {name}:")
+
+
+def test_few_people(rng: np.random.Generator) -> None:
+    (one,) = notes(made(rng, design=Design(1, repeats=4)))
+    assert one.startswith("1 participant, below 6: blocks")
+    (some,) = notes(made(rng, design=Design(5)))
+    assert some.startswith("5 participants, below 6: blocks")
+    (few,) = notes(made(rng, design=Design(1, repeats=3)))
+    assert few.startswith("Nothing was tested: 36 usable trials of 1 participants")
+    assert notes([])[0].startswith("Nothing was tested: 0 usable trials")
+
+
+def test_who_is_left_out_and_why(rng: np.random.Generator) -> None:
+    evidence = made(rng, design=Design(5))
+    of_last = [one for one in evidence if one.observed.info.participant == "P04"]
+    few = [one for one in evidence if one not in of_last[LEAST_TRIALS - 1 :]]
+    told, blocks = notes(few)
+    assert told.startswith(f"Left out: P04: fewer than {LEAST_TRIALS} usable trials")
+    assert blocks.startswith("4 participants, below 6: blocks")
+    of_one = [
+        silent(one) if one.observed.info.participant == "P07" else one for one in made(rng)
+    ]
+    (told,) = notes(of_one)
+    assert told == "Left out: P07: no usable trial says anything of the friction response."
+
+
+def silent(one: TrialEvidence) -> TrialEvidence:
+    """Return a trial of which nothing measured the response."""
+    rows = one.observed.rows
+    rows = replace(rows, friction_response=rows.friction_response * np.nan)
+    return replace(one, observed=replace(one.observed, rows=rows))

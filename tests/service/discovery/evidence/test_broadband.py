@@ -1,0 +1,145 @@
+"""Without tones: noise or a texture as message, or no message, gives what tones would give."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import signal
+from tests.service.identification.trials import (
+    RATE_HZ,
+    STUDY,
+    Made,
+    trial,
+    true_friction,
+    true_mobility,
+)
+
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence, evidence_of
+from frictus_service.study.trial import Trial
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+def noise(_: tuple[float, ...], time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Return noise from 30 to 2500 Hz as drive."""
+    sections = signal.butter(2, (30.0, 2500.0), "bandpass", fs=RATE_HZ, output="sos")
+    drawn = signal.sosfilt(sections, rng.standard_normal(time_s.size))
+    drive: FloatArray = np.clip(0.5 + 0.15 * drawn / drawn.std(), 0.0, 1.0)
+    return drive
+
+
+def untold(made: Made, rng: np.random.Generator) -> Trial:
+    """Return a trial that is driven by noise and names no tones."""
+    measured = trial(made, rng, noise)
+    return replace(measured, info=replace(measured.info, tones_hz=()))
+
+
+def pooled(
+    found: TrialEvidence, measured: ComplexArray, variance: FloatArray, true: ComplexArray
+) -> ComplexArray:
+    """Return measured over true per band, weighted by variance."""
+    tones = found.observed.rows.tone_hz
+    weight = np.square(np.abs(true)) / variance
+    return np.array(
+        [
+            np.average((measured / true)[tones == tone], weights=weight[tones == tone])
+            for tone in np.unique(tones)
+        ]
+    )
+
+
+def friction_ratio(found: TrialEvidence) -> ComplexArray:
+    rows = found.observed.rows
+    true = true_friction(rows.tone_hz, 60.0)
+    return pooled(found, rows.friction_response, rows.friction_variance, true)
+
+
+def test_noise_says_what_tones_say(rng: np.random.Generator) -> None:
+    made = Made((100.0,), 60.0, seconds=4.0, noise_n=0.002, noise_m_s2=0.05)
+    found = evidence_of(untold(made, rng), STUDY)
+    assert found.observed.valid, found.observed.reasons
+    assert any("mean coherence of drive and friction" in n for n in found.observed.notes)
+    rows = found.observed.rows
+    tones = np.unique(rows.tone_hz)
+    assert tones.size > 25
+    np.testing.assert_allclose(friction_ratio(found), 1.0, atol=0.02)
+    skin = pooled(found, rows.mobility, rows.mobility_variance, true_mobility(rows.tone_hz))
+    np.testing.assert_allclose(skin[tones > 60.0], 1.0, atol=0.07)
+    np.testing.assert_allclose(skin[(tones > 150.0) & (tones < 750.0)], 1.0, atol=0.03)
+    np.testing.assert_allclose(found.harmonics.message_mean, 0.5, atol=0.03)
+    assert np.all(np.abs(found.harmonics.message_power - 0.15**2) < 0.5 * 0.15**2)
+    assert np.isnan(found.harmonics.second).all()
+
+
+def test_variances_are_those_of_the_replicates(rng: np.random.Generator) -> None:
+    """With a noisy sensor: coherence far below one."""
+    made = Made((100.0,), 60.0, seconds=4.0, noise_n=0.3, wander_n=0.0)
+    found = [evidence_of(untold(made, rng), STUDY).observed.rows for _ in range(3)]
+    z = np.concatenate(
+        [
+            (rows.friction_response - true_friction(rows.tone_hz, 60.0))
+            / np.sqrt(rows.friction_variance)
+            for rows in found
+        ]
+    )
+    z = z[np.isfinite(z)]
+    both = np.concatenate([z.real, z.imag])
+    assert both.size > 500
+    assert abs(np.mean(both)) < 0.2
+    # Tails are heavy where few averages estimate the noise.
+    assert 0.45 < np.median(np.abs(both)) / 0.6745 < 1.5
+
+
+def test_force_and_skin_alone(rng: np.random.Generator) -> None:
+    made = Made((100.0,), 60.0, seconds=4.0, noise_n=0.002, noise_m_s2=0.05)
+    measured = replace(untold(made, rng), voltage_v=None)
+    found = evidence_of(measured, STUDY)
+    rows = found.observed.rows
+    assert np.isnan(rows.friction_response).all()
+    assert np.isnan(rows.message).all()
+    assert np.isnan(found.harmonics.message_mean).all()
+    assert any("coherence of force and skin" in note for note in found.observed.notes)
+    skin = pooled(found, rows.mobility, rows.mobility_variance, true_mobility(rows.tone_hz))
+    tones = np.unique(rows.tone_hz)
+    assert np.count_nonzero(tones > 150.0) > 10
+    np.testing.assert_allclose(skin[(tones > 150.0) & (tones < 750.0)], 1.0, atol=0.05)
+
+
+@pytest.mark.parametrize("with_skin", [True, False])
+def test_nothing_coherent_gives_nothing(with_skin: bool, rng: np.random.Generator) -> None:
+    measured = trial(Made((), 60.0, noise_n=0.01, noise_m_s2=0.5), rng)
+    if not with_skin:
+        measured = replace(measured, accel_m_s2=None)
+    found = evidence_of(measured, STUDY)
+    assert found.observed.rows.tone_hz.size == 0
+    assert found.stretches.sweep.size > 0
+    said = any("not coherent" in note for note in found.observed.notes)
+    assert said == with_skin
+
+
+def test_windows_with_gaps_are_left_out(rng: np.random.Generator) -> None:
+    measured = untold(Made((100.0,), 40.0, seconds=4.0), rng)
+    force = measured.force_n.copy()
+    force[30_000:31_000] = np.nan
+    found = evidence_of(replace(measured, force_n=force), STUDY)
+    true = true_friction(found.observed.rows.tone_hz, 40.0)
+    rows = found.observed.rows
+    ratio = pooled(found, rows.friction_response, rows.friction_variance, true)
+    np.testing.assert_allclose(ratio, 1.0, atol=0.02)
+
+
+def test_a_dead_accelerometer_leaves_friction(rng: np.random.Generator) -> None:
+    measured = untold(Made((100.0,), 60.0), rng)
+    dead = replace(measured, accel_m_s2=np.full_like(measured.force_n, np.nan))
+    found = evidence_of(dead, STUDY)
+    np.testing.assert_allclose(friction_ratio(found), 1.0, atol=0.02)
+    assert np.isnan(found.observed.rows.mobility).all()
+
+
+def test_a_tone_that_nobody_declared_is_still_told(rng: np.random.Generator) -> None:
+    measured = trial(Made((100.0,), 60.0), rng)
+    found = evidence_of(replace(measured, info=replace(measured.info, tones_hz=())), STUDY)
+    assert not found.observed.valid
+    assert "no tone is declared" in found.observed.reasons[0]

@@ -1,0 +1,113 @@
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import stats
+
+from frictus_service.discovery.inference.linear_model import (
+    Unit,
+    held_out_gain,
+    joint,
+    project_out,
+    similarity,
+)
+from frictus_service.discovery.inference.selection import select
+from frictus_service.discovery.inference.significance import PRIOR_DEGREES, signs
+
+FloatArray = NDArray[np.float64]
+LEVEL = 0.05
+
+
+def unit_of(readings: FloatArray, own: FloatArray, effects: FloatArray) -> Unit:
+    none = np.zeros(effects.shape[1])
+    return Unit(readings, own, effects, effects[:, :0], none, none[:0], none > 0.0, none > 0.0)
+
+
+def units(
+    rng: np.random.Generator,
+    size: Sequence[float],
+    *,
+    n_units: int = 8,
+    between: float = 0.3,
+    n: int = 120,
+) -> list[Unit]:
+    """Return units with an own level and slope, and effects of given mean sizes."""
+    found = []
+    for _ in range(n_units):
+        own = np.column_stack([np.ones(n), np.linspace(-1.0, 1.0, n)])
+        effects = rng.standard_normal((n, len(size)))
+        own_size = np.array(size) * (1.0 + between * rng.standard_normal(len(size)))
+        readings = own @ (5.0 * rng.standard_normal(2)) + effects @ own_size
+        found.append(unit_of(readings + rng.standard_normal(n), own, effects))
+    return found
+
+
+def chosen(found: Sequence[Unit], rng: np.random.Generator) -> tuple[int, ...]:
+    return select(lambda _: found, signs(len(found), rng), LEVEL).effects
+
+
+def test_what_is_there_is_found_and_nothing_else(rng: np.random.Generator) -> None:
+    size = [0.0] * 12
+    size[2], size[9] = 0.6, -0.5
+    found = [set(chosen(units(rng, size), rng)) for _ in range(40)]
+    missed = sum(not each >= {2, 9} for each in found)
+    assert missed <= 1  # 1 of 1600 expected: some study draws people who hardly show it
+    more = sum(each > {2, 9} for each in found)
+    assert more <= 10  # 2 of 40 expected; more than five standard deviations beyond
+
+
+def test_nothing_is_rarely_something(rng: np.random.Generator) -> None:
+    false = sum(bool(chosen(units(rng, [0.0] * 12), rng)) for _ in range(100))
+    assert false <= 14  # 5 of 100 expected; four standard deviations more
+
+
+def test_own_parameters_are_never_an_effect(rng: np.random.Generator) -> None:
+    found = [
+        unit_of(unit.readings, unit.own, np.column_stack([unit.own[:, 1], unit.effects]))
+        for unit in units(rng, [0.0, 0.0])
+    ]
+    assert np.isnan(project_out(found).estimates[:, 0]).all()
+
+
+def test_estimates_are_those_of_one_regression(rng: np.random.Generator) -> None:
+    found = units(rng, [0.4, -0.7, 0.0])
+    together = joint(found, [0, 1])
+    for unit, row in zip(found, together, strict=True):
+        columns = np.column_stack([unit.own, unit.effects[:, :2]])
+        expected = np.linalg.lstsq(columns, unit.readings, rcond=None)[0][2:]
+        assert row == pytest.approx(expected)
+
+
+def test_held_out_gain_is_what_others_predict(rng: np.random.Generator) -> None:
+    found = units(rng, [0.5])
+    left = project_out(found)
+    gain = held_out_gain(left)[:, 0]
+    value, noise = left.estimates[:, 0], 1.0 / left.information[:, 0]
+    for place, own in enumerate(value):
+        others = np.delete(value, place)
+        noisy = PRIOR_DEGREES * np.delete(noise, place).mean() + np.sum(
+            np.square(others - others.mean())
+        )
+        spread = np.sqrt(noisy / (PRIOR_DEGREES + others.size - 1) * (1.0 + 1.0 / others.size))
+        expected = stats.norm.logpdf(own, others.mean(), spread) - stats.norm.logpdf(
+            own, 0.0, spread
+        )
+        assert gain[place] == pytest.approx(expected)
+    assert gain.sum() > 0.0
+
+
+def test_on_nothing_the_held_out_gain_is_below_zero(rng: np.random.Generator) -> None:
+    gains = [held_out_gain(project_out(units(rng, [0.0] * 12))).sum(axis=0) for _ in range(20)]
+    assert np.mean(gains) < 0.0
+
+
+def test_alike_is_seen_after_own_parameters_are_gone(rng: np.random.Generator) -> None:
+    found = []
+    for unit in units(rng, [0.0, 0.0]):
+        twin = unit.effects[:, 0] + 3.0 * unit.own[:, 1]
+        effects = np.column_stack([unit.effects, twin])
+        found.append(unit_of(unit.readings, unit.own, effects))
+    cosines = similarity(found)
+    assert cosines[0, 2] == pytest.approx(1.0)
+    assert abs(cosines[0, 1]) < 0.3
