@@ -28,8 +28,8 @@ from frictus_service.calibration.precision import Variation, draw, paper_asks, q
 from frictus_service.calibration.prior import Prior
 from frictus_service.identification.analysis import identify
 from frictus_service.identification.documents import Settings
-from frictus_service.identification.observation import TrialObservations
-from frictus_service.identification.observe import observe
+from frictus_service.identification.observation.observations import TrialObservations
+from frictus_service.identification.observation.observe import observe
 from frictus_service.reproduction.plan import StudyConditions, TrialPlan, plan_study
 from frictus_service.reproduction.population import (
     ALONG,

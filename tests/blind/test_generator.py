@@ -14,7 +14,10 @@ from tests.blind.generator.transfer import mount, other_mount
 from tests.blind.generator.world import Moment, World
 from tests.blind.observed import ONE_PERSON, observations, trials
 
-from frictus_service.identification.observation import ResponseRows, TrialObservations
+from frictus_service.identification.observation.observations import (
+    ResponseRows,
+    TrialObservations,
+)
 from frictus_service.study.trial import Trial
 
 FloatArray = NDArray[np.float64]

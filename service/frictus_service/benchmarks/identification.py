@@ -14,8 +14,8 @@ import numpy as np
 
 from frictus_service.benchmarks import obvious
 from frictus_service.benchmarks.figure import Figure, Target, interleaved, skipped
-from frictus_service.identification.pipeline import Task, observe_study, read_task
-from frictus_service.identification.workers import work_through
+from frictus_service.identification.pipeline.study import Task, observe_study, read_task
+from frictus_service.identification.pipeline.workers import work_through
 from frictus_service.reproduction.plan import StudyConditions, plan_study
 from frictus_service.reproduction.population import draw_people
 from frictus_service.reproduction.simulate import STEPS, simulate_trial, study_info
@@ -156,7 +156,7 @@ def _rate(tasks: list[Task], workers: int) -> float:
 
 PEAK: Final = """
 import sys
-from frictus_service.identification.pipeline import observe_study
+from frictus_service.identification.pipeline.study import observe_study
 observe_study(sys.argv[1], workers=0)
 (peak,) = [line for line in open("/proc/self/status") if line.startswith("VmHWM")]
 print(peak.split()[1])

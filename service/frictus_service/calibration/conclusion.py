@@ -18,7 +18,7 @@ from frictus_service.calibration.plan import RecordedTrial
 from frictus_service.calibration.posterior import Posterior, estimate
 from frictus_service.calibration.prior import Prior
 from frictus_service.identification.errors import NothingToIdentifyError
-from frictus_service.identification.observation import TrialObservations
+from frictus_service.identification.observation.observations import TrialObservations
 from frictus_service.study.errors import Exclusion
 
 FloatArray = NDArray[np.float64]

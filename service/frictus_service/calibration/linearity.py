@@ -10,7 +10,7 @@ from frictus.messages import Excitation, Tone
 from frictus_service.calibration.design import BASE_HZ
 from frictus_service.calibration.errors import ExcitationDesignError
 from frictus_service.calibration.nonlinearity import Distortion, nonlinearity
-from frictus_service.identification.sweeps import find_sweeps, smooth
+from frictus_service.identification.observation.sweeps import find_sweeps, smooth
 from frictus_service.study.trial import Trial
 
 FloatArray = NDArray[np.float64]

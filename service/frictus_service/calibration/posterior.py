@@ -33,7 +33,7 @@ from frictus_service.calibration.score_information import (
     spread_of,
     start,
 )
-from frictus_service.identification.observation import TrialObservations
+from frictus_service.identification.observation.observations import TrialObservations
 
 FloatArray = NDArray[np.float64]
 

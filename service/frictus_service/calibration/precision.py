@@ -15,7 +15,10 @@ from numpy.typing import NDArray
 from frictus.messages import Excitation
 from frictus_service.calibration import coordinates, design
 from frictus_service.calibration.plan import Ask
-from frictus_service.identification.observation import ResponseRows, TrialObservations
+from frictus_service.identification.observation.observations import (
+    ResponseRows,
+    TrialObservations,
+)
 from frictus_service.study.trial import TrialInfo
 
 FloatArray = NDArray[np.float64]

@@ -24,8 +24,8 @@ from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, 
 from frictus_service.calibration.linearity import linearity_of
 from frictus_service.calibration.plan import Ask, plan_of
 from frictus_service.calibration.session import TrialSession, status_of
-from frictus_service.identification.observation import TrialObservations
-from frictus_service.identification.observe import observe
+from frictus_service.identification.observation.observations import TrialObservations
+from frictus_service.identification.observation.observe import observe
 from frictus_service.study.errors import Exclusion, FieldError
 from frictus_service.study.plausible import check_measured
 from frictus_service.study.reader import StudyReader

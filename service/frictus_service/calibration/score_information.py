@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.errors import EstimateError
-from frictus_service.identification.observation import TrialObservations
+from frictus_service.identification.observation.observations import TrialObservations
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

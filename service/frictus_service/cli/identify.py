@@ -35,8 +35,9 @@ def identify(
     as_json: AsJson = False,
 ) -> None:
     """Identify friction and skin of everyone in STUDY: models, tests, report."""
-    from frictus_service.identification import analysis, outputs
-    from frictus_service.identification.pipeline import observe_study
+    from frictus_service.identification import analysis
+    from frictus_service.identification.pipeline.study import observe_study
+    from frictus_service.identification.report import files as outputs
     from frictus_service.study.importers import open_study
 
     folder = out or study.with_name(f"{study.stem}-identification")

@@ -35,7 +35,7 @@ def discover_study(
     seed : int or None
         Of everything random; None: a fresh one, which the document holds.
     workers, cache, cluster, tell
-        As for `identification.pipeline.observe_study`.
+        As for `identification.pipeline.study.observe_study`.
 
     Raises
     ------

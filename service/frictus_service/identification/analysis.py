@@ -6,9 +6,6 @@ from importlib.metadata import version
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus_service.identification import effects, mixed
-from frictus_service.identification.conditions import ObservationTable
-from frictus_service.identification.correlations import correlations_of
 from frictus_service.identification.documents import (
     EffectTest,
     Identification,
@@ -16,25 +13,29 @@ from frictus_service.identification.documents import (
     Settings,
     SweepResult,
 )
-from frictus_service.identification.effects import Centre, number, per_participant
-from frictus_service.identification.estimates import (
+from frictus_service.identification.fit.conditions import ObservationTable
+from frictus_service.identification.fit.estimates import (
     Measured,
     cells_of,
     friction_of,
     mobility_of,
     values_of,
 )
-from frictus_service.identification.notes import notes_on
-from frictus_service.identification.observation import TrialObservations
-from frictus_service.identification.outliers import outliers_of
-from frictus_service.identification.pairs import pairs_of
-from frictus_service.identification.population import population_of
-from frictus_service.identification.results import (
+from frictus_service.identification.inference import effects
+from frictus_service.identification.inference import mixed_models as mixed
+from frictus_service.identification.inference.correlations import correlations_of
+from frictus_service.identification.inference.effects import Centre, number, per_participant
+from frictus_service.identification.inference.outliers import outliers_of
+from frictus_service.identification.inference.post_hoc import pairs_of
+from frictus_service.identification.observation.observations import TrialObservations
+from frictus_service.identification.report.caveats import notes_on
+from frictus_service.identification.report.population import population_of
+from frictus_service.identification.report.results import (
     conditions_of,
     participants_of,
     sweeps_of,
 )
-from frictus_service.identification.trial_accounting import account_for
+from frictus_service.identification.report.trial_accounting import account_for
 from frictus_service.study.errors import Exclusion
 
 FloatArray = NDArray[np.float64]

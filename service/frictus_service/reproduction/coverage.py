@@ -8,8 +8,8 @@ import numpy as np
 
 from frictus_service.identification.analysis import identify
 from frictus_service.identification.documents import ParticipantResult, Settings
-from frictus_service.identification.observe import observe
-from frictus_service.identification.workers import Crash, WorkerError, work_through
+from frictus_service.identification.observation.observe import observe
+from frictus_service.identification.pipeline.workers import Crash, WorkerError, work_through
 from frictus_service.reproduction.comparison import compare
 from frictus_service.reproduction.plan import StudyConditions, plan_study
 from frictus_service.reproduction.population import POPULATION, Person, draw_people

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from frictus_service.identification.workers import Crash, WorkerError, work_through
+from frictus_service.identification.pipeline.workers import Crash, WorkerError, work_through
 from frictus_service.reproduction.plan import TrialPlan
 from frictus_service.reproduction.simulate import STEPS, simulate_trial, study_info
 from frictus_service.study.trial import Trial

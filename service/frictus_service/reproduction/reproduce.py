@@ -9,7 +9,7 @@ import numpy as np
 
 from frictus_service.identification.analysis import identify
 from frictus_service.identification.documents import Identification
-from frictus_service.identification.pipeline import observe_study
+from frictus_service.identification.pipeline.study import observe_study
 from frictus_service.reproduction import paper
 from frictus_service.reproduction.comparison import compare
 from frictus_service.reproduction.plan import StudyConditions, log_tones, plan_study

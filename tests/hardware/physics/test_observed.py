@@ -11,8 +11,8 @@ from frictus_hardware.physics.simulator import Simulator
 from frictus_hardware.physics.twin import Signals, simulate
 from frictus_hardware.simulated.press import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
-from frictus_service.identification.observation import ResponseRows
-from frictus_service.identification.observe import observe
+from frictus_service.identification.observation.observations import ResponseRows
+from frictus_service.identification.observation.observe import observe
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 
 RATE_HZ = 20_000.0

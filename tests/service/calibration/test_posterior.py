@@ -14,7 +14,7 @@ from frictus_service.calibration.plan import Ask
 from frictus_service.calibration.posterior import Posterior, estimate
 from frictus_service.calibration.precision import Variation, draw, quick_asks
 from frictus_service.calibration.prior import Prior
-from frictus_service.identification.observation import TrialObservations
+from frictus_service.identification.observation.observations import TrialObservations
 
 FloatArray = NDArray[np.float64]
 

@@ -44,7 +44,7 @@ from frictus_service.fidelity.measure import (
     target_along,
 )
 from frictus_service.fidelity.path import walk
-from frictus_service.identification.validity import REVERSAL_S
+from frictus_service.identification.observation.validity import REVERSAL_S
 from frictus_service.library import SHIPPED
 from frictus_service.ports import free_endpoint
 from frictus_service.study.reader import StudyReader

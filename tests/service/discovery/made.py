@@ -23,7 +23,10 @@ from frictus_service.discovery.document import Discovery, NamedCause, StudyFacts
 from frictus_service.discovery.evidence.spectra import HarmonicResponse, Stretches
 from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 from frictus_service.discovery.problem.base_models import base_model, simulator_of
-from frictus_service.identification.observation import ResponseRows, TrialObservations
+from frictus_service.identification.observation.observations import (
+    ResponseRows,
+    TrialObservations,
+)
 from frictus_service.study.trial import TrialInfo
 
 FloatArray = NDArray[np.float64]

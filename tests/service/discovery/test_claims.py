@@ -21,7 +21,7 @@ from frictus_service.discovery.evidence.spectra import NO_HARMONICS
 from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 from frictus_service.discovery.problem.base_models import base_model, simulator_of
 from frictus_service.discovery.report.phrasing import verdict_sentence
-from frictus_service.identification.observation import ResponseRows
+from frictus_service.identification.observation.observations import ResponseRows
 
 Factor = Callable[[ResponseRows], NDArray[Any]]
 

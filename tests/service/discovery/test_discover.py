@@ -30,7 +30,7 @@ from frictus_service.discovery.evidence.observation_table import LEAST_UNITS
 from frictus_service.discovery.evidence.spectra import HarmonicResponse, Stretches
 from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 from frictus_service.discovery.problem.base_models import base_model, simulator_of
-from frictus_service.identification.observation import ResponseRows
+from frictus_service.identification.observation.observations import ResponseRows
 
 NULLS = 8
 UNCLEAN = 4

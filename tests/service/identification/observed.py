@@ -6,7 +6,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus_service.identification.observation import ResponseRows, TrialObservations
+from frictus_service.identification.observation.observations import (
+    ResponseRows,
+    TrialObservations,
+)
 from frictus_service.study.trial import TrialInfo
 
 FloatArray = NDArray[np.float64]

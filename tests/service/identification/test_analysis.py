@@ -10,7 +10,7 @@ from tests.service.identification.observed import Bench, Finger, observations
 from frictus_service.identification.analysis import identify
 from frictus_service.identification.documents import Identification, Settings
 from frictus_service.identification.errors import NothingToIdentifyError
-from frictus_service.identification.observation import TrialObservations
+from frictus_service.identification.observation.observations import TrialObservations
 from frictus_service.study.errors import Exclusion
 
 SMALL = Bench(

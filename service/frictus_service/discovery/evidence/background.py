@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus_service.identification.blocks import BLOCK, RAMP, BlockSums
-from frictus_service.identification.response import WholeBlocks
-from frictus_service.identification.tones import Tones, trend_degree
+from frictus_service.identification.observation.blocks import BLOCK, RAMP, BlockSums
+from frictus_service.identification.observation.response import WholeBlocks
+from frictus_service.identification.observation.tones import Tones, trend_degree
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

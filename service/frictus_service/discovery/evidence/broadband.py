@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.discovery.evidence.spectra import NO_HARMONICS, NOTHING, HarmonicResponse
-from frictus_service.identification.blocks import BLOCK
-from frictus_service.identification.message import drive_fraction
-from frictus_service.identification.observation import ResponseRows
-from frictus_service.identification.observe import FingerTrajectory
-from frictus_service.identification.response import NO_ROWS, Instrument
-from frictus_service.identification.sweeps import SweepThird
+from frictus_service.identification.observation.blocks import BLOCK
+from frictus_service.identification.observation.drive_message import drive_fraction
+from frictus_service.identification.observation.observations import ResponseRows
+from frictus_service.identification.observation.observe import FingerTrajectory
+from frictus_service.identification.observation.response import NO_ROWS, Instrument
+from frictus_service.identification.observation.sweeps import SweepThird
 from frictus_service.study.trial import StudyInfo, Trial
 
 FloatArray = NDArray[np.float64]

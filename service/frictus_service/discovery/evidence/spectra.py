@@ -13,18 +13,18 @@ from numpy.typing import NDArray
 
 from frictus_service.discovery.evidence.background import Backdrop, low_power
 from frictus_service.discovery.evidence.spectral_lines import Lines, lines_of
-from frictus_service.identification.blocks import BLOCK, BlockSums
-from frictus_service.identification.least_squares import noise_reach
-from frictus_service.identification.observation import ResponseRows
-from frictus_service.identification.observe import FingerTrajectory
-from frictus_service.identification.response import (
+from frictus_service.identification.observation.blocks import BLOCK, BlockSums
+from frictus_service.identification.observation.least_squares import noise_reach
+from frictus_service.identification.observation.observations import ResponseRows
+from frictus_service.identification.observation.observe import FingerTrajectory
+from frictus_service.identification.observation.response import (
     Instrument,
     WholeBlocks,
     channels_of,
     projections,
     whole_blocks,
 )
-from frictus_service.identification.tones import Amplitudes, fit
+from frictus_service.identification.observation.tones import Amplitudes, fit
 from frictus_service.study.trial import StudyInfo, Trial
 
 FloatArray = NDArray[np.float64]

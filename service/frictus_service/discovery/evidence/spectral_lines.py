@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus_service.identification.tones import Tones
+from frictus_service.identification.observation.tones import Tones
 
 FloatArray = NDArray[np.float64]
 

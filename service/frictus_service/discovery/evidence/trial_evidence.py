@@ -13,11 +13,11 @@ from frictus_service.discovery.evidence.spectra import (
     Stretches,
     spectra_of,
 )
-from frictus_service.identification.observation import TrialObservations
-from frictus_service.identification.observe import course_of, observe_along
-from frictus_service.identification.pipeline import read_study
-from frictus_service.identification.reading import Reader, Reading
-from frictus_service.identification.tables import columns_of, table_of
+from frictus_service.identification.observation.observations import TrialObservations
+from frictus_service.identification.observation.observe import course_of, observe_along
+from frictus_service.identification.pipeline.structured_columns import columns_of, table_of
+from frictus_service.identification.pipeline.study import read_study
+from frictus_service.identification.pipeline.trial_reader import Reader, Reading
 from frictus_service.study.trial import StudyInfo, Trial
 
 NOTHING_READ: Final = {
@@ -109,7 +109,7 @@ def study_evidence(
     ----------
     path : Path or str
     workers, cache, cluster, tell
-        As for `identification.pipeline.observe_study`; the cache's folder may be the same.
+        As for `identification.pipeline.study.observe_study`; the cache's folder may be the same.
 
     Raises
     ------

@@ -63,7 +63,7 @@ def plan_file(
     seed : int or None
         None: a fresh one, which the document holds.
     workers, cache, tell
-        As for `identification.pipeline.observe_study`.
+        As for `identification.pipeline.study.observe_study`.
 
     Raises
     ------

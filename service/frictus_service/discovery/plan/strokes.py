@@ -8,7 +8,7 @@ import numpy as np
 
 from frictus_hardware.physics.schedule import REFERENCE_POSITION_MM
 from frictus_service.discovery.plan.programme import PlannedTrial
-from frictus_service.identification.tones import Tones
+from frictus_service.identification.observation.tones import Tones
 
 TURN_S: Final = 0.08
 """Before and after a reversal, which no sweep contains."""

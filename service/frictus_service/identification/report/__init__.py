@@ -1,1 +1,1 @@
-"""The report of an identification: one HTML file that needs nothing else."""
+"""The document of an identification, its report, and what is written to a folder."""

@@ -12,10 +12,10 @@ from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
 from frictus_service.identification.documents import ConditionResult, ParticipantResult
-from frictus_service.identification.friction_fit import FirstOrder
-from frictus_service.identification.joint_fit import Law
-from frictus_service.identification.mobility_fit import mass_spring_damper
-from frictus_service.identification.observation import TrialObservations
+from frictus_service.identification.fit.friction_fit import FirstOrder
+from frictus_service.identification.fit.joint_fit import Law
+from frictus_service.identification.fit.mobility_fit import mass_spring_damper
+from frictus_service.identification.observation.observations import TrialObservations
 from frictus_service.identification.report.style import FIT, GRID, ORDER
 
 FloatArray = NDArray[np.float64]

@@ -11,7 +11,7 @@ from frictus_service.identification.documents import (
     Estimate,
     Identification,
 )
-from frictus_service.identification.observation import TrialObservations
+from frictus_service.identification.observation.observations import TrialObservations
 from frictus_service.identification.report.bode import bode, points_of
 from frictus_service.identification.report.html import fill, number, picture
 from frictus_service.identification.report.overview import (

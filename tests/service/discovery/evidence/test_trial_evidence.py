@@ -15,8 +15,13 @@ from frictus_service.discovery.evidence.trial_evidence import (
     evidence_of,
     study_evidence,
 )
-from frictus_service.identification.observe import observe
-from frictus_service.identification.pipeline import Task, observe_study, read_task, release
+from frictus_service.identification.observation.observe import observe
+from frictus_service.identification.pipeline.study import (
+    Task,
+    observe_study,
+    read_task,
+    release,
+)
 from frictus_service.study.importers import open_study
 from frictus_service.study.writer import StudyWriter
 

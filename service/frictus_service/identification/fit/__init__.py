@@ -1,0 +1,1 @@
+"""Laws fitted to the conditions of a study: friction, mobility, speed."""

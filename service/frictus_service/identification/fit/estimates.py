@@ -1,0 +1,252 @@
+"""The fits of a whole study: friction and mobility of every condition, laws of participants."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_service.identification.documents import Parameter, Settings
+from frictus_service.identification.fit.across_conditions import ConditionEvidence
+from frictus_service.identification.fit.conditions import ObservationTable, Selection, select
+from frictus_service.identification.fit.friction_fit import CUTOFF, GAIN, fit_friction
+from frictus_service.identification.fit.joint_fit import JointFit
+from frictus_service.identification.fit.mobility_fit import (
+    DAMPING,
+    MASS,
+    STIFFNESS,
+    fit_mobility,
+)
+from frictus_service.identification.fit.speed_law import SpeedLaw, estimate
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+COLUMNS: dict[Parameter, int] = {
+    "gain": GAIN,
+    "cutoff": CUTOFF,
+    "mass": MASS,
+    "damping": DAMPING,
+    "stiffness": STIFFNESS,
+}
+FRICTION: tuple[Parameter, ...] = ("gain", "cutoff")
+MOBILITY: tuple[Parameter, ...] = ("mass", "damping", "stiffness")
+_PASSES = 2
+_LEAST_RATIO = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """One parameter in all conditions in which it was estimated; arrays of shape (n,).
+
+    Attributes
+    ----------
+    person : ndarray of int
+    speed_mm_s, force_n : ndarray
+        Measured.
+    value : ndarray
+    """
+
+    person: IntArray
+    speed_mm_s: FloatArray
+    force_n: FloatArray
+    value: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """The conditions as they were measured; arrays of shape (n_conditions,).
+
+    Attributes
+    ----------
+    person : ndarray of int
+    speed_mm_s, force_n : ndarray
+        Means of the segments.
+    target_mm_s, target_n : ndarray
+    """
+
+    person: IntArray
+    speed_mm_s: FloatArray
+    force_n: FloatArray
+    target_mm_s: FloatArray
+    target_n: FloatArray
+
+    @classmethod
+    def of(cls, table: ObservationTable) -> "Measured":
+        """Return the means over the rows of each condition."""
+        n = len(table.conditions)
+        count = np.bincount(table.condition, minlength=n)
+        people = {name: index for index, name in enumerate(table.participants)}
+        return cls(
+            np.array([people[condition.participant] for condition in table.conditions]),
+            np.bincount(table.condition, table.speed_mm_s, n) / count,
+            np.bincount(table.condition, table.normal_force_n, n) / count,
+            np.array([condition.speed_mm_s for condition in table.conditions]),
+            np.array([condition.force_n for condition in table.conditions]),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """A response fitted in all conditions that have enough tones.
+
+    Attributes
+    ----------
+    selection : Selection
+        Its groups are the study's conditions.
+    fit : JointFit
+    """
+
+    selection: Selection
+    fit: JointFit
+
+    def values(self, parameter: Parameter, n_conditions: int) -> FloatArray:
+        """Return a parameter in all of the study's conditions; NaN where no fit settled."""
+        out = np.full(n_conditions, np.nan)
+        kept = self.fit.settled
+        out[self.selection.groups[kept]] = np.exp(
+            self.fit.log_parameters[kept, COLUMNS[parameter]]
+        )
+        return out
+
+
+def friction_of(
+    table: ObservationTable, measured: Measured, settings: Settings
+) -> Fitted | None:
+    """Fit the friction response of every condition; None if none has enough tones.
+
+    Parameters
+    ----------
+    table : ObservationTable
+    measured : Measured
+    settings : Settings
+    """
+    chosen = select(table, "friction", table.condition, measured.person, settings.least_tones)
+    if not chosen.groups.size:
+        return None
+    n_people = len(table.participants)
+    fitted = Fitted(chosen, fit_friction(chosen.sample, n_people))
+    for _ in range(_PASSES - 1):
+        ratio = _cutoff_ratio(fitted, measured)
+        fitted = Fitted(chosen, fit_friction(chosen.sample, n_people, ratio))
+    return fitted
+
+
+def mobility_of(
+    table: ObservationTable, measured: Measured, settings: Settings
+) -> Fitted | None:
+    """Fit the mobility of every condition; None where nothing measured the skin.
+
+    Parameters
+    ----------
+    table : ObservationTable
+    measured : Measured
+    settings : Settings
+    """
+    chosen = select(
+        table,
+        "mobility",
+        table.condition,
+        measured.person,
+        settings.least_tones,
+        settings.mobility_highest_hz,
+    )
+    if not chosen.groups.size:
+        return None
+    return Fitted(chosen, fit_mobility(chosen.sample, len(table.participants)))
+
+
+def values_of(
+    friction: Fitted | None, mobility: Fitted | None, n_conditions: int
+) -> dict[Parameter, FloatArray]:
+    """Return every parameter that was fitted, in all conditions of the study."""
+    return {
+        parameter: fitted.values(parameter, n_conditions)
+        for fitted, parameters in ((friction, FRICTION), (mobility, MOBILITY))
+        if fitted is not None
+        for parameter in parameters
+    }
+
+
+def cells_of(measured: Measured, value: FloatArray) -> Cells:
+    """Return a parameter where it is known, with what was measured there."""
+    known = np.isfinite(value)
+    return Cells(
+        measured.person[known],
+        measured.speed_mm_s[known],
+        measured.force_n[known],
+        value[known],
+    )
+
+
+def evidence_of(
+    fitted: Fitted, measured: Measured, person: int, kept: BoolArray | None = None
+) -> ConditionEvidence | None:
+    """Return what is known of a participant's conditions; None if none settled.
+
+    Parameters
+    ----------
+    fitted : Fitted
+    measured : Measured
+    person : int
+    kept : ndarray of bool, or None
+        Which of the study's conditions to use.
+    """
+    fit, sample = fitted.fit, fitted.selection.sample
+    used = fit.settled & (sample.people == person)
+    if kept is not None:
+        used &= kept[fitted.selection.groups]
+    if not used.any():
+        return None
+    place = np.cumsum(used) - 1
+    trials = used[sample.condition_of_trial]
+    return ConditionEvidence(
+        measured.speed_mm_s[fitted.selection.groups[used]],
+        np.exp(fit.log_parameters[used]),
+        _typical(fitted, measured)[used],
+        fit.influence[trials],
+        place[sample.condition_of_trial[trials]],
+        float(fit.delay_s[person]),
+        fit.delay_influence[trials],
+        fit.delay_gradient[used],
+    )
+
+
+def law_of(
+    fitted: Fitted, measured: Measured, person: int, kept: BoolArray | None = None
+) -> SpeedLaw | None:
+    """Return a participant's speed law; None below two target speeds. As `evidence_of`."""
+    used = fitted.fit.settled & (fitted.selection.sample.people == person)
+    if kept is not None:
+        used &= kept[fitted.selection.groups]
+    if np.unique(measured.target_mm_s[fitted.selection.groups[used]]).size < 2:
+        return None
+    evidence = evidence_of(fitted, measured, person, kept)
+    return None if evidence is None else estimate(evidence)
+
+
+def _typical(fitted: Fitted, measured: Measured) -> FloatArray:
+    """Return the variances of the logarithms: the median of the conditions at each speed."""
+    variance = np.diagonal(fitted.fit.covariance, axis1=1, axis2=2)
+    speed = measured.target_mm_s[fitted.selection.groups]
+    typical = np.empty(variance.shape)
+    for one in np.unique(speed):
+        typical[speed == one] = np.median(variance[speed == one], axis=0)
+    return typical
+
+
+def _cutoff_ratio(fitted: Fitted, measured: Measured) -> FloatArray:
+    """Return the cutoff at each row's speed over its condition's, by the laws found so far."""
+    sample = fitted.selection.sample
+    ratio = np.ones(sample.tone_hz.size)
+    mean = measured.speed_mm_s[fitted.selection.groups][sample.condition]
+    for person in np.unique(sample.people):
+        law = law_of(fitted, measured, int(person))
+        if law is None:
+            continue
+        rows = sample.people[sample.condition] == person
+        middle = law.cutoff_hz(mean[rows])
+        change = law.slope_hz_per_mm_s * (sample.speed_mm_s[rows] - mean[rows])
+        safe = np.where(middle > 0.0, middle, np.inf)
+        ratio[rows] = np.maximum(1.0 + change / safe, _LEAST_RATIO)
+    return ratio

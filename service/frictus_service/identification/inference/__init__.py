@@ -1,0 +1,1 @@
+"""Inference across participants: effects, correlations, mixed models, post-hoc tests."""

@@ -1,0 +1,127 @@
+"""Spearman's correlations of friction with skin, and what makes each of them weak."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from frictus_service.identification.documents import (
+    Correlation,
+    Estimate,
+    OneCorrelation,
+    Parameter,
+)
+from frictus_service.identification.fit.estimates import FRICTION, MOBILITY, Measured
+from frictus_service.identification.inference.statistics import mean_of, p_of_t
+
+FloatArray = NDArray[np.float64]
+
+LEAST = 5
+"""Points below which no correlation is given."""
+
+
+def correlations_of(
+    values: Mapping[Parameter, FloatArray], measured: Measured, participants: Sequence[str]
+) -> list[Correlation]:
+    """Return the correlations of gain and cutoff with mass, damping and stiffness.
+
+    Parameters
+    ----------
+    values : mapping of parameter to ndarray, shape (n_conditions,)
+        NaN where it was not estimated.
+    measured : Measured
+    participants : sequence of str
+    """
+    pairs = [
+        (first, second)
+        for first in FRICTION
+        for second in MOBILITY
+        if first in values and second in values
+    ]
+    out = []
+    for first, second in pairs:
+        known = np.isfinite(values[first]) & np.isfinite(values[second])
+        x, y = values[first][known], values[second][known]
+        person, speed = measured.person[known], measured.target_mm_s[known]
+        pooled = _spearman(x, y)
+        if pooled is None:
+            continue
+        own = {
+            name: found
+            for index, name in enumerate(participants)
+            if (found := _spearman(x[person == index], y[person == index])) is not None
+        }
+        mean, p = _mean(own)
+        out.append(
+            Correlation(
+                first=first,
+                second=second,
+                pooled=pooled,
+                per_participant=own,
+                within_mean=mean,
+                p_within=p,
+                at_equal_speed=_at_equal_speed(x, y, person, speed),
+                cautions=_cautions(len(pairs), person, speed),
+            )
+        )
+    return out
+
+
+def _spearman(x: FloatArray, y: FloatArray) -> OneCorrelation | None:
+    if x.size < LEAST or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
+        return None
+    found = stats.spearmanr(x, y)
+    return OneCorrelation(r=float(found.statistic), p=float(found.pvalue), n=x.size)
+
+
+def _mean(own: Mapping[str, OneCorrelation]) -> tuple[Estimate | None, float | None]:
+    """Return the mean of the participants' own correlations, each counting once."""
+    if len(own) < 2:
+        return None, None
+    z = np.arctanh(np.clip([one.r for one in own.values()], -0.999, 0.999))
+    mean = mean_of(z)
+    assert mean.ci95 is not None
+    assert mean.standard_error is not None
+    low, high = np.tanh(mean.ci95)
+    p = p_of_t(mean.value / mean.standard_error, len(own) - 1) if mean.standard_error else None
+    value = float(np.tanh(mean.value))
+    error = mean.standard_error * (1.0 - value**2)
+    return Estimate(value=value, standard_error=error, ci95=(float(low), float(high))), p
+
+
+def _at_equal_speed(
+    x: FloatArray, y: FloatArray, person: NDArray[np.int64], speed: FloatArray
+) -> OneCorrelation | None:
+    """Return the correlation of what is left of each person's mean at each speed."""
+    _, cell = np.unique(np.column_stack([person, speed]), axis=0, return_inverse=True)
+    cell = cell.ravel()
+    count = np.bincount(cell)
+    several = count[cell] > 1
+    rest = [(value - np.bincount(cell, value)[cell] / count[cell])[several] for value in (x, y)]
+    return _spearman(*rest)
+
+
+def _cautions(n_pairs: int, person: NDArray[np.int64], speed: FloatArray) -> tuple[str, ...]:
+    people = np.unique(person).size
+    out = []
+    if person.size > people:
+        out.append(
+            f"The {person.size} points are not independent: {people} participants, "
+            f"{person.size / people:.0f} conditions each. The pooled p takes them for "
+            f"{person.size} people; the mean of the participants' own correlations does not."
+        )
+    if np.unique(speed).size > 1:
+        out.append(
+            "Speed drives both: parameters that both follow the speed correlate without acting "
+            "on each other. At equal speed is what is left without that."
+        )
+    out.append(
+        "Both come from the same measured friction force: a common error, of its gain or of "
+        "the mount's response, correlates them."
+    )
+    if people < 20:
+        out.append(f"{people} participants leave the correlation between people wide open.")
+    if n_pairs > 1:
+        out.append(f"{n_pairs} pairs are tested; the p values are not corrected for that.")
+    return tuple(out)

@@ -1,0 +1,1 @@
+"""What one trial measured: a complex response per sweep, third of the stroke and tone."""

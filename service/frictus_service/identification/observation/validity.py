@@ -1,0 +1,215 @@
+"""Whether a trial may be used: the paper's Appendix C, and whether its sensors can be trusted.
+
+The paper asks that means stay within 10 % of the targets, and that samples more than 25 % off
+add up to no more than one second of the ten of a trial. Here that is a tenth of a trial of any
+length. A finger that reverses cannot keep its speed: speed is not judged within 0.15 s of a
+reversal, and means are taken over the sweeps.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_service.identification.observation.clipping import CLIPPED_SHARE, inspect
+from frictus_service.identification.observation.drive_message import drive_fraction
+from frictus_service.identification.observation.sweeps import (
+    GAP_S,
+    Sweep,
+    TouchMotion,
+    rest_mm_s,
+)
+from frictus_service.study.trial import StudyInfo, Trial
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+MEAN_TOLERANCE: Final = 0.10
+TOLERANCE: Final = 0.25
+MOST_OFF: Final = 0.1
+"""Share of the trial that may be off target; of its samples that may be missing."""
+
+REVERSAL_S: Final = 0.15
+
+LEAST_DRIVE: Final = 0.02
+"""Amplitude of the drive fraction below which there is none."""
+
+LINE_SHARE: Final = 0.05
+"""Of the drive's power, in an undeclared tone; noise has less in any line."""
+
+SPECTRUM_SAMPLES: Final = 32_768
+HANN_LINES: Final = 1.5
+"""As many lines of the spectrum hold the power of one tone."""
+
+HIGHEST_SHARE: Final = 0.15
+"""Lines are looked for up to this share of the sample rate: above lie the carrier's images."""
+
+
+@dataclass(frozen=True, slots=True)
+class Means:
+    """Over the sweeps; NaN where nothing was measured."""
+
+    speed_mm_s: float
+    force_n: float
+
+
+def judge(
+    trial: Trial, study: StudyInfo, motion: TouchMotion, sweeps: list[Sweep], means: Means
+) -> tuple[str, ...]:
+    """Return why a trial may not be used: one sentence each, none where it may.
+
+    Parameters
+    ----------
+    trial : Trial
+    study : StudyInfo
+    motion : TouchMotion
+        Of the finger, from `sweeps.smooth`.
+    sweeps : list of Sweep
+    means : Means
+    """
+    return (
+        *_samples(trial),
+        *_speed(trial, motion, sweeps, means.speed_mm_s),
+        *_force(trial, means.force_n),
+        *_drive(trial, study),
+    )
+
+
+def _samples(trial: Trial) -> Iterator[str]:
+    """Judge what is missing, what is clipped and what stands along the screen."""
+    channels = {
+        "voltage_v": trial.voltage_v,
+        "force_n": trial.force_n,
+        "accel_m_s2": trial.accel_m_s2,
+        "skin_velocity_m_s": trial.skin_velocity_m_s,
+    }
+    for name, samples in channels.items():
+        if samples is None:
+            continue
+        quality = inspect(samples.reshape(samples.shape[0], -1))
+        needed = name in ("voltage_v", "force_n")
+        if needed and quality.missing_share > MOST_OFF:
+            yield (
+                f"{quality.missing_share:.0%} of the samples of {name} are missing; accepted: "
+                f"{MOST_OFF:.0%}"
+            )
+        if name != "voltage_v":
+            if 0 in quality.constant:
+                yield (
+                    f"{name}, column 0, holds one and the same value throughout: its sensor is "
+                    "dead or not connected; accepted: a channel that varies"
+                )
+            for clipped in quality.clipped:
+                yield (
+                    f"{name}, column {clipped.column}, is clipped at {clipped.value:.4g}: "
+                    f"{clipped.share:.1%} of its samples stand there; accepted: "
+                    f"{CLIPPED_SHARE:.1%}"
+                )
+
+
+def _speed(
+    trial: Trial, motion: TouchMotion, sweeps: list[Sweep], mean_mm_s: float
+) -> Iterator[str]:
+    if not sweeps:
+        reported = np.isfinite(trial.position_mm).all(axis=1).sum()
+        yield (
+            f"there is no steady sweep along the screen in {reported} reports of the position"
+        )
+        return
+    target = trial.info.speed_mm_s
+    yield from _mean("speed over the sweeps", mean_mm_s, target, "mm/s")
+    off = np.abs(motion.speed_mm_s - target) > TOLERANCE * target
+    judged = off & ~_reversing(motion)
+    lasting = np.minimum(np.gradient(motion.time_s), GAP_S)
+    yield from _excess("speed", float(lasting[judged].sum()), _duration_s(trial))
+
+
+def _reversing(motion: TouchMotion) -> BoolArray:
+    """Return which reports lie close to the end or the beginning of motion at a reversal."""
+    along = motion.velocity_mm_s[:, 0]
+    brisk = np.flatnonzero(np.abs(along) > rest_mm_s(motion))
+    turned = np.diff(np.sign(along[brisk])) != 0.0
+    edges = np.unique(motion.time_s[np.concatenate([brisk[:-1][turned], brisk[1:][turned]])])
+    padded = np.concatenate([[-np.inf], edges, [np.inf]])
+    after = np.searchsorted(edges, motion.time_s) + 1
+    distance = np.minimum(padded[after] - motion.time_s, motion.time_s - padded[after - 1])
+    close: BoolArray = distance < REVERSAL_S
+    return close
+
+
+def _force(trial: Trial, mean_n: float) -> Iterator[str]:
+    target = trial.info.force_n
+    if not np.isnan(mean_n):
+        yield from _mean("normal force over the sweeps", mean_n, target, "N")
+    off = np.count_nonzero(np.abs(trial.force_n[:, 2] - target) > TOLERANCE * target)
+    yield from _excess("normal force", off / trial.info.sample_rate_hz, _duration_s(trial))
+
+
+def _mean(what: str, mean: float, target: float, unit: str) -> Iterator[str]:
+    if not abs(mean - target) <= MEAN_TOLERANCE * target:
+        yield (
+            f"the mean {what} is {mean:.3g} {unit}, {mean / target - 1.0:+.1%} from the target "
+            f"of {target:g} {unit}; accepted: ±{MEAN_TOLERANCE:.0%}"
+        )
+
+
+def _excess(what: str, off_s: float, duration_s: float) -> Iterator[str]:
+    if off_s > MOST_OFF * duration_s:
+        yield (
+            f"the {what} is more than {TOLERANCE:.0%} from its target for {off_s:.2g} s of "
+            f"{duration_s:.3g} s; accepted: {MOST_OFF * duration_s:.2g} s"
+        )
+
+
+def _duration_s(trial: Trial) -> float:
+    return float(trial.force_n.shape[0] / trial.info.sample_rate_hz)
+
+
+def _drive(trial: Trial, study: StudyInfo) -> Iterator[str]:
+    declared = trial.info.tones_hz
+    if trial.voltage_v is None:
+        if declared:
+            yield f"a tone of {_listed(declared)} Hz is declared, but there is no voltage_v"
+        return
+    line_hz, amplitude, share, resolution_hz = _strongest(trial, study)
+    if declared and amplitude < LEAST_DRIVE / len(declared):
+        yield (
+            f"a tone of {_listed(declared)} Hz is declared, but the voltage drives with an "
+            f"amplitude of {amplitude:.2g} of full drive at most"
+        )
+    elif declared and min(abs(line_hz - tone) for tone in declared) > 1.5 * resolution_hz:
+        yield (
+            f"a tone of {_listed(declared)} Hz is declared, but the voltage drives at "
+            f"{line_hz:.1f} Hz"
+        )
+    elif not declared and amplitude >= LEAST_DRIVE and share >= LINE_SHARE:
+        yield f"no tone is declared, but the voltage drives at {line_hz:.1f} Hz"
+
+
+def _listed(tones_hz: tuple[float, ...]) -> str:
+    return ", ".join(f"{tone:g}" for tone in tones_hz)
+
+
+def _strongest(trial: Trial, study: StudyInfo) -> tuple[float, float, float, float]:
+    """Return frequency, amplitude, share of power of the strongest line; the resolution."""
+    assert trial.voltage_v is not None
+    voltage = np.nan_to_num(trial.voltage_v[:SPECTRUM_SAMPLES])
+    drive = drive_fraction(voltage, study.screen_peak_v)
+    window = _window(drive.size)
+    spectrum = np.abs(np.fft.rfft((drive - drive.mean()) * window)) * 2.0 / window.sum()
+    resolution_hz = trial.info.sample_rate_hz / drive.size
+    highest = int(HIGHEST_SHARE * drive.size)
+    strongest = 2 + int(np.argmax(spectrum[2:highest]))
+    amplitude = float(spectrum[strongest])
+    whole = float(np.square(spectrum[2:highest]).sum()) / HANN_LINES
+    share = amplitude**2 / whole if whole > 0.0 else 0.0
+    return strongest * resolution_hz, amplitude, share, resolution_hz
+
+
+@lru_cache(maxsize=8)
+def _window(samples: int) -> FloatArray:
+    window: FloatArray = np.hanning(samples)
+    return window

@@ -1,0 +1,285 @@
+"""What all trials of a study say: they go through workers, known ones come from a cache."""
+
+import os
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from frictus_service.identification.observation.observations import TrialObservations
+from frictus_service.identification.observation.observe import observe
+from frictus_service.identification.observation.response import NO_ROWS
+from frictus_service.identification.pipeline.cache import Cache, state_of
+from frictus_service.identification.pipeline.trial_reader import Reader, Reading
+from frictus_service.identification.pipeline.workers import Crash, work_through
+from frictus_service.study.digest import duplicates
+from frictus_service.study.errors import TrialError
+from frictus_service.study.importers import open_study
+from frictus_service.study.study import Study
+from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
+
+TRIALS_PER_WORKER: Final = 30
+"""A process takes longer to start than so many trials take."""
+
+
+def read_observations(trial: Trial, study: StudyInfo) -> Reading:
+    """Return the observations of a trial, and nothing else."""
+    return Reading(observe(trial, study))
+
+
+OBSERVER: Final = Reader("observations", read_observations)
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One trial to be read by a process that opens the study itself.
+
+    Attributes
+    ----------
+    path : Path
+        The study, at a place that the process reaches too.
+    trial : TrialInfo
+    cache : Path or None
+        Folder of readings; likewise.
+    reader : Reader
+    """
+
+    path: Path
+    trial: TrialInfo
+    cache: Path | None
+    reader: Reader = OBSERVER
+
+
+def observe_study(
+    path: Path | str,
+    *,
+    workers: int | None = None,
+    cache: Path | str | None = None,
+    cluster: str | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> list[TrialObservations]:
+    """Return the observations of all trials of a study, in the order of its trials.
+
+    The trials are read by the workers, one at a time each, so that memory does not grow with
+    the study. Trials that cannot be read or used, copies of others and trials that kept ending
+    their workers are in the list too, not valid, with the reason.
+
+    Parameters
+    ----------
+    path : Path or str
+    workers : int or None
+        Processes to spawn; 0 observes in this one. None: one per processor, and none for a few
+        trials. Whatever the number, the result is the same.
+    cache : Path or str or None
+        Folder that keeps observations for the next time; None keeps nothing.
+    cluster : str or None
+        Address of a `dask.distributed` scheduler, such as ``tcp://host:8786``, whose workers
+        are used instead; they must reach study and cache at the same paths.
+    tell : callable or None
+        Told what happens, a line at a time.
+
+    Raises
+    ------
+    StudyError
+        If the study cannot be read.
+    WorkerError
+        If worker processes do not start, or fail.
+    ClusterError
+        If the cluster cannot be used.
+    """
+    readings = read_study(
+        path, OBSERVER, workers=workers, cache=cache, cluster=cluster, tell=tell
+    )
+    return [reading.observed for reading in readings]
+
+
+def read_study(
+    path: Path | str,
+    reader: Reader,
+    *,
+    workers: int | None = None,
+    cache: Path | str | None = None,
+    cluster: str | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> list[Reading]:
+    """Return the readings of all trials of a study, in the order of its trials.
+
+    As `observe_study`, of which the observations are one reading.
+
+    Parameters
+    ----------
+    path : Path or str
+    reader : Reader
+    workers, cache, cluster, tell
+        As for `observe_study`.
+    """
+    tell = tell or (lambda line: None)
+    path = Path(path).resolve()
+    kept = None if cache is None else Cache(Path(cache).resolve(), reader)
+    with open_study(path) as study:
+        for left_out in study.excluded:
+            tell(f"trial {left_out.trial} is left out: {left_out.field} {left_out.reason}")
+        contents = _Contents.of(path, kept)
+        found = {trial.id: contents.find(trial, study) for trial in study.trials}
+        tasks = [
+            Task(path, trial, None if kept is None else kept.folder, reader)
+            for trial in study.trials
+            if found[trial.id] is None
+        ]
+        tell(f"{len(found)} trials, {len(found) - len(tasks)} of them known already")
+        for count, (task, outcome) in enumerate(_each(study, tasks, workers, cluster, tell), 1):
+            found[task.trial.id] = _reading_of(task.trial, outcome)
+            if count * 20 // len(tasks) > (count - 1) * 20 // len(tasks):
+                tell(f"{count} of {len(tasks)} trials observed")
+    readings = [each for each in found.values() if each is not None]
+    if tasks:
+        contents.keep(readings)
+    return _without_copies(readings)
+
+
+@dataclass(frozen=True, slots=True)
+class _Contents:
+    """What is known of a study file before it is read."""
+
+    kept: Cache | None
+    state: str
+    hashes: dict[str, str]
+
+    @classmethod
+    def of(cls, path: Path, kept: Cache | None) -> "_Contents":
+        # The time of a folder says nothing about the files in it.
+        if kept is None or not path.is_file():
+            return cls(None, "", {})
+        state = state_of(path)
+        return cls(kept, state, kept.contents(state))
+
+    def find(self, trial: TrialInfo, study: Study) -> Reading | None:
+        sha256 = self.hashes.get(trial.id)
+        if self.kept is None or sha256 is None:
+            return None
+        return self.kept.find(sha256, trial, study.info)
+
+    def keep(self, readings: Sequence[Reading]) -> None:
+        if self.kept is not None:
+            observed = [reading.observed for reading in readings]
+            hashes = {each.info.id: each.sha256 for each in observed if each.sha256}
+            self.kept.keep_contents(self.state, hashes)
+
+
+def _each(
+    study: Study,
+    tasks: Sequence[Task],
+    workers: int | None,
+    cluster: str | None,
+    tell: Callable[[str], None],
+) -> Iterator[tuple[Task, Reading | Crash]]:
+    """Yield each task with its outcome, as they are done."""
+    if workers is None:
+        workers = min(os.cpu_count() or 1, len(tasks) // TRIALS_PER_WORKER)
+    if workers < 0:
+        raise ValueError(f"workers is {workers}; accepted: 0 (none), 1 and more, or None")
+    if cluster is not None:
+        from frictus_service.identification.pipeline.dask_cluster import work_on_cluster
+
+        done = work_on_cluster(cluster, read_task, tasks, tell, after=release)
+    elif workers == 0:
+        done = ((n, _read(study, task)) for n, task in enumerate(tasks))
+    else:
+        done = work_through(read_task, tasks, workers, tell)
+    for number, outcome in done:
+        yield tasks[number], outcome
+
+
+def read_task(task: Task) -> Reading:
+    """Do one task in whatever process; it keeps the study open for the next.
+
+    Parameters
+    ----------
+    task : Task
+    """
+    with _HELD.lock:
+        return _read(_HELD.opened(task.path), task)
+
+
+def release() -> None:
+    """Close the study that this process keeps open."""
+    with _HELD.lock:
+        _HELD.close()
+
+
+class _Held:
+    """The study that a worker process has open; one thread at a time uses it."""
+
+    def __init__(self) -> None:
+        self.lock = threading.Lock()
+        self._path: Path | None = None
+        self._study: Study | None = None
+
+    def opened(self, path: Path) -> Study:
+        if self._study is None or self._path != path:
+            self.close()
+            self._study = open_study(path)
+            self._path = path
+        return self._study
+
+    def close(self) -> None:
+        if self._study is not None:
+            self._study.__exit__(None, None, None)
+            self._study = None
+
+
+_HELD: Final = _Held()
+
+
+def _read(study: Study, task: Task) -> Reading:
+    try:
+        trial = study.read(task.trial.id)
+    except TrialError as error:
+        fault = error.exclusion
+        return Reading(unusable(task.trial, f"{fault.field} {fault.reason}"))
+    if task.cache is None:
+        return task.reader.read(trial, study.info)
+    cache = Cache(task.cache, task.reader)
+    reading = cache.find(trial.sha256, task.trial, study.info)
+    if reading is None:
+        reading = task.reader.read(trial, study.info)
+        cache.keep(reading, study.info)
+    return reading
+
+
+def unusable(trial: TrialInfo, reason: str) -> TrialObservations:
+    """Return the observations of a trial that says nothing, and why.
+
+    Parameters
+    ----------
+    trial : TrialInfo
+    reason : str
+    """
+    return TrialObservations(trial, "", False, (reason,), (), np.nan, np.nan, NO_ROWS)
+
+
+def _reading_of(trial: TrialInfo, outcome: Reading | Crash) -> Reading:
+    if not isinstance(outcome, Crash):
+        return outcome
+    reason = (
+        f"{outcome.workers} worker processes ended while they observed it, the last one "
+        f"{outcome.how}"
+    )
+    return Reading(unusable(trial, reason))
+
+
+def _without_copies(readings: list[Reading]) -> list[Reading]:
+    """Return the same trials; of several with the same content only the first is valid."""
+    hashes = [(each.observed.info.id, each.observed.sha256) for each in readings]
+    copies = {copy.trial: copy.reason for copy in duplicates(h for h in hashes if h[1])}
+    return [_marked(each, copies.get(each.observed.info.id)) for each in readings]
+
+
+def _marked(reading: Reading, reason: str | None) -> Reading:
+    if reason is None:
+        return reading
+    reasons = (*reading.observed.reasons, reason)
+    return replace(reading, observed=replace(reading.observed, valid=False, reasons=reasons))

@@ -1,0 +1,295 @@
+"""From fits to what stands in the document: conditions, sweeps, participants."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from frictus_service.identification.documents import (
+    ConditionResult,
+    CovarianceResult,
+    Estimate,
+    Friction,
+    FrictionResult,
+    LawResult,
+    Mobility,
+    MobilityResult,
+    Parameter,
+    ParticipantResult,
+    Settings,
+    SweepResult,
+)
+from frictus_service.identification.fit.across_conditions import Combination, levels
+from frictus_service.identification.fit.conditions import ObservationTable, select
+from frictus_service.identification.fit.estimates import (
+    Fitted,
+    Measured,
+    evidence_of,
+    law_of,
+)
+from frictus_service.identification.fit.friction_fit import CUTOFF, GAIN, refit_friction
+from frictus_service.identification.fit.joint_fit import JointFit
+from frictus_service.identification.fit.speed_law import NAMES, SpeedLaw
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+MOBILITY_NAMES = ("mass_kg", "damping_n_s_m", "stiffness_n_m", "skew_s")
+_NORMAL_975 = float(stats.norm.ppf(0.975))
+
+
+def estimates_of(fit: JointFit, people: NDArray[np.int64]) -> list[list[Estimate]]:
+    """Return the parameters of each condition, intervals on the logarithm.
+
+    Parameters
+    ----------
+    fit : JointFit
+    people : ndarray of int, shape (n_conditions,)
+    """
+    by_delay = np.square(fit.delay_gradient) * fit.delay_variance[people][:, np.newaxis]
+    error = np.sqrt(np.einsum("cii->ci", fit.covariance) + by_delay)
+    value = np.exp(fit.log_parameters)
+    spread = np.exp(np.minimum(_NORMAL_975 * error, 50.0))
+    return [
+        [
+            Estimate(value=v, standard_error=v * e, ci95=(v / s, v * s))
+            for v, e, s in zip(*row, strict=True)
+        ]
+        for row in zip(value.tolist(), error.tolist(), spread.tolist(), strict=True)
+    ]
+
+
+def conditions_of(
+    table: ObservationTable,
+    measured: Measured,
+    fits: dict[str, Fitted | None],
+    outliers: dict[Parameter, BoolArray],
+    settings: Settings,
+) -> tuple[ConditionResult, ...]:
+    """Return every condition, fitted or not.
+
+    Parameters
+    ----------
+    table : ObservationTable
+    measured : Measured
+    fits : dict
+        By 'friction' and 'mobility'.
+    outliers : dict
+        By parameter; shape (n_conditions,).
+    settings : Settings
+    """
+    trials = [
+        np.unique(table.trial[table.condition == c]).size for c in range(measured.person.size)
+    ]
+    tones = [
+        np.unique(table.tone_hz[table.condition == c]).size for c in range(measured.person.size)
+    ]
+    found = {name: _by_condition(fitted) for name, fitted in fits.items()}
+    out = []
+    for c, condition in enumerate(table.conditions):
+        friction, mobility = found["friction"].get(c), found["mobility"].get(c)
+        out.append(
+            ConditionResult(
+                participant=condition.participant,
+                speed_mm_s=condition.speed_mm_s,
+                force_n=condition.force_n,
+                measured_speed_mm_s=float(measured.speed_mm_s[c]),
+                measured_force_n=float(measured.force_n[c]),
+                trials=trials[c],
+                tones=tones[c],
+                friction=friction
+                and Friction(gain_n=friction[GAIN], cutoff_hz=friction[CUTOFF]),
+                mobility=mobility
+                and Mobility(
+                    **dict(zip(MOBILITY_NAMES[:3], mobility, strict=True)),
+                ),
+                missing=_missing(c, fits, settings),
+                outlier=tuple(p for p, far in outliers.items() if far[c]),
+            )
+        )
+    return tuple(out)
+
+
+def _by_condition(fitted: Fitted | None) -> dict[int, list[Estimate]]:
+    if fitted is None:
+        return {}
+    rows = estimates_of(fitted.fit, fitted.selection.sample.people)
+    return {
+        int(group): row
+        for group, row, settled in zip(
+            fitted.selection.groups, rows, fitted.fit.settled, strict=True
+        )
+        if settled
+    }
+
+
+def _missing(c: int, fits: dict[str, Fitted | None], settings: Settings) -> tuple[str, ...]:
+    """Return why a condition has no friction or no mobility."""
+    out = []
+    for name, fitted in fits.items():
+        if fitted is None:
+            continue  # said once, of the whole study
+        place = np.flatnonzero(fitted.selection.groups == c)
+        if not place.size:
+            count = int(fitted.selection.tones[c])
+            out.append(f"{name}: {count} tones; accepted: {settings.least_tones} at least")
+        elif not fitted.fit.settled[place[0]]:
+            out.append(f"{name}: the fit does not settle within its bounds; measure again")
+    return tuple(out)
+
+
+def sweeps_of(
+    table: ObservationTable, measured: Measured, friction: Fitted, settings: Settings
+) -> tuple[SweepResult, ...]:
+    """Return gain and cutoff of sweep j of all trials of a condition, by direction.
+
+    Parameters
+    ----------
+    table : ObservationTable
+    measured : Measured
+    friction : Fitted
+        Its delays and its scatter are taken as known.
+    settings : Settings
+    """
+    place = np.full(measured.person.size, -1)
+    place[friction.selection.groups] = np.arange(friction.selection.groups.size)
+    columns = np.column_stack([table.condition, table.sweep, table.direction])
+    keys, group = np.unique(columns, axis=0, return_inverse=True)
+    group = np.where(place[table.condition] >= 0, group.ravel(), -1)
+    people = measured.person[keys[:, 0]]
+    chosen = select(table, "friction", group, people, settings.least_tones)
+    if not chosen.groups.size:
+        return ()
+    keys = keys[chosen.groups]
+    begin = friction.fit.log_parameters[place[keys[:, 0]]]
+    fit = refit_friction(chosen.sample, begin, friction.fit.delay_s, friction.fit.spreads)
+    rows = estimates_of(fit, chosen.sample.people)
+    return tuple(
+        SweepResult(
+            participant=table.conditions[condition].participant,
+            speed_mm_s=table.conditions[condition].speed_mm_s,
+            force_n=table.conditions[condition].force_n,
+            sweep=sweep,
+            direction=1 if direction > 0 else -1,
+            tones=int(chosen.tones[number]),
+            gain_n=row[GAIN],
+            cutoff_hz=row[CUTOFF],
+        )
+        for (condition, sweep, direction), number, row, settled in zip(
+            keys.tolist(), chosen.groups, rows, fit.settled, strict=True
+        )
+        if settled
+    )
+
+
+def participants_of(
+    table: ObservationTable,
+    measured: Measured,
+    fits: dict[str, Fitted | None],
+    outliers: dict[Parameter, BoolArray],
+) -> tuple[ParticipantResult, ...]:
+    """Return every participant.
+
+    Parameters
+    ----------
+    table : ObservationTable
+    measured : Measured
+    fits : dict
+        By 'friction' and 'mobility'.
+    outliers : dict
+        By parameter; shape (n_conditions,).
+    """
+    friction, mobility = fits["friction"], fits["mobility"]
+    out = []
+    for person, name in enumerate(table.participants):
+        own = measured.person == person
+        rows = own[table.condition]
+        drives = [t.info.drive_vpp for t in table.trials if t.info.participant == name]
+        out.append(
+            ParticipantResult(
+                participant=name,
+                speed_range_mm_s=_range(table.speed_mm_s[rows]),
+                force_range_n=_range(table.normal_force_n[rows]),
+                drive_range_vpp=(min(drives), max(drives)),
+                conditions=int(np.count_nonzero(own)),
+                friction=friction and _friction(friction, measured, person, outliers),
+                mobility=mobility and _mobility(mobility, measured, person),
+            )
+        )
+    return tuple(out)
+
+
+def _range(values: FloatArray) -> tuple[float, float]:
+    """Return the range without the outermost twentieths, which are single stretches."""
+    low, high = np.nanquantile(values, (0.05, 0.95))
+    return float(low), float(high)
+
+
+def _friction(
+    fitted: Fitted, measured: Measured, person: int, outliers: dict[Parameter, BoolArray]
+) -> FrictionResult | None:
+    evidence = evidence_of(fitted, measured, person)
+    if evidence is None:
+        return None
+    law = law_of(fitted, measured, person)
+    mean = law.estimates if law is not None else levels(evidence)
+    each = _each(mean)
+    at = []
+    for speed in np.unique(measured.target_mm_s[measured.person == person]).tolist():
+        there = evidence_of(fitted, measured, person, measured.target_mm_s == speed)
+        if there is not None:
+            at.append((speed, _each(levels(there))[CUTOFF]))
+    far = (outliers["gain"] | outliers["cutoff"]) & (measured.person == person)
+    rest = law_of(fitted, measured, person, ~far) if far.any() else None
+    return FrictionResult(
+        gain_n=each[0],
+        delay_s=each[-1],
+        cutoff_at=tuple(at),
+        law=law and law_result(law),
+        without_law=None if law else f"one speed only ({at[0][0]:g} mm/s): no speed law",
+        law_without_outliers=rest and law_result(rest),
+        degrees_of_freedom=evidence.degrees_of_freedom,
+        excess_hz=law.excess_hz if law else None,
+    )
+
+
+def law_result(law: SpeedLaw) -> LawResult:
+    """Return a speed law as it stands in the document."""
+    gain, cutoff_0, slope, delay = _each(law.estimates)
+    return LawResult(
+        gain_n=gain,
+        cutoff_0_hz=cutoff_0,
+        slope_hz_per_mm_s=slope,
+        delay_s=delay,
+        covariance=_covariance(law.estimates, NAMES),
+    )
+
+
+def _mobility(fitted: Fitted, measured: Measured, person: int) -> MobilityResult | None:
+    evidence = evidence_of(fitted, measured, person)
+    if evidence is None:
+        return None
+    mean = levels(evidence)
+    mass, damping, stiffness, delay = _each(mean)
+    return MobilityResult(
+        mass_kg=mass,
+        damping_n_s_m=damping,
+        stiffness_n_m=stiffness,
+        delay_s=delay,
+        covariance=_covariance(mean, MOBILITY_NAMES),
+    )
+
+
+def _each(found: Combination) -> list[Estimate]:
+    error = np.sqrt(np.diag(found.covariance))
+    return [
+        Estimate(value=value, standard_error=sd, ci95=(value - half, value + half))
+        for value, sd, half in zip(
+            found.value.tolist(), error.tolist(), found.half_width.tolist(), strict=True
+        )
+    ]
+
+
+def _covariance(found: Combination, names: tuple[str, ...]) -> CovarianceResult:
+    return CovarianceResult(
+        parameters=names, matrix=tuple(tuple(row) for row in found.covariance.tolist())
+    )
