@@ -1,8 +1,8 @@
 """An effect of one's own: friction that grows while the skin warms up, and then stays.
 
-An effect turns a simulator into another one. Put it in a file under
+An effect turns a simulator into another one. Put it in a module of
 `frictus_hardware/physics/effects/`, and models and the twin know it; put a `Cause` of the same
-id under `frictus_service/discovery/catalogue/causes/`, and discovery looks for it.
+id in a module of `frictus_service/discovery/catalogue/causes/`, and discovery looks for it.
 """
 
 from collections.abc import Mapping
@@ -40,6 +40,7 @@ def extend(simulator: Simulator, parameters: Mapping[str, float]) -> Simulator:
 
 EFFECT = Effect(
     id="skin_warm_up",
+    equation="The gain rises while the skin warms: ``g (1 + a (1 - exp(-t / tau)))``.",
     response="friction",
     scope="participant",
     parameters=(

@@ -38,6 +38,8 @@ class Effect:
     Attributes
     ----------
     id : str
+    equation : str
+        In one sentence, as the catalogue prints it.
     response : {'friction', 'mobility', 'both'}
         In which it shows.
     scope : {'participant', 'instrument'}
@@ -50,6 +52,7 @@ class Effect:
     """
 
     id: str
+    equation: str
     response: Literal["friction", "mobility", "both"]
     scope: Literal["participant", "instrument"]
     parameters: tuple[Parameter, ...]

@@ -1,4 +1,4 @@
-"""The catalogue of effects: one file each, found by walking this package."""
+"""The catalogue of effects, found by walking this package: each module names its `EFFECTS`."""
 
 from collections.abc import Iterable, Mapping
 from importlib import import_module
@@ -14,13 +14,13 @@ __all__ = ["EFFECTS", "Effect", "Parameter", "extended"]
 
 
 def _found() -> dict[str, Effect]:
-    names = sorted(module.name for module in iter_modules(__path__))
-    effects: list[Effect] = [import_module(f"{__name__}.{name}").EFFECT for name in names]
-    return {effect.id: effect for effect in effects}
+    modules = [import_module(f"{__name__}.{module.name}") for module in iter_modules(__path__)]
+    effects: list[Effect] = [effect for module in modules for effect in module.EFFECTS]
+    return {effect.id: effect for effect in sorted(effects, key=lambda effect: effect.id)}
 
 
 EFFECTS: Final[Mapping[str, Effect]] = MappingProxyType(_found())
-"""Every effect by its id."""
+"""By id, in alphabetical order."""
 
 
 def extended(

@@ -1,7 +1,5 @@
 """The catalogue as a document: every cause with equation, parameters and experiments."""
 
-import inspect
-import sys
 from typing import Final
 
 from frictus_hardware.physics.effects import EFFECTS, Parameter
@@ -21,9 +19,10 @@ _HEAD: Final = """# Causes
 
 Made by `uv run python bench/causes.py --out docs/causes.md`; do not edit.
 
-What `frictus discover` (`discover.md`) can name. Each cause is one file in
-`frictus_hardware/physics/effects/`, its equation, with which the twin simulates, and one of the
-same name in `frictus_service/discovery/causes/`, its words. To add a cause is to add the two.
+What `frictus discover` (`discover.md`) can name. Each cause is an `Effect` in
+`frictus_hardware/physics/effects/`, its equation, with which the twin simulates, and a `Cause`
+of the same id in `frictus_service/discovery/catalogue/causes/`, its words. To add one is to add
+both.
 
 In the equations: g gain, c cutoff, w0 = 2 pi c, v speed, F normal force, x position, m drive
 fraction, s = j w. Every effect is null where its first parameter is 0. "The paper" is
@@ -43,11 +42,11 @@ def catalogue() -> str:
 
 def _entry(id_: str) -> str:
     cause, effect = CAUSES[id_], EFFECTS[id_]
-    equation = inspect.getdoc(sys.modules[effect.extend.__module__]) or ""
     lines = [
         f"### {title(id_).capitalize()}",
         cause.statement,
-        f"- **`{id_}`**: {equation.replace('``', '`')} Parameters are {_SCOPES[effect.scope]}: "
+        f"- **`{id_}`**: {effect.equation.replace('``', '`')} "
+        f"Parameters are {_SCOPES[effect.scope]}: "
         f"{'; '.join(_range(parameter) for parameter in effect.parameters)}.",
         f"- **Literature**: {cause.literature}",
         f"- **A design needs**: {cause.visible_with}",

@@ -1,4 +1,4 @@
-"""The catalogue of causes, one file each; to add one is to add a file, and its effect."""
+"""The catalogue of causes; each has an effect of the same id in `frictus_hardware.physics`."""
 
 import importlib
 import pkgutil
@@ -11,10 +11,10 @@ from frictus_service.discovery.errors import UnknownCauseError
 
 
 def _found() -> dict[str, Cause]:
-    names = sorted(module.name for module in pkgutil.iter_modules(__path__))
+    names = [module.name for module in pkgutil.iter_modules(__path__)]
     modules = [importlib.import_module(f"{__name__}.{name}") for name in names]
-    causes: list[Cause] = [module.CAUSE for module in modules]
-    return {cause.id: cause for cause in causes}
+    causes: list[Cause] = [cause for module in modules for cause in module.CAUSES]
+    return {cause.id: cause for cause in sorted(causes, key=lambda cause: cause.id)}
 
 
 CAUSES: Final[Mapping[str, Cause]] = MappingProxyType(_found())
