@@ -18,6 +18,7 @@ from scipy import optimize, stats
 
 from frictus.messages import Excitation
 from frictus.model import Validity
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.screen import Screen, screen_voltage
 from frictus_hardware.physics.stages import Noise, Quantisation, Response, standard_twin
 from frictus_hardware.physics.twin import Signals, simulate
@@ -52,8 +53,6 @@ from frictus_service.reproduction.simulate import (
 from frictus_service.reproduction.stages import Rubbing
 from frictus_service.reproduction.strokes import move, report
 from frictus_service.study.trial import Trial
-
-FloatArray = NDArray[np.float64]
 
 SPEEDS = np.array([20.0, 40.0, 60.0, 80.0, 100.0])
 RECORD_S = 2.5

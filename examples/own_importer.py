@@ -68,7 +68,7 @@ class NumpyFolder:
 
     def n_samples(self, trial_id: str) -> int:
         """Return how many samples a trial has."""
-        return self.read(trial_id).force_n.shape[0]
+        return len(self.read(trial_id).force_n)
 
     def read(self, trial_id: str) -> Trial:
         """Return one trial."""

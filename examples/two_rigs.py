@@ -17,7 +17,7 @@ SCENE = frictus.Scene(
 )
 
 with frictus.connect(ROUTER) as client, contextlib.ExitStack() as armed:
-    rigs = [client.rig(found.rig, found.site) for found in client.rigs(site="lab")]
+    rigs = [client.rig(found.name, found.site) for found in client.rigs(site="lab")]
     for rig in rigs:
         armed.enter_context(rig.arm(lease_ms=1_000))
         rig.set_scene(SCENE)

@@ -4,11 +4,9 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError, NotArmedError, UnsafeDriveError
-
-FloatArray = NDArray[np.float64]
 
 MAX_BLOCK_S: Final = 1.0
 """The longest drive, and the longest ramp: what is queued longer cannot be stopped in time."""

@@ -4,11 +4,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.sample_ring import SampleRing
-
-FloatArray = NDArray[np.float64]
 
 RETURN_S: Final = 0.02
 """After a gap the output comes back over a ramp of this length: a step would be felt."""

@@ -7,7 +7,6 @@ from contextlib import ExitStack
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from tests.hardware.nidaq.bench import make_bench
 from tests.hardware.nidaq.stub_driver import make_local_rig
 from tests.hardware.replay.tapes import sine_tape
@@ -22,6 +21,7 @@ from frictus_hardware import (
     TouchReport,
     make_backend,
 )
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import (
     ClosedError,
     ConfigError,
@@ -32,7 +32,6 @@ from frictus_hardware.output import RETURN_S
 from frictus_hardware.replay.tape import write_tape
 from frictus_hardware.simulated.faults import EmptyOutput, LostSamples
 
-FloatArray = NDArray[np.float64]
 Maker = Callable[[], Backend]
 
 

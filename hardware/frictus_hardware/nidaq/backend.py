@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from frictus_hardware.accepted import MAX_BLOCK_S, ramp_samples, require_drive
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Exchange, RigInfo, TouchReport
 from frictus_hardware.errors import (
     ClosedError,
@@ -34,8 +34,6 @@ from frictus_hardware.output import RETURN_S, OutputQueue
 
 if TYPE_CHECKING:
     from frictus_hardware.nidaq.session import Session
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(slots=True)

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError, SensorError
 from frictus_hardware.nidaq.config import NiConfig
 from frictus_hardware.nidaq.conversion import Sensed
@@ -20,8 +20,6 @@ from frictus_hardware.sensors.force import (
     wrench,
 )
 from frictus_hardware.sensors.rotation import rotated
-
-FloatArray = NDArray[np.float64]
 
 AXES: Final = 3
 MONITOR: Final = GAUGES + AXES

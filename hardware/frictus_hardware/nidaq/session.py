@@ -12,15 +12,13 @@ from nidaqmx.errors import DaqReadError, DaqWriteError
 from nidaqmx.stream_readers import AnalogMultiChannelReader
 from nidaqmx.stream_writers import AnalogSingleChannelWriter
 from nidaqmx.system.device import Device
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError, HardwareError, LinkLostError
 from frictus_hardware.nidaq.config import Inputs, NiConfig, Terminals
 from frictus_hardware.nidaq.driver import Driver
 from frictus_hardware.nidaq.faults import TRANSIENT
 from frictus_hardware.nidaq.watchdog import Watchdog
-
-FloatArray = NDArray[np.float64]
 
 INPUT_BUFFER_S = 2.0
 """A loop that falls further behind than this has lost the stream."""

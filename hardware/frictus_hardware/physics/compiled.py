@@ -10,8 +10,8 @@ from typing import Final, Self, TypeAlias
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics import linear
 from frictus_hardware.physics.friction import FADE_SPEED_MM_S
 from frictus_hardware.physics.mobility import Mobility
@@ -29,7 +29,6 @@ from frictus_hardware.physics.stages import (
 )
 from frictus_hardware.physics.twin import Signals, Stage, Twin
 
-FloatArray = NDArray[np.float64]
 Generators: TypeAlias = tuple[np.random.Generator, np.random.Generator]
 
 N_STANDARD: Final = 7

@@ -4,13 +4,11 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import motion_fade
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.twin import Signals
-
-FloatArray = NDArray[np.float64]
 
 LOW_BAND_HZ: Final = (4.0, 30.0)
 """Where stick-slip is looked for."""

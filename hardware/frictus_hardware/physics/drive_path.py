@@ -4,13 +4,11 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics import linear
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.twin import Signals
-
-FloatArray = NDArray[np.float64]
 
 
 class Harmonics(NamedTuple):

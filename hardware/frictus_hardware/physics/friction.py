@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from frictus_hardware.arrays import FloatArray
 
 FADE_SPEED_MM_S = 2.0
 """Below this speed electrostatic friction fades with the motion."""

@@ -3,15 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_hardware.physics.drive_path import DriveMap
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.schedule import Circumstances
 from frictus_hardware.physics.simulator import Simulator
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True)

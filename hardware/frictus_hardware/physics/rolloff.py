@@ -12,9 +12,8 @@ from typing import Final
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from frictus_hardware.arrays import FloatArray
 
 PAIRS: Final = 8
 """For an excess of a half 0.002 dB and 0.02 degrees up to 8 times the cutoff, and 0.05 dB and

@@ -5,11 +5,10 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw, cutoff_hz
 
-FloatArray = NDArray[np.float64]
 Quantity = Literal["speed_mm_s", "normal_force_n", "position_mm", "direction", "minutes"]
 
 REFERENCE_SPEED_MM_S: Final = 60.0

@@ -7,9 +7,8 @@ its square ``(1 + cos(4 pi f_c t)) / 2``, and the shift under the root is ``|min
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from frictus_hardware.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics import linear
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import TransferFunction
@@ -15,8 +16,6 @@ from frictus_hardware.physics.mobility import Mobility
 from frictus_hardware.physics.schedule import Circumstances, Term, product
 from frictus_hardware.physics.stages import circumstances_of
 from frictus_hardware.physics.twin import Signals
-
-FloatArray = NDArray[np.float64]
 
 REFERENCE_HZ: Final = 200.0
 """Where damping of another order is as strong as that of the base."""

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics import friction, linear
 from frictus_hardware.physics.mobility import Mobility
 from frictus_hardware.physics.mount import Mount
@@ -13,8 +13,6 @@ from frictus_hardware.physics.rolloff import modes
 from frictus_hardware.physics.schedule import Circumstances, Schedule
 from frictus_hardware.physics.screen import Screen, drive_fraction_of
 from frictus_hardware.physics.twin import Signals, Stage, Twin
-
-FloatArray = NDArray[np.float64]
 
 REST_SPEED_MM_S = 0.5
 """Friction reverses as tanh(v / this): smooth through rest, 0.9993 of its size at 2 mm/s."""

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus_hardware.accepted import MAX_BLOCK_S, ramp_samples, require_drive
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Exchange, RigInfo, TouchReport
 from frictus_hardware.errors import (
     ClosedError,
@@ -26,8 +27,6 @@ from frictus_hardware.replay.playhead import (
 )
 from frictus_hardware.replay.tape import Tape
 from frictus_hardware.simulated.clock import Clock, make_clock, scale_of
-
-FloatArray = NDArray[np.float64]
 
 BETWEEN_GAPS = ", which have to lie between two gaps"
 BUFFER_S = 10.0

@@ -10,10 +10,8 @@ from typing import Any, BinaryIO, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray, IntArray
 from frictus_hardware.errors import ConfigError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 SCHEMA: Final = "replay/1"
 N, STRETCHES, TOUCHES = "samples", "stretches", "touches"

@@ -4,14 +4,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import BoolArray, FloatArray
 from frictus_hardware.errors import ConfigError
 from frictus_hardware.sensors.channels import at_ends
 from frictus_hardware.sensors.rotation import checked_rotation, rotated
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 STANDARD_GRAVITY_M_S2: Final = 9.80665
 SATURATION_MARGIN: Final = 0.005

@@ -12,13 +12,11 @@ from typing import Final
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError
 from frictus_hardware.sensors.force import GAUGES, ForceCalibration
 from frictus_hardware.sensors.rotation import rotation_about
-
-FloatArray = NDArray[np.float64]
 
 AXIS_NAMES: Final = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 LARGEST_BYTES: Final = 65536

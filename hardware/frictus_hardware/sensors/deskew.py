@@ -10,11 +10,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError
-
-FloatArray = NDArray[np.float64]
 
 DELAY_SAMPLES: Final = 3
 """0.15 ms at 20 kHz; the error at 1 kHz is then below 1.1e-7 of the amplitude."""

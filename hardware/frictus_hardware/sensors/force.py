@@ -4,13 +4,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import BoolArray, FloatArray
 from frictus_hardware.errors import SensorError
 from frictus_hardware.sensors.channels import at_ends
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 GAUGES: Final = 6
 OVERLOAD_MARGIN: Final = 0.005

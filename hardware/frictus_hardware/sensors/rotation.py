@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError
 
-FloatArray = NDArray[np.float64]
 Axis = Literal["x", "y", "z"]
 
 AXES: Final[tuple[Axis, ...]] = ("x", "y", "z")

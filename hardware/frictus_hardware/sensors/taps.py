@@ -9,12 +9,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import SensorError
 from frictus_hardware.sensors.rotation import AXES, angle_deg, nearest_rotation
-
-FloatArray = NDArray[np.float64]
 
 SWING_SHARE: Final = 0.3
 """Of the peak; what exceeds it is the tap."""

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
 from frictus.model import FirstOrderSpeedLaw, Model, Validity
+from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration.errors import EstimateError
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec
 from frictus_service.calibration.plan import RecordedTrial
@@ -20,8 +20,6 @@ from frictus_service.calibration.prior import Prior
 from frictus_service.identification.errors import NothingToIdentifyError
 from frictus_service.identification.observation.observations import TrialObservations
 from frictus_service.study.errors import Exclusion
-
-FloatArray = NDArray[np.float64]
 
 
 def prior_of(spec: CalibrationSpec) -> Prior:

@@ -8,9 +8,8 @@ positive ends mean a positive cutoff everywhere.
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from frictus_hardware.arrays import FloatArray
 
 LOW_MM_S: Final = 20.0
 HIGH_MM_S: Final = 100.0

@@ -9,12 +9,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import optimize, stats
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration.errors import EstimateError
-
-FloatArray = NDArray[np.float64]
 
 SIZES: Final = np.concatenate([[0.0], np.geomspace(0.0005, 0.5, 25)])
 """Standard deviations of ln cutoff about the law."""

@@ -4,16 +4,14 @@ from collections.abc import Iterable, Iterator
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from frictus.messages import Excitation, Tone
+from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration.design import BASE_HZ
 from frictus_service.calibration.errors import ExcitationDesignError
 from frictus_service.calibration.nonlinearity import Distortion, nonlinearity
 from frictus_service.identification.observation.sweeps import find_sweeps, smooth
 from frictus_service.study.trial import Trial
-
-FloatArray = NDArray[np.float64]
 
 SURE: Final = 0.01
 """Distortion is noted where noise alone would show as much less often than this,"""

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from frictus.messages import Excitation
+from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration.errors import ExcitationDesignError
-
-FloatArray = NDArray[np.float64]
 
 LEAST_PERIODS: Final = 5
 """With a Hann window a line takes three bins; two more between lines tell the noise."""

@@ -8,6 +8,7 @@ from typing import Final, Protocol
 import numpy as np
 
 from frictus.messages import Excitation
+from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import design
 from frictus_service.calibration.job import PaperProtocol, QuickProtocol
 from frictus_service.calibration.prior import Prior
@@ -183,7 +184,7 @@ class QuickPlan:
     prior: Prior
 
     @cached_property
-    def _power(self) -> design.FloatArray:
+    def _power(self) -> FloatArray:
         tones = design.lines(MULTISINE_TONES)
         return design.powers(tones, self.prior, self.protocol.speeds_mm_s)
 

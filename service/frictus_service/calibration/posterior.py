@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
 from frictus.model import Covariance, FirstOrderSpeedLaw, Model, Validity
+from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.cutoff_variability import (
     EXPECTED,
@@ -34,8 +34,6 @@ from frictus_service.calibration.score_information import (
     start,
 )
 from frictus_service.identification.observation.observations import TrialObservations
-
-FloatArray = NDArray[np.float64]
 
 STRANGE: Final = float(stats.chi2.ppf(0.9999, coordinates.SIZE))
 """Squared distance from the prior beyond which it is not believed to speak of this person."""

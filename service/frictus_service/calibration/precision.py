@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from frictus.messages import Excitation
+from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates, design
 from frictus_service.calibration.plan import Ask
 from frictus_service.identification.observation.observations import (
@@ -20,8 +20,6 @@ from frictus_service.identification.observation.observations import (
     TrialObservations,
 )
 from frictus_service.study.trial import TrialInfo
-
-FloatArray = NDArray[np.float64]
 
 PAPER_SPEEDS_MM_S: Final = (20.0, 40.0, 60.0, 80.0, 100.0)
 FORCES_N: Final = (0.2, 0.3, 0.4, 0.5, 0.6)

@@ -5,14 +5,12 @@ from dataclasses import dataclass
 from typing import Final, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
 from frictus.model import FirstOrderSpeedLaw, Model
+from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.errors import PriorError
-
-FloatArray = NDArray[np.float64]
 
 FEWEST: Final = 5
 """Fewer models than this do not tell how people differ; the weak prior is used instead."""

@@ -10,15 +10,11 @@ from dataclasses import dataclass, replace
 from typing import Final, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import ComplexArray, FloatArray, IntArray
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.errors import EstimateError
 from frictus_service.identification.observation.observations import TrialObservations
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-ComplexArray = NDArray[np.complex128]
 
 LEAST_RELATIVE: Final = 1e-4
 """No response is known better than this share of its size."""

@@ -3,14 +3,12 @@
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from frictus.block import Block
 from frictus.messages import TouchState
 from frictus_service.calibration.errors import CaptureError
 from frictus_service.study.trial import Trial, TrialInfo
 
-FloatArray = NDArray[np.float64]
 Stream = Literal["force", "accel", "voltage"]
 
 MAX_MISSING: Final = 0.05

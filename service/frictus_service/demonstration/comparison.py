@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from frictus.stream import StreamFrame
 from frictus.textures import Profile
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw, motion_fade
 from frictus_hardware.physics.stages import standard_twin
 from frictus_hardware.simulated.config import SimulatedConfig
@@ -17,8 +17,6 @@ from frictus_service.fidelity.path import walk
 from frictus_service.fidelity.reference import exact_friction
 from frictus_service.synthesis.components import components_of
 from frictus_service.synthesis.stream import StreamBudget
-
-FloatArray = NDArray[np.float64]
 
 WINDOW_SAMPLES = 8192
 

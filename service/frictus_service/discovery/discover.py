@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from frictus.model import Model
@@ -30,8 +29,6 @@ from frictus_service.discovery.problem.nuisance import ResponseName
 from frictus_service.discovery.problem.patterns import patterns_of
 from frictus_service.discovery.problem.problem import DiscoveryProblem
 from frictus_service.discovery.report.assembly import Assembly, nothing_tested
-
-FloatArray = NDArray[np.float64]
 
 
 def discover(

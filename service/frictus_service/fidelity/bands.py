@@ -3,12 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.linear import TransferFunction
-
-FloatArray = NDArray[np.float64]
 
 CENTRES_HZ = 10.0 ** (np.arange(15, 31) / 10.0)
 """Third octaves from 31.5 Hz to 1 kHz (IEC 61260, base ten)."""

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from frictus.textures import Texture
 from frictus_hardware.physics.effects import extended
@@ -24,7 +23,6 @@ from frictus_service.fidelity.path import Path
 from frictus_service.synthesis.inverse import Inverse, Invertible
 from frictus_service.synthesis.undoing import inverse_of
 
-FloatArray = NDArray[np.float64]
 Effects = Sequence[tuple[str, Mapping[str, float]]]
 
 FRICTION_COEFFICIENT = 0.5

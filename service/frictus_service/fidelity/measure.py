@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from frictus.textures import BAND_HZ, Map, Region, Scene, Texture
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw, cutoff_hz, motion_fade
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.screen import Screen
@@ -19,8 +19,6 @@ from frictus_service.synthesis.inverse import Invertible
 from frictus_service.synthesis.renderer import Renderer
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
 from frictus_service.synthesis.tables import BAND_EDGE_HZ
-
-FloatArray = NDArray[np.float64]
 
 LARGEST_GAIN = 100.0
 """Asked for, so that a texture is scaled to what is feasible."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import TouchReport
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.simulated.config import SimulatedConfig
@@ -17,8 +18,6 @@ from frictus_service.synthesis.chain import Chain, Follower
 from frictus_service.synthesis.estimator import Course, FingerEstimator
 from frictus_service.synthesis.kernel import Motion
 from frictus_service.synthesis.renderer import Renderer
-
-FloatArray = NDArray[np.float64]
 
 BLOCK_SAMPLES = 100
 

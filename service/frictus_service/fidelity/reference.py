@@ -2,11 +2,9 @@
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.synthesis.components import Components
-
-FloatArray = NDArray[np.float64]
 
 
 def exact_friction(

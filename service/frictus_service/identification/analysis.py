@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from importlib.metadata import version
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import BoolArray, FloatArray
 from frictus_service.identification.documents import (
     EffectTest,
     Identification,
@@ -37,9 +37,6 @@ from frictus_service.identification.report.results import (
 )
 from frictus_service.identification.report.trial_accounting import account_for
 from frictus_service.study.errors import Exclusion
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 
 def identify(

@@ -6,13 +6,11 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.reproduction import paper
 from frictus_service.reproduction.spread import spread_of
-
-FloatArray = NDArray[np.float64]
 
 MIDDLE_SPEED_MM_S: Final = 60.0
 MIDDLE_FORCE_N: Final = 0.4

@@ -3,8 +3,8 @@
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.mount import Mount
 from frictus_hardware.physics.screen import Screen, screen_voltage
 from frictus_hardware.physics.stages import (
@@ -20,8 +20,6 @@ from frictus_service.reproduction.stages import LateDrive, Rubbing
 from frictus_service.reproduction.strokes import move, report
 from frictus_service.study.encoding import ConverterStep
 from frictus_service.study.trial import StudyInfo, Trial
-
-FloatArray = NDArray[np.float64]
 
 RIG: Final = "simulated"
 LEAD_S: Final = 0.1

@@ -4,13 +4,11 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import motion_fade
 from frictus_hardware.physics.twin import Signals
-
-FloatArray = NDArray[np.float64]
 
 ROUGHNESS: Final = 0.05
 ROUGHNESS_HZ: Final = 100.0

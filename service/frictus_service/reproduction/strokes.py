@@ -7,13 +7,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.screen import Screen
 from frictus_hardware.simulated.motion import FingerMotion, Wander
 from frictus_hardware.simulated.press import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.reproduction.plan import TrialPlan
-
-FloatArray = NDArray[np.float64]
 
 SPEED_OFFSET, SPEED_WANDER = 0.025, 0.05
 FORCE_OFFSET, FORCE_WANDER = 0.025, 0.06

@@ -6,11 +6,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.selftest.playing import PEAK_V, Played
 from frictus_service.selftest.report import Finding, Measure, Outcome, beyond, judged, lost
 from frictus_service.selftest.spread import mean_and_half
-
-FloatArray = NDArray[np.float64]
 
 TEST: Final = "loop-back"
 PERIODS: Final = 20

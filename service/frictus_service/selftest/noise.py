@@ -5,13 +5,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.selftest.playing import Played
 from frictus_service.selftest.report import Finding, Measure, Outcome, beyond, judged, lost
 from frictus_service.selftest.spread import half_width, mean_and_half
-
-FloatArray = NDArray[np.float64]
 
 TEST: Final = "noise floor"
 SECONDS: Final = 4.0

@@ -4,15 +4,13 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.sensors.rotation import AXES
 from frictus_hardware.sensors.taps import Orientation, check_orientation
 from frictus_service.selftest.report import Finding, Measure, Outcome, judged
 from frictus_service.selftest.spread import half_width
-
-FloatArray = NDArray[np.float64]
 
 SECONDS: Final = 4.0
 HOW: Final = {

@@ -5,14 +5,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Backend, Exchange
 from frictus_service.daemon.patience import PatientBackend
 from frictus_service.errors import ServiceError
 from frictus_service.selftest.interrupt import interrupt_put_off
-
-FloatArray = NDArray[np.float64]
 
 PEAK_V: Final = 5.0
 """No test drives the screen beyond this; the rig itself would allow up to 75 V."""

@@ -3,10 +3,9 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-FloatArray = NDArray[np.float64]
+from frictus_hardware.arrays import FloatArray
 
 
 def mean_and_half(values: FloatArray) -> tuple[float, float]:

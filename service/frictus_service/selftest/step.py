@@ -6,13 +6,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.selftest.loop_back import DELAY_SAMPLES, EARLY_SAMPLES
 from frictus_service.selftest.playing import PEAK_V, Played
 from frictus_service.selftest.report import Finding, Measure, Outcome, beyond, judged
 from frictus_service.selftest.spread import mean_and_half
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 TEST: Final = "step latency"
 STEPS: Final = 60
@@ -34,7 +32,7 @@ class Staircase:
     """
 
     drive_v: FloatArray
-    steps: IntArray
+    steps: NDArray[np.intp]
 
     @property
     def hold_samples(self) -> int:
@@ -57,7 +55,7 @@ def staircase(sample_rate_hz: float, peak_v: float = PEAK_V) -> Staircase:
 
 
 def moved_after(
-    monitor_v: FloatArray, steps: IntArray, hold: int, swing_v: float
+    monitor_v: FloatArray, steps: NDArray[np.intp], hold: int, swing_v: float
 ) -> FloatArray:
     """Return how many samples after each step the monitor is half-way to its new level.
 

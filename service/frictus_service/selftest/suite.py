@@ -6,15 +6,14 @@ from functools import partial
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Backend
 from frictus_hardware.errors import HardwareError, SensorError
 from frictus_service.selftest import loop_back, noise, orientation, step
 from frictus_service.selftest.playing import PEAK_V, Played, play
 from frictus_service.selftest.report import Outcome
 
-FloatArray = NDArray[np.float64]
 Ask = Callable[[str], bool]
 """Shows a request and waits; False: it will not be done."""
 

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.study.errors import Exclusion
 from frictus_service.study.trial import Trial
 
-FloatArray = NDArray[np.float64]
 _NAN = np.float64("nan")
 
 

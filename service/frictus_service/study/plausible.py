@@ -5,12 +5,10 @@ from datetime import datetime
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.study.errors import FieldError
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

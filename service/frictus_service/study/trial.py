@@ -3,12 +3,8 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.linear import TransferFunction
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

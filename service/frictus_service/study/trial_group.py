@@ -6,8 +6,8 @@ from typing import Any, Literal, cast
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.study import attributes
 from frictus_service.study.digest import digest
 from frictus_service.study.encoding import ConverterStep
@@ -22,8 +22,6 @@ from frictus_service.study.layout import (
     shape_hint,
 )
 from frictus_service.study.trial import Trial, TrialInfo
-
-FloatArray = NDArray[np.float64]
 
 
 def read_asked(trial_id: str, group: h5py.Group) -> TrialInfo:

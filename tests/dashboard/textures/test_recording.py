@@ -5,17 +5,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from playwright.sync_api import Page, expect
 from tests.dashboard.lab import Lab
 from tests.dashboard.textures.view import SPEED_MM_S, drop, names, part, wav
 
 import frictus
+from frictus_hardware.arrays import FloatArray
 from frictus_service.fidelity.bands import NOMINAL_HZ, band_power, windows
 
 pytestmark = pytest.mark.browser
-
-FloatArray = NDArray[np.float64]
 
 
 def test_a_dropped_wav_is_felt(page: Page, lab: Lab) -> None:

@@ -5,10 +5,10 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from tests.hardware.nidaq.fake_device import FakeDevice, Plant
 from tests.hardware.nidaq.fake_server import FakeServer
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import TouchReport
 from frictus_hardware.nidaq.backend import NiRig
 from frictus_hardware.nidaq.config import Inputs, NiConfig
@@ -18,8 +18,6 @@ from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.motion import Finger
 from frictus_hardware.simulated.rig import SimulatedRig, make_twin
 from frictus_hardware.simulated.touch import TouchConfig, TouchSensor
-
-FloatArray = NDArray[np.float64]
 
 FORCE = Inputs(tuple(f"ai{index}" for index in range(6)))
 ACCEL = Inputs(("ai6", "ai7", "ai8"), range_v=5.0, terminals="rse")

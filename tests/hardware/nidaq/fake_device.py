@@ -8,9 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from frictus_hardware.arrays import FloatArray
+
 Plant = Callable[[FloatArray, int], FloatArray]
 """From output volts and the first's device index to (n_channels, n_samples) input volts."""
 

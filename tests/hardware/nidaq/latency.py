@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from tests.hardware.nidaq.bench import conversion, loop_back, wiring
 from tests.hardware.nidaq.fake_device import FakeDevice
 from tests.hardware.nidaq.fake_server import FakeServer
 
 from frictus.textures import Component, Region, Scene, Spectrum
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import TouchReport
 from frictus_hardware.nidaq.backend import NiRig
 from frictus_hardware.nidaq.config import NiConfig
@@ -19,8 +19,6 @@ from frictus_service.synthesis.chain import Chain
 from frictus_service.synthesis.estimator import FingerEstimator
 from frictus_service.synthesis.renderer import Renderer
 from frictus_service.synthesis.scene import compile_scene
-
-FloatArray = NDArray[np.float64]
 
 RATE_HZ = 20_000.0
 REPORTS_HZ = 100.0

@@ -5,7 +5,6 @@ import sys
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from tests.hardware.nidaq.bench import (
     BenchMaker,
     FingerTouch,
@@ -15,14 +14,13 @@ from tests.hardware.nidaq.bench import (
     wiring,
 )
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Exchange
 from frictus_hardware.errors import DriverMissingError, SensorError
 from frictus_hardware.nidaq.backend import NiRig
 from frictus_hardware.nidaq.conversion import Sensed
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.rig import SimulatedRig
-
-FloatArray = NDArray[np.float64]
 
 
 def random_sizes(rng: np.random.Generator, n_blocks: int) -> list[int]:

@@ -11,7 +11,8 @@ from tests.hardware.nidaq import bench as benches
 from tests.hardware.nidaq.bench import BenchMaker
 from tests.hardware.nidaq.fake_server import Fault
 
-from frictus_hardware.base import Exchange, FloatArray
+from frictus_hardware.arrays import FloatArray
+from frictus_hardware.base import Exchange
 from frictus_hardware.errors import (
     ConfigError,
     DeviceLostError,

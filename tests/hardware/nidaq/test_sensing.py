@@ -6,19 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from tests.hardware.nidaq.fake_device import FakeDevice
 from tests.hardware.nidaq.fake_server import FakeServer, Fault
 from tests.hardware.nidaq.wired import BIAS_V, section, sensor_volts
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError, SensorError, TransientError
 from frictus_hardware.nidaq.assembly import make_rig
 from frictus_hardware.nidaq.backend import NiRig
 from frictus_hardware.nidaq.settings import NiRigConfig
 from frictus_service.config import parse
 from frictus_service.errors import ConfigurationError
-
-FloatArray = NDArray[np.float64]
 
 RATE_HZ = 20_000.0
 CHANNELS = 10

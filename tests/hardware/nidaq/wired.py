@@ -3,10 +3,9 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from tests.hardware.sensors.calibration_file import CalibrationFile, gauge_matrix
 
-FloatArray = NDArray[np.float64]
+from frictus_hardware.arrays import FloatArray
 
 MATRIX = gauge_matrix()
 TORQUE_N_M_PER_N = np.array([[0.0, 0.012, 0.0], [-0.012, 0.0, 0.0], [0.0, 0.0, 0.0]])

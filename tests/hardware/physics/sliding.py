@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_hardware.physics.mount import Mount
 from frictus_hardware.physics.prediction import Prediction, Probe
 from frictus_hardware.physics.schedule import Circumstances
@@ -12,9 +12,6 @@ from frictus_hardware.physics.screen import Screen, drive_fraction_of, screen_vo
 from frictus_hardware.physics.simulator import Simulator
 from frictus_hardware.physics.stages import Decimate
 from frictus_hardware.physics.twin import Signals, Twin, simulate
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 RATE_HZ = 20_000.0
 SETTLE = 4_000

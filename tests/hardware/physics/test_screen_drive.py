@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.screen import Screen, drive_fraction_of, screen_voltage
 
-FloatArray = NDArray[np.float64]
 RATE = 20_000.0
 TONES_HZ = np.geomspace(30.0, 2000.0, 15)
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_hardware.physics import friction
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.mobility import Mobility
@@ -24,8 +24,6 @@ from frictus_hardware.physics.twin import Signals, Twin, simulate
 
 pytestmark = pytest.mark.compiled
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 RATE = 20_000.0
 
 

@@ -4,9 +4,8 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from frictus_hardware.arrays import FloatArray
 
 AXES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 FORCE_N = {"N": 1.0, "kN": 1e3, "lbf": 4.4482216152605, "kg": 9.80665}

@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from tests.hardware.sensors.calibration_file import CalibrationFile, gauge_matrix
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError
 from frictus_hardware.sensors.ati import parse_calibration
 from frictus_hardware.sensors.deskew import Deskew, deskew, turn_offsets_s
 from frictus_hardware.sensors.force import wrench
 
-FloatArray = NDArray[np.float64]
 RATE_HZ = 20_000.0
 OFFSETS_S = turn_offsets_s(10, 200_000.0)
 

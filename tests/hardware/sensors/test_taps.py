@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import SensorError
 from frictus_hardware.sensors.rotation import angle_deg, in_turn
 from frictus_hardware.sensors.taps import check_orientation, tap_direction
 
-FloatArray = NDArray[np.float64]
 RATE_HZ = 20_000.0
 GRAVITY = np.array([0.0, 0.0, 9.81])
 

@@ -2,14 +2,12 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from frictus.messages import Excitation
+from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import design
 from frictus_service.calibration.errors import ExcitationDesignError
 from frictus_service.calibration.prior import Prior
-
-FloatArray = NDArray[np.float64]
 
 RATE = 20_000.0
 

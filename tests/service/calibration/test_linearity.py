@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_service.calibration import design
@@ -10,7 +9,6 @@ from frictus_service.calibration.linearity import linearity_of, stretches_of
 from frictus_service.study.trial import Trial, TrialInfo
 from frictus_service.synthesis.excitation import compile_excitation
 
-FloatArray = NDArray[np.float64]
 RATE_HZ = 20_000.0
 SWEEP_S, SWEEPS = 1.2, 4
 

@@ -4,15 +4,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy import signal
 
 from frictus.messages import Excitation
+from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import design
 from frictus_service.calibration.errors import ExcitationDesignError
 from frictus_service.calibration.nonlinearity import Nonlinearity, nonlinearity
-
-FloatArray = NDArray[np.float64]
 
 RATE = 20_000.0
 

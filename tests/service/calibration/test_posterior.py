@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from frictus.model import Covariance, Validity
+from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates, design
 from frictus_service.calibration.errors import EstimateError
 from frictus_service.calibration.plan import Ask
@@ -15,8 +16,6 @@ from frictus_service.calibration.posterior import Posterior, estimate
 from frictus_service.calibration.precision import Variation, draw, quick_asks
 from frictus_service.calibration.prior import Prior
 from frictus_service.identification.observation.observations import TrialObservations
-
-FloatArray = NDArray[np.float64]
 
 SPEEDS = np.array([20.0, 60.0, 100.0])
 SILENT = Variation(

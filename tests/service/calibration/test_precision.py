@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from frictus.model import Validity
+from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates, design
 from frictus_service.calibration.posterior import estimate
 from frictus_service.calibration.precision import (
@@ -17,8 +18,6 @@ from frictus_service.calibration.precision import (
     quick_asks,
 )
 from frictus_service.calibration.prior import Prior
-
-FloatArray = NDArray[np.float64]
 
 TRUTH = Prior.weak().mean
 SPEEDS = np.array([20.0, 40.0, 60.0, 80.0, 100.0])

@@ -2,14 +2,12 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from frictus.model import Covariance, FirstOrderSpeedLaw, MassSpringDamper, Model
+from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.errors import PriorError
 from frictus_service.calibration.prior import FAR, FEWEST, Prior
-
-FloatArray = NDArray[np.float64]
 
 MEAN = np.array([6.5, 7.4, -0.9, 30e-6])
 BETWEEN = np.diag([0.2, 0.15, 0.3, 5e-6]) ** 2

@@ -6,19 +6,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from tests.hardware.nidaq.fake_device import FakeDevice
 from tests.hardware.nidaq.fake_server import FakeServer
 from tests.hardware.nidaq.wired import section, sensor_volts
 from typer.testing import CliRunner
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.cli import selftest
 from frictus_service.cli.app import app
 from frictus_service.cli.exits import Exit
 from frictus_service.selftest.playing import PEAK_V
 from frictus_service.selftest.report import Measure, Outcome
 
-FloatArray = NDArray[np.float64]
 VIRTUAL = 'kind = "simulated"\nclock = "virtual"\nsample_rate_hz = 10_000.0\n'
 DEVICE = 'kind = "simulated_device"\naddress = "{address}"\n'
 

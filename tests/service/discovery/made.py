@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from frictus.model import Model
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effects import extended
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.mobility import Mobility
@@ -29,7 +30,6 @@ from frictus_service.identification.observation.observations import (
 )
 from frictus_service.study.trial import TrialInfo
 
-FloatArray = NDArray[np.float64]
 Effects = Sequence[tuple[str, dict[str, float]]]
 
 MOUNT = Mount().lateral

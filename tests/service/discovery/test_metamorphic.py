@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from tests.service.discovery.made import (
     BEGAN,
     dose_in,
@@ -17,11 +16,11 @@ from tests.service.discovery.made import (
     suspected,
 )
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery import discover as engine
 from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 from frictus_service.discovery.problem.candidates import Candidate, candidates_of
 
-FloatArray = NDArray[np.float64]
 Change = Callable[[FloatArray], FloatArray]
 MIDDLE_MM = 35.0
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy import signal
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.mount import Mount
 from frictus_service.fidelity.bands import (
@@ -23,7 +23,6 @@ from frictus_service.synthesis.components import Components
 
 pytestmark = pytest.mark.compiled
 
-FloatArray = NDArray[np.float64]
 
 RATE = 20_000.0
 

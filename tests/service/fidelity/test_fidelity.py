@@ -9,7 +9,6 @@ from pathlib import Path as File
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from frictus.recordings import load_texture, texture_of
 from frictus.textures import Texture
@@ -35,8 +34,6 @@ from frictus_service.fidelity.measure import (
 from frictus_service.fidelity.path import Path, walk
 from frictus_service.library import SHIPPED
 from frictus_service.synthesis.scene import CompiledScene
-
-FloatArray = NDArray[np.float64]
 
 RATE = 20_000.0
 LAW = FrictionLaw()

@@ -6,13 +6,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.identification.observation.observations import (
     ResponseRows,
     TrialObservations,
 )
 from frictus_service.study.trial import TrialInfo
-
-FloatArray = NDArray[np.float64]
 
 TONES_HZ = tuple(np.geomspace(30.0, 2000.0, 15).tolist())
 

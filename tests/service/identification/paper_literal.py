@@ -11,12 +11,11 @@ from collections.abc import Iterable, Iterator
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import optimize
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.study.trial import StudyInfo, Trial
 
-FloatArray = NDArray[np.float64]
 Condition = tuple[str, float, float]
 
 WINDOW = 4000

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from tests.service.identification.paper_literal import literal_cutoffs
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.identification.analysis import identify
 from frictus_service.identification.documents import Settings
 from frictus_service.identification.observation.observations import TrialObservations
@@ -20,7 +20,6 @@ from frictus_service.reproduction.population import draw_people
 from frictus_service.reproduction.simulate import simulate_trial, study_info
 from frictus_service.study.trial import Trial
 
-FloatArray = NDArray[np.float64]
 Condition = tuple[str, float, float]
 
 DELAY_S = 1e-4

@@ -6,9 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.plain import compared, few
 
-from frictus_service.identification.observation import blocks, clipping
+from frictus_service.identification.observation import blocks, clipping, least_squares
 from frictus_service.identification.observation.blocks import BLOCK
-from frictus_service.identification.observation.observations import least_squares
 from frictus_service.identification.observation.tones import Tones, fit
 
 pytestmark = pytest.mark.compiled

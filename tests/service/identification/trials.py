@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw, frequency_response
 from frictus_hardware.physics.mobility import Mobility
 from frictus_hardware.physics.mount import Mount
@@ -15,8 +16,6 @@ from frictus_hardware.physics.twin import Signals, simulate
 from frictus_hardware.simulated.press import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
-
-FloatArray = NDArray[np.float64]
 
 RATE_HZ = 20_000.0
 PAPER_TONES_HZ = tuple(np.geomspace(30.0, 2000.0, 15).tolist())

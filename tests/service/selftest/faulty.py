@@ -6,15 +6,14 @@ from types import TracebackType
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Backend, Exchange, RigInfo
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.faults import Fault
 from frictus_hardware.simulated.pointer import ClientFinger
 from frictus_hardware.simulated.rig import SimulatedRig
 
-FloatArray = NDArray[np.float64]
 Spoil = Callable[[Exchange], Exchange]
 RATE_HZ = 10_000.0
 BLOCK = 200

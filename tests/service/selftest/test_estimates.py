@@ -10,7 +10,7 @@ from frictus_service.selftest.spread import mean_and_half
 from frictus_service.selftest.step import moved_after, staircase
 
 RATE_HZ = 20_000.0
-FloatArray = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+from frictus_hardware.arrays import FloatArray
 
 
 def delayed(excitation: PeriodicTones, samples: float) -> FloatArray:

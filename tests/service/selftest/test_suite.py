@@ -27,6 +27,7 @@ from tests.service.selftest.faulty import (
 )
 
 from frictus_hardware import SimulatedConfig
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Exchange
 from frictus_hardware.errors import SensorError
 from frictus_hardware.nidaq.backend import NiRig
@@ -42,8 +43,6 @@ from frictus_service.selftest.suite import (
     measure_step,
     run_tests,
 )
-
-FloatArray = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 
 def spoiled(spoil: Spoil, simulated: bool = True) -> RigUnderTest:

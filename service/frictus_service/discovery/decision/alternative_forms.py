@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.evidence.evidence_rows import Subject
 from frictus_service.discovery.evidence.residuals import Compared
 from frictus_service.discovery.inference.linear_model import Unit, orthonormal
@@ -18,8 +18,6 @@ from frictus_service.discovery.problem.patterns import (
     scaled,
 )
 from frictus_service.discovery.problem.problem import DiscoveryProblem
-
-FloatArray = NDArray[np.float64]
 
 FORMS: Final = 2
 """A signature times the covariate, and times its square: a saturating or a stepped effect is

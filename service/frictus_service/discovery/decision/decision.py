@@ -6,8 +6,8 @@ from functools import cached_property
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.decision.alternative_forms import (
     explained_by,
     other_forms,
@@ -34,8 +34,6 @@ from frictus_service.discovery.inference.selection import select
 from frictus_service.discovery.inference.significance import Significance
 from frictus_service.discovery.problem.patterns import Place, places_of
 from frictus_service.discovery.problem.problem import DiscoveryProblem
-
-FloatArray = NDArray[np.float64]
 
 NAMING: Final = 0.05
 """Family-wise, of all causes of the catalogue."""

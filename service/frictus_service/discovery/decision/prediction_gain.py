@@ -5,9 +5,9 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.document import Covariate, Gain, UnseenCondition
 from frictus_service.discovery.evidence.evidence_rows import Subject, part_of
 from frictus_service.discovery.evidence.residuals import Compared
@@ -18,9 +18,6 @@ from frictus_service.discovery.inference.nuisance_refit import (
     with_refitted_nuisance,
 )
 from frictus_service.discovery.problem.problem import DiscoveryProblem
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 DB: Final = 20.0 / np.log(10.0)
 DEGREES: Final = 180.0 / np.pi

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.inference.linear_model import (
     Unit,
     held_out_gain,
@@ -17,8 +17,6 @@ from frictus_service.discovery.inference.linearisation import Linearised, column
 from frictus_service.discovery.inference.selection import select
 from frictus_service.discovery.problem.patterns import Pattern
 from frictus_service.discovery.problem.problem import DiscoveryProblem
-
-FloatArray = NDArray[np.float64]
 
 OMNIBUS: Final = 0.025
 """Family-wise, of all patterns: noticing something unknown in nothing is a false alarm too. Six

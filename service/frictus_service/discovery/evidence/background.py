@@ -5,14 +5,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_service.identification.observation.blocks import BLOCK, RAMP, BlockSums
 from frictus_service.identification.observation.response import WholeBlocks
 from frictus_service.identification.observation.tones import Tones, trend_degree
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 LOW_BAND_HZ: Final = (4.0, 30.0)
 LEAST_LOW_S: Final = 0.35

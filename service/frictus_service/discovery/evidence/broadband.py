@@ -19,6 +19,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from frictus_hardware.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.discovery.evidence.spectra import NO_HARMONICS, NOTHING, HarmonicResponse
 from frictus_service.identification.observation.blocks import BLOCK
@@ -28,11 +29,6 @@ from frictus_service.identification.observation.observe import FingerTrajectory
 from frictus_service.identification.observation.response import NO_ROWS, Instrument
 from frictus_service.identification.observation.sweeps import SweepThird
 from frictus_service.study.trial import StudyInfo, Trial
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
 
 WINDOW_S: Final = 0.1
 PER_OCTAVE: Final = 6

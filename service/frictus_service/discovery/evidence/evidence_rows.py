@@ -4,16 +4,12 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from frictus_hardware.arrays import BoolArray, FloatArray, IntArray
 from frictus_hardware.physics.prediction import Probe
 from frictus_hardware.physics.schedule import Circumstances
 from frictus_service.discovery.evidence.residuals import Compared, Layout, lay_out
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 QUIET: Final = 0.1
 """Share of the trials that are quieter than that."""

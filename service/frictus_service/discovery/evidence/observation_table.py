@@ -9,15 +9,13 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_hardware.arrays import ComplexArray, FloatArray, IntArray
 from frictus_hardware.physics.prediction import Probe
 from frictus_hardware.physics.schedule import Circumstances
 from frictus_service.discovery.evidence.evidence_rows import EvidenceRows
 from frictus_service.discovery.evidence.residuals import Compared
 from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-ComplexArray = NDArray[np.complex128]
 ResponseName = Literal["friction", "mobility"]
 
 LEAST_UNITS: Final = 6

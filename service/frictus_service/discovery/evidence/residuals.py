@@ -11,11 +11,8 @@ from dataclasses import dataclass, fields
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from frictus_hardware.arrays import BoolArray, FloatArray, IntArray
 
 RESPONSE: Final = 0.004
 """Share of the size, and radians: what speed varies and bends within a third of a stroke makes

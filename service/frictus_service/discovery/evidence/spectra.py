@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import ComplexArray, FloatArray, IntArray
 from frictus_service.discovery.evidence.background import Backdrop, low_power
 from frictus_service.discovery.evidence.spectral_lines import Lines, lines_of
 from frictus_service.identification.observation.blocks import BLOCK, BlockSums
@@ -26,10 +26,6 @@ from frictus_service.identification.observation.response import (
 )
 from frictus_service.identification.observation.tones import Amplitudes, fit
 from frictus_service.study.trial import StudyInfo, Trial
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-ComplexArray = NDArray[np.complex128]
 
 IN_MESSAGE: Final = 1e-4
 """Share of the tone: a stronger harmonic of the message itself says nothing of the finger."""

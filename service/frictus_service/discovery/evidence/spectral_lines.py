@@ -12,9 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.identification.observation.tones import Tones
-
-FloatArray = NDArray[np.float64]
 
 MAINS_HZ: Final = (50.0, 60.0)
 FROM_MAINS_HZ: Final = 8.0

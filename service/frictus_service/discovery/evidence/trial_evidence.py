@@ -109,7 +109,7 @@ def study_evidence(
     ----------
     path : Path or str
     workers, cache, cluster, tell
-        As for `identification.pipeline.study.observe_study`; the cache's folder may be the same.
+        As for `observe_study` of identification; the cache may be the same.
 
     Raises
     ------

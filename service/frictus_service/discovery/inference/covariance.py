@@ -11,8 +11,8 @@ from itertools import product
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.evidence.residuals import Layout, huber, scatters
 from frictus_service.discovery.inference.linear_model import LEAST_SHARE, orthonormal
 from frictus_service.discovery.inference.random_effects import (
@@ -20,9 +20,6 @@ from frictus_service.discovery.inference.random_effects import (
     estimate_random_effects,
 )
 from frictus_service.discovery.problem.problem import UnwhitenedUnit
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 ROUNDS: Final = 3
 """Scatter and fit follow from each other."""

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import BoolArray, FloatArray
 from frictus_service.discovery.inference.significance import (
     PRIOR_DEGREES,
     Significance,
@@ -18,9 +18,6 @@ from frictus_service.discovery.inference.significance import (
     largest_of_flips,
     standard_error,
 )
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 LEAST_SHARE: Final = 1e-3
 """What own parameters and causes already named leave of a signature, as a share of its square,

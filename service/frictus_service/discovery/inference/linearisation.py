@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_service.discovery.evidence.evidence_rows import as_asked
 from frictus_service.discovery.evidence.residuals import Compared, Layout, accuracy_of, reduce
@@ -24,8 +24,6 @@ from frictus_service.discovery.problem.problem import (
     UnwhitenedUnit,
     as_accurate,
 )
-
-FloatArray = NDArray[np.float64]
 
 ROUNDS: Final = 8
 """Of Gauss-Newton at most; without a power that outgrows its background, three do."""

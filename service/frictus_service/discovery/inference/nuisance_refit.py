@@ -5,14 +5,12 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.evidence.evidence_rows import Subject
 from frictus_service.discovery.evidence.residuals import reduce
 from frictus_service.discovery.inference.linearisation import MOST_CHANGE, SETTLED, Linearised
 from frictus_service.discovery.problem.problem import NUISANCE_STEP, DiscoveryProblem
-
-FloatArray = NDArray[np.float64]
 
 ROUNDS: Final = 6
 """Of Gauss-Newton at most; with two or three parameters, three do."""

@@ -5,12 +5,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.inference.linear_model import Unit, held_out_gain, project_out
 from frictus_service.discovery.inference.significance import Significance
-
-FloatArray = NDArray[np.float64]
 
 MOST_CAUSES: Final = 6
 

@@ -7,9 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.evidence.observation_table import LEAST_UNITS
-
-FloatArray = NDArray[np.float64]
 
 PRIOR_DEGREES: Final = 4.0
 """How much the variance that the noise alone would give counts, in degrees of freedom. A few

@@ -5,11 +5,9 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.errors import ServiceError
-
-FloatArray = NDArray[np.float64]
 
 RATES: Final = ("sample_rate_hz", "rate_hz", "sr", "fs", "Fs")
 """Names under which a MATLAB file may hold its sample rate."""

@@ -4,10 +4,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import BoolArray, FloatArray
 from frictus_service.discovery.decision.decision import NAMING
-from frictus_service.discovery.discover import POWER
 from frictus_service.discovery.evidence.observation_table import LEAST_UNITS
 from frictus_service.discovery.inference.linear_model import (
     ProjectedUnits,
@@ -19,9 +18,7 @@ from frictus_service.discovery.plan.assumptions import Assumptions
 from frictus_service.discovery.plan.expected import expected, units_of_people
 from frictus_service.discovery.plan.programme import Programme
 from frictus_service.discovery.plan.setup import Setup
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from frictus_service.discovery.report.assembly import POWER
 
 DRAWS: Final = 15
 """Studies without effects that are drawn to tell how large the largest t is by chance."""

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray, IntArray
 from frictus_service.discovery.evidence.residuals import (
     HARMONIC,
     PHASE,
@@ -23,9 +23,6 @@ from frictus_service.discovery.problem.candidates import Candidate
 from frictus_service.discovery.problem.nuisance import ResponseName
 from frictus_service.reproduction.plan import WithinPersonScatter
 from frictus_service.reproduction.simulate import FORCE_NOISE_N
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 SECOND, THIRD = (HARMONIC + 4, HARMONIC + 8), (HARMONIC + 12, HARMONIC + 16)
 LINES, LOW = (40, 41), 42

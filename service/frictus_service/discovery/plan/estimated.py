@@ -4,18 +4,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.evidence.evidence_rows import EvidenceRows
 from frictus_service.discovery.evidence.residuals import TRIAL_SIZE, Layout, accuracy_of
-from frictus_service.discovery.inference.covariance import UnwhitenedUnit, Whitening, whiten
+from frictus_service.discovery.inference.covariance import Whitening, whiten
 from frictus_service.discovery.inference.linear_model import ProjectedUnits, project_out
 from frictus_service.discovery.inference.linearisation import linearise
 from frictus_service.discovery.plan.assumptions import SMALL, Assumptions, Grid, kinds
 from frictus_service.discovery.problem.candidates import Candidate
-from frictus_service.discovery.problem.problem import DiscoveryProblem
+from frictus_service.discovery.problem.problem import DiscoveryProblem, UnwhitenedUnit
 
-FloatArray = NDArray[np.float64]
 SOURCE = "Scatters and differences between people are those of this study."
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from frictus_service.discovery.evidence.evidence_rows import subjects_of
 from frictus_service.discovery.evidence.observation_table import LEAST_UNITS, blocks_of, dealt
 from frictus_service.discovery.evidence.residuals import Layout
-from frictus_service.discovery.inference.covariance import UnwhitenedUnit, Whitening
+from frictus_service.discovery.inference.covariance import Whitening
 from frictus_service.discovery.inference.linear_model import Unit
 from frictus_service.discovery.inference.linearisation import linearise
 from frictus_service.discovery.plan.assumptions import Assumptions
@@ -16,7 +16,7 @@ from frictus_service.discovery.plan.programme import PlannedTrial, Programme
 from frictus_service.discovery.plan.rows import rows_of_trials, strength
 from frictus_service.discovery.plan.setup import Setup
 from frictus_service.discovery.problem.nuisance import NUISANCE
-from frictus_service.discovery.problem.problem import DiscoveryProblem
+from frictus_service.discovery.problem.problem import DiscoveryProblem, UnwhitenedUnit
 
 
 def units_of_people(programme: Programme) -> list[tuple[PlannedTrial, ...]]:

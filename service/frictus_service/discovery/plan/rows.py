@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.prediction import Probe
 from frictus_hardware.physics.schedule import REFERENCE_POSITION_MM, Circumstances
 from frictus_service.discovery.errors import DesignError
@@ -18,8 +19,6 @@ from frictus_service.discovery.plan.assumptions import Assumptions
 from frictus_service.discovery.plan.programme import PlannedTrial
 from frictus_service.discovery.plan.setup import Setup
 from frictus_service.discovery.plan.strokes import StrokeThird, stretches_of, tones_in
-
-FloatArray = NDArray[np.float64]
 
 FULL_VPP: Final = 150.0
 """At which the drive reaches a fraction of one; friction follows the square."""

@@ -4,12 +4,11 @@ from dataclasses import replace
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.mobility import Mobility
 from frictus_hardware.physics.simulator import Simulator
 
-FloatArray = NDArray[np.float64]
 ResponseName = Literal["friction", "mobility"]
 
 NUISANCE: Final[dict[ResponseName, tuple[str, ...]]] = {

@@ -6,13 +6,11 @@ from itertools import product
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.schedule import Circumstances
 from frictus_service.discovery.evidence.evidence_rows import Subject
 from frictus_service.discovery.evidence.residuals import Compared
-
-FloatArray = NDArray[np.float64]
 
 Channel = Literal["size", "phase", "second", "third", "line50", "line60", "low"]
 Covariate = Literal[

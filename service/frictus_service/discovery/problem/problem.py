@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_hardware.arrays import BoolArray, FloatArray
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.prediction import predict
 from frictus_hardware.physics.simulator import Simulator
@@ -30,9 +31,6 @@ from frictus_service.discovery.problem.nuisance import (
     ResponseName,
 )
 from frictus_service.discovery.problem.patterns import Pattern
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 NUISANCE_STEP: Final = 1e-3
 

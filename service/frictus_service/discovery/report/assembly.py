@@ -5,10 +5,10 @@ from importlib.metadata import version
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
 from frictus.model import Effect, FirstOrderSpeedLaw, MassSpringDamper, Model
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_service.discovery.catalogue.causes import CAUSES, cause_of, separating_experiment
 from frictus_service.discovery.decision.decision import CauseDecision, Decision
@@ -38,8 +38,6 @@ from frictus_service.discovery.problem.candidates import Candidate
 from frictus_service.discovery.problem.nuisance import NUISANCE
 from frictus_service.discovery.problem.problem import DiscoveryProblem
 from frictus_service.discovery.report.figures import level_bins, residual_bins, rests_of
-
-FloatArray = NDArray[np.float64]
 
 POWER: Final = 0.84
 """Quantile of the normal distribution: four of five studies."""

@@ -6,15 +6,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.decision.prediction_gain import DB, DEGREES
 from frictus_service.discovery.document import Covariate, LevelBin, ResidualBin
 from frictus_service.discovery.evidence.evidence_rows import Subject
 from frictus_service.discovery.evidence.residuals import Compared
 from frictus_service.discovery.inference.linearisation import Linearised
 from frictus_service.discovery.problem.problem import DiscoveryProblem
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 LEAST_UNITS: Final = 2
 BINS: Final = 3

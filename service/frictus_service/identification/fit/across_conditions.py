@@ -7,11 +7,9 @@ on a condition's own estimate, as a cutoff that came out low claims to be more c
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from frictus_hardware.arrays import FloatArray, IntArray
 
 _PASSES = 8
 _LEAST_SHARE = 0.1

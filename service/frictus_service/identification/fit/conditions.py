@@ -5,15 +5,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from frictus_service.identification.errors import NothingToIdentifyError
 from frictus_service.identification.observation.observations import TrialObservations
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
-ComplexArray = NDArray[np.complex128]
 
 LEAST_RELATIVE = 1e-4
 """No response is known better than this share of its size."""

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import BoolArray, FloatArray, IntArray
 from frictus_service.identification.documents import Parameter, Settings
 from frictus_service.identification.fit.across_conditions import ConditionEvidence
 from frictus_service.identification.fit.conditions import ObservationTable, Selection, select
@@ -17,10 +17,6 @@ from frictus_service.identification.fit.mobility_fit import (
     fit_mobility,
 )
 from frictus_service.identification.fit.speed_law import SpeedLaw, estimate
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 COLUMNS: dict[Parameter, int] = {
     "gain": GAIN,

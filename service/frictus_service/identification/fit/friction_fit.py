@@ -8,15 +8,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import ComplexArray, FloatArray, IntArray
 from frictus_service.identification.fit import joint_fit
 from frictus_service.identification.fit.conditions import Sample
 from frictus_service.identification.fit.joint_fit import JointFit, JointFitProblem, Spreads
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-ComplexArray = NDArray[np.complex128]
 
 GAIN, CUTOFF = 0, 1
 """Columns of the logarithms: gain in N per unit of drive fraction, cutoff in Hz."""

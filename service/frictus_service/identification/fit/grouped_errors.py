@@ -10,10 +10,8 @@ rows' covariance follows from Woodbury's identity, group by group, and is never 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from frictus_hardware.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True)

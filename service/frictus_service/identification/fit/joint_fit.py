@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import BoolArray, ComplexArray, FloatArray
 from frictus_service.identification.fit.conditions import Sample
 from frictus_service.identification.fit.grouped_errors import (
     GroupVariances,
@@ -18,11 +18,6 @@ from frictus_service.identification.fit.grouped_errors import (
     moments,
     scatter_of,
 )
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
-ComplexArray = NDArray[np.complex128]
 
 STEP: Final = 0.5
 """Longest step of a logarithm."""

@@ -3,15 +3,12 @@
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_service.identification.fit import joint_fit
 from frictus_service.identification.fit.conditions import Sample
 from frictus_service.identification.fit.friction_fit import averages
 from frictus_service.identification.fit.joint_fit import JointFit, JointFitProblem, Spreads
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 MASS, DAMPING, STIFFNESS = 0, 1, 2
 """Columns of the logarithms: kg, N s/m, N/m."""

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.identification.fit.across_conditions import (
     Combination,
     ConditionEvidence,
@@ -12,8 +12,6 @@ from frictus_service.identification.fit.across_conditions import (
     settle,
 )
 from frictus_service.identification.fit.friction_fit import CUTOFF, GAIN
-
-FloatArray = NDArray[np.float64]
 
 NAMES = ("gain_n", "cutoff_0_hz", "slope_hz_per_mm_s", "skew_s")
 """Order of the estimates, as a model's covariance names them."""

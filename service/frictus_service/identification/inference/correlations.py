@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.identification.documents import (
     Correlation,
     Estimate,
@@ -14,8 +15,6 @@ from frictus_service.identification.documents import (
 )
 from frictus_service.identification.fit.estimates import FRICTION, MOBILITY, Measured
 from frictus_service.identification.inference.statistics import mean_of, p_of_t
-
-FloatArray = NDArray[np.float64]
 
 LEAST = 5
 """Points below which no correlation is given."""

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.identification.documents import (
     EFFECT_UNITS,
     UNITS,
@@ -28,9 +29,6 @@ from frictus_service.identification.inference.statistics import (
     p_of_t,
     t_of,
 )
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 EFFECTS: tuple[Effect, ...] = ("speed", "force", "interaction")
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import optimize, stats
 
+from frictus_hardware.arrays import FloatArray, IntArray
 from frictus_service.identification.documents import (
     Effect,
     MixedCheck,
@@ -16,9 +16,6 @@ from frictus_service.identification.documents import (
 )
 from frictus_service.identification.fit.estimates import Cells
 from frictus_service.identification.inference.effects import Centre
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 CRITICAL: Final = float(stats.chi2.ppf(0.90, 1))
 """A variance cannot be negative: the ratio is 0 in half of all null cases."""

@@ -3,15 +3,12 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import BoolArray, FloatArray
 from frictus_service.identification.documents import Parameter
 from frictus_service.identification.fit.estimates import Measured
 from frictus_service.identification.inference.effects import Centre
 from frictus_service.identification.inference.statistics import far_off
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 LEAST = 10
 """Conditions of a participant below which nothing is called an outlier."""

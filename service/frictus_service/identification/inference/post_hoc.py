@@ -4,14 +4,12 @@ from collections.abc import Mapping
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.identification.documents import PairTest, Parameter
 from frictus_service.identification.fit.estimates import Measured
 from frictus_service.identification.inference.statistics import LEAST_FOR_FLIPS, holm
-
-FloatArray = NDArray[np.float64]
 
 
 def pairs_of(values: Mapping[Parameter, FloatArray], measured: Measured) -> list[PairTest]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-FloatArray = NDArray[np.float64]
+from frictus_hardware.arrays import FloatArray
 
 LEAST_FOR_FLIPS: Final = 6
 """Five participants give 16 different flips: 1/16 is above 5 %."""

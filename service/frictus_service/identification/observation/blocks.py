@@ -11,10 +11,8 @@ from typing import Final
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from frictus_hardware.arrays import FloatArray, IntArray
 
 BLOCK: Final = 32
 RAMP: Final = np.arange(float(BLOCK)) - (BLOCK - 1) / 2.0

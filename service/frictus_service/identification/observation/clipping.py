@@ -5,9 +5,8 @@ from typing import Final
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from frictus_hardware.arrays import FloatArray
 
 CLIPPED_SHARE: Final = 0.001
 """Of the samples, at one end of the range: so many are accepted."""

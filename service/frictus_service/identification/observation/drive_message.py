@@ -1,10 +1,8 @@
 """The drive fraction from screen volts, and what the held DAC does to it."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from frictus_hardware.arrays import ComplexArray, FloatArray
 
 
 def drive_fraction(voltage_v: FloatArray, screen_peak_v: float) -> FloatArray:

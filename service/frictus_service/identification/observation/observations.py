@@ -2,14 +2,8 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from frictus_hardware.arrays import ComplexArray, FloatArray, IntArray
 from frictus_service.study.trial import TrialInfo
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-ComplexArray = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True)

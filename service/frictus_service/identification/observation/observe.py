@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.identification.observation.blocks import BLOCK
 from frictus_service.identification.observation.observations import TrialObservations
 from frictus_service.identification.observation.response import rows_of
@@ -19,8 +20,6 @@ from frictus_service.identification.observation.sweeps import (
 )
 from frictus_service.identification.observation.validity import Means, judge
 from frictus_service.study.trial import StudyInfo, Trial
-
-FloatArray = NDArray[np.float64]
 
 PRESSED_SHARE = 0.25
 """The finger is on the screen where it presses with this share of its median force."""

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_service.identification.observation.blocks import BLOCK
 from frictus_service.identification.observation.drive_message import (
     advance,
@@ -16,9 +16,6 @@ from frictus_service.identification.observation.observations import ResponseRows
 from frictus_service.identification.observation.sweeps import SweepThird
 from frictus_service.identification.observation.tones import Tones, fit
 from frictus_service.study.trial import StudyInfo, Trial
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 def channels_of(trial: Trial, study: StudyInfo) -> list[FloatArray]:

@@ -7,10 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from frictus_hardware.arrays import BoolArray, FloatArray
 
 WINDOW_S = 0.07
 """Velocity is the slope of a straight line through the reports of so long before and after."""

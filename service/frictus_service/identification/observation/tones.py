@@ -7,11 +7,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_service.identification.observation.blocks import BLOCK, BlockSums, sum_blocks
 from frictus_service.identification.observation.least_squares import solve
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 TREND_HZ: Final = 2.0
 """The normal force wanders up to here, and friction with it."""

@@ -12,8 +12,8 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import BoolArray, FloatArray
 from frictus_service.identification.observation.clipping import CLIPPED_SHARE, inspect
 from frictus_service.identification.observation.drive_message import drive_fraction
 from frictus_service.identification.observation.sweeps import (
@@ -23,9 +23,6 @@ from frictus_service.identification.observation.sweeps import (
     rest_mm_s,
 )
 from frictus_service.study.trial import StudyInfo, Trial
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 MEAN_TOLERANCE: Final = 0.10
 TOLERANCE: Final = 0.25

@@ -11,15 +11,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
+from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_service.identification.documents import ConditionResult, ParticipantResult
 from frictus_service.identification.fit.friction_fit import FirstOrder
 from frictus_service.identification.fit.joint_fit import Law
 from frictus_service.identification.fit.mobility_fit import mass_spring_damper
 from frictus_service.identification.observation.observations import TrialObservations
 from frictus_service.identification.report.style import FIT, GRID, ORDER
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 MOST_SHOWN = 12
 """Sweeps beyond share the last colour."""

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.identification.documents import (
     ConditionResult,
     Correlation,
@@ -16,8 +16,6 @@ from frictus_service.identification.documents import (
     Parameter,
 )
 from frictus_service.identification.report.style import FIT, GRID, ordered, people
-
-FloatArray = NDArray[np.float64]
 
 LABELS: dict[Parameter, str] = {
     "gain": "gain, N",

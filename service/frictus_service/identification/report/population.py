@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.identification.documents import (
     CovarianceResult,
     LawResult,
@@ -20,8 +20,6 @@ from frictus_service.identification.inference.statistics import (
     mean_of,
 )
 from frictus_service.identification.report.results import MOBILITY_NAMES
-
-FloatArray = NDArray[np.float64]
 
 LAW_UNITS = ("N", "Hz", "Hz per mm/s", "s")
 MOBILITY_UNITS = ("kg", "N s/m", "N/m", "s")

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from frictus_hardware.arrays import BoolArray, FloatArray
 from frictus_service.identification.documents import (
     ConditionResult,
     CovarianceResult,
@@ -29,9 +30,6 @@ from frictus_service.identification.fit.estimates import (
 from frictus_service.identification.fit.friction_fit import CUTOFF, GAIN, refit_friction
 from frictus_service.identification.fit.joint_fit import JointFit
 from frictus_service.identification.fit.speed_law import NAMES, SpeedLaw
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 MOBILITY_NAMES = ("mass_kg", "damping_n_s_m", "stiffness_n_m", "skew_s")
 _NORMAL_975 = float(stats.norm.ppf(0.975))

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy import signal
 from tests.service.identification.trials import (
     RATE_HZ,
@@ -15,11 +14,9 @@ from tests.service.identification.trials import (
     true_mobility,
 )
 
+from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_service.discovery.evidence.trial_evidence import TrialEvidence, evidence_of
 from frictus_service.study.trial import Trial
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 def noise(_: tuple[float, ...], time_s: FloatArray, rng: np.random.Generator) -> FloatArray:

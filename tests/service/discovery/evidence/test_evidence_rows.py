@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from tests.service.discovery.made import made
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.evidence.evidence_rows import (
     WANDER,
     Subject,
@@ -15,8 +15,6 @@ from frictus_service.discovery.evidence.evidence_rows import (
     within,
 )
 from frictus_service.discovery.evidence.observation_table import rows_of, units_of, used
-
-FloatArray = NDArray[np.float64]
 
 
 def subject(rng: np.random.Generator) -> Subject:

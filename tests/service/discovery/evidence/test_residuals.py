@@ -4,8 +4,8 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.evidence.residuals import (
     HARMONICS,
     LARGE,
@@ -24,7 +24,6 @@ from frictus_service.discovery.evidence.residuals import (
     trials_of,
 )
 
-FloatArray = NDArray[np.float64]
 N_TRIALS, N_TONES, N_STRETCHES = 40, 3, 6
 N_ROWS = N_TRIALS * N_TONES * N_STRETCHES
 TRIAL = np.repeat(np.arange(N_TRIALS), N_TONES * N_STRETCHES)

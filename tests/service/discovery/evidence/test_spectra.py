@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from tests.service.identification.trials import (
     RATE_HZ,
     STUDY,
@@ -13,12 +12,11 @@ from tests.service.identification.trials import (
     true_friction,
 )
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.screen import Screen, screen_voltage
 from frictus_service.discovery.evidence.spectra import HarmonicResponse, Stretches
 from frictus_service.discovery.evidence.trial_evidence import evidence_of
 from frictus_service.study.trial import Trial
-
-FloatArray = NDArray[np.float64]
 
 
 def one_tone(

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from tests.service.discovery.made import (
     MOUNT,
     PAPER,
@@ -15,21 +14,16 @@ from tests.service.discovery.made import (
     suspected,
 )
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.evidence.evidence_rows import subjects_of
 from frictus_service.discovery.evidence.observation_table import rows_of, units_of, used
 from frictus_service.discovery.evidence.residuals import Layout
-from frictus_service.discovery.inference.covariance import (
-    DEVIATIONS,
-    UnwhitenedUnit,
-    Whitening,
-    whiten,
-)
+from frictus_service.discovery.inference.covariance import DEVIATIONS, Whitening, whiten
 from frictus_service.discovery.inference.linear_model import orthonormal
 from frictus_service.discovery.inference.linearisation import linearise
 from frictus_service.discovery.problem.candidates import candidates_of
-from frictus_service.discovery.problem.problem import DiscoveryProblem
+from frictus_service.discovery.problem.problem import DiscoveryProblem, UnwhitenedUnit
 
-FloatArray = NDArray[np.float64]
 N_UNITS, N_CONDITIONS, N_EACH = 10, 12, 40
 N = N_CONDITIONS * N_EACH
 

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.inference.random_effects import estimate_random_effects
 
-FloatArray = NDArray[np.float64]
 N = 300
 
 

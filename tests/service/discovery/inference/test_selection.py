@@ -2,9 +2,9 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy import stats
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.inference.linear_model import (
     Unit,
     held_out_gain,
@@ -15,7 +15,6 @@ from frictus_service.discovery.inference.linear_model import (
 from frictus_service.discovery.inference.selection import select
 from frictus_service.discovery.inference.significance import PRIOR_DEGREES, signs
 
-FloatArray = NDArray[np.float64]
 LEVEL = 0.05
 
 

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.io import loadmat, savemat
 from typer.testing import CliRunner
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.cli.app import app
 from frictus_service.discovery.mount.impact_test import ImpactRecordingError, read_impacts
 from frictus_service.discovery.mount.ring_down import RingDownError, estimate_ring_down
@@ -16,7 +16,6 @@ from frictus_service.discovery.mount.ring_down import RingDownError, estimate_ri
 REAL = Path(__file__).parents[4] / "shared" / "data" / "mount_impacts" / "lateral_data.mat"
 RATE_HZ = 50_000.0
 BAND_HZ = (1000.0, 6000.0)
-FloatArray = NDArray[np.float64]
 
 
 def blows(

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.blind.generator import Case, Seeds, make_study
-from tests.blind.generator import FactorialDesign as Truth
+from tests.blind.generator import Design as Truth
 from threadpoolctl import threadpool_limits
 from typer.testing import CliRunner
 

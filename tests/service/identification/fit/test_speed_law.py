@@ -4,17 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from tests.service.identification.observed import Bench, Finger, observations, trial
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.identification.documents import Settings
 from frictus_service.identification.fit.across_conditions import ConditionEvidence
 from frictus_service.identification.fit.conditions import ObservationTable
 from frictus_service.identification.fit.estimates import Measured, friction_of, law_of
 from frictus_service.identification.fit.speed_law import SpeedLaw, estimate
 from frictus_service.identification.observation.observations import TrialObservations
-
-FloatArray = NDArray[np.float64]
 
 SMALL = Bench(
     tones_hz=(30.0, 90.0, 220.0, 450.0, 750.0, 2000.0),

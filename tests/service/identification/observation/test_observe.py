@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from tests.service.identification.trials import (
     PAPER_TONES_HZ,
     RATE_HZ,
@@ -16,6 +15,7 @@ from tests.service.identification.trials import (
     true_mobility,
 )
 
+from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_service.identification.observation.observations import (
     ResponseRows,
     TrialObservations,
@@ -24,8 +24,6 @@ from frictus_service.identification.observation.observe import observe
 from frictus_service.study.reader import StudyReader
 
 EXAMPLE = Path(__file__).parents[4] / "shared" / "data" / "study_example" / "study.h5"
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 def mean_ratio(rows: ResponseRows, measured: ComplexArray, true: ComplexArray) -> ComplexArray:

@@ -4,8 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.identification.observation.sweeps import (
     Sweep,
@@ -15,8 +15,6 @@ from frictus_service.identification.observation.sweeps import (
     find_sweeps,
     smooth,
 )
-
-FloatArray = NDArray[np.float64]
 
 SPAN_MM = 60.0
 

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from scipy import signal
 from tests.service.identification.trials import PAPER_TONES_HZ, RATE_HZ, message, volts
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.identification.observation.blocks import BLOCK
 from frictus_service.identification.observation.drive_message import drive_fraction
 from frictus_service.identification.observation.tones import (
@@ -18,8 +19,6 @@ from frictus_service.identification.observation.tones import (
 )
 
 pytestmark = pytest.mark.compiled
-
-FloatArray = NDArray[np.float64]
 
 
 def fitted(samples: FloatArray, tones_hz: tuple[float, ...]) -> Amplitudes:

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from tests.service.identification.trials import RATE_HZ, STUDY, Made, message, trial, volts
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.stages import Quantisation
 from frictus_service.identification.observation.clipping import inspect
 from frictus_service.identification.observation.observations import TrialObservations
@@ -17,7 +17,6 @@ from frictus_service.study.trial import Trial
 
 pytestmark = pytest.mark.compiled
 
-FloatArray = NDArray[np.float64]
 SECONDS = 4.0
 
 

@@ -1,0 +1,9 @@
+"""Types of arrays, by the kind of their numbers; shapes stand in docstrings."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
