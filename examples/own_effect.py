@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
-from frictus_hardware.physics.effect import Effect, Parameter
+from frictus_hardware.physics.effect import EffectDefinition, Parameter
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.prediction import Probe, predict
 from frictus_hardware.physics.schedule import Circumstances
@@ -38,7 +38,7 @@ def extend(simulator: Simulator, parameters: Mapping[str, float]) -> Simulator:
     return replace(simulator, schedule=replace(schedule, gain_factors=factors))
 
 
-EFFECT = Effect(
+EFFECT = EffectDefinition(
     id="skin_warm_up",
     equation="The gain rises while the skin warms: ``g (1 + a (1 - exp(-t / tau)))``.",
     response="friction",

@@ -32,7 +32,7 @@ class Parameter:
 
 
 @dataclass(frozen=True, slots=True)
-class Effect:
+class EffectDefinition:
     """What an effect does to the simulator.
 
     Attributes

@@ -66,8 +66,8 @@ _PUBLICATION: Final[TypeAdapter[Publication]] = TypeAdapter(Publication)
         *_READ,
         problems.RigNotFoundError,
         problems.NoLinkError,
-        problems.RigBusyError,
-        problems.KeyReusedError,
+        problems.RigCalibratingError,
+        problems.IdempotencyKeyReusedError,
         problems.TooLargeError,
         problems.UnsupportedMediaError,
     ),
@@ -175,7 +175,7 @@ def cancel_calibration(calibration: Id, given: Given) -> Calibration:
     "/{calibration}/resume",
     status_code=202,
     dependencies=[Depends(needs("calibrate"))],
-    responses=problems.documented(*_WRITE, problems.RigBusyError),
+    responses=problems.documented(*_WRITE, problems.RigCalibratingError),
 )
 def resume_calibration(calibration: Id, given: Given) -> Calibration:
     """Go on with a calibration that was interrupted or failed; finished trials are kept."""

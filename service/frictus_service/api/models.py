@@ -152,7 +152,7 @@ def list_models(
 @router.post(
     "",
     status_code=201,
-    responses=problems.documented(*_WRITE, problems.KeyReusedError),
+    responses=problems.documented(*_WRITE, problems.IdempotencyKeyReusedError),
     openapi_extra=body_of(NewVersion),
 )
 def publish_model(

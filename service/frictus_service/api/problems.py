@@ -171,7 +171,7 @@ class NotOwnerError(ApiError):
     status, code, title = 409, "not_owner", "Another client holds the rig"
 
 
-class NotArmedError(ApiError):
+class RigNotArmedError(ApiError):
     """The rig must be armed for this."""
 
     status, code, title = 409, "not_armed", "The rig is not armed"
@@ -195,7 +195,7 @@ class RecordingConflictError(ApiError):
     status, code, title = 409, "recording_conflict", "Not with what is being recorded"
 
 
-class RigBusyError(ApiError):
+class RigCalibratingError(ApiError):
     """A calibration is under way on the rig."""
 
     status, code, title = 409, "rig_busy", "The rig is being calibrated"
@@ -267,7 +267,7 @@ class NotFeasibleError(ApiError):
     status, code, title = 422, "not_feasible", "It cannot be rendered"
 
 
-class KeyReusedError(ApiError):
+class IdempotencyKeyReusedError(ApiError):
     """The idempotency key came with another request before."""
 
     status, code, title = 422, "key_reused", "The idempotency key was used before"
@@ -303,7 +303,7 @@ class NoLinkError(ApiError):
     status, code, title = 503, "no_link", "No link to the router or the rig"
 
 
-class OutcomeUnknownError(ApiError):
+class UnknownOutcomeError(ApiError):
     """The rig got the request and has not answered: it may have done it, or may still do it."""
 
     status, code, title = 504, "outcome_unknown", "Whether it was done is not known"
@@ -334,7 +334,7 @@ REFUSALS: Final[dict[str, type[ApiError]]] = {
     "too_large": TooLargeError,
     "stale": StaleError,
     "not_owner": NotOwnerError,
-    "not_armed": NotArmedError,
+    "not_armed": RigNotArmedError,
     "tripped": TrippedError,
     "conflict": ConflictError,
     "not_feasible": NotFeasibleError,
@@ -345,7 +345,7 @@ if set(REFUSALS) != set(get_args(RefusalCode)):
 
 _FOREIGN: Final[dict[type[Exception], type[ApiError]]] = {
     NoRigError: RigNotFoundError,
-    errors.OutcomeUnknownError: OutcomeUnknownError,
+    errors.OutcomeUnknownError: UnknownOutcomeError,
     LinkError: NoLinkError,
     SilenceError: NoLinkError,
     FrameError: UnreadableRigError,
@@ -362,8 +362,8 @@ _FOREIGN: Final[dict[type[Exception], type[ApiError]]] = {
     registry.UnknownModelError: ModelNotFoundError,
     registry.UnknownCalibrationError: CalibrationNotFoundError,
     registry.AliasConflictError: ConflictError,
-    registry.KeyReusedError: KeyReusedError,
-    registry.RigBusyError: RigBusyError,
+    registry.KeyReusedError: IdempotencyKeyReusedError,
+    registry.RigBusyError: RigCalibratingError,
     registry.CalibrationStateError: WrongStateError,
     registry.RegistryUnavailableError: NoRegistryError,
     registry.RegistryError: InvalidError,  # what is left: names, provenance

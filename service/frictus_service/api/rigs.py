@@ -33,7 +33,7 @@ _RIG: Final[tuple[type[problems.ApiError], ...]] = (
     problems.UnreadableRigError,
     problems.NoLinkError,
 )
-_COMMAND: Final = (*_RIG, problems.OutcomeUnknownError)
+_COMMAND: Final = (*_RIG, problems.UnknownOutcomeError)
 REPLACE: Final[tuple[type[problems.ApiError], ...]] = (
     *_COMMAND,
     *problems.REFUSALS.values(),

@@ -3,7 +3,7 @@
 import contextlib
 import socket
 from collections.abc import Callable
-from typing import Final, Protocol
+from typing import Final
 
 import uvicorn
 
@@ -12,26 +12,11 @@ from frictus_service.api.connections import HEAD_BYTES, PatientProtocol
 from frictus_service.config import Config
 from frictus_service.dashboard.messages import MAX_BYTES
 from frictus_service.errors import StartError
+from frictus_service.signals import ReadySignal, StopSignal
 
 GRACE_S: Final = 3
 SEND_BYTES: Final = 262_144
 """What the kernel keeps of answers that a client does not take; Linux would keep megabytes."""
-
-
-class StopSignal(Protocol):
-    """Such as an Event, of a thread or of a process."""
-
-    def is_set(self) -> bool:
-        """Return whether to stop."""
-        ...
-
-
-class ReadySignal(Protocol):
-    """Such as an Event, of a thread or of a process."""
-
-    def set(self) -> None:
-        """Take note that connections are accepted."""
-        ...
 
 
 class _Server(uvicorn.Server):

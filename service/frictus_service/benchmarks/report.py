@@ -27,7 +27,7 @@ from frictus_service.benchmarks.figure import SCHEMA, Figure
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class BenchReport:
     """What `frictus bench` found.
 
     Attributes
@@ -71,7 +71,7 @@ MEASUREMENTS: dict[str, Callable[[], list[Figure]]] = {
 }
 
 
-def measure(say: Callable[[str], None]) -> Report:
+def measure(say: Callable[[str], None]) -> BenchReport:
     """Measure everything.
 
     Parameters
@@ -86,7 +86,7 @@ def measure(say: Callable[[str], None]) -> Report:
         say(f"{number} of {len(MEASUREMENTS)}: {name}")
         figures += measurement()
     machine["load_average_after"] = _load_average()
-    return Report(figures, machine, time.monotonic() - begun_s)
+    return BenchReport(figures, machine, time.monotonic() - begun_s)
 
 
 def _machine() -> dict[str, Any]:

@@ -12,7 +12,7 @@ from frictus_service.cli.options import wants_lines
 
 if TYPE_CHECKING:
     from frictus_service.benchmarks.figure import Figure
-    from frictus_service.benchmarks.report import Report
+    from frictus_service.benchmarks.report import BenchReport
 
 
 def bench(as_json: bool) -> None:
@@ -38,7 +38,7 @@ def _tell(line: str) -> None:
     sys.stderr.flush()
 
 
-def show(found: "Report", console: Console) -> None:
+def show(found: "BenchReport", console: Console) -> None:
     """Print the figures as a table, and what they are below it."""
     table = Table(title="frictus bench")
     for heading in ("figure", "unit", "measured", "beside", "ratio", "target", "met"):

@@ -110,12 +110,12 @@ def _record_here(
     as_json: bool,
 ) -> None:
     from frictus_service.recording.errors import NotWrittenError
-    from frictus_service.recording.recording import BEAT_S, Recording
+    from frictus_service.recording.recording import BEAT_S, RecordingSession
 
     shown_s = 0.0
     with (
         _interruption() as interrupted,
-        Recording(client, rig, request, path, target.config) as recording,
+        RecordingSession(client, rig, request, path, target.config) as recording,
     ):
         begun_s = time.monotonic()
         _note(f"records {path}; Ctrl-C ends it")

@@ -12,7 +12,7 @@ from frictus_service.cli.options import AsJson, wants_lines
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from frictus_service.study.summary import StudySummary
+    from frictus_service.study.summary import StudyContents
 
 study = typer.Typer(no_args_is_help=True, help="Look into study files.")
 
@@ -53,7 +53,7 @@ def size_of(path: Path) -> int:
     return sum(found.stat().st_size for found in files)
 
 
-def print_summary(file: Path, summary: "StudySummary", console: "Console") -> None:
+def print_summary(file: Path, summary: "StudyContents", console: "Console") -> None:
     """Print a study as tables: participants, conditions, and what is wrong."""
     from rich.table import Table
 
@@ -80,7 +80,7 @@ def print_summary(file: Path, summary: "StudySummary", console: "Console") -> No
     _print_faults(summary, console)
 
 
-def _print_faults(summary: "StudySummary", console: "Console") -> None:
+def _print_faults(summary: "StudyContents", console: "Console") -> None:
     for one in summary.excluded:
         told = f"excluded: trial {one.trial}, {one.field}: {one.reason}"
         console.print(told, markup=False, soft_wrap=True)

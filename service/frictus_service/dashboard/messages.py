@@ -60,7 +60,7 @@ class Point(_Asked):
     normal_force_n: Annotated[FiniteFloat, Field(ge=0.0, le=5.0)] = 0.4
 
 
-class ArmRequest(_Asked):
+class PageArmRequest(_Asked):
     """Take a rig and let it drive its screen while the page is there."""
 
     op: Literal["arm"]
@@ -69,7 +69,7 @@ class ArmRequest(_Asked):
     """Clients and people who may change what is rendered meanwhile."""
 
 
-class DisarmRequest(_Asked):
+class PageDisarmRequest(_Asked):
     """Give it back."""
 
     op: Literal["disarm"]
@@ -83,7 +83,7 @@ class Ping(_Asked):
     id: Annotated[int, Field(ge=0, lt=2**53)]
 
 
-Asked = Hello | Watch | Point | ArmRequest | DisarmRequest | Ping
+Asked = Hello | Watch | Point | PageArmRequest | PageDisarmRequest | Ping
 _ASKED: Final[TypeAdapter[Asked]] = TypeAdapter(Annotated[Asked, Field(discriminator="op")])
 
 

@@ -14,10 +14,10 @@ from frictus_service.config import Scope, Token
 from frictus_service.dashboard.arming import Arming
 from frictus_service.dashboard.hub import Hub
 from frictus_service.dashboard.messages import (
-    ArmRequest,
     Asked,
-    DisarmRequest,
     Hello,
+    PageArmRequest,
+    PageDisarmRequest,
     Ping,
     Point,
     Pong,
@@ -168,10 +168,10 @@ class Conversation:
             case Point():
                 viewer.require("render", "point")
                 pointing.point(viewer.watching.rig, asked)
-            case ArmRequest():
+            case PageArmRequest():
                 viewer.require("render", "arm")
                 await arming.arm(asked.rig, asked.share_with)
-            case DisarmRequest():
+            case PageDisarmRequest():
                 await arming.disarm(asked.rig)
             case Ping():
                 await self._send(Pong(id=asked.id).model_dump_json())

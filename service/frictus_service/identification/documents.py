@@ -98,7 +98,7 @@ class Friction(_Document):
     cutoff_hz: Estimate
 
 
-class Mobility(_Document):
+class MobilityEstimate(_Document):
     """Mass, spring and damper of one condition."""
 
     mass_kg: Estimate
@@ -117,7 +117,7 @@ class ConditionResult(_Document):
     trials: int
     tones: int
     friction: Friction | None
-    mobility: Mobility | None
+    mobility: MobilityEstimate | None
     missing: tuple[str, ...] = ()
     """Why something was not estimated."""
     outlier: tuple[Parameter, ...] = ()

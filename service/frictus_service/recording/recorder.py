@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Callable
 from types import TracebackType
-from typing import Any, Final, Protocol, Self
+from typing import Any, Final, Self
 
 import zenoh
 from zenoh.handlers import Callback
@@ -25,23 +25,16 @@ from frictus.session import declare_latest_publisher
 from frictus_service.config import Config
 from frictus_service.daemon.gate import Gate
 from frictus_service.recording.errors import NotWrittenError
-from frictus_service.recording.recording import BEAT_S, SUFFIX, Recording
+from frictus_service.recording.recording import BEAT_S, SUFFIX, RecordingSession
 from frictus_service.recording.shelf import unfinished
 from frictus_service.security.identity import tls_of_rig
+from frictus_service.signals import ReadySignal
 
 STATE_S: Final = 0.5
 """The state is told this often while something is recorded, and at every change."""
 TIMEOUT_S: Final = 2.0
 WAITING_CALLS: Final = 16
 _LOG: Final = logging.getLogger(__name__)
-
-
-class ReadySignal(Protocol):
-    """Such as an Event, of a thread or of a process."""
-
-    def set(self) -> None:
-        """Take note that calls are answered."""
-        ...
 
 
 class Recorder:
@@ -65,7 +58,7 @@ class Recorder:
         self._say = say
         self._gate = Gate(config.limits)
         self._calls: queue.Queue[tuple[str, zenoh.Query]] = queue.Queue(WAITING_CALLS)
-        self._recording: Recording | None = None
+        self._recording: RecordingSession | None = None
         self._idle = RecordingState(utc_ns=time.time_ns(), recording=False)
         self._refused_calls = 0
         self._told_s = 0.0
@@ -164,7 +157,7 @@ class Recorder:
             )
         rig = self._client.rig(self._config.rig, self._config.site)
         try:
-            self._recording = Recording(self._client, rig, request, path, self._config)
+            self._recording = RecordingSession(self._client, rig, request, path, self._config)
         except NotWrittenError as error:
             raise RefusedError("unavailable", str(error)) from error
         self._say(f"records {path}")

@@ -34,7 +34,7 @@ SECRETS: Final[dict[str, bool | set[str]]] = {
 """Parts of the configuration that stay out of a file that is passed on."""
 
 
-class Recording:
+class RecordingSession:
     """Records a rig until it is ended, or cannot go on; a context manager. One thread.
 
     Parameters

@@ -34,7 +34,7 @@ class ParticipantSummary:
 
 
 @dataclass(frozen=True, slots=True)
-class StudySummary:
+class StudyContents:
     """What is in a study.
 
     Attributes
@@ -85,7 +85,7 @@ class StudySummary:
         }
 
 
-def summarise(study: Study, size_bytes: int, *, check: bool = False) -> StudySummary:
+def summarise(study: Study, size_bytes: int, *, check: bool = False) -> StudyContents:
     """Return what is in a study.
 
     Parameters
@@ -99,7 +99,7 @@ def summarise(study: Study, size_bytes: int, *, check: bool = False) -> StudySum
     trials, excluded, missing = study.trials, study.excluded, None
     if check:
         trials, excluded, missing = _checked(study)
-    return StudySummary(
+    return StudyContents(
         info=study.info,
         size_bytes=size_bytes,
         participants=_participants(study, trials),

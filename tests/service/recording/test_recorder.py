@@ -31,7 +31,7 @@ from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.ports import free_endpoint
 from frictus_service.recording.notes import PresenceNote
 from frictus_service.recording.reader import RecordingReader
-from frictus_service.recording.recording import Recording
+from frictus_service.recording.recording import RecordingSession
 from frictus_service.recording.samples import INT16, Samples
 from frictus_service.recording.summary import RecordingSummary, summarise
 from frictus_service.recording.tape import export_tape
@@ -384,7 +384,7 @@ def test_a_rig_that_vanishes(
     run = rig.status().run
     request = RecordRequest(client="me", utc_ns=0, name="away")
     away = tmp_path / "away.mcap"
-    recording = Recording(client, rig, request, away, service.config, gone_s=0.0)
+    recording = RecordingSession(client, rig, request, away, service.config, gone_s=0.0)
     with recording, client.presence(timeout_s=60.0) as changes:
         os.kill(service.supervisor.pid_of("rig"), signal.SIGKILL)
         assert not next(change for change in changes if not change.present).present

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from frictus_hardware.errors import EffectParameterError
-from frictus_hardware.physics.effects import EFFECTS, Effect, extended
+from frictus_hardware.physics.effects import EFFECTS, EffectDefinition, extended
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.simulator import Simulator
 from frictus_service.synthesis.inverse import Inverse, Ranges
@@ -15,7 +15,7 @@ from frictus_service.synthesis.undoing import REASONS, inverse_of
 LAW = FrictionLaw()
 
 
-def small(effect: Effect) -> dict[str, float]:
+def small(effect: EffectDefinition) -> dict[str, float]:
     """A small dose; the middle of what else there is."""
     dose, *others = effect.parameters
     rest = {

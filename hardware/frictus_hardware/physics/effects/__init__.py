@@ -7,19 +7,21 @@ from types import MappingProxyType
 from typing import Final
 
 from frictus_hardware.errors import EffectParameterError, UnknownEffectError
-from frictus_hardware.physics.effect import Effect, Parameter
+from frictus_hardware.physics.effect import EffectDefinition, Parameter
 from frictus_hardware.physics.simulator import Simulator
 
-__all__ = ["EFFECTS", "Effect", "Parameter", "extended"]
+__all__ = ["EFFECTS", "EffectDefinition", "Parameter", "extended"]
 
 
-def _found() -> dict[str, Effect]:
+def _found() -> dict[str, EffectDefinition]:
     modules = [import_module(f"{__name__}.{module.name}") for module in iter_modules(__path__)]
-    effects: list[Effect] = [effect for module in modules for effect in module.EFFECTS]
+    effects: list[EffectDefinition] = [
+        effect for module in modules for effect in module.EFFECTS
+    ]
     return {effect.id: effect for effect in sorted(effects, key=lambda effect: effect.id)}
 
 
-EFFECTS: Final[Mapping[str, Effect]] = MappingProxyType(_found())
+EFFECTS: Final[Mapping[str, EffectDefinition]] = MappingProxyType(_found())
 """By id, in alphabetical order."""
 
 
@@ -53,7 +55,7 @@ def extended(
     return simulator
 
 
-def _checked(effect: Effect, given: Mapping[str, float]) -> dict[str, float]:
+def _checked(effect: EffectDefinition, given: Mapping[str, float]) -> dict[str, float]:
     """Return the value of every parameter of an effect."""
     known = {parameter.name: parameter for parameter in effect.parameters}
     for name in given:

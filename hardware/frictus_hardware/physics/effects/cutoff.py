@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from frictus_hardware.physics.effect import Effect, Parameter
+from frictus_hardware.physics.effect import EffectDefinition, Parameter
 from frictus_hardware.physics.schedule import (
     REFERENCE_FORCE_N,
     REFERENCE_SPEED_MM_S,
@@ -44,7 +44,7 @@ def _order(simulator: Simulator, values: Values) -> Simulator:
 
 
 EFFECTS = (
-    Effect(
+    EffectDefinition(
         id="speed_dependent_cutoff",
         equation="The cutoff rises with the speed: ``c(v) + slope (v - v0)``, v0 = 60 mm/s.",
         response="friction",
@@ -52,7 +52,7 @@ EFFECTS = (
         parameters=(Parameter("slope_hz_per_mm_s", "Hz per mm/s", -100.0, 100.0, 0.2),),
         extend=_with_speed,
     ),
-    Effect(
+    EffectDefinition(
         id="force_dependent_cutoff",
         equation="The cutoff follows the normal force: ``c (F / F0)^a``, F0 = 0.4 N.",
         response="friction",
@@ -60,7 +60,7 @@ EFFECTS = (
         parameters=(Parameter("exponent", "1", -2.0, 2.0, 0.01),),
         extend=_with_force,
     ),
-    Effect(
+    EffectDefinition(
         id="cutoff_drift",
         equation="The cutoff drifts over the session: ``c exp(r t)``, t in minutes.",
         response="friction",
@@ -68,7 +68,7 @@ EFFECTS = (
         parameters=(Parameter("per_minute", "1/min", -1.0, 1.0, 0.001),),
         extend=_with_time,
     ),
-    Effect(
+    EffectDefinition(
         id="fractional_rolloff",
         equation="Friction falls with another order than one: ``g (1 + s / w0)^-(1 + a)``.",
         response="friction",

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from frictus_hardware.physics.effect import Effect, Parameter
+from frictus_hardware.physics.effect import EffectDefinition, Parameter
 from frictus_hardware.physics.schedule import (
     REFERENCE_FORCE_N,
     REFERENCE_POSITION_MM,
@@ -46,7 +46,7 @@ def _with_time(simulator: Simulator, values: Values) -> Simulator:
 
 
 EFFECTS = (
-    Effect(
+    EffectDefinition(
         id="speed_dependent_gain",
         equation="The gain follows the speed: ``g (v / v0)^a``, v0 = 60 mm/s.",
         response="friction",
@@ -54,7 +54,7 @@ EFFECTS = (
         parameters=(Parameter("exponent", "1", -2.0, 2.0, 0.01),),
         extend=_with_speed,
     ),
-    Effect(
+    EffectDefinition(
         id="force_dependent_gain",
         equation="The gain follows the normal force: ``g (F / F0)^a``, F0 = 0.4 N.",
         response="friction",
@@ -62,7 +62,7 @@ EFFECTS = (
         parameters=(Parameter("exponent", "1", -2.0, 2.0, 0.01),),
         extend=_with_force,
     ),
-    Effect(
+    EffectDefinition(
         id="position_dependent_gain",
         equation="The gain varies along the screen: ``g exp(p (x - x0))``, x0 = 35 mm.",
         response="friction",
@@ -70,7 +70,7 @@ EFFECTS = (
         parameters=(Parameter("per_mm", "1/mm", -0.1, 0.1, 0.0002),),
         extend=_with_position,
     ),
-    Effect(
+    EffectDefinition(
         id="direction_asymmetry",
         equation=(
             "The gain differs between the directions: ``g (1 + a d)``, d = +1 left to right."
@@ -80,7 +80,7 @@ EFFECTS = (
         parameters=(Parameter("share", "1", -0.9, 0.9, 0.005),),
         extend=_with_direction,
     ),
-    Effect(
+    EffectDefinition(
         id="gain_drift",
         equation="The gain drifts over the session: ``g exp(r t)``, t in minutes.",
         response="friction",

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from frictus_hardware.physics.disturbances import Hum
-from frictus_hardware.physics.effect import Effect, Parameter
+from frictus_hardware.physics.effect import EffectDefinition, Parameter
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.mount import with_moved_resonance
 from frictus_hardware.physics.simulator import Simulator
@@ -51,7 +51,7 @@ def _mains(simulator: Simulator, values: Values) -> Simulator:
 
 
 EFFECTS = (
-    Effect(
+    EffectDefinition(
         id="amplitude_compression",
         equation=(
             "The drive is compressed: ``z = 2 m - 1``, ``z + 4 a (z - z^3)``, -a of the third "
@@ -62,7 +62,7 @@ EFFECTS = (
         parameters=(Parameter("share", "1", -0.25, 0.125, 0.0005),),
         extend=_compression,
     ),
-    Effect(
+    EffectDefinition(
         id="residual_quadratic",
         equation=(
             "The drive is not quite linear in V^2: ``m - 4 q m (1 - m)``, q of the second "
@@ -73,7 +73,7 @@ EFFECTS = (
         parameters=(Parameter("share", "1", -0.25, 0.25, 0.0005),),
         extend=_quadratic,
     ),
-    Effect(
+    EffectDefinition(
         id="charge_leakage",
         equation="Charge leaks away: the drive fraction passes ``s / (s + 2 pi f)``.",
         response="friction",
@@ -81,7 +81,7 @@ EFFECTS = (
         parameters=(Parameter("corner_hz", "Hz", 0.0, 50.0, 0.1),),
         extend=_leakage,
     ),
-    Effect(
+    EffectDefinition(
         id="channel_delay",
         equation=(
             "A channel is late, and nobody said so: the drive, or for mobility the skin's."
@@ -91,7 +91,7 @@ EFFECTS = (
         parameters=(Parameter("delay_s", "s", 0.0, 0.002, 2e-7),),
         extend=_delay,
     ),
-    Effect(
+    EffectDefinition(
         id="mount_resonance_shift",
         equation="The mount's upper resonance lies at ``1 + a`` times its nominal frequency.",
         response="both",
@@ -99,7 +99,7 @@ EFFECTS = (
         parameters=(Parameter("share", "1", -0.5, 0.5, 0.0005),),
         extend=_resonance,
     ),
-    Effect(
+    EffectDefinition(
         id="mains_interference",
         equation="A line of the mains stands in the force channel along x.",
         response="friction",

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from frictus_hardware.physics.disturbances import StickSlip
-from frictus_hardware.physics.effect import Effect, Parameter
+from frictus_hardware.physics.effect import EffectDefinition, Parameter
 from frictus_hardware.physics.schedule import REFERENCE_SPEED_MM_S, Power
 from frictus_hardware.physics.simulator import Simulator
 from frictus_hardware.physics.skin import SecondMode
@@ -42,7 +42,7 @@ def _stick_slip(simulator: Simulator, values: Values) -> Simulator:
 
 
 EFFECTS = (
-    Effect(
+    EffectDefinition(
         id="speed_dependent_mass",
         equation="The moving mass follows the speed: ``m (v / v0)^a``, v0 = 60 mm/s.",
         response="mobility",
@@ -50,7 +50,7 @@ EFFECTS = (
         parameters=(Parameter("exponent", "1", -2.0, 2.0, 0.01),),
         extend=_mass,
     ),
-    Effect(
+    EffectDefinition(
         id="speed_dependent_stiffness",
         equation="The skin's stiffness follows the speed: ``k (v / v0)^a``, v0 = 60 mm/s.",
         response="mobility",
@@ -58,7 +58,7 @@ EFFECTS = (
         parameters=(Parameter("exponent", "1", -2.0, 2.0, 0.01),),
         extend=_stiffness,
     ),
-    Effect(
+    EffectDefinition(
         id="fractional_damping",
         equation=(
             "The skin's damping is of another order: ``b s (s / w_r)^a``, w_r = 2 pi 200 rad/s."
@@ -68,7 +68,7 @@ EFFECTS = (
         parameters=(Parameter("excess_order", "1", -0.5, 0.5, 0.005),),
         extend=_damping,
     ),
-    Effect(
+    EffectDefinition(
         id="second_mode",
         equation=(
             "A second resonance of the finger, beside the first: ``share / b`` at its "
@@ -82,7 +82,7 @@ EFFECTS = (
         ),
         extend=_second_mode,
     ),
-    Effect(
+    EffectDefinition(
         id="stick_slip",
         equation=(
             "The skin sticks and slips: a saw-tooth every 2 mm of path, "

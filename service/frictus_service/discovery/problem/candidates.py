@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from frictus_hardware.physics.effect import Effect
+from frictus_hardware.physics.effect import EffectDefinition
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.physics.prediction import Probe, predict
 from frictus_hardware.physics.schedule import Circumstances
@@ -86,7 +86,7 @@ def candidates_of(response: ResponseName, present: Collection[str] = ()) -> list
     return found
 
 
-def _of(effect: Effect) -> list[Candidate]:
+def _of(effect: EffectDefinition) -> list[Candidate]:
     dose = effect.parameters[0]
     one = Candidate(
         effect.id,
@@ -102,13 +102,13 @@ def _of(effect: Effect) -> list[Candidate]:
     return [one]
 
 
-def _goes_with_square(effect: Effect) -> bool:
+def _goes_with_square(effect: EffectDefinition) -> bool:
     """Return whether data follow the square of the dose: twice the dose, four times as much."""
     once, twice = (_shown(effect, times) for times in (1.0, 2.0))
     return bool(once > 0.0 and twice > 3.0 * once)
 
 
-def _shown(effect: Effect, times: float) -> float:
+def _shown(effect: EffectDefinition, times: float) -> float:
     """Return the power that a dose puts into a slow stroke without drive."""
     dose = effect.parameters[0]
     one = np.ones(1)

@@ -12,7 +12,7 @@ from frictus_service.identification.documents import (
     Friction,
     FrictionResult,
     LawResult,
-    Mobility,
+    MobilityEstimate,
     MobilityResult,
     Parameter,
     ParticipantResult,
@@ -97,7 +97,7 @@ def conditions_of(
                 friction=friction
                 and Friction(gain_n=friction[GAIN], cutoff_hz=friction[CUTOFF]),
                 mobility=mobility
-                and Mobility(
+                and MobilityEstimate(
                     **dict(zip(MOBILITY_NAMES[:3], mobility, strict=True)),
                 ),
                 missing=_missing(c, fits, settings),
