@@ -4,7 +4,8 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
-from frictus_hardware.base import Backend, Exchange, FloatArray, RigInfo
+from frictus_hardware.arrays import FloatArray
+from frictus_hardware.base import Backend, Exchange, RigInfo
 from frictus_hardware.errors import StreamLostError, TransientError
 
 

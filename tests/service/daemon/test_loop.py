@@ -14,7 +14,8 @@ from frictus.messages import Excitation, FaultKind, ModelRequest
 from frictus.model import Effect, Model
 from frictus.stream import StreamFrame
 from frictus.textures import Component, Region, Scene, Spectrum
-from frictus_hardware.base import Exchange, FloatArray
+from frictus_hardware.arrays import FloatArray
+from frictus_hardware.base import Exchange
 from frictus_hardware.errors import StreamLostError, TransientError
 from frictus_hardware.output import RETURN_S
 from frictus_hardware.physics.friction import FrictionLaw
