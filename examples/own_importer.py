@@ -138,4 +138,4 @@ with tempfile.TemporaryDirectory() as name:
         trials = [each for each in read_all(study) if isinstance(each, Trial)]
         found = identify([observe(trial, study.info) for trial in trials])
 for person in found.participants:
-    print(person.model_dump_json(indent=1, include={"id", "law"})[:400])
+    print(person.model_dump_json(indent=1, include={"participant", "friction"}))

@@ -20,5 +20,5 @@ def get(path: str) -> Any:
 for name in get("/v1/rigs")["rigs"]:
     status, model = get(f"/v1/rigs/{name}"), get(f"/v1/rigs/{name}/model")
     stands_in = " (a placeholder)" if model["placeholder"] else ""
-    print(f"{name}: {status['safety']['state']}, {status['sample_rate_hz']:g} Hz")
+    print(f"{name}: {status['state']}, {status['sample_rate_hz']:g} Hz")
     print(f"  gain of its model {model['base']['gain_n']:.3f} N{stands_in}")

@@ -1,5 +1,6 @@
 """The catalogue of effects: what is found, what is accepted, what is refused."""
 
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,15 @@ from frictus_hardware.physics.effects import EFFECTS, extended
 from frictus_hardware.physics.simulator import Simulator
 
 
-def test_every_file_of_the_package_is_an_effect_of_its_name() -> None:
+def test_the_catalogue_holds_every_effect_of_its_modules_once() -> None:
     folder = Path(effects.__file__).parent
-    files = {path.stem for path in folder.glob("*.py")} - {"__init__"}
-    assert files == set(EFFECTS)
+    modules = [
+        import_module(f"{effects.__name__}.{path.stem}")
+        for path in folder.glob("*.py")
+        if path.stem != "__init__"
+    ]
+    ids = sorted(effect.id for module in modules for effect in module.EFFECTS)
+    assert ids == list(EFFECTS)
     assert all(effect.id == id_ for id_, effect in EFFECTS.items())
 
 

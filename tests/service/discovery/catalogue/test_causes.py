@@ -78,6 +78,6 @@ def test_unknown_causes_are_refused_with_those_there_are() -> None:
 
 
 def test_the_manual_is_the_catalogue() -> None:
-    manual = Path(__file__).parents[3] / "docs" / "causes.md"
+    manual = Path(__file__).parents[4] / "docs" / "causes.md"
     again = "uv run python bench/causes.py --out docs/causes.md"
     assert manual.read_text("utf-8") == catalogue(), f"make it again: {again}"

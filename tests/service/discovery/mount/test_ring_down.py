@@ -13,7 +13,7 @@ from frictus_service.cli.app import app
 from frictus_service.discovery.mount.impact_test import ImpactRecordingError, read_impacts
 from frictus_service.discovery.mount.ring_down import RingDownError, estimate_ring_down
 
-REAL = Path(__file__).parents[4] / "shared" / "data" / "mount_impacts" / "lateral_data.mat"
+REAL = Path(__file__).parents[5] / "shared" / "data" / "mount_impacts" / "lateral_data.mat"
 RATE_HZ = 50_000.0
 BAND_HZ = (1000.0, 6000.0)
 

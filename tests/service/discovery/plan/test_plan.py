@@ -219,7 +219,7 @@ def test_the_mobility_is_planned_too(seed: int) -> None:
 
 
 def test_the_documented_design_is_one() -> None:
-    text = (Path(__file__).parents[3] / "docs" / "plan.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[4] / "docs" / "plan.md").read_text(encoding="utf-8")
     example = re.search(r"```json\n(.*?)```", text, re.DOTALL)
     assert example is not None
     assert FactorialDesign.model_validate_json(example[1]).order == "speed blocks"

@@ -23,7 +23,7 @@ from frictus_service.identification.observation.observations import (
 from frictus_service.identification.observation.observe import observe
 from frictus_service.study.reader import StudyReader
 
-EXAMPLE = Path(__file__).parents[4] / "shared" / "data" / "study_example" / "study.h5"
+EXAMPLE = Path(__file__).parents[5] / "shared" / "data" / "study_example" / "study.h5"
 
 
 def mean_ratio(rows: ResponseRows, measured: ComplexArray, true: ComplexArray) -> ComplexArray:

@@ -25,7 +25,7 @@ from frictus_service.identification.pipeline.workers import (
     work_through,
 )
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 
 
 def silent(_: str) -> None:
