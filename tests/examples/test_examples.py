@@ -27,7 +27,6 @@ OFFLINE = {
     "own_backend": "after 400 samples",
     "own_effect": "after 30.0 min: 1.299",
     "own_importer": "cutoff_0_hz",
-    "offline_discovery": "force dependent gain",
 }
 
 
