@@ -142,6 +142,7 @@ class OneTurn:
         later_ns = round(end * timebase.nominal_ns)
         before_ns, utc_ns, after_ns = (part + later_ns for part in self._read)
         timebase.observe(end, before_ns, UtcReading(before_ns, utc_ns, after_ns))
+        timebase.fit()
         stamp = timebase.stamp(end - BLOCK_SAMPLES)
         flags = flags_of(turn, self._info, placeholder=True)
         return list(blocks_of(turn, stamp, flags, self._info.sample_rate_hz))

@@ -7,6 +7,7 @@ not fit is dropped and counted.
 
 import math
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from queue import SimpleQueue
@@ -50,6 +51,10 @@ REOPEN_S: Final = 1.0
 HEALTH_BLOCKS: Final = 100
 """The device's own health is asked for every so many blocks."""
 PAUSE_S: Final = 0.002
+GIVE_WAY: Final = 0.05
+"""Share of a block for which the loop sleeps once it has handed one over that is read. Else the
+publisher gets the interpreter, and Zenoh's threads a core, only after the next block has been
+rendered; there is time enough for that in the rest of the block."""
 LOST: Final = ("stream_lost", "device_lost", "link_lost")
 
 
@@ -85,6 +90,13 @@ class BlockLoop:
         Number of the first run.
     monotonic_ns, utc_ns : callable
         Clocks, ns.
+    sleep : callable
+        Sleeps for at least so many seconds.
+
+    Attributes
+    ----------
+    is_read : bool
+        Whether somebody waits for what is handed over. Written by the publisher.
     """
 
     def __init__(
@@ -97,6 +109,7 @@ class BlockLoop:
         run: int,
         monotonic_ns: Callable[[], int],
         utc_ns: Callable[[], int],
+        sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self._backend = backend
         self._model_since_s = 1e-9 * monotonic_ns()
@@ -110,6 +123,9 @@ class BlockLoop:
         self._block_samples = config.block_samples
         self._monotonic_ns = monotonic_ns
         self._utc_ns = utc_ns
+        self._sleep = sleep
+        self._give_way_s = GIVE_WAY * config.block_samples / backend.info.clock_hz
+        self.is_read = True
         self._monitor = Monitor(backend.info.lead_samples)
         self._output_flags = OutputFlags(backend.info.lead_samples, config.block_samples)
         self._screen = screen_of(backend.info)
@@ -144,6 +160,8 @@ class BlockLoop:
         while not stop.is_set():
             if not self.turn():
                 stop.wait(PAUSE_S)  # nothing was waited for, and a fault must not busy the CPU
+            elif self.is_read:
+                self._sleep(self._give_way_s)
             if self.parked:
                 self.wait_for_device(stop)
         self._wind_down()
@@ -168,9 +186,9 @@ class BlockLoop:
             step = self._chain.step(self._energised and safety.may_render(now_s))
             returned_ns = self._monotonic_ns()
             reading = UtcReading(returned_ns, self._utc_ns(), self._monotonic_ns())
-            self._watch(step)
             self._output_flags.note(step, self._chain.renderer.scene.applied.scaled)
             self._hand_over(step, returned_ns, reading)  # early: readers wait for it
+            self._watch(step)
             self._account(step, returned_ns)
             self._check_health()
             return True

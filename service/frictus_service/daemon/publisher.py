@@ -97,7 +97,9 @@ class Publisher:
         self._timebase = Timebase(info.clock_hz)
         self._run = loop.run
         self._published = 0
-        self._read = True
+        # Until it is known that nobody does.
+        self._read_streams = tuple(self._streams)
+        self._finger_read = self._touch_read = True
         self._unread_s = min(UNREAD_S, UNREAD_BLOCKS * block_samples / info.clock_hz)
         self._status_due_s = 0.0
         self._said: tuple[object, ...] = ()
@@ -127,7 +129,7 @@ class Publisher:
 
     def _take(self, stop: threading.Event) -> list[Turn]:
         """Wait for what the loop hands over; where nobody reads, for several blocks."""
-        if not self._read:
+        if not self._loop.is_read:
             stop.wait(self._unread_s)
         taken: list[Turn] = []
         with contextlib.suppress(queue.Empty):
@@ -143,23 +145,35 @@ class Publisher:
         exchange = turn.step.exchange
         end = exchange.first_sample + exchange.voltage_v.size
         self._timebase.observe(end, turn.returned_ns, turn.reading)
-        read = [stream for stream, put in self._streams.items() if is_read(put)]
-        finger, touch = is_read(self._finger), is_read(self._touch)
-        self._read = bool(read or finger or touch)
-        if read:
+        if self._read_streams:
             flags = flags_of(turn, self._info, self._stage.model.model.placeholder)
             stamp = self._timebase.stamp(exchange.first_sample)
-            for block in blocks_of(turn, stamp, flags, self._info.sample_rate_hz, read):
+            rate_hz = self._info.sample_rate_hz
+            for block in blocks_of(turn, stamp, flags, rate_hz, self._read_streams):
                 self._streams[block.stream].put(block.pack())
                 self._published += 1
-        if finger:
+        if self._finger_read:
             stamp = self._timebase.stamp(end)
             self._finger.put(finger_of(turn, stamp, self._info).to_json())
-        if touch:
+        if self._touch_read:
             for report in exchange.touches:
                 state = touch_of(report, turn.run, self._info)
                 if state is not None:
                     self._touch.put(state.to_json())
+        self._prepare_next()
+
+    def _prepare_next(self) -> None:
+        """Do what readers of this turn need not wait for.
+
+        The fit computes. Each question to Zenoh lets go of the interpreter's lock, which the
+        loop then holds for longer than packing and putting a block takes.
+        """
+        self._timebase.fit()
+        self._read_streams = tuple(
+            stream for stream, publisher in self._streams.items() if is_read(publisher)
+        )
+        self._finger_read, self._touch_read = is_read(self._finger), is_read(self._touch)
+        self._loop.is_read = bool(self._read_streams or self._finger_read or self._touch_read)
 
     def _publish_states(self) -> None:
         now_s = self._monotonic_s()

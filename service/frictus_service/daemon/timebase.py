@@ -103,7 +103,7 @@ class Timebase:
         return 1e6 * (self.nominal_ns / self.ns_per_sample - 1.0)
 
     def observe(self, end_sample: int, returned_ns: int, reading: UtcReading) -> None:
-        """Take in one block.
+        """Take in one block; the line is fitted anew by `fit`.
 
         Parameters
         ----------
@@ -124,7 +124,13 @@ class Timebase:
         if self._least is None or residual < self._least[2]:
             self._least = (end_sample, returned_ns, residual)
         self._open_blocks += 1
-        if self._open_blocks == BIN_BLOCKS:
+
+    def fit(self) -> None:
+        """Fit the line anew where a bin is full.
+
+        Takes as long as packing ten blocks: call it after what waits for a stamp.
+        """
+        if self._open_blocks >= BIN_BLOCKS:
             self._close_bin()
 
     def stamp(self, sample: int) -> Stamp:

@@ -591,6 +591,31 @@ def test_stopping_plays_the_ramp_out(make_bench: Any, texture: Scene) -> None:
     assert not bench.rig.holding
 
 
+@pytest.mark.parametrize("is_read", [True, False])
+def test_the_loop_gives_way_to_who_publishes_what_is_read(
+    make_bench: Any, monkeypatch: pytest.MonkeyPatch, is_read: bool
+) -> None:
+    bench = make_bench()
+    stop = threading.Event()
+    slept: list[tuple[int, float]] = []  # blocks that wait to be published, and for how long
+
+    def render(*_given: object, **_named: object) -> object:
+        if bench.loop.tally.blocks == 5:
+            stop.set()
+        return step(*_given, **_named)
+
+    step = bench.loop._chain.step
+    monkeypatch.setattr(bench.loop._chain, "step", render)
+    monkeypatch.setattr(
+        bench.loop, "_sleep", lambda s: slept.append((bench.loop.handover.qsize(), s))
+    )
+    bench.loop.is_read = is_read
+    bench.loop.run_until(stop)
+    block_s = 100 / bench.rig.info.clock_hz
+    assert [waiting for waiting, _ in slept] == (list(range(1, 7)) if is_read else [])
+    assert all(0.0 < pause_s <= 0.1 * block_s for _, pause_s in slept)
+
+
 @pytest.mark.parametrize("scale", [0.1, 1.0, 10.0])
 def test_no_block_is_late_by_a_clock_of_any_scale(
     make_bench: Any, texture: Scene, scale: float

@@ -4,6 +4,7 @@ import queue
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import pytest
 import zenoh
@@ -17,6 +18,7 @@ from frictus_service.benchmarks.neighbour import await_subscriber
 from frictus_service.daemon.interlock import Interlock
 from frictus_service.daemon.publisher import UNREAD_BLOCKS, UNREAD_S, Publisher
 from frictus_service.daemon.safety import Disarm, Safety
+from frictus_service.daemon.timebase import BIN_BLOCKS
 from frictus_service.ports import free_endpoint
 
 KEYS = RigKeys("lab", "rig")
@@ -114,6 +116,39 @@ def test_who_reads_gets_each_block_at_once(published: Published) -> None:
         ]
     assert numbers == list(range(8))
     assert not stop.waited_s
+
+
+def test_readers_of_a_block_wait_for_nothing_that_is_done_for_the_next(
+    published: Published, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done: list[str] = []
+
+    class Noted:
+        """A publisher that somebody reads, and that notes what is asked of it."""
+
+        def put(self, _payload: bytes) -> None:
+            done.append("put")
+
+        @property
+        def matching_status(self) -> "Noted":
+            done.append("ask")
+            return self
+
+        matching = True
+
+    publisher = published.publisher
+    noted: Any = Noted()
+    monkeypatch.setattr(publisher, "_streams", dict.fromkeys(publisher._streams, noted))
+    monkeypatch.setattr(publisher, "_finger", noted)
+    monkeypatch.setattr(publisher._timebase, "_close_bin", lambda: done.append("fit"))
+    for _ in range(2 * BIN_BLOCKS):
+        published.bench.loop.turn()
+        done.clear()
+        publisher._publish(published.bench.loop.handover.get())
+        puts = done.count("put")
+        assert puts == 5  # force, acceleration, voltage, truth, finger
+        assert done[:puts] == ["put"] * puts
+    assert "fit" in done
 
 
 def test_no_status_says_armed_and_names_what_is_played_after_it(

@@ -48,6 +48,7 @@ class SimulatedRig:
         after = before + self.rng.uniform(100.0, 500.0)
         reading = UtcReading(int(before), self.host.utc_ns(0.5 * (before + after)), int(after))
         self.timebase.observe(self.end, int(seen_ns), reading)
+        self.timebase.fit()
 
     def sample_at(self, true_ns: float) -> float:
         return (true_ns - self.began_ns) / self.per_sample_ns
@@ -162,6 +163,7 @@ def test_slewing_is_not_a_step(rng: np.random.Generator) -> None:
         seen = block * 5_000_000 + int(rng.exponential(50e3))
         slewed = int(1.0005 * seen)
         timebase.observe(block * BLOCK, seen, UtcReading(seen, START_NS + slewed, seen + 300))
+        timebase.fit()
         stamp = timebase.stamp(block * BLOCK)
         assert abs(stamp.utc_ns - START_NS - 1.0005 * 5e6 * block) < 1e6
     assert timebase.utc_steps == 0
@@ -174,6 +176,7 @@ def test_reading_that_was_interrupted_is_not_taken(rng: np.random.Generator) -> 
         held_up = 40_000_000 if block % 50 == 0 else 0
         reading = UtcReading(seen, START_NS + seen, seen + 300 + held_up)
         timebase.observe(block * BLOCK, seen, reading)
+        timebase.fit()
         assert abs(timebase.stamp(block * BLOCK).utc_ns - START_NS - seen) < 50_000
     assert timebase.utc_steps == 0
 
