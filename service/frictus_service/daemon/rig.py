@@ -2,7 +2,6 @@
 
 import contextlib
 import gc
-import os
 import secrets
 import sys
 import threading
@@ -26,6 +25,13 @@ from frictus_service.daemon.loop import BlockLoop
 from frictus_service.daemon.orders import ModelSlot, Orders
 from frictus_service.daemon.patience import PatientBackend
 from frictus_service.daemon.publisher import Publisher
+from frictus_service.daemon.real_time import (
+    LOOP_PRIORITY,
+    PUBLISHER_PRIORITY,
+    RealTimeBudget,
+    budget_for,
+    raise_priority,
+)
 from frictus_service.daemon.safety import Safety
 from frictus_service.daemon.stage import Stage, rendered_model
 from frictus_service.daemon.warmup import warm_up
@@ -37,10 +43,6 @@ JOIN_S: Final = 5.0
 SWITCH_S: Final = 2e-4
 """After so long a thread gives the interpreter's lock to one that waits for it. Python's own
 5 ms are a whole block, for which any thread that computes could hold up the loop."""
-LOOP_PRIORITY: Final = 20
-PUBLISHER_PRIORITY: Final = 10
-"""Real time too: a publisher that is set aside while it holds the interpreter's lock holds up
-the loop, whatever the loop's own priority is."""
 
 
 class Signal(Protocol):
@@ -88,13 +90,13 @@ def run_rig(
     model = read_model(config.model_file)
     heartbeat.value = 0
     on_step("rendering everything once")
-    warm_up(config.sample_rate_hz, config.block_samples)
+    loop = config.clock_scale * warm_up(config.sample_rate_hz, config.block_samples)
     on_step(f"opening the device ({config.backend.kind})")
     with (
         open_session(config.router.endpoint, tls=tls_of_rig(config)) as session,
         _opened(config) as backend,
     ):
-        rig = _Parts(config, backend, model, heartbeat, fault)
+        rig = _Parts(config, backend, model, heartbeat, fault, budget_for(loop))
         with rig.commands, rig.running(session, say):
             rig.commands.declare(session, config.keys)
             with contextlib.closing(_Token(session, config.keys.alive)):
@@ -149,9 +151,11 @@ class _Parts:
         model: Model,
         heartbeat: Heartbeat,
         fault: tuple[FaultKind, str] | None,
+        real_time: RealTimeBudget,
     ) -> None:
         info = backend.info
         self.config = config
+        self.real_time = real_time
         self.backend = backend
         self.interlock = Interlock(Safety(fault=fault))
         self.orders = Orders(ModelSlot(rendered_model(model, screen_of(info))))
@@ -197,7 +201,7 @@ class _Parts:
         loop = self._thread("frictus-loop", lambda: self._loop(stop_loop, say))
 
         def publish() -> None:
-            raise_priority(PUBLISHER_PRIORITY)
+            raise_priority(PUBLISHER_PRIORITY, self.real_time)
             publisher.run_until(stop_publisher)
 
         publishing = self._thread("frictus-publisher", publish)
@@ -239,7 +243,7 @@ class _Parts:
             raise StartError(f"{type(error).__name__}: {error}") from error
 
     def _loop(self, stop: threading.Event, say: Callable[[str], None]) -> None:
-        say(f"loop priority: {raise_priority(LOOP_PRIORITY)}")
+        say(f"loop priority: {raise_priority(LOOP_PRIORITY, self.real_time)}")
         # The device's clock began with the first opening, and what came since took longer
         # than the lead: begin anew, so that no rig starts with underruns.
         self.loop.begin_anew()
@@ -254,20 +258,3 @@ class _Parts:
                 self._ended.set()
 
         return threading.Thread(target=run, name=name, daemon=True)
-
-
-def raise_priority(priority: int) -> str:
-    """Ask for real-time priority for this thread; return what came of it.
-
-    Not having it is no fault: the loop then is later now and then, which is counted.
-    """
-    if not hasattr(os, "sched_setscheduler"):
-        return "normal (this system has no SCHED_FIFO)"
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-    except OSError as error:
-        return (
-            f"normal ({error.strerror}); allow real time by "
-            "LimitRTPRIO in the unit file or rtprio in limits.conf"
-        )
-    return f"real time (SCHED_FIFO {priority})"

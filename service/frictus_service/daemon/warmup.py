@@ -2,6 +2,8 @@
 
 import base64
 import io
+import statistics
+import time
 from math import ceil
 from typing import Final
 
@@ -32,13 +34,19 @@ FADE_S = 0.06
 """Long enough for touch reports to come, and for what is next to be faded in."""
 
 
-def warm_up(sample_rate_hz: float, block_samples: int) -> None:
+def warm_up(sample_rate_hz: float, block_samples: int) -> float:
     """Render whatever can be rendered on a simulated rig that runs as fast as it can.
 
     Parameters
     ----------
     sample_rate_hz : float
     block_samples : int
+
+    Returns
+    -------
+    float
+        Time that a block took, over its duration, once everything was compiled: the median, so
+        that what else the machine does hardly enters.
     """
     config = SimulatedConfig(
         clock="virtual", finger=SteadyStrokes(), sample_rate_hz=sample_rate_hz
@@ -64,11 +72,18 @@ def warm_up(sample_rate_hz: float, block_samples: int) -> None:
         inverse = inverse_of(law, EVERY_CORRECTION)
         chain.renderer = Renderer(inverse, screen, sample_rate_hz, block_samples, scene)
         _play(chain, sample_rate_hz, block_samples)
+        took_s = _play(chain, sample_rate_hz, block_samples)
+    return statistics.median(took_s) * sample_rate_hz / block_samples
 
 
-def _play(chain: Chain, sample_rate_hz: float, block_samples: int) -> None:
+def _play(chain: Chain, sample_rate_hz: float, block_samples: int) -> list[float]:
+    """Turn the loop for `FADE_S`; return how long each block took, s."""
+    took_s = []
     for _ in range(ceil(FADE_S * sample_rate_hz / block_samples)):
+        begun_s = time.perf_counter()
         chain.step(True)
+        took_s.append(time.perf_counter() - begun_s)
+    return took_s
 
 
 def _every_kind() -> Scene:
