@@ -5,7 +5,7 @@ call than to compute. The pass does the same arithmetic sample by sample; the st
 remain the reference, and what analysis uses.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Final, Self, TypeAlias
 
 import numpy as np
@@ -181,7 +181,7 @@ class Converter:
     def run(self, signals: Signals, state: Generators) -> tuple[Signals, Generators]:
         """Set `force_n` and `accel_m_s2`."""
         shape = signals.force_n.shape
-        force_n, accel_m_s2 = (generator.standard_normal(shape) for generator in state)
+        force_n, accel_m_s2 = state[0].standard_normal(shape), state[1].standard_normal(shape)
         noise, steps = self.noise, self.steps
         _convert(
             (signals.force_n, signals.accel_m_s2),
@@ -189,7 +189,7 @@ class Converter:
             (steps.force_step_n, steps.accel_step_m_s2),
             (force_n, accel_m_s2),
         )
-        return replace(signals, force_n=force_n, accel_m_s2=accel_m_s2), state
+        return signals.sensed(force_n, accel_m_s2), state
 
 
 def _started(signals: Signals) -> FloatArray:

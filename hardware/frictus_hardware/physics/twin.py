@@ -103,6 +103,23 @@ class Signals:
             accel_m_s2=vector,
         )
 
+    def sensed(self, force_n: FloatArray, accel_m_s2: FloatArray) -> Self:
+        """Return the same with other readings of the sensors, each of shape (n_samples, 3)."""
+        return type(self)(
+            self.sample_rate_hz,
+            self.voltage_v,
+            self.screen_v,
+            self.position_mm,
+            self.velocity_mm_s,
+            self.normal_force_n,
+            self.in_contact,
+            self.drive_fraction,
+            self.friction_n,
+            self.finger_force_n,
+            force_n,
+            accel_m_s2,
+        )
+
     def arrays(self) -> dict[str, Any]:
         """Return every array by name."""
         return {name: getattr(self, name) for name in _ARRAYS}

@@ -167,6 +167,8 @@ class FaultPlan:
         return voltage_v
 
     def _during(self, kind: type[_Spells], first: int, n_samples: int) -> list[_Spells]:
+        if not self._faults:
+            return []
         return [
             fault
             for fault in self._faults

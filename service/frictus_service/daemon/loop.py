@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from frictus.messages import FaultKind
-from frictus_hardware.base import Backend
+from frictus_hardware.base import Backend, Exchange
 from frictus_hardware.errors import (
     DeviceLostError,
     HardwareError,
@@ -332,6 +332,21 @@ class BlockLoop:
     def _watch(self, step: Step) -> None:
         """Trip where the monitor contradicts the drive, or someone leans on the screen."""
         exchange = step.exchange
+        forces_n = exchange.force_n.ravel()
+        # None is larger than all together, which mostly are within the limit, and soon told.
+        if not math.sqrt(np.dot(forces_n, forces_n)) <= self._force_limit_n:
+            self._watch_force(exchange)
+        apart_v = self._monitor.compare(exchange, self._zero_from)
+        if not apart_v <= self._tolerance_v:  # NaN must trip too
+            self._feed(
+                FaultRaised(
+                    "safety",
+                    f"the monitor is {apart_v:.3g} V rms off the drive at sample "
+                    f"{exchange.first_sample}, {self._tolerance_v:g} V is accepted",
+                )
+            )
+
+    def _watch_force(self, exchange: Exchange) -> None:
         power_n2 = np.einsum("ij,ij->i", exchange.force_n, exchange.force_n)
         largest_n = math.sqrt(float(power_n2.max()))
         if not largest_n <= self._force_limit_n:
@@ -340,15 +355,6 @@ class BlockLoop:
                     "safety",
                     f"a force of {largest_n:.3g} N at sample {exchange.first_sample}, "
                     f"{self._force_limit_n:g} N is accepted",
-                )
-            )
-        apart_v = self._monitor.compare(exchange, self._zero_from)
-        if not apart_v <= self._tolerance_v:  # NaN must trip too
-            self._feed(
-                FaultRaised(
-                    "safety",
-                    f"the monitor is {apart_v:.3g} V rms off the drive at sample "
-                    f"{exchange.first_sample}, {self._tolerance_v:g} V is accepted",
                 )
             )
 

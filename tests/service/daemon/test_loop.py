@@ -133,6 +133,30 @@ def test_output_comes_back_after_arming_again(make_bench: Any, texture: Scene) -
     assert any(turn.step.exchange.voltage_v.any() for turn in turns)
 
 
+@pytest.mark.parametrize(
+    ("pressing_n", "once_n", "trips"),
+    [
+        (0.4, 0.4, False),
+        (9.9, 9.9, False),  # together far beyond the limit, and none of them
+        (0.0, 10.1, True),
+        (9.9, -10.1, True),
+        (0.0, np.nan, True),
+        (0.0, np.inf, True),
+    ],
+)
+def test_a_single_force_beyond_the_limit_trips(
+    make_bench: Any, pressing_n: float, once_n: float, trips: bool
+) -> None:
+    bench = make_bench(Limits(force_limit_n=10.0))
+    (turn,) = bench.turn(0.005)
+    force_n = np.zeros((100, 3))
+    force_n[:, 2] = pressing_n
+    force_n[70, 2] = once_n
+    exchange = replace(turn.step.exchange, force_n=force_n)
+    bench.loop._watch(replace(turn.step, exchange=exchange))
+    assert bench.interlock.state.state == ("tripped" if trips else "disarmed")
+
+
 def test_momentary_faults_are_counted_not_fatal(make_bench: Any, texture: Scene) -> None:
     bench = driven(make_bench(), texture)
     at = bench.clock.sample() + 1_000
