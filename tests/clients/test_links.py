@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from functools import partial
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 import zenoh
 
 from frictus.block import Block, Flag
-from frictus.keys import RigKeys, Topics
+from frictus.keys import STREAMS, RigKeys, Topic, Topics
 from frictus.session import declare_publisher, open_router, open_session
 from frictus_service.benchmarks.neighbour import await_subscriber
 from frictus_service.ports import free_endpoint
@@ -67,6 +68,56 @@ def test_a_reader_set_aside_for_two_seconds_loses_nothing() -> None:
         publish(LAST + 1 - 500)
         told, _ = reader.communicate(timeout=30.0)
         assert told == "0\n"
+
+
+ROUTER = """
+import sys
+from frictus.session import open_router
+
+with open_router(sys.argv[1]) as session:
+    subscriber = session.declare_subscriber("frictus/@v1/**", lambda sample: None)
+    print("ready", flush=True)
+    sys.stdin.read()
+"""
+STALL_S = 2.5
+"""Longer than the lease of a link, after which nothing is sent at all."""
+
+
+def _slowest_put_s(*topics: Topic) -> float:
+    """Return how long a put takes at most while the router stands still."""
+    endpoint, keys = free_endpoint(), RigKeys("lab", "rig1")
+    payload = bytes(20_000)
+    with subprocess.Popen(
+        [sys.executable, "-c", ROUTER, endpoint],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as router:
+        assert router.stdout is not None
+        assert router.stdout.readline() == "ready\n"
+        with open_session(endpoint) as session:
+            publishers = [declare_publisher(session, keys.of(topic), topic) for topic in topics]
+            for publisher in publishers:
+                await_subscriber(publisher)
+            os.kill(router.pid, signal.SIGSTOP)
+            began_s = put_s = time.monotonic()
+            slowest_s = 0.0
+            for publisher in itertools.cycle(publishers):
+                publisher.put(payload)
+                before_s, put_s = put_s, time.monotonic()
+                slowest_s = max(slowest_s, put_s - before_s)
+                if put_s > began_s + STALL_S:
+                    break
+            os.kill(router.pid, signal.SIGCONT)
+        router.communicate(timeout=30.0)
+    return slowest_s
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGSTOP")
+def test_what_a_rig_publishes_never_waits_for_a_router_that_stands_still() -> None:
+    published_s = _slowest_put_s(*STREAMS.values(), Topics.FINGER, Topics.STATUS)
+    waiting_s = _slowest_put_s(Topics.TEXTURE)  # which a client sends, who may wait
+    assert published_s < 0.5 * waiting_s
 
 
 def _note(came: threading.Event, _sample: zenoh.Sample) -> None:
