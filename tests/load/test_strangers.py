@@ -16,6 +16,7 @@ from frictus.session import open_session
 from frictus_hardware import SimulatedConfig
 from frictus_service.config import Config, RouterConfig
 from frictus_service.daemon.commands import UNNAMED_BYTES
+from frictus_service.daemon.gate import MAX_VALUES
 from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.ports import free_endpoint
 
@@ -23,9 +24,9 @@ SECONDS = 6.0
 """Longer than the window of `LoopTiming.margin_min_ms`, 5 s."""
 
 
-def numbers(number: bytes, count: int) -> bytes:
+def numbers(number: bytes, count: int, client: bytes = b"ben") -> bytes:
     """A scene with a list of numbers in a field that no texture has."""
-    head = b'{"client":"ben","utc_ns":%d,"scene":{"x":[' % time.time_ns()
+    head = b'{"client":"%b","utc_ns":%d,"scene":{"x":[' % (client, time.time_ns() - 10**10)
     return head + (number + b",") * (count - 1) + number + b"]}}"
 
 
@@ -40,6 +41,10 @@ def profile() -> bytes:
 
 STRANGERS = {
     "by its own name": ("ben", profile),
+    "by the owner's name": (
+        "ann",
+        lambda: numbers(b"0.1234567890123456", MAX_VALUES - 10, b"ann"),
+    ),
     "nameless": ("", lambda: numbers(b"1", UNNAMED_BYTES // 2 - 40)),
 }
 

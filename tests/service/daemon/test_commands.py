@@ -12,8 +12,9 @@ from frictus.keys import CALLS
 from frictus.messages import SceneRequest
 from frictus.textures import MAX_PROFILE_SAMPLES, Profile, Region, Scene
 from frictus_service.config import Limits
+from frictus_service.daemon import gate
 from frictus_service.daemon.commands import SHORT_BYTES
-from frictus_service.daemon.gate import MAX_VALUES
+from frictus_service.daemon.gate import MAX_DIGITS, MAX_MEMBERS, MAX_VALUES
 from frictus_service.daemon.orders import ModelSlot
 from frictus_service.daemon.safety import FaultRaised, OutputQuiet
 from frictus_service.translate import placeholder_model
@@ -164,13 +165,44 @@ def test_what_holds_too_many_numbers_is_refused_unread(
     def never(payload: bytes) -> None:
         raise AssertionError("it was read")
 
-    monkeypatch.setattr(SceneRequest, "from_json", never)
+    monkeypatch.setattr(gate, "read_sliced", never)
     content = b"1," * (MAX_VALUES - 3)
     payload = b'{"client":"a","utc_ns":%d,"x":[%b1]}' % (desk.utc_ns, content)
     assert "it was read" in desk.send("scene", payload).message
     reply = desk.send("scene", payload.replace(b"[", b"[1,"))
     assert reply.code == "too_large"
     assert str(MAX_VALUES + 1) in reply.message
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"{" + b",".join(b'"%d":1' % k for k in range(MAX_MEMBERS)) + b"}",
+        b'"' + rb"\n" * MAX_MEMBERS + b'"',
+        b"1" * 2 * MAX_DIGITS,
+    ],
+    ids=["members", "escapes", "digits"],
+)
+def test_what_one_call_reads_for_long_is_refused_unread(desk: Desk, content: bytes) -> None:
+    reply = desk.send("scene", b'{"client":"a","utc_ns":%d,"x":%b}' % (desk.utc_ns, content))
+    assert reply.code == "too_large"
+
+
+def test_a_long_scene_is_read_as_a_short_one_is(desk: Desk) -> None:
+    friction = [0.1 * (n % 7) - 0.3 + 1e-9 * n for n in range(MAX_PROFILE_SAMPLES)]
+    scene = Scene(regions=[Region(texture=Profile(friction_n=friction, period_mm=60.0))])
+    request = SceneRequest(client="a", utc_ns=desk.utc_ns, scene=scene)
+    limits = Limits()
+    payload = request.to_json()
+    assert len(payload) > gate.SLICED_BYTES
+    read = gate.Gate(limits).read(SceneRequest, payload, desk.utc_ns, limits.max_scene_bytes)
+    assert read == request
+    reply = desk.send("scene", payload.replace(b"0.1,", b"NaN,").replace(b"-0.3,", b'"x",', 1))
+    assert reply.code == "bad_request"
+    assert "friction_n" in reply.message
+    reply = desk.send("scene", payload[:-1])
+    assert reply.code == "bad_request"
+    assert "not JSON" in reply.message
 
 
 @pytest.mark.parametrize("name", ["scene", "model"])
