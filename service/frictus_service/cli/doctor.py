@@ -18,8 +18,8 @@ Warm = Annotated[
     bool,
     typer.Option(
         "--warm",
-        help="First compile what a rig needs, told function by function, so that it starts "
-        "at once.",
+        help="First compile what a service needs, told function by function, so that it "
+        "starts at once.",
     ),
 ]
 
@@ -35,6 +35,7 @@ def doctor(
 
     if warm:
         _compile(as_json)
+        _keep_bytecode(as_json)
 
     worst = "ok"
     for check in all_checks(config, router):
@@ -59,6 +60,26 @@ def _compile(as_json: bool) -> None:
     defaults = Config()  # which rates are rendered makes no difference to what is compiled
     with compiling_told(tell, lambda: None):
         warm_up(defaults.sample_rate_hz, defaults.block_samples)
+
+
+def _keep_bytecode(as_json: bool) -> None:
+    """Keep the bytecode of all that a service loads."""
+    import sys
+
+    # What the processes of a service run: to be in `sys.modules`.
+    from frictus_service.api import server  # noqa: F401
+    from frictus_service.cli.bytecode import keep_bytecode
+    from frictus_service.daemon import rig  # noqa: F401
+    from frictus_service.recording import recorder  # noqa: F401
+
+    try:
+        told = f"bytecode of {keep_bytecode(tuple(sys.modules.values()))} more modules is kept"
+    except OSError as error:
+        told = f"bytecode cannot be kept: {error}; run this as who installed the package"
+    if as_json:
+        write_line(event="bytecode", text=told)
+    else:
+        typer.echo(told)
 
 
 def _write(check: "Check", as_json: bool) -> None:

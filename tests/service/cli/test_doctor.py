@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from frictus_hardware import NiRigConfig, SimulatedConfig
 from frictus_hardware.nidaq.settings import NeonodeSettings
 from frictus_hardware.sensors import hid
-from frictus_service.cli import checks
+from frictus_service.cli import bytecode, checks
 from frictus_service.cli.app import app
 from frictus_service.cli.checks.device import device_checks, ni_device
 from frictus_service.cli.checks.utc import Kept, leap_of
@@ -105,11 +105,14 @@ def test_warm_tells_each_function_it_compiles(
         return 2.0 * value
 
     monkeypatch.setattr(warmup, "warm_up", lambda *_: twice(1.0))
+    monkeypatch.setattr(bytecode, "keep_bytecode", lambda modules: len([*modules][:3]))
     arguments = ["doctor", "--warm", "-c", str(tmp_path / "none.toml")]
     arguments += ["--router", "tcp/127.0.0.1:1"]
     told = CliRunner().invoke(app, [*arguments, "--json"]).stdout.splitlines()
     assert json.loads(told[0]) == {"event": "compiling", "function": "twice"}
-    assert json.loads(told[1])["event"] == "check"
+    text = "bytecode of 3 more modules is kept"
+    assert json.loads(told[1]) == {"event": "bytecode", "text": text}
+    assert json.loads(told[2])["event"] == "check"
     again = CliRunner().invoke(app, arguments).stdout
     assert "compiling" not in again  # it is there
 
