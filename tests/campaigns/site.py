@@ -38,9 +38,9 @@ COUNTERS: Final = ("blocks", "deadline_misses", "underruns", "blocks_dropped", "
 WHOLE: Final = Size(12, 12, 100)
 LADDERS: Final = {
     "rigs": [Size(rigs, rigs, 2) for rigs in (1, 2, 4, 8, 12)],
-    "subscribers": [Size(2, 8, 2, across=False), Size(2, 8, 2), Size(2, 16, 2)],
     "viewers": [Size(2, 2, viewers) for viewers in (10, 30, 100)],
     "whole": [WHOLE],
+    "subscribers": [Size(2, 8, 2, across=False), Size(2, 8, 2), Size(2, 16, 2)],
 }
 
 

@@ -1,0 +1,167 @@
+"""Write into docs/sizing.md what a site takes: `python -m tests.campaigns.sizing --help`.
+
+Processor time is fitted to the sizes that held, never negative; what a larger site takes is
+extrapolated from it, and said to be.
+"""
+
+import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from scipy.optimize import nnls
+from tests.campaigns.lines import Line, read
+from tests.campaigns.reliability import circumstances, table, with_section
+from tests.campaigns.site import WHOLE
+from tests.campaigns.site_parts import Size
+
+OUT: Final = Path(__file__).parents[2] / "docs" / "sizing.md"
+UNITS: Final[Mapping[str, tuple[str, ...]]] = {
+    "rig": ("rig",),
+    "rig's supervisor": ("rig",),
+    "recorder": ("rig",),
+    "routers": ("rig", "subscriber", "viewer"),
+    "APIs": ("site", "watched rig", "viewer"),
+    "APIs' supervisors": ("site",),
+    "nginx": ("viewer",),
+    "PostgreSQL": ("site",),
+}
+"""What the processor time of each kind of part grows with; readers' own is not the site's."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """What one kind of part takes.
+
+    Attributes
+    ----------
+    kind : str
+    cores : dict
+        Per unit.
+    largest_error : float
+        Of the fit, in cores.
+    """
+
+    kind: str
+    cores: dict[str, float]
+    largest_error: float
+
+    def of(self, size: Size) -> float:
+        """Return what it takes in a site of this size, cores."""
+        counts = counted(size)
+        return sum(cores * counts[unit] for unit, cores in self.cores.items())
+
+
+def counted(size: Size) -> dict[str, float]:
+    """Return how many of each unit a site of a size has."""
+    return {
+        "site": 1.0,
+        "rig": float(size.rigs),
+        "subscriber": float(size.subscribers),
+        "viewer": float(size.viewers),
+        "watched rig": float(min(size.rigs, size.viewers)),
+    }
+
+
+def fitted(lines: Sequence[Line]) -> list[Cost]:
+    """Return what each kind of part takes, of the sizes that held.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    held = [line for line in lines if not line["gave"] and not line["failures"]]
+    if not held:
+        raise ValueError("no size held: run the campaign on a machine with less beside it")
+    counts = [counted(Size(**line["size"])) for line in held]
+    costs = []
+    for kind, units in UNITS.items():
+        known = np.array([[count[unit] for unit in units] for count in counts])
+        used = np.array([line["cores"][kind] for line in held])
+        cores, _ = nnls(known, used)
+        error = float(np.abs(known @ cores - used).max())
+        costs.append(Cost(kind, dict(zip(units, cores.tolist(), strict=True)), error))
+    return costs
+
+
+def measured_section(lines: Sequence[Line]) -> str:
+    """Return the section of what was measured."""
+    rows = []
+    for line in lines:
+        size = Size(**line["size"])
+        if "cores" not in line:
+            rows.append([size.name, *["-"] * 8, line["gave"][0]])
+            continue
+        site = sum(line["cores"][kind] for kind in UNITS)
+        rows.append(
+            [
+                size.name,
+                f"{site:.2f}",
+                f"{sum(line['cores'].values()) - site:.2f}",
+                f"{line['machine_cores']:.2f}",
+                f"{line['lost']} of {line['received'] + line['lost']}",
+                str(line["recorder_lost"]),
+                f"{line['frames_hz']:.0f}",
+                *(
+                    ", ".join(f"{age_ms:.0f}" for age_ms in line[ages])
+                    for ages in ("frame_age_ms", "state_age_ms")
+                ),
+                "; ".join([f"{line['lateness_p99_ms']:.1f} ms", *line["gave"]]),
+            ]
+        )
+    header = ["size", "site, cores", "its readers", "machine", "blocks lost", "by recordings"]
+    header += ["frames/s", "age of frames, ms: median, p99", "of states, ms: median, p99"]
+    header += ["lateness p99; what gave"]
+    return f"{circumstances(lines)}. {MEASURED}\n\n{table(header, rows)}\n\n{MADE}"
+
+
+def takes_section(lines: Sequence[Line]) -> str:
+    """Return the section of what a site takes."""
+    costs = fitted(lines)
+    units = list(dict.fromkeys(unit for parts in UNITS.values() for unit in parts))
+    rows = [
+        [
+            cost.kind,
+            *(f"{1e3 * cost.cores[unit]:.2g}" if unit in cost.cores else "" for unit in units),
+            f"{1e3 * cost.largest_error:.2g}",
+            f"{cost.of(WHOLE):.2f}",
+        ]
+        for cost in costs
+    ]
+    whole = sum(cost.of(WHOLE) for cost in costs)
+    rows.append(["all of it", *[""] * len(units), "", f"**{whole:.2f}**"])
+    header = ["part", *(f"per {unit}" for unit in units), "largest error of the fit"]
+    header.append(f"{WHOLE.rigs} rigs, {WHOLE.viewers} viewers: cores, extrapolated")
+    return f"{TAKES}\n\n{table(header, rows)}\n\n{MADE}"
+
+
+MEASURED: Final = """\
+*site*: processor time of all its parts; *its readers*: of subscribers, viewers and owners,
+who are elsewhere in a real one; *machine*: all that ran there, others' work included. A
+ladder ends at the first size in which something gave; what the page asks for is 60 frames/s."""
+TAKES: Final = """\
+Thousandths of a core per unit, fitted to the sizes in which nothing gave."""
+MADE: Final = """\
+Made by `uv run python -m tests.campaigns.site lines.jsonl`, which goes on where it was
+stopped, and `uv run python -m tests.campaigns.sizing lines.jsonl`."""
+
+
+def main() -> None:
+    """Write both sections."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("results", type=Path, help="lines of the campaign")
+    lines = read(parser.parse_args().results)
+    if not lines:
+        raise SystemExit("no lines; run the campaign first")
+    text = OUT.read_text(encoding="utf-8")
+    text = with_section(text, "What was measured", measured_section(lines))
+    OUT.write_text(
+        with_section(text, "What a site takes", takes_section(lines)), encoding="utf-8"
+    )
+
+
+if __name__ == "__main__":
+    main()
