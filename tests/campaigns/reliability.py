@@ -65,6 +65,15 @@ failure is a trip (unless the machine itself is late for 5 s), a screen that is 
 longer than the lease, the lead (100 ms here) and 100 ms together, a client that does not
 come back, and, without losses and within the link's capacity, a block or a lease that is
 lost."""
+SITE: Final = """\
+Rigs that play a recording (`replay`), each with supervisor, recorder and an owner who streams
+at 5 Hz, on two linked routers; two APIs on one PostgreSQL behind nginx; subscribers at the
+router that their rig does not use; viewers of three streams at 60 frames/s. A ladder ends at
+the first size in which something gives: viewers get less than 90 % of their frames, or frames
+older than 250 ms, recordings or subscribers (1e-4) miss blocks, a loop is 5 ms late at p99, a
+rig drops blocks, trips, is silent or ends. That is what a site is [sized](sizing.md) by, not a
+failure; one is a model that is published by the proxy and not found at each API, or a site
+that does not start."""
 COMPILED: Final = """\
 Properties of compiled code over all numbers that may reach it, their extremes included,
 drawn by hypothesis with a fresh seed for each batch, with indices checked
@@ -305,6 +314,25 @@ def soak(lines: Sequence[Line]) -> str:
     )
 
 
+def site(lines: Sequence[Line]) -> str:
+    """Return the section of the sites."""
+    ladders: dict[str, list[Line]] = {}
+    for line in lines:
+        ladders.setdefault(line["name"].split("/")[0], []).append(line)
+    rows = []
+    for ladder, of_ladder in ladders.items():
+        held = [line["name"].partition("/")[2] for line in of_ladder if not line["gave"]]
+        for full in [line for line in of_ladder if line["gave"]] or [None]:
+            first = "" if full is None else full["name"].partition("/")[2]
+            told = "" if full is None else "; ".join(full["gave"])[:300]
+            rows.append([ladder, held[-1] if held else "none", first or "none", told])
+    return (
+        f"{len(lines)} sizes in {circumstances(lines)}. {SITE}\n\n"
+        f"{table(['ladder', 'largest that held', 'first that gave', 'what gave'], rows)}\n\n"
+        f"{failures(lines)}\n\n{COMMANDS.format(campaign='site', options='--seconds 40')}"
+    )
+
+
 def rest(lines: Sequence[Line]) -> str:
     """Return the section of REST and WebSocket."""
     hostile = [line for line in lines if line["name"].startswith("hostile/")]
@@ -349,6 +377,7 @@ SECTIONS: Final[Mapping[str, tuple[str, Callable[[Sequence[Line]], str]]]] = {
     "links": ("Bad links", links),
     "compiled": ("Compiled code", compiled),
     "soak": ("Soak", soak),
+    "site": ("A site", site),
 }
 """Heading and writer of the section of each campaign."""
 

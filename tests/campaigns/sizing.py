@@ -1,7 +1,7 @@
 """Write into docs/sizing.md what a site takes: `python -m tests.campaigns.sizing --help`.
 
-Processor time is fitted to the sizes that held, never negative; what a larger site takes is
-extrapolated from it, and said to be.
+Processor time is fitted, never negative, to what was delivered, so that sizes in which
+something gave count too; what a larger site takes is extrapolated from it, and said to be.
 """
 
 import argparse
@@ -16,6 +16,8 @@ from tests.campaigns.lines import Line, read
 from tests.campaigns.reliability import circumstances, table, with_section
 from tests.campaigns.site import WHOLE
 from tests.campaigns.site_parts import Size
+
+from frictus_service.benchmarks.viewers import RATE_HZ
 
 OUT: Final = Path(__file__).parents[2] / "docs" / "sizing.md"
 UNITS: Final[Mapping[str, tuple[str, ...]]] = {
@@ -54,33 +56,40 @@ class Cost:
         return sum(cores * counts[unit] for unit, cores in self.cores.items())
 
 
-def counted(size: Size) -> dict[str, float]:
-    """Return how many of each unit a site of a size has."""
+def counted(size: Size, delivered: float = 1.0) -> dict[str, float]:
+    """Return how many of each unit a site of a size has.
+
+    Parameters
+    ----------
+    size : Size
+    delivered : float
+        Share of their frames that viewers got; so many viewers count.
+    """
     return {
         "site": 1.0,
         "rig": float(size.rigs),
         "subscriber": float(size.subscribers),
-        "viewer": float(size.viewers),
+        "viewer": delivered * size.viewers,
         "watched rig": float(min(size.rigs, size.viewers)),
     }
 
 
 def fitted(lines: Sequence[Line]) -> list[Cost]:
-    """Return what each kind of part takes, of the sizes that held.
+    """Return what each kind of part takes, of the sizes in which every part ran to the end.
 
     Raises
     ------
     ValueError
         If there is none.
     """
-    held = [line for line in lines if not line["gave"] and not line["failures"]]
-    if not held:
-        raise ValueError("no size held: run the campaign on a machine with less beside it")
-    counts = [counted(Size(**line["size"])) for line in held]
+    ran = [line for line in lines if "cores" in line and not (line["silent"] or line["ended"])]
+    if not ran:
+        raise ValueError("no size ran to its end: run the campaign with less beside it")
+    counts = [counted(Size(**line["size"]), line["frames_hz"] / RATE_HZ) for line in ran]
     costs = []
     for kind, units in UNITS.items():
         known = np.array([[count[unit] for unit in units] for count in counts])
-        used = np.array([line["cores"][kind] for line in held])
+        used = np.array([line["cores"][kind] for line in ran])
         cores, _ = nnls(known, used)
         error = float(np.abs(known @ cores - used).max())
         costs.append(Cost(kind, dict(zip(units, cores.tolist(), strict=True)), error))
@@ -143,7 +152,7 @@ MEASURED: Final = """\
 who are elsewhere in a real one; *machine*: all that ran there, others' work included. A
 ladder ends at the first size in which something gave; what the page asks for is 60 frames/s."""
 TAKES: Final = """\
-Thousandths of a core per unit, fitted to the sizes in which nothing gave."""
+Thousandths of a core per unit; a viewer counts by the frames that it got."""
 MADE: Final = """\
 Made by `uv run python -m tests.campaigns.site lines.jsonl`, which goes on where it was
 stopped, and `uv run python -m tests.campaigns.sizing lines.jsonl`."""

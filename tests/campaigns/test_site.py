@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 from tests.campaigns.lines import Line
+from tests.campaigns.reliability import site as site_section
 from tests.campaigns.site import COUNTERS, LADDERS, WHOLE, climb, gave, names
 from tests.campaigns.site_parts import Size
 from tests.campaigns.sizing import UNITS, counted, fitted, measured_section, takes_section
@@ -87,17 +88,24 @@ def test_costs_per_unit_come_back_from_what_sites_took() -> None:
         }
         for size in sizes
     ]
-    full = GOOD | {"gave": ["viewers"], "cores": dict.fromkeys(UNITS, 9.0)}
-    for cost in fitted([*lines, full]):
+    half = dataclasses.replace(sizes[-1], viewers=15)
+    slow = GOOD | {
+        "size": dataclasses.asdict(sizes[-1]),
+        "frames_hz": 30.0,
+        "cores": {kind: took(kind, half) for kind in UNITS},
+        "gave": ["viewers"],
+    }
+    ended = GOOD | {"ended": ["the rig process ended"], "cores": dict.fromkeys(UNITS, 9.0)}
+    for cost in fitted([*lines, slow, ended]):
         assert cost.cores == pytest.approx({unit: true[unit] for unit in UNITS[cost.kind]})
         assert cost.of(WHOLE) == pytest.approx(took(cost.kind, WHOLE))
         assert cost.largest_error < 1e-9
     assert "extrapolated" in takes_section(lines)
 
 
-def test_no_cost_is_made_up_where_no_size_held() -> None:
-    with pytest.raises(ValueError, match="no size held"):
-        fitted([GOOD | {"gave": ["viewers"]}])
+def test_no_cost_is_made_up_where_no_size_ran() -> None:
+    with pytest.raises(ValueError, match="no size ran"):
+        fitted([GOOD | {"silent": 1}])
 
 
 def test_a_size_that_did_not_start_is_in_the_table() -> None:
@@ -105,3 +113,10 @@ def test_a_size_that_did_not_start_is_in_the_table() -> None:
         name: GOOD[name] for name in ("name", "size", "load", "machine", "failures")
     } | {"gave": ["StartError: nothing moved"]}
     assert "StartError: nothing moved" in measured_section([GOOD, unstarted])
+
+
+def test_the_section_tells_of_each_ladder_what_held_and_what_gave() -> None:
+    full = GOOD | {"name": "rigs/2", "gave": ["viewers: 50 of 60 frames/s"]}
+    row = "| rigs | 1 | 2 | viewers: 50 of 60 frames/s |"
+    assert row in site_section([GOOD, full])
+    assert "| rigs | 1 | none |  |" in site_section([GOOD])
