@@ -44,11 +44,14 @@ class Cost:
         Per unit.
     largest_error : float
         Of the fit, in cores.
+    told_apart : bool
+        Whether the sizes that ran tell its units apart; their sum is known even so.
     """
 
     kind: str
     cores: dict[str, float]
     largest_error: float
+    told_apart: bool
 
     def of(self, size: Size) -> float:
         """Return what it takes in a site of this size, cores."""
@@ -92,7 +95,8 @@ def fitted(lines: Sequence[Line]) -> list[Cost]:
         used = np.array([line["cores"][kind] for line in ran])
         cores, _ = nnls(known, used)
         error = float(np.abs(known @ cores - used).max())
-        costs.append(Cost(kind, dict(zip(units, cores.tolist(), strict=True)), error))
+        apart = int(np.linalg.matrix_rank(known)) == len(units)
+        costs.append(Cost(kind, dict(zip(units, cores.tolist(), strict=True)), error, apart))
     return costs
 
 
@@ -124,7 +128,7 @@ def measured_section(lines: Sequence[Line]) -> str:
     header = ["size", "site, cores", "its readers", "machine", "blocks lost", "by recordings"]
     header += ["frames/s", "age of frames, ms: median, p99", "of states, ms: median, p99"]
     header += ["lateness p99; what gave"]
-    return f"{circumstances(lines)}. {MEASURED}\n\n{table(header, rows)}\n\n{MADE}"
+    return f"{circumstances(lines)}.\n{MEASURED}\n\n{table(header, rows)}\n\n{MADE}"
 
 
 def takes_section(lines: Sequence[Line]) -> str:
@@ -134,8 +138,8 @@ def takes_section(lines: Sequence[Line]) -> str:
     rows = [
         [
             cost.kind,
-            *(f"{1e3 * cost.cores[unit]:.2g}" if unit in cost.cores else "" for unit in units),
-            f"{1e3 * cost.largest_error:.2g}",
+            *(_told(cost, unit) for unit in units),
+            f"{1e3 * cost.largest_error:.0f}",
             f"{cost.of(WHOLE):.2f}",
         ]
         for cost in costs
@@ -147,12 +151,19 @@ def takes_section(lines: Sequence[Line]) -> str:
     return f"{TAKES}\n\n{table(header, rows)}\n\n{MADE}"
 
 
+def _told(cost: Cost, unit: str) -> str:
+    if unit not in cost.cores:
+        return ""
+    return f"{1e3 * cost.cores[unit]:.1f}" if cost.told_apart else "?"
+
+
 MEASURED: Final = """\
 *site*: processor time of all its parts; *its readers*: of subscribers, viewers and owners,
 who are elsewhere in a real one; *machine*: all that ran there, others' work included. A
 ladder ends at the first size in which something gave; what the page asks for is 60 frames/s."""
 TAKES: Final = """\
-Thousandths of a core per unit; a viewer counts by the frames that it got."""
+Thousandths of a core per unit; a viewer counts by the frames that it got. *?*: the sizes
+that ran do not tell one unit from another, only what all of them take."""
 MADE: Final = """\
 Made by `uv run python -m tests.campaigns.site lines.jsonl`, which goes on where it was
 stopped, and `uv run python -m tests.campaigns.sizing lines.jsonl`."""

@@ -103,6 +103,15 @@ def test_costs_per_unit_come_back_from_what_sites_took() -> None:
     assert "extrapolated" in takes_section(lines)
 
 
+def test_units_that_only_grew_together_are_not_told_apart() -> None:
+    sizes = [Size(1, 1, 2), Size(2, 2, 2), Size(4, 4, 9)]
+    lines = [GOOD | {"size": dataclasses.asdict(size)} for size in sizes]
+    apart = {cost.kind: cost.told_apart for cost in fitted(lines)}
+    assert apart["rig"]
+    assert not apart["routers"]
+    assert "| routers | ? | ? | ? |" in takes_section(lines)
+
+
 def test_no_cost_is_made_up_where_no_size_ran() -> None:
     with pytest.raises(ValueError, match="no size ran"):
         fitted([GOOD | {"silent": 1}])
