@@ -327,9 +327,9 @@ def site(lines: Sequence[Line]) -> str:
             told = "" if full is None else "; ".join(full["gave"])[:300]
             rows.append([ladder, held[-1] if held else "none", first or "none", told])
     return (
-        f"{len(lines)} sizes in {circumstances(lines)}. {SITE}\n\n"
+        f"{len(lines)} sizes in {circumstances(lines)}.\n{SITE}\n\n"
         f"{table(['ladder', 'largest that held', 'first that gave', 'what gave'], rows)}\n\n"
-        f"{failures(lines)}\n\n{COMMANDS.format(campaign='site', options='--seconds 40')}"
+        f"{failures(lines)}\n\n{COMMANDS.format(campaign='site', options='--seconds 25')}"
     )
 
 

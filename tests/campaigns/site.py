@@ -27,7 +27,7 @@ from frictus_service.config import Config
 from frictus_service.errors import ServiceError
 
 SETTLING_S: Final = 5.0
-SECONDS: Final = 40
+SECONDS: Final = 25
 FEWEST_FRAMES: Final = 0.9
 """Of those that viewers ask for."""
 OLDEST_FRAME_MS: Final = 250.0
