@@ -322,10 +322,10 @@ def site(lines: Sequence[Line]) -> str:
     rows = []
     for ladder, of_ladder in ladders.items():
         held = [line["name"].partition("/")[2] for line in of_ladder if not line["gave"]]
-        for full in [line for line in of_ladder if line["gave"]] or [None]:
-            first = "" if full is None else full["name"].partition("/")[2]
-            told = "" if full is None else "; ".join(full["gave"])[:300]
-            rows.append([ladder, held[-1] if held else "none", first or "none", told])
+        full = [line for line in of_ladder if line["gave"]][-1:]
+        first = full[0]["name"].partition("/")[2] if full else "none"
+        told = "; ".join(full[0]["gave"])[:300] if full else ""
+        rows.append([ladder, held[-1] if held else "none", first, told])
     return (
         f"{len(lines)} sizes in {circumstances(lines)}.\n{SITE}\n\n"
         f"{table(['ladder', 'largest that held', 'first that gave', 'what gave'], rows)}\n\n"
