@@ -18,15 +18,13 @@ from multiprocessing.connection import (
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Exchange
 from frictus_hardware.errors import ClosedError, ConfigError, DeviceLostError, HardwareError
 from frictus_hardware.output import DeviceOutput
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.rig import SimulatedRig
-
-FloatArray = NDArray[np.float64]
 
 HISTORY_S = 5.0
 """How much of its output the device remembers."""

@@ -16,16 +16,14 @@ from multiprocessing.connection import (
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Exchange, RigInfo
 from frictus_hardware.errors import ClosedError, ConfigError, LinkLostError
 from frictus_hardware.opened import Opened
 from frictus_hardware.output import DeviceOutput
 from frictus_hardware.simulated.config import SimulatedConfig, SimulatedDeviceConfig
 from frictus_hardware.simulated.rig import info_of
-
-FloatArray = NDArray[np.float64]
 
 
 class Link:

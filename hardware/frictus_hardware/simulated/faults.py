@@ -5,9 +5,9 @@ from dataclasses import replace
 from typing import Annotated, Literal, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import TouchReport
 from frictus_hardware.errors import (
     DeviceLostError,
@@ -19,8 +19,6 @@ from frictus_hardware.errors import (
     TransientError,
 )
 from frictus_hardware.simulated.strict import StrictModel
-
-FloatArray = NDArray[np.float64]
 
 ERRORS: dict[str, type[HardwareError]] = {
     "transient": TransientError,

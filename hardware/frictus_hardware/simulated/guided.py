@@ -5,15 +5,13 @@ from collections import deque
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError
 from frictus_hardware.simulated.motion import FingerMotion, Wander
 from frictus_hardware.simulated.press import LEAST_N
 from frictus_hardware.simulated.strict import NonNegative, StrictModel
-
-FloatArray = NDArray[np.float64]
 
 FASTEST_MM_S: Final = 200.0
 REST_N: Final = 0.4

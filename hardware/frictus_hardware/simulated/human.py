@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError
 from frictus_hardware.simulated.motion import FingerMotion, Wander
 from frictus_hardware.simulated.press import NormalForce, Press
 from frictus_hardware.simulated.strict import NonNegative, Positive, StrictModel
-
-FloatArray = NDArray[np.float64]
 
 LOOP_S = 600.0
 """The strokes repeat after (a little more than) this, so that memory does not grow."""

@@ -3,13 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.simulated.motion import Wander
 from frictus_hardware.simulated.strict import NonNegative, StrictModel
-
-FloatArray = NDArray[np.float64]
 
 LEAST_N = 0.05
 """A finger on the screen presses at least this hard."""

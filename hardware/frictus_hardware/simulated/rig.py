@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from frictus_hardware.accepted import MAX_BLOCK_S, ramp_samples, require_drive
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Exchange, RigInfo, TouchReport, Truth
 from frictus_hardware.errors import (
     ClosedError,
@@ -31,8 +31,6 @@ from frictus_hardware.simulated.guided import GuidedFinger
 from frictus_hardware.simulated.motion import Finger, FingerMotion
 from frictus_hardware.simulated.pointer import PointerFinger
 from frictus_hardware.simulated.touch import TouchSensor
-
-FloatArray = NDArray[np.float64]
 
 INPUT_BUFFER_S = 10.0
 """A loop that falls further behind than this has lost the stream."""

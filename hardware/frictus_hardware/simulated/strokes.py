@@ -5,15 +5,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError
 from frictus_hardware.simulated.motion import FingerMotion
 from frictus_hardware.simulated.press import NormalForce, Press
 from frictus_hardware.simulated.strict import Positive, StrictModel
-
-FloatArray = NDArray[np.float64]
 
 
 class SteadyStrokes(StrictModel):

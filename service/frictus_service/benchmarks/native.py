@@ -10,13 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-from numpy.typing import NDArray
-
+from frictus_hardware.arrays import FloatArray
 from frictus_service.errors import ServiceError
 from frictus_service.synthesis.kernel import Motion, SceneArrays
-
-FloatArray = NDArray[np.float64]
 
 SOURCE: Final = Path(__file__).with_name("kernel.c")
 COMPILERS: Final = ("gcc", "cc", "clang")

@@ -12,10 +12,9 @@ from typing import Any, Final
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 from scipy import integrate, optimize
 
-FloatArray = NDArray[np.float64]
+from frictus_hardware.arrays import FloatArray
 
 WINDOW: Final = 4000
 

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from frictus_hardware.arrays import FloatArray
 
 UNSEEN_NS: Final = 200_000
 """Taken as the 95 % bound of the least time from a sample to this process seeing its block.

@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from frictus.errors import TextureError
 from frictus.textures import (
@@ -14,8 +13,7 @@ from frictus.textures import (
     Slope,
     Spectrum,
 )
-
-FloatArray = NDArray[np.float64]
+from frictus_hardware.arrays import FloatArray
 
 FREQUENCY = (1e-4, 1e8)
 """Accepted, in cycles/mm or Hz: wider than any texture; rows of tables are counted from it."""

@@ -20,12 +20,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import TouchReport
 from frictus_service.synthesis.kernel import Motion
-
-FloatArray = NDArray[np.float64]
 
 STEADY, CHANGING = 0, 1
 USUAL_FORCE_N: Final = 0.4

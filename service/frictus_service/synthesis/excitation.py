@@ -4,14 +4,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from frictus.errors import ArgumentError
 from frictus.messages import Applied, Excitation
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_service.synthesis.reach import SPEEDS_MM_S
-
-FloatArray = NDArray[np.float64]
 
 MAX_FREE_TONES: Final = 32
 """Without a period each tone costs time in every sample; with one, none does."""

@@ -4,14 +4,12 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.rolloff import pole_zero_pairs
 from frictus_hardware.physics.schedule import Circumstances, Schedule
 from frictus_service.synthesis.tables import TOP_HZ
-
-FloatArray = NDArray[np.float64]
 
 SLOWEST_FELT_HZ: Final = 20.0
 """Textures are made good for a leak down to here without leaving the drive's range."""

@@ -1,15 +1,14 @@
 """Plays an inverse block by block: the state that undoing a law with effects needs."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.schedule import Circumstances
 from frictus_service.synthesis import corrections, kernel
 from frictus_service.synthesis.estimator import Course
 from frictus_service.synthesis.inverse import FORGET_HZ, Inverse
 
-FloatArray = NDArray[np.float64]
 Ends = tuple[float, float]
 
 

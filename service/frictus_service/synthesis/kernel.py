@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from frictus_hardware.arrays import FloatArray
 
 SPATIAL, TEMPORAL, MAP = 0, 1, 2
 

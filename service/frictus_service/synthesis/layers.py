@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from frictus.errors import TextureError
 from frictus.textures import Beta, Map, Profile, Region, Slope, Spectrum
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis import kernel
 from frictus_service.synthesis.components import Components, components_of, profile_within
@@ -19,8 +20,6 @@ from frictus_service.synthesis.tables import (
     build_table,
     fitting,
 )
-
-FloatArray = NDArray[np.float64]
 
 NARROWEST_FADE_MM = 0.1
 NARROWEST_MM = 1e-3

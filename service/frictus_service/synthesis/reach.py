@@ -4,14 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw, cutoff_hz
 from frictus_service.synthesis import kernel
 from frictus_service.synthesis.layers import Layer
 from frictus_service.synthesis.tables import BAND_EDGE_HZ, FADE_HZ, ROWS_PER_OCTAVE
-
-FloatArray = NDArray[np.float64]
 
 SPEEDS_MM_S = np.concatenate([[0.0], 2.0 ** (np.arange(100) / 12.0)])
 """Speeds at which the gain is made to fit, both ways: 0, and 1 to 300 mm/s."""

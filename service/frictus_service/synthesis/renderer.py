@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from frictus.textures import Scene
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis import kernel
 from frictus_service.synthesis.estimator import Course
@@ -15,7 +15,6 @@ from frictus_service.synthesis.inverter import Inverter
 from frictus_service.synthesis.kernel import Motion
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
 
-FloatArray = NDArray[np.float64]
 Playable = CompiledScene | CompiledExcitation
 
 RAMP_S = 0.02

@@ -4,18 +4,16 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from frictus.messages import Applied
 from frictus.model import Model
 from frictus.textures import Map, Region, Scene, Texture
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.screen import Screen
 from frictus_service.fidelity.bands import CENTRES_HZ, by_band
 from frictus_service.synthesis.components import Components, components_of
 from frictus_service.synthesis.scene import compile_scene
 from frictus_service.translate import inverse_of_model
-
-FloatArray = NDArray[np.float64]
 
 POINTS: Final = 1_000
 LENGTH: Final[dict[str, float]] = {"mm": 10.0, "s": 0.1}

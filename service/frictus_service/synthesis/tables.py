@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from frictus.errors import TextureError
+from frictus_hardware.arrays import FloatArray
 from frictus_service.synthesis.components import Components
-
-FloatArray = NDArray[np.float64]
 
 BAND_EDGE_HZ = 1122.0
 """Edge of the 1 kHz third-octave band: everything up to here is rendered in full."""

@@ -9,8 +9,8 @@ from dataclasses import fields, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.drive_path import DriveMap
 from frictus_hardware.physics.effects import EFFECTS, extended
 from frictus_hardware.physics.friction import FrictionLaw
@@ -18,7 +18,6 @@ from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.simulator import Simulator
 from frictus_service.synthesis.inverse import FORGET_HZ, Inverse, Ranges, Remark
 
-FloatArray = NDArray[np.float64]
 Parameters = Mapping[str, float]
 
 NOT_FELT: Final = "it changes what a sensor says, not what the finger feels"

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter
 from tests.plain import plain
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError
 from frictus_hardware.simulated.fingers import FingerConfig
 from frictus_hardware.simulated.human import (
@@ -31,7 +32,6 @@ from frictus_hardware.simulated.pointer import ClientFinger, PointerFinger
 from frictus_hardware.simulated.press import Press
 from frictus_hardware.simulated.strokes import SinusoidalStrokes, SteadyStrokes
 
-FloatArray = NDArray[np.float64]
 SCREEN_MM = (70.0, 35.0)
 Start = Callable[[tuple[float, float], np.random.Generator], Finger]
 ALONE = [

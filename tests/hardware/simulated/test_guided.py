@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from frictus_hardware import SimulatedConfig, open_backend
@@ -18,7 +17,6 @@ from frictus_hardware.simulated.motion import FingerMotion
 from frictus_hardware.simulated.rig import SimulatedRig
 from frictus_hardware.simulated.strokes import SteadyStrokes
 
-FloatArray = NDArray[np.float64]
 SCREEN_MM = (70.0, 35.0)
 SPAN_MM = (5.0, 65.0)
 RATE_HZ = 1_000.0

@@ -5,7 +5,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from tests.hardware.nidaq.bench import FingerTouch, LinearConversion, conversion, wiring
 from tests.hardware.nidaq.bench import input_volts as volts
 from tests.hardware.nidaq.fake_device import FakeDevice
@@ -13,6 +12,7 @@ from tests.hardware.nidaq.fake_server import FakeServer
 
 from frictus.textures import Component, Region, Scene, Spectrum
 from frictus_hardware import SimulatedConfig
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import TouchReport
 from frictus_hardware.errors import SensorError
 from frictus_hardware.nidaq.backend import NiRig
@@ -30,8 +30,6 @@ from frictus_service.synthesis.scene import compile_scene
 from frictus_service.translate import placeholder_model, screen_of
 
 from .conftest import UTC_NS, Heartbeat, NoWaiting, orders_of
-
-FloatArray = NDArray[np.float64]
 
 RATE_HZ = 20_000.0
 BLOCK = 100

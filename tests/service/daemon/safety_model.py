@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from frictus.messages import Excitation
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.accepted import ramp_samples, require_drive
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Exchange, RigInfo, TouchReport
 from frictus_hardware.errors import HardwareError
 from frictus_hardware.opened import Opened
@@ -43,8 +44,6 @@ from frictus_service.synthesis.renderer import RAMP_S
 from frictus_service.translate import placeholder_model
 
 from .conftest import Heartbeat, orders_of
-
-FloatArray = NDArray[np.float64]
 
 RATE_HZ: Final = 1_000.0
 LEASE_BLOCKS: Final = 3

@@ -4,17 +4,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from frictus.messages import Excitation, Tone
 from frictus.textures import Scene
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.simulated.faults import LostSamples, SilentTouch
 from frictus_service.daemon.orders import SceneOrder
 from frictus_service.daemon.safety import ClientVanished, Disarm, FaultRaised, Reset, Stop
 from frictus_service.synthesis.excitation import compile_excitation
 
-FloatArray = NDArray[np.float64]
 HZ = (30.0, 123.4, 700.0, 1_999.0)
 SAFE = 0.5 / len(HZ)
 

@@ -18,7 +18,6 @@ from typing import Any, Self
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from tests.hardware.nidaq.fake_device import FakeDevice
 from tests.hardware.nidaq.fake_server import FakeServer, Fault
 from tests.hardware.nidaq.panel import Panel
@@ -26,6 +25,7 @@ from tests.hardware.nidaq.wired import section, sensor_volts
 
 import frictus
 from frictus.keys import Topics
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import cutoff_hz
 from frictus_hardware.physics.twin import Signals, Twin
 from frictus_hardware.simulated.config import SimulatedConfig
@@ -40,8 +40,6 @@ from frictus_service.ports import free_endpoint
 from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.samples import Samples
 from frictus_service.translate import law_of
-
-FloatArray = NDArray[np.float64]
 
 KEEPING_UP = """deadline_s = 20.0
 lead_ms = 100.0

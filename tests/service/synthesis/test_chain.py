@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from frictus.textures import Component, Region, Scene, Spectrum
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import NotArmedError
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
@@ -20,8 +20,6 @@ from frictus_service.synthesis.chain import Chain, Step, make_chain
 from frictus_service.synthesis.estimator import FingerEstimator
 from frictus_service.synthesis.renderer import RAMP_S, Renderer
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
-
-FloatArray = NDArray[np.float64]
 
 RATE = 20_000.0
 LAW = FrictionLaw()

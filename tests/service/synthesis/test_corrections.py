@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_service.synthesis import corrections, kernel
 from frictus_service.synthesis.inverter import law_tuple
@@ -11,7 +11,6 @@ from frictus_service.synthesis.kernel import Motion
 
 pytestmark = pytest.mark.compiled
 
-FloatArray = NDArray[np.float64]
 
 RATE = 20_000.0
 STILL = Motion(0.0, 0.0, 60.0, 0.0, 60.0, 0.0, 60.0, 60.0)

@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import TouchReport
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.human import HumanStrokes
@@ -19,7 +19,6 @@ from frictus_service.synthesis.kernel import Motion
 
 pytestmark = pytest.mark.compiled
 
-FloatArray = NDArray[np.float64]
 
 RATE = 20_000.0
 BLOCK_S = BLOCK_SAMPLES / RATE

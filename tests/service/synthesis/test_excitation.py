@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from frictus.errors import ArgumentError
 from frictus.messages import Excitation, Tone
 from frictus.textures import Component, Region, Scene, Spectrum
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis.estimator import Course
@@ -17,7 +18,6 @@ from frictus_service.synthesis.kernel import Motion
 from frictus_service.synthesis.renderer import Playable, Renderer
 from frictus_service.synthesis.scene import compile_scene
 
-FloatArray = NDArray[np.float64]
 LAW, SCREEN, RATE, BLOCK = FrictionLaw(), Screen(), 20_000.0, 100
 
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from frictus.messages import Excitation, Tone
 from frictus.textures import Component, Region, Scene, Spectrum
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.schedule import Circumstances
 from frictus_hardware.physics.screen import Screen
@@ -19,8 +19,6 @@ from frictus_service.synthesis.renderer import Renderer
 from frictus_service.synthesis.scene import compile_scene
 from frictus_service.synthesis.stream import StreamBudget
 from frictus_service.synthesis.undoing import inverse_of
-
-FloatArray = NDArray[np.float64]
 
 RATE = 20_000.0
 LAW = FrictionLaw()

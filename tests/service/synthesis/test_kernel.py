@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from frictus.textures import Component, Region, Scene, Spectrum
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw, cutoff_hz, respond
 from frictus_hardware.physics.screen import Screen, drive_fraction_of
 from frictus_service.synthesis import kernel
@@ -20,7 +20,6 @@ from frictus_service.synthesis.scene import CompiledScene, compile_scene
 
 pytestmark = pytest.mark.compiled
 
-FloatArray = NDArray[np.float64]
 
 RATE = 20_000.0
 BLOCK = 100

@@ -12,14 +12,13 @@ from PIL import Image
 
 from frictus.errors import TextureError
 from frictus.textures import Map, Region, Scene
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis import kernel
 from frictus_service.synthesis.kernel import Motion
 from frictus_service.synthesis.maps import build_pyramid, decode
 from frictus_service.synthesis.scene import compile_scene
-
-FloatArray = NDArray[np.float64]
 
 RATE = 20_000.0
 WIDTH, HEIGHT = 64.0, 32.0  # mm, in the corner of the screen

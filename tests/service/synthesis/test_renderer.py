@@ -4,10 +4,10 @@ from itertools import pairwise, permutations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from frictus.stream import StreamFrame
 from frictus.textures import Component, Region, Scene, Spectrum
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw, cutoff_hz
 from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis import kernel
@@ -19,7 +19,6 @@ from frictus_service.synthesis.stream import StreamBudget
 
 pytestmark = pytest.mark.compiled
 
-FloatArray = NDArray[np.float64]
 
 RATE = 20_000.0
 BLOCK = 100

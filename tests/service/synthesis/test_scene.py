@@ -6,7 +6,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from PIL import Image
 
 from frictus.errors import TextureError
@@ -22,6 +21,7 @@ from frictus.textures import (
     Spectrum,
     Texture,
 )
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw, cutoff_hz
 from frictus_hardware.physics.screen import Screen
 from frictus_service.fidelity.measure import full_gain, largest_gain
@@ -33,8 +33,6 @@ from frictus_service.synthesis.reach import SPEEDS_MM_S
 from frictus_service.synthesis.renderer import Renderer
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
 from frictus_service.synthesis.tables import BAND_EDGE_HZ
-
-FloatArray = NDArray[np.float64]
 
 RATE = 20_000.0
 LAW = FrictionLaw()

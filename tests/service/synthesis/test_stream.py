@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from frictus.errors import TextureError
 from frictus.stream import StreamFrame
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis.estimator import Course
@@ -13,8 +13,6 @@ from frictus_service.synthesis.kernel import Motion
 from frictus_service.synthesis.renderer import Renderer
 from frictus_service.synthesis.scene import CompiledScene
 from frictus_service.synthesis.stream import StreamBudget
-
-FloatArray = NDArray[np.float64]
 
 RATE = 20_000.0
 BLOCK = 100

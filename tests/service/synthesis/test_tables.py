@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from frictus.errors import TextureError
+from frictus_hardware.arrays import FloatArray
 from frictus_service.synthesis import kernel
 from frictus_service.synthesis.components import Components
 from frictus_service.synthesis.kernel import Motion
@@ -13,7 +13,6 @@ from frictus_service.synthesis.tables import BAND_EDGE_HZ, TOP_HZ, build_table, 
 
 pytestmark = pytest.mark.compiled
 
-FloatArray = NDArray[np.float64]
 
 RATE = 20_000.0
 
