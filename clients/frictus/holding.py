@@ -33,6 +33,7 @@ class Held:
         Parameters
         ----------
         closable : Closable
+            Closed with the holder, newest first.
         """
         self._open = [other for other in self._open if not other.closed]
         self._open.append(closable)
@@ -52,6 +53,7 @@ def close_all(closes: Sequence[Callable[[], None]]) -> None:
     Parameters
     ----------
     closes : sequence of callable
+        Each takes nothing.
     """
     with contextlib.ExitStack() as all_of_them:
         for close in reversed(closes):

@@ -210,6 +210,7 @@ def expect_state(status: Latest[RigStatus], reply: Reply, within_s: float) -> No
     Parameters
     ----------
     status : Latest of RigStatus
+        Newest status of the rig.
     reply : Reply
         Of a rig that says when it answered; else nothing is expected.
     within_s : float

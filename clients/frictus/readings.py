@@ -45,6 +45,7 @@ class Readings:
         Parameters
         ----------
         topic : Topic
+            Its row in the table of keys.
         kind : type
             Its messages.
 
@@ -76,6 +77,7 @@ class Readings:
         Parameters
         ----------
         topic : Topic
+            Its row in the table of keys.
         kind : type
             Its messages.
         """
@@ -92,6 +94,7 @@ class Readings:
         Parameters
         ----------
         topic : Topic
+            Its row in the table of keys.
         """
         return functools.partial(declare_reader, self._session, self._keys.of(topic), topic)
 
@@ -101,9 +104,11 @@ class Readings:
         Parameters
         ----------
         topic : Topic
+            Its row in the table of keys.
         kind : type
             Its messages.
         reply : Reply
+            What the rig answered.
         """
         etag, answered_ns = reply.etag, reply.utc_ns
 
@@ -125,6 +130,7 @@ class Readings:
         Parameters
         ----------
         reply : Reply
+            What the rig answered.
         """
         expect_state(self.latest(Topics.STATUS, RigStatus), reply, self._timeout_s)
 

@@ -100,6 +100,7 @@ class Mailbox:
         Parameters
         ----------
         error : Exception
+            What every wait raises.
         """
         with self._changed:
             self._failure = error
@@ -281,6 +282,7 @@ class Feed(Generic[T]):
         Parameters
         ----------
         error : Exception
+            What every wait raises.
         """
         self._mailbox.fail(error)
 

@@ -66,6 +66,7 @@ class TextureStream:
         Parameters
         ----------
         error : Exception
+            What every wait raises.
         """
         self._failure = error
 

@@ -39,7 +39,9 @@ def located(config: BackendConfig, folder: Path) -> BackendConfig:
     Parameters
     ----------
     config : BackendConfig
+        Which rig, and how it is reached.
     folder : Path
+        That relative paths are relative to.
     """
     return config.within(folder) if isinstance(config, NiRigConfig | ReplayConfig) else config
 
@@ -50,6 +52,7 @@ def make_backend(config: BackendConfig) -> Backend:
     Parameters
     ----------
     config : BackendConfig
+        Which rig, and how it is reached.
     """
     # Backends are imported late: a process that only reads a configuration needs none of them.
     if isinstance(config, SimulatedConfig):

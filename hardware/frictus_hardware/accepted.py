@@ -22,6 +22,7 @@ def require_drive(
     drive_v : ndarray
         Volts at the screen.
     max_samples : int
+        Longest block that is accepted.
     armed : bool
         Whether anything but zero may be played.
     besides : str

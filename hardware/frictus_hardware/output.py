@@ -25,6 +25,7 @@ class DeviceOutput:
     holding : bool
         Whether a last value other than zero is held because nothing follows it.
     armed : bool
+        Whether output other than zero is allowed.
     """
 
     first_sample: int

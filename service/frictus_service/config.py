@@ -59,6 +59,7 @@ def _fault_at(place: Place, what: str) -> PydanticCustomError:
     place : tuple of str and int
         The key below the section that it is best mended at.
     what : str
+        The section at fault.
     """
     return PydanticCustomError("misfit", "{what}", {"what": what, "place": place})
 

@@ -105,10 +105,13 @@ def blocks_of(
     Parameters
     ----------
     turn : Turn
+        One block as the loop handed it over.
     stamp : Stamp
         Of the first sample.
     flags : Flag
+        Hold for every sample of the block.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     streams : iterable of int
         The streams that are wanted; those that the rig does not have yield nothing.
     """

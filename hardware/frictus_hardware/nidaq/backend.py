@@ -59,9 +59,11 @@ class NiRig(Opened):
     Parameters
     ----------
     config : NiConfig
+        The device and what is wired to it.
     conversion : Conversion
         From volts to force, acceleration and screen volts.
     touch : TouchSource
+        Where touch reports come from.
     """
 
     def __init__(self, config: NiConfig, conversion: Conversion, touch: TouchSource) -> None:
@@ -185,7 +187,9 @@ class NiRig(Opened):
         Parameters
         ----------
         x_mm, y_mm : float
+            On the screen.
         in_contact : bool
+            Whether the finger touches the screen.
         normal_force_n : float
             Not used: force is measured.
 

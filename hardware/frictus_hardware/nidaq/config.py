@@ -100,6 +100,7 @@ class NiConfig:
     monitor : Inputs
         The one channel that reads the amplifier's output back.
     aux : tuple of AuxInput
+        Further channels.
     amplifier_gain : float
         Screen volts per volt of the output.
     monitor_gain : float
@@ -109,6 +110,7 @@ class NiConfig:
     screen_mm : tuple of float
         Width along x, height along y.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     block_ms : float
         Longest piece that is written or read in one call.
     lead_ms : float

@@ -37,6 +37,7 @@ class DeviceFacts:
     input_rate_hz : float
         Conversions per second: of one channel if simultaneous, of all together otherwise.
     output_rate_hz : float
+        Largest of the analogue output.
     simultaneous : bool
         Whether each input has a converter of its own.
     """
@@ -77,6 +78,7 @@ def mismatches(config: NiConfig, facts: DeviceFacts) -> tuple[str, ...]:
     Parameters
     ----------
     config : NiConfig
+        The device and what is wired to it.
     facts : DeviceFacts
 
     Returns

@@ -17,6 +17,7 @@ class PointerSource:
     Parameters
     ----------
     screen_mm : tuple of float
+        Width and height.
     sample_rate_hz : float
         Of the device.
     latency_s : float

@@ -34,6 +34,7 @@ class ForceSensor:
     Attributes
     ----------
     calibration : ForceCalibration
+        Matrix and bias of the sensor.
     rotation : ndarray, shape (3, 3)
         From the sensor's frame to the rig's.
     bias_v : tuple of float or None
@@ -54,7 +55,9 @@ class SensorConversion:
     Parameters
     ----------
     config : NiConfig
+        The device and what is wired to it.
     force : ForceSensor
+        Gauges and their calibration.
     accel : Accelerometer
 
     Raises

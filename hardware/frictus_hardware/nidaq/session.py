@@ -38,6 +38,7 @@ class Session:
     Parameters
     ----------
     config : NiConfig
+        The device and what is wired to it.
     """
 
     def __init__(self, config: NiConfig) -> None:

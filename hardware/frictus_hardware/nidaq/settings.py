@@ -36,6 +36,7 @@ class ForceSettings(StrictModel):
     range_v : float
         Input range, +/-V.
     terminals : str
+        Wiring of the gauges, as nidaqmx names it.
     rotation : tuple of (axis, degrees)
         From the sensor's frame to the rig's, one after another about the rig's axes. In the
         rig's frame a finger that slides along +x pushes the screen along +x, and one that
@@ -86,6 +87,7 @@ class MonitorSettings(StrictModel):
     Attributes
     ----------
     channel : str
+        As the driver names it.
     gain : float
         Screen volts per volt of the input.
     range_v, terminals
@@ -104,7 +106,9 @@ class AuxSettings(StrictModel):
     Attributes
     ----------
     name, unit : str
+        As people read it, and its unit.
     channel : str
+        As the driver names it.
     scale, offset : float
         Units per volt; in the unit.
     range_v, terminals
@@ -139,6 +143,7 @@ class NeonodeSettings(StrictModel):
     origin_mm : tuple of float
         Where the sensor's (0, 0) is on the screen.
     mm_per_count : float
+        Of the sensor's position.
     stale_ms : float
         A finger in contact of which nothing is told for so long is lost.
     serial_number : str or None

@@ -20,8 +20,11 @@ class Watchdog:
     Parameters
     ----------
     device : str
+        Its name in the driver.
     interlock : Interlock
+        Digital line and its polarity.
     options : nidaqmx.GrpcSessionOptions or None
+        Of a device behind NI's server; None: local.
     """
 
     def __init__(

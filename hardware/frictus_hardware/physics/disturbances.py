@@ -38,6 +38,7 @@ class StickSlip:
         Parameters
         ----------
         speed_mm_s : ndarray
+            Without sign.
         """
         return self.amplitude_n * np.exp(-np.abs(speed_mm_s) / 20.0)
 
@@ -75,6 +76,7 @@ class AddStickSlip:
     Attributes
     ----------
     stick_slip : StickSlip
+        Its amplitude and length.
     start : float
         Where in its period it begins, 0 to 1.
     """
@@ -104,6 +106,7 @@ class Hum:
     Attributes
     ----------
     amplitude_n, frequency_hz : float
+        Of the sinusoid.
     """
 
     amplitude_n: float
@@ -117,6 +120,7 @@ class AddHum:
     Attributes
     ----------
     hum : Hum
+        Amplitude and frequency.
     phase_rad : float
         At the twin's first sample.
     """

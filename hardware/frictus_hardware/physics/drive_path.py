@@ -84,7 +84,9 @@ class MapDrive:
     Attributes
     ----------
     drive_map : DriveMap
+        A polynomial of the drive fraction.
     carrier_hz : float
+        Of the screen's voltage.
     first_sample : int
         Device index of the twin's first sample: it says where the carrier stands.
     """
@@ -120,6 +122,7 @@ class FilterDrive:
     Attributes
     ----------
     response : TransferFunction
+        Drive to drive, in s.
     """
 
     response: TransferFunction

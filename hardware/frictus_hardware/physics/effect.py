@@ -14,6 +14,7 @@ class Parameter:
     Attributes
     ----------
     name, unit : str
+        As people read it, and its unit.
     low, high : float
         Accepted, both included.
     step : float
@@ -38,6 +39,7 @@ class EffectDefinition:
     Attributes
     ----------
     id : str
+        The same as that of its cause in discovery's catalogue.
     equation : str
         In one sentence, as the catalogue prints it.
     response : {'friction', 'mobility', 'both'}

@@ -44,6 +44,7 @@ def cutoff_hz(law: FrictionLaw, speed_mm_s: FloatArray | float) -> FloatArray:
     Parameters
     ----------
     law : FrictionLaw
+        Gain, cutoff and its slope with speed.
     speed_mm_s : float or ndarray
         Clamped to the law's range: what lies outside was never measured.
     """
@@ -60,8 +61,11 @@ def frequency_response(
     Parameters
     ----------
     law : FrictionLaw
+        Gain, cutoff and its slope with speed.
     frequency_hz : ndarray
+        Where it is evaluated.
     speed_mm_s : float
+        Its sign does not matter.
     """
     pole = 2.0 * np.pi * cutoff_hz(law, speed_mm_s)
     return law.gain_n * pole / (2j * np.pi * np.asarray(frequency_hz) + pole)
@@ -86,10 +90,12 @@ def respond(
     Parameters
     ----------
     law : FrictionLaw
+        Gain, cutoff and its slope with speed.
     drive_fraction : ndarray, shape (n_samples,)
         Held from n / fs to (n + 1) / fs.
     speed_mm_s : ndarray, shape (n_samples,)
     sample_rate_hz : float
+        Samples per second of the device's clock.
     friction_n : float
         Friction at the first sample.
 

@@ -85,6 +85,7 @@ def sample(transfer: TransferFunction, sample_rate_hz: float) -> SampledFilter:
     Parameters
     ----------
     transfer : TransferFunction
+        Proper, in s.
     sample_rate_hz : float
 
     Raises

@@ -71,6 +71,7 @@ def with_moved_resonance(mount: TransferFunction, share: float) -> TransferFunct
     Parameters
     ----------
     mount : TransferFunction
+        Force to force, in s.
     share : float
         Above -1.
     """

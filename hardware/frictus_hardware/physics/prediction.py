@@ -18,6 +18,7 @@ class Probe:
     Attributes
     ----------
     tone_hz : ndarray
+        Of each row.
     message : ndarray of complex
         Amplitude of the drive fraction at the tone.
     message_mean : ndarray
@@ -25,6 +26,7 @@ class Probe:
     message_power : ndarray
         Sum over all tones of ``|amplitude|^2 / 2``.
     circumstances : Circumstances
+        Speed, force, position, direction and time.
     """
 
     tone_hz: FloatArray
@@ -70,7 +72,9 @@ def predict(
     Parameters
     ----------
     simulator : Simulator
+        A rig and one finger.
     probe : Probe
+        Where, and with which message.
     nominal_mount : TransferFunction or None
         What the estimator divides the measured force by.
     """

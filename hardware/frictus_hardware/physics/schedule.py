@@ -32,6 +32,7 @@ class Circumstances:
     speed_mm_s : ndarray
         Without sign.
     normal_force_n : ndarray
+        Of the finger on the screen.
     position_mm : ndarray
         Along x, from the left edge of the screen.
     direction : ndarray
@@ -133,7 +134,9 @@ class Schedule:
         Parameters
         ----------
         law : FrictionLaw
+            Gain, cutoff and its slope with speed.
         circumstances : Circumstances
+            Speed, force, position, direction and time.
         """
         return law.gain_n * product(self.gain_factors, circumstances.within(law))
 
@@ -143,7 +146,9 @@ class Schedule:
         Parameters
         ----------
         law : FrictionLaw
+            Gain, cutoff and its slope with speed.
         circumstances : Circumstances
+            Speed, force, position, direction and time.
         """
         own = cutoff_hz(law, circumstances.speed_mm_s)
         if not self.cutoff_terms_hz and not self.cutoff_factors:
@@ -160,6 +165,7 @@ def product(factors: Sequence[Term], circumstances: Circumstances) -> FloatArray
     Parameters
     ----------
     factors : sequence of Term
+        Each a function of the circumstances.
     circumstances : Circumstances
         `Circumstances.within` a law.
     """

@@ -41,6 +41,7 @@ def screen_voltage(
     Parameters
     ----------
     screen : Screen
+        Its peak voltage, carrier and size.
     drive_fraction : ndarray, shape (n_samples,)
         m, in [0, 1].
     first_sample : int
@@ -76,6 +77,7 @@ def drive_fraction_of(screen: Screen, voltage_v: FloatArray) -> FloatArray:
     Parameters
     ----------
     screen : Screen
+        Its peak voltage, carrier and size.
     voltage_v : ndarray
         Volts at the screen.
     """

@@ -36,7 +36,9 @@ class Simulator:
     Attributes
     ----------
     law : FrictionLaw
+        Gain, cutoff and its slope with speed.
     mobility : Mobility
+        Mass, damping and stiffness of the skin.
     mount, normal_mount : TransferFunction or None
         The true ones, along and into the screen.
     response : {'friction', 'mobility'}
@@ -54,7 +56,9 @@ class Simulator:
     delay_s, skin_delay_s : float
         By which drive and skin channel are late, and nobody said so.
     stick_slip : tuple of StickSlip
+        Oscillations of the friction; none by default.
     hum : tuple of Hum
+        Lines of the mains in the force channel; none by default.
     skin : SkinLaw
         What the skin does beyond `mobility`.
     """
@@ -89,6 +93,7 @@ class Simulator:
         Parameters
         ----------
         screen : Screen
+            Its peak voltage, carrier and size.
         friction_coefficient : float
             Of finger and glass without drive.
         sensors : tuple of Stage

@@ -34,6 +34,7 @@ class SecondMode:
     share : float
         Of the first mode's peak, 1 / b.
     frequency_hz, quality : float
+        Of the resonance.
     """
 
     share: float
@@ -60,6 +61,7 @@ class SkinLaw:
     damping_excess_order : float
         a.
     further_modes : tuple of SecondMode
+        Beside the first.
     """
 
     mass_factors: tuple[Term, ...] = ()
@@ -97,6 +99,7 @@ class Damping(NamedTuple):
     Attributes
     ----------
     direct, mass, spring : float
+        Coefficients of the rational approximation.
     pole_rad_s, weight : ndarray, shape (n_poles,)
     """
 
@@ -149,7 +152,9 @@ class LawfulSkin:
     Attributes
     ----------
     mobility : Mobility
+        Mass, damping and stiffness of the skin.
     skin : SkinLaw
+        Mass, damping and stiffness with speed.
     friction_law : FrictionLaw
         Says within which speeds effects follow the speed.
     minutes : float
@@ -212,6 +217,7 @@ class LateSkin:
     Attributes
     ----------
     delay_s : float
+        Whole steps and a fraction of one.
     """
 
     delay_s: float

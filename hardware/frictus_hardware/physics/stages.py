@@ -86,6 +86,7 @@ class Response:
     Attributes
     ----------
     law : FrictionLaw
+        Gain, cutoff and its slope with speed.
     schedule : Schedule
         What gain and cutoff depend on besides.
     excess_order : float
@@ -252,6 +253,7 @@ class Noise:
     force_n, accel_m_s2 : float
         Standard deviation per sample and axis.
     seed : int
+        Of everything random; the same seed gives the same result.
     """
 
     force_n: float
@@ -311,10 +313,15 @@ def standard_twin(
     Parameters
     ----------
     screen : Screen
+        Its peak voltage, carrier and size.
     law : FrictionLaw
+        Gain, cutoff and its slope with speed.
     mobility : Mobility
+        Mass, damping and stiffness of the skin.
     mount : Mount
+        Under the screen.
     friction_coefficient : float
+        Of skin on glass, friction over normal force without drive.
     sensors : tuple of Stage
         `Noise`, `Quantisation` or others, at the device's rate. Without them the sensors are
         perfect.
@@ -339,6 +346,7 @@ def circumstances_of(signals: Signals, minutes: float) -> Circumstances:
     Parameters
     ----------
     signals : Signals
+        Motion, force and drive at each step.
     minutes : float
         Since the session began.
     """

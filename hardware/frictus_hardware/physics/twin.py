@@ -192,6 +192,7 @@ def simulate(twin: Twin, signals: Signals, block_samples: int = 20_000) -> Signa
     Parameters
     ----------
     twin : Twin
+        The stages from drive to sensors.
     signals : Signals
         From `Signals.driven`.
     block_samples : int

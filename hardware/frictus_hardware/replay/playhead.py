@@ -35,6 +35,7 @@ class Playhead:
     Parameters
     ----------
     tape : Tape
+        What was recorded.
     loops : bool
         Whether it begins again at the end.
     """

@@ -43,7 +43,9 @@ class ReplayRig(Opened):
     Parameters
     ----------
     config : ReplayConfig
+        File, speed and clock.
     tape : Tape
+        What was recorded.
     clock : Clock, optional
         Instead of the configured one.
 

@@ -64,6 +64,7 @@ class Tape:
     lead_samples : int
         Of the recorded rig, up to 1 s.
     screen_mm : tuple of float
+        Width and height.
     screen_peak_v : float
         Up to 75 V.
     touch_latency_s : float

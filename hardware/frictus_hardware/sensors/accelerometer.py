@@ -69,6 +69,7 @@ def sensed(accelerometer: Accelerometer, volts: FloatArray) -> FloatArray:
     Parameters
     ----------
     accelerometer : Accelerometer
+        Its scale, range and mounting.
     volts : ndarray, shape (n_samples, 3)
 
     Returns
@@ -87,6 +88,7 @@ def acceleration(accelerometer: Accelerometer, volts: FloatArray) -> FloatArray:
     Parameters
     ----------
     accelerometer : Accelerometer
+        Its scale, range and mounting.
     volts : ndarray, shape (n_samples, 3)
 
     Returns
@@ -102,6 +104,7 @@ def saturated(accelerometer: Accelerometer, volts: FloatArray) -> BoolArray:
     Parameters
     ----------
     accelerometer : Accelerometer
+        Its scale, range and mounting.
     volts : ndarray, shape (n_samples, 3)
 
     Returns

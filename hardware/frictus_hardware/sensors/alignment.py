@@ -49,6 +49,7 @@ def aligned(
     now_s : float
         Monotonic clock of the host.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     """
     offset = end_sample - sample_rate_hz * now_s
     if before is not None:

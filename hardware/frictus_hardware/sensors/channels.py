@@ -16,6 +16,7 @@ def at_ends(volts: FloatArray, range_v: tuple[float, float], margin: float = 0.0
     volts : ndarray
         Of any shape.
     range_v : tuple of float
+        Least and greatest.
     margin : float
         Share of the range at either end that counts as its end.
     """
@@ -32,6 +33,7 @@ class AnalogueChannel:
     Attributes
     ----------
     name, unit : str
+        As people read it, and its unit.
     scale : float
         Units per volt, not 0; 50.0 for the monitor behind an amplifier that divides by 50.
     offset : float

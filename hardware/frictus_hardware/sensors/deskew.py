@@ -105,6 +105,7 @@ class Deskew:
         Parameters
         ----------
         frequency_hz, sample_rate_hz : float
+            Of the signal, and of its samples.
         """
         points = self.taps.shape[0]
         distances = self.delay_samples + self.offsets[:, np.newaxis] - np.arange(points)
@@ -123,6 +124,7 @@ def deskew(
     offsets_s : array_like, shape (n_channels,)
         From `turn_offsets_s`; 0 for one that needs only the common delay.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     delay_samples : int
         1 to 8; each adds two points to the interpolation.
 

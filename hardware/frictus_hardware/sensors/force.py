@@ -53,6 +53,7 @@ def wrench(
     Parameters
     ----------
     calibration : ForceCalibration
+        Matrix and bias of the sensor.
     gauges_v : ndarray, shape (n_samples, 6)
         Sampled at one time: see `frictus_hardware.sensors.deskew`.
     bias_v : ndarray, shape (6,)
@@ -78,6 +79,7 @@ def tare(
     Parameters
     ----------
     calibration : ForceCalibration
+        Matrix and bias of the sensor.
     gauges_v : ndarray, shape (n_samples, 6)
         At least 100 samples; half a second is plenty.
     moved_limit_n : float
@@ -117,6 +119,7 @@ def overloaded(calibration: ForceCalibration, gauges_v: FloatArray) -> BoolArray
     Parameters
     ----------
     calibration : ForceCalibration
+        Matrix and bias of the sensor.
     gauges_v : ndarray, shape (n_samples, 6)
 
     Returns
@@ -133,6 +136,7 @@ def overload_fault(calibration: ForceCalibration, at_end: BoolArray) -> str | No
     Parameters
     ----------
     calibration : ForceCalibration
+        Matrix and bias of the sensor.
     at_end : ndarray of bool, shape (n_samples, 6)
         From `overloaded`.
     """

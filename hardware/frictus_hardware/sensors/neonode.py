@@ -92,6 +92,7 @@ class Report:
     x_mm, y_mm : float
         On the screen.
     in_contact : bool
+        Whether the finger touches the screen.
     arrival_s : float
         When the bytes came, by the clock that was handed in.
     sensor_s : float or None
@@ -142,6 +143,7 @@ class Touchpad:
     Parameters
     ----------
     frame : ScreenFrame
+        From the sensor's coordinates to the screen's.
     stale_s : float
         A finger in contact of which nothing was told for so long is lost. The sensor goes on
         reporting a finger that is there, 60 to 100 times a second.
@@ -206,6 +208,7 @@ class Touchpad:
         why : str
             Becomes the fault.
         now_s : float
+            Monotonic.
         """
         lost = self._lose(why)
         self._reset()

@@ -36,6 +36,7 @@ class TouchLink:
     Parameters
     ----------
     touchpad : Touchpad
+        The protocol of the sensor.
     port : Port
         Closed.
     clock : callable

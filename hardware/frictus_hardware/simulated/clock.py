@@ -33,6 +33,7 @@ class RealClock:
     Parameters
     ----------
     sample_rate_hz : float
+        Samples per second of the device's clock.
     scale : float
         Device seconds per second of the monotonic clock.
     skew_ppm : float

@@ -20,6 +20,7 @@ class SimulatedConfig(StrictModel):
     Attributes
     ----------
     sample_rate_hz : float
+        Samples per second of the device's clock.
     lead_ms : float
         From handing a drive over to its playing.
     clock : "real", "virtual" or float
@@ -32,9 +33,11 @@ class SimulatedConfig(StrictModel):
     screen_peak_v : float
         Limit of the output.
     finger : FingerConfig
+        How it moves.
     participant : Participant
         Whose finger it is.
     touch : TouchConfig
+        Rate, latency and resolution of the touch sensor.
     force_noise_n, accel_noise_m_s2 : float
         Standard deviation per sample and axis.
     quantisation : bool

@@ -156,6 +156,7 @@ def serve(endpoint: tuple[str, int], authkey: str, announce: Callable[[str], obj
     endpoint : tuple of str and int
         Host and port to listen at; port 0 for any free one.
     authkey : str
+        That a rig has to know.
     announce : callable
         Told the address, host:port, once it can be reached. A spawned process may pass the
         `send` of a pipe.

@@ -100,6 +100,7 @@ class SimulatedDeviceRig(Opened):
     Parameters
     ----------
     config : SimulatedDeviceConfig
+        Address of the device, and the rig that it is.
     """
 
     def __init__(self, config: SimulatedDeviceConfig) -> None:

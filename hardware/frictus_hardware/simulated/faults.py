@@ -108,6 +108,7 @@ class FaultPlan:
     Parameters
     ----------
     faults : iterable of Fault
+        By time.
     """
 
     def __init__(self, faults: Iterable[Fault] = ()) -> None:

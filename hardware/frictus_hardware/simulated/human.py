@@ -54,6 +54,7 @@ class HumanStrokes(StrictModel):
     lift_probability : float
         How often the finger leaves the screen between two strokes.
     press : Press
+        How hard it presses.
     """
 
     kind: Literal["human"] = "human"
@@ -99,11 +100,13 @@ class Strokes:
     begin_s, move_s : ndarray
         When a stroke begins, and how long it takes; the rest lasts until the next begins.
     from_mm, to_mm : ndarray
+        Ends of each stroke along x.
     lift : ndarray of bool
         Whether the finger leaves the screen during the rest.
     turn_mm_s2 : ndarray, shape (n_strokes, 2)
         Acceleration at the beginning and at the end of a stroke.
     loop_s : float
+        Length of the loop.
     """
 
     begin_s: FloatArray
@@ -121,9 +124,11 @@ def draw_strokes(settings: HumanStrokes, room_mm: float, rng: np.random.Generato
     Parameters
     ----------
     settings : HumanStrokes
+        Ranges that strokes are drawn from.
     room_mm : float
         Width to move in, from `EDGE_MM` on.
     rng : Generator
+        Source of everything random.
     """
     shortest, longest = STROKE_MM
     home = EDGE_MM + 0.1 * (room_mm - 2.0 * shortest)

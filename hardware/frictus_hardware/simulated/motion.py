@@ -63,10 +63,13 @@ class Wander:
         Parameters
         ----------
         rng : Generator
+            Source of everything random.
         band_hz : tuple of float
+            Lowest and highest.
         rms : float
             Of the sum.
         n_components : int
+            How many sinusoids.
         """
         return cls(
             rng.uniform(*band_hz, n_components),

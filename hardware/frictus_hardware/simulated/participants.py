@@ -102,6 +102,7 @@ def draw_participant(rng: np.random.Generator) -> Participant:
     Parameters
     ----------
     rng : Generator
+        Source of everything random.
     """
     middle = Participant().model_dump()
     return Participant(

@@ -56,6 +56,7 @@ class PointerFinger:
         x_mm, y_mm : float
             Taken to the nearest place on the screen.
         in_contact : bool
+            Whether the finger touches the screen.
         normal_force_n : float
             0 to 5.
 

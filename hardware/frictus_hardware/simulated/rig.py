@@ -62,6 +62,7 @@ class SimulatedRig(Opened):
     Parameters
     ----------
     config : SimulatedConfig
+        Finger, sensors and clock.
     clock : Clock, optional
         Instead of the configured one.
     twin : Twin, optional
@@ -375,6 +376,7 @@ def make_twin(config: SimulatedConfig, minutes: float = 0.0) -> Twin:
     Parameters
     ----------
     config : SimulatedConfig
+        Finger, sensors and clock.
     minutes : float
         Since the finger's session began.
 

@@ -26,6 +26,7 @@ class SteadyStrokes(StrictModel):
     reversal_s : float
         How long a reversal takes; the velocity runs through half a cosine.
     press : Press
+        How hard it presses.
     """
 
     kind: Literal["steady"] = "steady"
@@ -87,6 +88,7 @@ class SinusoidalStrokes(StrictModel):
     span_mm : float
         From end to end, along x, in the middle of the screen.
     press : Press
+        How hard it presses.
     """
 
     kind: Literal["sinusoidal"] = "sinusoidal"

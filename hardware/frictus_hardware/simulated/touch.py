@@ -51,7 +51,9 @@ class TouchSensor:
     Parameters
     ----------
     config : TouchConfig
+        Rate, latency and resolution.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     """
 
     def __init__(self, config: TouchConfig, sample_rate_hz: float) -> None:

@@ -23,11 +23,13 @@ def once_of(request: Request, key: str | None, by: str, body: bytes) -> Once | N
     Parameters
     ----------
     request : Request
+        As FastAPI gives it.
     key : str or None
         The header.
     by : str
         Who asks: keys of others are not known to them, and are refused.
     body : bytes
+        Of the request.
     """
     if key is None:
         return None

@@ -50,7 +50,9 @@ def measure_beside(
     busy : int
         Processes that compute without pause meanwhile.
     seconds : float
+        How long it is measured.
     subscribers : int
+        How many read everything.
     """
     config = config_of()
     with (

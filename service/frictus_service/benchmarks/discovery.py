@@ -44,7 +44,9 @@ def measure(
     Parameters
     ----------
     people : int
+        How many are simulated.
     design : StudyConditions
+        Tones, speeds, forces and scatter.
     repeats : int
         Of what is done from kept observations.
     """

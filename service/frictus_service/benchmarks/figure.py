@@ -20,6 +20,7 @@ class Target:
         `ratio`, or the name of a value.
     sense : {'at most', 'at least'}
     bound : float
+        In the figure's unit.
     """
 
     of: str
@@ -48,6 +49,7 @@ class Figure:
     ratio : float or None
         As `remark` says; None where there is nothing to divide by.
     target : Target or None
+        What is asked for; None: nothing.
     remark : str
         What the numbers are, or why there are none.
     """

@@ -34,6 +34,7 @@ def measure(repeats: int = 5, trials: int = TRIALS, seconds: float = 10.0) -> li
     Parameters
     ----------
     repeats : int
+        Of which the median is taken.
     trials : int
         Of the small study; the larger one has ten times as many.
     seconds : float
@@ -56,7 +57,9 @@ def write_study(path: Path, trials: int, seconds: float) -> None:
     Parameters
     ----------
     path : Path
+        Of the file.
     trials : int
+        How many.
     seconds : float
         Of each trial.
     """
@@ -76,9 +79,11 @@ def rates(path: Path, trials: int, repeats: int) -> list[Figure]:
     Parameters
     ----------
     path : Path
+        Of the file.
     trials : int
         In that study.
     repeats : int
+        Of which the median is taken.
     """
 
     def bare() -> float:

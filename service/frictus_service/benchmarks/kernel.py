@@ -47,6 +47,7 @@ class Pass:
     functions : module or NativeKernel
         `synthesis.kernel`, or its counterpart in C.
     scene : CompiledScene
+        The texture as tables.
     samples : int
         Length of the stretch.
 

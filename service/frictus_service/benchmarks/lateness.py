@@ -20,6 +20,7 @@ def timing_of(rig: frictus.Rig, seconds: float) -> tuple[dict[str, float], dict[
     Parameters
     ----------
     rig : Rig
+        An open rig of this client.
     seconds : float
         Percentiles are of the last `KEPT_BLOCKS` blocks of it.
 
@@ -52,6 +53,7 @@ def measure(seconds: float = 6.0, subscribers: int = SUBSCRIBERS) -> list[Figure
     seconds : float
         Alone, and again under load.
     subscribers : int
+        How many read everything.
     """
     config = config_of()
     with serving(config), frictus.connect(config.router.endpoint) as client:

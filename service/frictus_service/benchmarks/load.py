@@ -150,6 +150,7 @@ class Load:
     subscribers : list of Neighbour
         One for each process.
     api : Neighbour
+        The process that reads over REST.
     """
 
     def __init__(self, subscribers: list[Neighbour], api: Neighbour) -> None:

@@ -135,6 +135,7 @@ def _await_word(
     used_s : callable
         Returns the processor time.
     progress : Progress
+        Of the processor time of the other process.
     patience_s : float
 
     Raises

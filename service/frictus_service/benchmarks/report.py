@@ -33,6 +33,7 @@ class BenchReport:
     Attributes
     ----------
     figures : list of Figure
+        Rows of the report.
     machine : dict
         What the figures hang on, the load average at beginning and end included.
     seconds : float

@@ -41,6 +41,7 @@ class _Start:
     folder : Path
         To run in; holds the configuration.
     environment : dict
+        Of the process that is started.
     """
 
     def __init__(self, folder: Path, environment: dict[str, str]) -> None:

@@ -63,6 +63,7 @@ class Wire:
     Parameters
     ----------
     session : zenoh.Session
+        Open session.
     subscriber : Neighbour
         Which runs `count_arrivals`.
     """

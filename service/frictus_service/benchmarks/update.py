@@ -39,6 +39,7 @@ class Watcher:
     Parameters
     ----------
     rig : Rig
+        An open rig of this client.
     stream : TextureStream
         Open, on `rig`.
     lead_samples : int
@@ -120,6 +121,7 @@ class RoundTrip:
     Parameters
     ----------
     session : zenoh.Session
+        Open session.
     """
 
     def __init__(self, session: zenoh.Session) -> None:

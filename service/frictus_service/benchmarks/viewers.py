@@ -129,6 +129,7 @@ class Stay:
     cpu : float
         Of the API, in cores; NaN where the system does not tell.
     wall_s : float
+        How long it was watched.
     """
 
     lateness_ms: dict[str, float]
@@ -152,6 +153,7 @@ def measure(seconds: float = 10.0, viewers: int = VIEWERS) -> list[Figure]:
     seconds : float
         Without viewers, and again with them.
     viewers : int
+        How many pages.
     """
     config = config_of()
     with (

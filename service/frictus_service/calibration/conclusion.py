@@ -69,6 +69,7 @@ class CalibrationEstimate:
     Attributes
     ----------
     model : Model
+        A `model/1` document.
     cutoff_hz : ndarray, shape (n_speeds,)
         At the speeds that were measured.
     half_width : ndarray, shape (n_speeds,)
@@ -93,8 +94,11 @@ def conclude(
     Parameters
     ----------
     spec : CalibrationSpec
+        What the calibration was asked for.
     observations : sequence of TrialObservations
+        Of all trials.
     done : sequence of RecordedTrial
+        In the order of recording.
     left_out : sequence of str
         What could not be measured.
     study : Path

@@ -93,7 +93,9 @@ def powers(
     ----------
     tone_hz : ndarray, shape (n,)
     prior : Prior
+        What is known of the person beforehand.
     speeds_mm_s : sequence of float
+        At which the person will be measured.
     precision : float
         Half of the 95 % interval of the cutoff over its value that is aimed at: it decides
         whether the prior's delay is precise enough to count.
@@ -131,6 +133,7 @@ def multisine(
     Parameters
     ----------
     rng : numpy.random.Generator
+        Source of everything random.
     tone_hz : ndarray, shape (n,)
         Odd multiples of 10 Hz.
     power : ndarray, shape (n,), optional

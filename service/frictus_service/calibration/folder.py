@@ -33,7 +33,9 @@ class CalibrationFolder:
     Parameters
     ----------
     path : Path
+        Of the folder.
     spec : CalibrationSpec
+        What the calibration was asked for.
     done : list of RecordedTrial
         In order.
     """
@@ -88,6 +90,7 @@ class CalibrationFolder:
         trial : Trial
             Its id is `next_id`.
         info : StudyInfo
+            What holds for all trials.
         rejected : str
             Why it may not be used; empty where it may.
         """

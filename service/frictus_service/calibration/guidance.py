@@ -25,6 +25,7 @@ class Cue:
     trials : int or None
         How many there will be, if that is known.
     speed_mm_s, force_n : float
+        Targets.
     span_mm : tuple of float
         Ends of the strokes.
     """
@@ -50,7 +51,9 @@ def reference_x_mm(elapsed_s: float, speed_mm_s: float, span_mm: tuple[float, fl
     elapsed_s : float
         Since it started, 0 or more.
     speed_mm_s : float
+        Target.
     span_mm : tuple of float
+        Left and right end of the stroke.
     """
     low, high = span_mm
     way = (elapsed_s * speed_mm_s) % (2.0 * (high - low))
@@ -81,8 +84,11 @@ def guide(
     Parameters
     ----------
     cue : Cue
+        What the participant is asked for.
     participant : str
+        Pseudonym.
     phase : str
+        Of the trial, as `GuidanceState` names it.
     elapsed_s : float
         Since the reference started to move.
     left_s : float
@@ -90,7 +96,9 @@ def guide(
     finger : FingerState or None
         The newest; None or stale: the finger is not seen.
     utc_ns : int
+        UTC of this moment.
     message : str
+        Shown to the participant.
     """
     seen = finger is not None and not finger.stale
     touching = seen and finger is not None and finger.in_contact

@@ -25,7 +25,9 @@ class Ask:
     speed_mm_s, force_n : float
         Targets.
     excitation : Excitation
+        The tones to play.
     approach_s, record_s : float
+        Sliding before the recording, and recorded.
     """
 
     speed_mm_s: float
@@ -47,10 +49,13 @@ class RecordedTrial:
     Attributes
     ----------
     id : str
+        Of the trial.
     speed_mm_s, force_n : float
         As asked for.
     tones_hz : tuple of float
+        Played at once, Hz.
     record_s : float
+        Recorded per trial, s.
     rejected : str
         Why it may not be used; empty where it may.
     """
@@ -102,7 +107,9 @@ class PaperPlan:
     Attributes
     ----------
     protocol : PaperProtocol
+        Tones, speeds, forces and repeats.
     seed : int
+        Of everything random; the same seed gives the same result.
     """
 
     protocol: PaperProtocol
@@ -174,7 +181,9 @@ class QuickPlan:
     Attributes
     ----------
     protocol : QuickProtocol
+        Speeds, precision asked for and largest number of trials.
     seed : int
+        Of everything random; the same seed gives the same result.
     prior : Prior
         Shares the power among the tones.
     """

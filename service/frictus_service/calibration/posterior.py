@@ -54,6 +54,7 @@ class Posterior:
         Of the person's `coordinates`. With a prior, its covariances are those of the error for
         a person whose cutoffs lie two standard deviations from the population.
     trials_used, trials_left_out : int
+        How many.
     spread : GainScatter
         Of the gain, between trials and within.
     note : str
@@ -104,6 +105,7 @@ class Posterior:
         participant : str
             Pseudonym.
         validity : Validity
+            Speeds and forces at which the law holds.
         provenance : dict
             What is said of it besides what the estimate knows itself.
 

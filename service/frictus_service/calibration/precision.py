@@ -87,6 +87,7 @@ def paper_asks(repeats: int = 1, record_s: float = 10.0) -> list[Ask]:
     repeats : int
         Sets of all trials.
     record_s : float
+        Recorded per trial, s.
     """
     return [
         Ask(speed, force, design.single(tone), 7.0, record_s)
@@ -107,8 +108,11 @@ def quick_asks(
     rng : numpy.random.Generator
         Of their order.
     excitation : Excitation
+        The tones to play.
     n_trials : int
+        How many.
     record_s : float
+        Recorded per trial, s.
     """
     ends = []
     for speeds in (SLOW_MM_S, FAST_MM_S):
@@ -130,10 +134,13 @@ def draw(
     Parameters
     ----------
     rng : numpy.random.Generator
+        Source of everything random.
     truth : ndarray, shape (4,)
         The person, in `coordinates`.
     asks : sequence of Ask
+        What is asked of each trial.
     variation : Variation
+        Between conditions, trials and stretches.
     """
     shift = {
         condition: variation.condition_cutoff * rng.standard_normal()

@@ -55,6 +55,7 @@ def run_calibration(
     Parameters
     ----------
     spec : CalibrationSpec
+        What the calibration was asked for.
     folder : Path
         Of this calibration alone.
     client : Client
@@ -105,10 +106,15 @@ class CalibrationRun:
     Parameters
     ----------
     spec : CalibrationSpec
+        What the calibration was asked for.
     kept : CalibrationFolder
+        Trials that are done.
     status : RigStatus
+        When the calibration began.
     mount : TransferFunction or None
+        Force to force, in s; None: no mount.
     tell : callable
+        Takes each progress.
     """
 
     def __init__(

@@ -140,9 +140,11 @@ def scores(
     Parameters
     ----------
     data : Data
+        Rows of all trials.
     at : ndarray, shape (4,)
         In `coordinates`.
     spread : GainScatter
+        Of gains between trials and stretches.
     weights : ndarray, shape (n_rows,)
         By which the certainty of each row is multiplied.
 
@@ -177,6 +179,7 @@ def spread_of(data: Data, at: FloatArray) -> tuple[GainScatter, FloatArray]:
     Parameters
     ----------
     data : Data
+        Rows of all trials.
     at : ndarray, shape (4,)
     """
     residual, _, weight = _linearised(data, at)
@@ -201,6 +204,7 @@ def start(data: Data, mean: FloatArray) -> FloatArray:
     Parameters
     ----------
     data : Data
+        Rows of all trials.
     mean : ndarray, shape (4,)
         The grid scales both its cutoffs alike.
     """

@@ -39,6 +39,7 @@ class TrialSession:
     Parameters
     ----------
     rig : Rig
+        An open rig of this client.
     lead_s : float
         The rig's, from ordering a drive to its playing.
     participant : str
@@ -83,7 +84,9 @@ class TrialSession:
         Parameters
         ----------
         ask : Ask
+            Tones, speed, force and lengths.
         cue : Cue
+            What the participant is asked for.
         info : TrialInfo
             Its sample rate and start are set from what the rig says.
 

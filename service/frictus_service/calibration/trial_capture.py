@@ -26,6 +26,7 @@ class TrialCapture:
     first_sample, n_samples : int
         Of the trial, in device samples.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     """
 
     def __init__(self, first_sample: int, n_samples: int, sample_rate_hz: float) -> None:

@@ -21,6 +21,7 @@ def bench(as_json: bool) -> None:
     Parameters
     ----------
     as_json : bool
+        JSON lines instead of a table.
     """
     from frictus_service.benchmarks import report
 

@@ -85,7 +85,9 @@ def show(found: "Discovery", console: "Console") -> None:
     Parameters
     ----------
     found : Discovery
+        The document of a discovery.
     console : Console
+        Where it is printed.
     """
     from rich.table import Table
 

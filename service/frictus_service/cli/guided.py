@@ -33,6 +33,7 @@ class Watching:
     Parameters
     ----------
     rig : Rig
+        An open rig of this client.
     lines : bool
         Write JSON lines, one for each progress, instead.
     """

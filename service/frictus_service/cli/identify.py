@@ -76,9 +76,11 @@ def show(found: "Identification", folder: Path, console: "Console") -> None:
     Parameters
     ----------
     found : Identification
+        The document of an identification.
     folder : Path
         Where the report lies.
     console : Console
+        Where it is printed.
     """
     from rich.markup import escape
     from rich.table import Table

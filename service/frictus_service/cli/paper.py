@@ -38,6 +38,7 @@ def paper(
     Parameters
     ----------
     participants : int or None
+        None: as the paper has.
     full : bool
         All of the paper's conditions, as long as they were.
     seconds : float or None
@@ -49,6 +50,7 @@ def paper(
     workers : int or None
         Processes; 0: none but this one. None: one per processor.
     as_json : bool
+        JSON lines instead of a table.
     """
     design = FULL if full else QUICK
     design = design if seconds is None else replace(design, seconds=seconds)

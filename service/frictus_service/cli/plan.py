@@ -89,7 +89,9 @@ def show(found: "Plan", console: "Console") -> None:
     Parameters
     ----------
     found : Plan
+        The document of a plan.
     console : Console
+        Where it is printed.
     """
     console.print(
         f"{found.participants} participants x {found.trials} trials, "

@@ -86,9 +86,13 @@ class Commands:
     Parameters
     ----------
     control : Control
+        Answers what concerns ownership.
     stage : Stage
+        What is rendered.
     interlock : Interlock
+        Holds the safety state.
     limits : Limits
+        Of what a rig accepts.
     utc_ns : callable
         UTC, ns.
     """
@@ -136,6 +140,7 @@ class Commands:
         session : zenoh.Session
             Outlives this.
         keys : RigKeys
+            Keys of the rig.
         """
         for name in CALLS:
             key = keys.call(name)

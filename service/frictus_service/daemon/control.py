@@ -61,9 +61,11 @@ class Control:
     Parameters
     ----------
     interlock : Interlock
+        Holds the safety state.
     backend : Backend
         Whose virtual finger clients may move, if it has one.
     limits : Limits
+        Of what a rig accepts.
     monotonic_s : callable
         Monotonic clock, s.
     """

@@ -38,6 +38,7 @@ class Gate:
     Parameters
     ----------
     limits : Limits
+        Of what a rig accepts.
     """
 
     limits: Limits

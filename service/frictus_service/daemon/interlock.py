@@ -44,6 +44,7 @@ def ended_lease(before: Safety, event: Event, after: Safety, now_s: float) -> En
     before, after : Safety
         The states around the event.
     event : Event
+        What happened, of `frictus_service.daemon.safety`.
     now_s : float
         Monotonic time of the event.
     """
@@ -94,6 +95,7 @@ class Interlock:
         Parameters
         ----------
         event : Event
+            What happened, of `frictus_service.daemon.safety`.
         now_s : float
             Monotonic time.
         """

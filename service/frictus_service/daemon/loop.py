@@ -81,7 +81,9 @@ class BlockLoop:
     backend : Backend
         Open.
     config : Config
+        Of the service.
     interlock : Interlock
+        Holds the safety state.
     orders : Orders
         With the model to begin with.
     heartbeat : Heartbeat

@@ -21,6 +21,7 @@ class Monitor:
     Parameters
     ----------
     lead_samples : int
+        Samples between handing over and playing.
     """
 
     def __init__(self, lead_samples: int) -> None:
@@ -40,6 +41,7 @@ class Monitor:
         Parameters
         ----------
         exchange : Exchange
+            What was applied and sensed.
         zero_from : int
             Where the ramp of the last stop ends; what was played before is not what had been
             handed over, and is not compared.

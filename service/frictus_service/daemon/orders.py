@@ -19,6 +19,7 @@ class SceneOrder:
     Attributes
     ----------
     scene : CompiledScene or CompiledExcitation
+        What is played.
     until_s : float
         Monotonic time after which it must not be felt any more; infinite for a standing scene.
     afterwards : CompiledScene or None
@@ -52,6 +53,7 @@ class RenderedModel:
     state : ModelState
         With the etag by which everybody names it.
     inverse : Inverse
+        What is undone.
     """
 
     state: ModelState
@@ -65,6 +67,7 @@ class ModelOrder:
     Attributes
     ----------
     model : RenderedModel
+        Published and inverted.
     scene : CompiledScene
         The standing scene, compiled for it.
     done : threading.Event

@@ -40,6 +40,7 @@ class OutputFlags:
         Parameters
         ----------
         step : Step
+            What was rendered and sensed.
         scaled : bool
             Whether its scene was scaled to fit.
         """

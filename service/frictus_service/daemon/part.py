@@ -58,11 +58,13 @@ def run_part(
     ----------
     name : {'rig', 'api', 'recorder'}
     config : Config
+        Of the service.
     told : Connection
         Ends when the part shall stop.
     telling : Connection
         Takes what the part has to say.
     heartbeat : Heartbeat
+        That the supervisor watches.
     fault : tuple of kind and reason, or None
         Why the rig had to be started again.
     """

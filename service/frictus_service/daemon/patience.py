@@ -18,6 +18,7 @@ class PatientBackend:
     Parameters
     ----------
     backend : Backend
+        An open or unopened rig.
     monotonic_ns : callable
         Monotonic clock, ns.
     """

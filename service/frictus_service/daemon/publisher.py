@@ -52,13 +52,19 @@ class Publisher:
     session : zenoh.Session
         Outlives this.
     keys : RigKeys
+        Keys of the rig.
     info : RigInfo
+        What does not change while the rig is open.
     block_samples : int
+        Samples of one block.
     loop : BlockLoop
         Whose blocks are taken.
     interlock : Interlock
+        Holds the safety state.
     stage : Stage
+        What is rendered.
     commands : Commands
+        Counts what was refused.
     monotonic_s, utc_ns : callable
         Clocks.
     """

@@ -121,6 +121,7 @@ def raise_priority(priority: int, budget: RealTimeBudget) -> str:
     priority : int
         1 to 99, of SCHED_FIFO.
     budget : RealTimeBudget
+        What the rigs of this machine take.
     """
     if not budget.fits:
         return f"normal: {budget}"

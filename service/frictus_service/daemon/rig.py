@@ -67,6 +67,7 @@ def run_rig(
     Parameters
     ----------
     config : Config
+        Of the service.
     heartbeat : Heartbeat
         Counts the loop's turns; 0 until the loop runs.
     ready : Signal

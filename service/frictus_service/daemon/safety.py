@@ -192,7 +192,9 @@ def step(state: Safety, event: Event, now_s: float) -> Outcome:
     Parameters
     ----------
     state : Safety
+        Before the event.
     event : Event
+        What happened, of `frictus_service.daemon.safety`.
     now_s : float
         Monotonic time, never the wall clock.
 

@@ -61,8 +61,11 @@ class Stage:
     Parameters
     ----------
     screen : Screen
+        Its peak voltage, carrier and size.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     interlock : Interlock
+        Holds the safety state.
     orders : Orders
         With the model to begin with.
     monotonic_s : callable
@@ -139,6 +142,7 @@ class Stage:
         Parameters
         ----------
         request : SceneRequest
+            As a client sent it.
         check : callable
             Called now and then while it is compiled; may raise, to give up.
 
@@ -231,6 +235,7 @@ class Stage:
         Parameters
         ----------
         frame : StreamFrame
+            As a client sent it.
         good_for_s : float
             If no other update follows within this time, the texture fades away.
 

@@ -82,6 +82,7 @@ class Supervisor:
     Parameters
     ----------
     config : Config
+        Of the service.
     parts : sequence of str
         Which parts: `rig`, `api`, `recorder`.
     host_router : bool or None

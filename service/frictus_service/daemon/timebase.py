@@ -41,6 +41,7 @@ class UtcReading:
     before_ns, after_ns : int
         Monotonic time just before and just after.
     utc_ns : int
+        UTC of this moment.
     """
 
     before_ns: int

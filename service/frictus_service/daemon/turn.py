@@ -18,6 +18,7 @@ class Turn:
     number : int
         Counts the blocks of a run from 0; a jump is a block that the queue could not take.
     step : Step
+        What was rendered and sensed.
     armed : bool
         Whether the device was armed.
     output : Flag
@@ -29,6 +30,7 @@ class Turn:
     returned_ns : int
         Monotonic time at which the block was there.
     reading : UtcReading
+        Of the clocks when the block was there.
     """
 
     run: int

@@ -40,6 +40,7 @@ def warm_up(sample_rate_hz: float, block_samples: int) -> float:
     Parameters
     ----------
     sample_rate_hz : float
+        Samples per second of the device's clock.
     block_samples : int
 
     Returns

@@ -54,6 +54,7 @@ class Arming:
         Parameters
         ----------
         rig : str
+            Its name.
         share_with : sequence of str
             Others who may change what is rendered meanwhile.
 

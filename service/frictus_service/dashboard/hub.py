@@ -164,6 +164,7 @@ class Hub:
         Parameters
         ----------
         rig : str
+            Its name.
         client : str
             The page, as rigs know it.
         share_with : sequence of str

@@ -64,6 +64,7 @@ def compare(
     Parameters
     ----------
     heard : Heard
+        What the subscriber received.
     friction_n : ndarray, shape (n_samples,)
         One period, as streamed.
     law : FrictionLaw

@@ -87,6 +87,7 @@ def explore(
     router, site, name : str
         Where the rig is.
     texture : Spectrum
+        To be streamed.
     seconds : float
         Of exploration, after the latency was measured.
     told : Connection
@@ -172,12 +173,14 @@ def measure_latency(
     Parameters
     ----------
     rig : Rig
+        An open rig of this client.
     stream : TextureStream
         Just opened: only the bias is felt.
     friction_n : ndarray, shape (n_samples,)
     bias : float
         Drive fraction without texture.
     updates : int
+        How many.
     """
     latencies: list[float] = []
     screen = Screen(peak_v=rig.status().screen_peak_v)

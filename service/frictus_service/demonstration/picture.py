@@ -17,9 +17,11 @@ def draw(comparison: BandComparison, texture: str, path: Path) -> None:
     Parameters
     ----------
     comparison : BandComparison
+        Wanted, felt and uncompensated powers.
     texture : str
         Its name, for the title.
     path : Path
+        Of the file.
     """
     figure = Figure(figsize=(9, 6), layout="constrained")
     spectra, errors = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))

@@ -46,6 +46,7 @@ def discover(
     evidence : sequence of TrialEvidence
         Of a whole study, in any order.
     study : StudyFacts
+        Its path, hash, participants and trials.
     mount : TransferFunction or None
         The study's.
     base : Model

@@ -45,6 +45,7 @@ def band_power(
     ----------
     samples : ndarray, shape (n_samples,)
     sample_rate_hz : float
+        Samples per second of the device's clock.
     segments : sequence of slice
         Each is detrended and weighted with a Hann window over its length; at least 0.1 s.
     through : TransferFunction, optional

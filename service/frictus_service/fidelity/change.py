@@ -20,6 +20,7 @@ def changed_samples(block: Block, screen: Screen, bias: float) -> NDArray[np.int
     block : Block
         Monitor volts.
     screen : Screen
+        Its peak voltage, carrier and size.
     bias : float
         Drive fraction without texture.
     """

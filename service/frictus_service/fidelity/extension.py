@@ -36,9 +36,11 @@ class Stroke:
     Attributes
     ----------
     path : Path
+        Of the finger.
     speed_mm_s : float
         Between the turns.
     minutes : float
+        Since the session began.
     """
 
     path: Path
@@ -72,6 +74,7 @@ class ExtensionGain:
     Attributes
     ----------
     before, after : RenderingError
+        Without and with the effects in the model.
     applied_share : float
         Largest gain of the texture with the effects over that without.
     """
@@ -97,9 +100,11 @@ def gain_of(
     texture : Texture
         No map.
     strokes : sequence of Stroke
+        Along which it is felt.
     law : FrictionLaw
         Of the finger and of both models.
     screen : Screen
+        Its peak voltage, carrier and size.
     """
     simulator = extended(Simulator(law=law), effects)
     inverse = inverse_of(law, effects)

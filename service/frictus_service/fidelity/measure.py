@@ -56,6 +56,7 @@ def target_along(texture: Texture, scene: CompiledScene, path: Path) -> FloatArr
     scene : CompiledScene
         From `full_gain`.
     path : Path
+        Of the finger.
     """
     assert not isinstance(texture, Map)
     friction = exact_friction(components_of(texture), path.position_mm, 0, path.sample_rate_hz)
@@ -76,11 +77,15 @@ def feel(
     Parameters
     ----------
     path : Path
+        Of the finger.
     scene : CompiledScene
+        The texture as tables.
     law : FrictionLaw or Inverse
         What is undone.
     screen : Screen
+        Its peak voltage, carrier and size.
     twin : Twin
+        The stages from drive to sensors.
     minutes : float
         How long the session has lasted when the path begins.
     """
@@ -115,10 +120,13 @@ def largest_gain(
     Parameters
     ----------
     texture : Texture
+        As a client sent it.
     law : FrictionLaw
+        Gain, cutoff and its slope with speed.
     speeds_mm_s : ndarray
         Each is tried both ways.
     rate_hz : float
+        Samples per second.
     """
     assert not isinstance(texture, Map)
     low = high = 0.0
@@ -172,6 +180,7 @@ class Error:
     waveform : float
         Rms error of the waveform between 20 and 1122 Hz, as a share of the target's rms.
     clipped_samples : int
+        Drive samples that were clamped.
     """
 
     bands_db: FloatArray
@@ -209,6 +218,7 @@ def compare(
     signals : Signals
         From `feel`.
     clipped_samples : int
+        Drive samples that were clamped.
     target_n : ndarray, shape (n_samples,)
         From `target_along`.
     mount : TransferFunction

@@ -28,7 +28,9 @@ class KnownFinger:
     Parameters
     ----------
     finger : Finger
+        Whose true motion it is.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     """
 
     def __init__(self, finger: Finger, sample_rate_hz: float) -> None:
@@ -70,7 +72,9 @@ class Path:
     courses : tuple of Course
         As predicted for each block from sample `lead_samples` on.
     lead_samples : int
+        Samples between handing over and playing.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     """
 
     position_mm: FloatArray
@@ -105,6 +109,7 @@ def walk(config: SimulatedConfig, duration_s: float, known: bool = False) -> Pat
     config : SimulatedConfig
         Its clock is taken as virtual.
     duration_s : float
+        How long.
     known : bool
         Whether the true motion is known, or comes from the touch sensor.
     """

@@ -15,11 +15,13 @@ def exact_friction(
     Parameters
     ----------
     sums : list of Components
+        Sums of sinusoids.
     position_mm : ndarray, shape (n_samples, 2)
         Where the finger truly is.
     first_sample : int
         Device index of the first sample; temporal textures hang on it.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     """
     total = np.zeros(position_mm.shape[0])
     for components in sums:

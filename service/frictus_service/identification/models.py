@@ -30,6 +30,7 @@ def participant_models(identification: Identification) -> list[Model]:
     Parameters
     ----------
     identification : Identification
+        The document of an identification.
     """
     out = []
     for person in identification.participants:
@@ -87,6 +88,7 @@ def why_no_population(identification: Identification) -> str | None:
     Parameters
     ----------
     identification : Identification
+        The document of an identification.
     """
     population = identification.population
     if population is None or population.covariance is None:

@@ -55,6 +55,7 @@ class Discoveries:
         Parameters
         ----------
         spec : DiscoverySpec
+            What the discovery was asked for.
         by : str
             Who asks.
 

@@ -82,6 +82,7 @@ class Jobs:
         Parameters
         ----------
         spec : CalibrationSpec
+            What the calibration was asked for.
         by : str
             Who asks.
         once : Once or None
@@ -143,6 +144,7 @@ class Jobs:
         Parameters
         ----------
         calibration_id : str
+            Of the registry.
         name : str or None
             None: ``RIG/PARTICIPANT``.
         by, comment : str

@@ -16,6 +16,7 @@ class JobProcess:
     Parameters
     ----------
     order : Order or DiscoveryOrder
+        What the process is told.
     """
 
     def __init__(self, order: AnyOrder) -> None:

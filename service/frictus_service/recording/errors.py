@@ -21,6 +21,7 @@ class TornError(RecordingError):
     offset : int
         Byte at which the first record begins that is not whole.
     reason : str
+        One sentence, for people.
     """
 
     def __init__(self, offset: int, reason: str) -> None:

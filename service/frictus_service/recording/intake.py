@@ -36,7 +36,9 @@ class Intake:
     Parameters
     ----------
     session : zenoh.Session
+        Open session.
     keys : RigKeys
+        Keys of the rig.
     """
 
     def __init__(self, session: zenoh.Session, keys: RigKeys) -> None:
@@ -70,6 +72,7 @@ class Intake:
         Parameters
         ----------
         writer : RecordingWriter
+            Takes blocks, states and gaps.
         utc_ns : int
             Now.
 

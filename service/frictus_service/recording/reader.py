@@ -47,6 +47,7 @@ class State:
     utc_ns : int
         What it holds for, or when it came.
     message : Message
+        As it was published.
     payload : bytes
         The JSON itself, with what this version does not know.
     """
@@ -69,6 +70,7 @@ class Ending:
     complete : bool
         To its proper end; all checksums agree.
     clean_bytes, total_bytes : int
+        That can be trusted, and of the file.
     clean_s : float
         Length of what was read, by the device's clock.
     reason : str
@@ -108,6 +110,7 @@ class RecordingReader:
     Attributes
     ----------
     info : RecordingInfo
+        Rig, name, participant and software.
     attachments : dict of name to bytes
 
     Raises

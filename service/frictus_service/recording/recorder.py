@@ -218,6 +218,7 @@ def run_recorder(
     Parameters
     ----------
     config : Config
+        Of the service.
     ready : Event
         Set once calls are answered.
     stop : threading.Event

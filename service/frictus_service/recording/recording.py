@@ -40,9 +40,11 @@ class RecordingSession:
     Parameters
     ----------
     client : Client
+        Connected.
     rig : Rig
         Present.
     request : RecordRequest
+        Name, participant and notes.
     path : Path
         Must not exist.
     config : Config

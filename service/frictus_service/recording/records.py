@@ -33,6 +33,7 @@ class RecordGroup:
     end : int
         First byte after it.
     attachment : Attachment or None
+        None: another record.
     inner : tuple of Schema, Channel or Message
         What the chunk holds.
     last : bool

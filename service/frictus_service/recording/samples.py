@@ -38,6 +38,7 @@ class Samples:
     utc_ns, uncertainty_ns : int
         Of the first sample.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     flags : Flag
         Hold for every sample.
     data : ndarray of float32, shape (n_channels, n_samples)
@@ -161,6 +162,7 @@ def counts_of(data: NDArray[np.float32], step: float) -> NDArray[np.int16] | Non
     Parameters
     ----------
     data : ndarray of float32
+        Shape (n_channels, n_samples).
     step : float
         Value of one count, above 0.
     """

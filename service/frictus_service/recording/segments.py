@@ -20,7 +20,9 @@ class TrialDeclaration:
     Attributes
     ----------
     participant : str or None
+        Pseudonym.
     session : int
+        From 0.
     speed_mm_s, force_n : float or None
         Targets.
     tones_hz : tuple of float or None
@@ -60,11 +62,15 @@ class TrialSegment:
     Attributes
     ----------
     id, participant : str
+        Of the trial, and pseudonym.
     session, order : int
+        Session, and place in the participant's sequence.
     speed_mm_s, force_n : float
         Targets.
     tones_hz : tuple of float
+        Played at once, Hz; empty: no drive.
     place : SampleRange
+        Where it stands in the recording.
     """
 
     id: str
@@ -186,7 +192,9 @@ def declared_segment(
     Parameters
     ----------
     outline : Outline
+        Runs, guidance and streams of a recording.
     declared : TrialDeclaration
+        What a person says of it.
     participant : str or None
         As the recording itself names.
 
@@ -228,6 +236,7 @@ def guided_segments(
     Parameters
     ----------
     outline : Outline
+        Runs, guidance and streams of a recording.
     declared : TrialDeclaration
         Its session and tones count; the rest is what the guidance says.
     """

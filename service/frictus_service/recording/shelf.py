@@ -15,6 +15,7 @@ class Shelved:
     Attributes
     ----------
     path : Path
+        Of the file.
     size : int
         Bytes.
     modified_s : float
@@ -48,6 +49,7 @@ def is_finished(path: Path) -> bool:
     Parameters
     ----------
     path : Path
+        Of the file.
     """
     length = len(MCAP0_MAGIC)
     with path.open("rb") as file:

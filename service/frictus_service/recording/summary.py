@@ -21,9 +21,11 @@ class StreamSummary:
     Attributes
     ----------
     blocks, samples : int
+        How many.
     seconds : float
         Of samples.
     gaps, lost_blocks, lost_samples : int
+        How many, as the gaps say.
     """
 
     blocks: int = 0
@@ -41,11 +43,17 @@ class RecordingSummary:
     Attributes
     ----------
     info : RecordingInfo
+        Rig, name, participant and software.
     ending : Ending
+        How far it could be read.
     streams : dict of name to StreamSummary
+        Of each stream.
     states : dict of topic to number of messages
+        Of each topic of state.
     gaps : tuple of GapNote
+        In the order of the file.
     presence : tuple of PresenceNote
+        When the rig came and went.
     end : EndNote or None
         None where the recording was torn.
     faults : tuple of str
@@ -87,6 +95,7 @@ def summarise(reader: RecordingReader) -> RecordingSummary:
     Parameters
     ----------
     reader : RecordingReader
+        An open recording.
     """
     tally = _Tally()
     for item in reader.items():

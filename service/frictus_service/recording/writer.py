@@ -62,6 +62,7 @@ class RecordingWriter:
     path : Path
         Must not exist; folders above it are made.
     info : RecordingInfo
+        Rig, name, participant and software.
     attachments : mapping of name to bytes
         JSON documents, at the beginning of the file.
     monotonic_s : callable
@@ -131,6 +132,7 @@ class RecordingWriter:
         Parameters
         ----------
         topic : Topic
+            Its row in the table of keys.
         payload : bytes
             JSON.
         utc_ns : int

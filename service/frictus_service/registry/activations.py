@@ -16,6 +16,7 @@ class Activations:
     Parameters
     ----------
     database : Database
+        Of the registry.
     clock_ns : callable
         UTC, ns.
     """
@@ -34,6 +35,7 @@ class Activations:
         version : VersionSummary
             What was published.
         site, rig : str
+            Of the rig.
         confirmed : str
             Etag of the model that the rig says it applies.
         by : str

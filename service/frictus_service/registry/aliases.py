@@ -18,6 +18,7 @@ class Aliases:
     Parameters
     ----------
     database : Database
+        Of the registry.
     clock_ns : callable
         UTC, ns.
     """
@@ -63,6 +64,7 @@ class Aliases:
         Parameters
         ----------
         name, alias : str
+            Of the model, and what stands for one of its versions.
         version : int
             A published version of `name`.
         by, reason : str

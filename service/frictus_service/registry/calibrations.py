@@ -46,6 +46,7 @@ class Calibrations:
     Parameters
     ----------
     database : Database
+        Of the registry.
     clock_ns : callable
         UTC, ns.
     """
@@ -62,6 +63,7 @@ class Calibrations:
         Parameters
         ----------
         spec : CalibrationSpec
+            What the calibration is asked for.
         site : str
             Of the rig.
         by : str

@@ -17,6 +17,7 @@ def earlier_people(registry: Registry, besides: str) -> tuple[Model, ...]:
     Parameters
     ----------
     registry : Registry
+        Of published models.
     besides : str
         Pseudonym of a participant whose own models are left out.
     """

@@ -62,6 +62,7 @@ def compare(
     people : sequence of Person
         Those who were drawn.
     plans : sequence of TrialPlan
+        One for each trial.
     """
     effects = [_effect_row(effect, _drawn(people, effect)) for effect in found.effects]
     return [
@@ -77,6 +78,7 @@ def level_rows(found: Identification, people: Sequence[Person], delay_s: float) 
     Parameters
     ----------
     found : Identification
+        The document of an identification.
     people : sequence of Person
         The truth is their mean.
     delay_s : float

@@ -42,6 +42,7 @@ class CoverageCount:
     Attributes
     ----------
     quantity : str
+        As people read it.
     tested : bool
         Whether it is an effect, which may be significant.
     null : bool
@@ -93,8 +94,11 @@ def run_study(seed: int, participants: int = PEOPLE, design: StudyConditions = S
     Parameters
     ----------
     seed : int
+        Of everything random; the same seed gives the same result.
     participants : int
+        How many.
     design : StudyConditions
+        Tones, speeds, forces and scatter.
     """
     rng = np.random.default_rng(seed)
     people = draw_people(participants, rng)
@@ -143,6 +147,7 @@ def run_studies(
     seed : int
         Each study has its own, drawn from this one.
     studies : int
+        How many.
     workers : int
         Processes to spawn; at least 1.
     tell : callable
@@ -171,6 +176,7 @@ def tally(studies: Iterable[Sequence[Row]]) -> list[CoverageCount]:
     Parameters
     ----------
     studies : iterable of sequence of Row
+        What each study found.
     """
     told: dict[str, list[Row]] = {}
     for rows in studies:

@@ -65,6 +65,7 @@ class StudyConditions:
     delay_s : float
         Of the screen's voltage, which nothing declares; a multiple of 12.5 us.
     scatter : WithinPersonScatter
+        Within a person, between trials and conditions.
     """
 
     tones_hz: tuple[float, ...]
@@ -95,9 +96,13 @@ class TrialPlan:
     Attributes
     ----------
     info : TrialInfo
+        What was asked of the trial.
     law : FrictionLaw
+        Gain, cutoff and its slope with speed.
     mobility : Mobility
+        Mass, damping and stiffness of the skin.
     friction_coefficient : float
+        Of skin on glass, friction over normal force without drive.
     seconds, span_mm, delay_s : float
         As in `StudyConditions`.
     fault : {'fast', 'hard', 'lifted', 'clipped'} or None
@@ -124,8 +129,11 @@ def plan_study(
     Parameters
     ----------
     people : sequence of Person
+        Drawn people.
     design : StudyConditions
+        Tones, speeds, forces and scatter.
     rng : Generator
+        Source of everything random.
     """
     return [plan for person in people for plan in _plan_person(person, design, rng)]
 

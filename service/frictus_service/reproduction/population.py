@@ -38,6 +38,7 @@ class Plane:
     middle : float
         At 60 mm/s and 0.4 N.
     per_mm_s, per_n : float
+        Slopes with speed and force.
     """
 
     middle: float
@@ -93,7 +94,9 @@ class ParameterDistribution:
         Parameters
         ----------
         n_people : int
+            How many to draw.
         rng : Generator
+            Source of everything random.
         """
         level, own, force = _cut_normal(rng, (3, n_people))
         speed = ALONG * level + math.sqrt(1.0 - ALONG**2) * own
@@ -156,7 +159,9 @@ def draw_people(
     Parameters
     ----------
     n_people : int
+        How many to draw.
     rng : Generator
+        Source of everything random.
     centred : bool
         Shift them (the gain: scale) so that their sample means are the paper's values, as those
         are the estimates from ten people themselves. Else they are free draws, and the paper's

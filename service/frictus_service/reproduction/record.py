@@ -21,6 +21,7 @@ def record_study(
     Parameters
     ----------
     path : Path
+        Of the file.
     plans : sequence of TrialPlan
         The truth in them does not go into the file.
     workers : int
@@ -52,6 +53,7 @@ def simulate_all(
     Parameters
     ----------
     plans : sequence of TrialPlan
+        One for each trial.
     workers : int
         Processes to spawn; 0: none.
     tell : callable

@@ -39,7 +39,9 @@ class Reproduction:
     Attributes
     ----------
     rows : tuple of Row
+        What was found beside what was put in.
     identification : Identification
+        The document of an identification.
     bad_trials : int
         So many were simulated with a fault.
     """
@@ -75,9 +77,11 @@ def reproduce(
     path : Path
         Of the study file.
     design : StudyConditions
+        Tones, speeds, forces and scatter.
     participants : int
         At least 2; below 6 no exact test can reach 5 %.
     seed : int
+        Of everything random; the same seed gives the same result.
     workers : int
         Processes to spawn; 0: none.
     tell : callable

@@ -42,6 +42,7 @@ def likelihoods(
     Parameters
     ----------
     spread : MeasurementSpread
+        Between and within people.
     participants, conditions : int
         Number of participants, and of conditions of each.
     """
@@ -63,6 +64,7 @@ def spread_of(
     Parameters
     ----------
     found : Likelihoods
+        Without and with the random effect.
     participants, conditions : int
         Number of participants, and of conditions of each.
 

@@ -23,10 +23,13 @@ class Rubbing:
     Attributes
     ----------
     friction_coefficient : float
+        Of skin on glass, friction over normal force without drive.
     seed : int
+        Of everything random; the same seed gives the same result.
     share : float
         Its rms, as a share of ``mu F_n``.
     corner_hz : float
+        Above it the noise falls.
     """
 
     friction_coefficient: float

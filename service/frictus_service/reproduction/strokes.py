@@ -53,9 +53,11 @@ def move(plan: TrialPlan, time_s: FloatArray, rng: np.random.Generator) -> Finge
     Parameters
     ----------
     plan : TrialPlan
+        What is asked, and the truth.
     time_s : ndarray, shape (n_samples,)
         0 at the first recorded sample.
     rng : Generator
+        Source of everything random.
     """
     screen = Screen()
     speed = plan.info.speed_mm_s * (TOO_FAST if plan.fault == "fast" else 1.0)
@@ -113,6 +115,7 @@ def report(
     Parameters
     ----------
     motion : FingerMotion
+        Position, velocity and force at each sample.
     time_s : ndarray, shape (n_samples,)
     rate_hz, step_mm : float
         Of the sensor.

@@ -23,6 +23,7 @@ class Row:
     Attributes
     ----------
     quantity, unit : str
+        As people read them.
     paper : str
         Value in the paper, or why there is none.
     drawn : float

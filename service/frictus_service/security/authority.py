@@ -102,7 +102,9 @@ def issue(
     Parameters
     ----------
     authority : Issued
+        Certificate and key of the authority.
     member : Member
+        Role and name.
     hosts : sequence of str
         Addresses and names under which a router is reached; none for other roles.
     begins : datetime

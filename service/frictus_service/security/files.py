@@ -32,6 +32,7 @@ class Shown:
     Attributes
     ----------
     common_name : str
+        Role and name, joined by a colon.
     member : Member or None
         None for an authority and for what is none of ours.
     authority : bool
@@ -65,6 +66,7 @@ def write(issued: Issued, folder: Path, stem: str) -> tuple[Path, Path]:
     Parameters
     ----------
     issued : Issued
+        Certificate and key.
     folder : Path
         Made if it is missing.
     stem : str

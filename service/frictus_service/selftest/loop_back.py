@@ -55,6 +55,7 @@ def tones(sample_rate_hz: float, peak_v: float = PEAK_V) -> PeriodicTones:
     Parameters
     ----------
     sample_rate_hz : float
+        Samples per second of the device's clock.
     peak_v : float
         Largest magnitude.
     """
@@ -112,6 +113,7 @@ def compare(
     bins : ndarray of int, shape (n_tones,)
         Cycles of each tone within a period.
     period_samples : int
+        Of one period.
     """
     drive = np.fft.rfft(applied_v.reshape(-1, period_samples), axis=1)
     heard = np.fft.rfft(monitor_v.reshape(-1, period_samples), axis=1)
@@ -162,6 +164,7 @@ def judge_loop_back(played: Played, excitation: PeriodicTones) -> Outcome:
     played : Played
         Of the drive of the excitation.
     excitation : PeriodicTones
+        What was played.
     """
     if played.lost_samples:
         return lost(TEST, played.lost_samples)

@@ -35,6 +35,7 @@ class Expectation:
     Attributes
     ----------
     unit : str
+        Of the quantity.
     warn, fail : float
         Beyond these.
     cause : str
@@ -72,6 +73,7 @@ class ChannelNoise:
     rms, rms_half : float
         Without mean and linear drift; half of the 95 % interval.
     mean, mean_half : float
+        Mean, and half its 95 % interval.
     line_hz, line, line_half : float
         Frequency and amplitude of the largest line of the mains.
     line_limit : float
@@ -101,6 +103,7 @@ def noise_of(samples: FloatArray, sample_rate_hz: float) -> ChannelNoise:
     samples : ndarray, shape (n_samples,)
         Two seconds or more, so that lines are apart.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     """
     time = np.linspace(-1.0, 1.0, samples.size)
     centred = samples - samples.mean()

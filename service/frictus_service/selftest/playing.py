@@ -36,6 +36,7 @@ class Played:
     start : int
         Index at which the drive began to play.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     touched : bool
         Whether the touch sensor told of a finger.
     leads : tuple of int
@@ -116,7 +117,9 @@ def joined(exchanges: list[Exchange], sample_rate_hz: float, retries: int) -> Pl
     exchanges : list of Exchange
         One or more.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     retries : int
+        Blocks that were offered again.
     """
     first, last = exchanges[0].first_sample, exchanges[-1]
     n_samples = last.first_sample + last.applied_v.size - first

@@ -15,7 +15,9 @@ class Measure:
     Attributes
     ----------
     name : str
+        Unique among its kind.
     value : float
+        In the unit beside it.
     unit : str
         Empty for a plain number.
     uncertainty : float or None
@@ -42,7 +44,9 @@ class Finding:
     ----------
     verdict : {'warn', 'fail'}
     found : str
+        What was seen, with figures.
     to_do : str
+        What a person should do.
     """
 
     verdict: Verdict
@@ -57,12 +61,14 @@ class Outcome:
     Attributes
     ----------
     test : str
+        Name of the test.
     verdict : {'ok', 'warn', 'fail', 'skip'}
     found : str
         What was found, or why the test was skipped.
     to_do : str
         What an operator should do; empty if nothing.
     figures : tuple of Measure
+        With their units.
     """
 
     test: str
@@ -80,8 +86,11 @@ def judged(
     Parameters
     ----------
     test : str
+        Name of the test.
     figures : sequence of Measure
+        With their units.
     remarks : sequence of Finding
+        What is not as it should be.
     fine : str
         What to say without a remark.
     """
@@ -114,6 +123,7 @@ def beyond(size: float, warn: float, fail: float) -> Verdict:
     size : float
         Not a number fails.
     warn, fail : float
+        Bounds of a size, warn at most fail.
     """
     if not size <= fail:
         return "fail"

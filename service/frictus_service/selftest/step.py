@@ -46,7 +46,9 @@ def staircase(sample_rate_hz: float, peak_v: float = PEAK_V) -> Staircase:
     Parameters
     ----------
     sample_rate_hz : float
+        Samples per second of the device's clock.
     peak_v : float
+        Largest magnitude of screen volts.
     """
     hold = round(HOLD_S * sample_rate_hz)
     steps = hold * np.arange(1, STEPS + 1, dtype=np.intp)
@@ -94,6 +96,7 @@ def judge_step(played: Played, stairs: Staircase, lead_samples: int, block: int)
     played : Played
         Of the drive of the stairs.
     stairs : Staircase
+        The steps that were played.
     lead_samples : int
         What the rig promises from handing over to playing.
     block : int

@@ -32,6 +32,7 @@ class RigUnderTest:
     backend : Backend
         Not open, and nobody else drives it.
     block_samples : int
+        Samples of one block.
     """
 
     backend: Backend
@@ -57,6 +58,7 @@ def run_tests(rig: RigUnderTest, ask: Ask | None = None) -> Iterator[Outcome]:
     Parameters
     ----------
     rig : RigUnderTest
+        Open and disarmed.
     ask : callable or None
         None: nobody is there to tap, and the orientation is left out.
     """

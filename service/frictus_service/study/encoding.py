@@ -19,6 +19,7 @@ class ConverterStep:
     scale : float or tuple of float
         Unit per count, of all columns or of each; not 0.
     offset : float or tuple of float
+        Value of a count of 0; one for each column.
     """
 
     scale: float | tuple[float, ...]
@@ -44,6 +45,7 @@ class Encoded:
     Attributes
     ----------
     raw : ndarray
+        Counts, or the values themselves.
     step : ConverterStep or None
         Of integers.
     """
@@ -63,6 +65,7 @@ def encode(field: str, values: FloatArray, step: ConverterStep | None) -> Encode
     Parameters
     ----------
     field : str
+        Name of the data set.
     values : ndarray
         NaN where samples are missing; counts cannot say that, so these stay floating point.
     step : ConverterStep or None

@@ -38,6 +38,7 @@ class Exclusion:
     field : str
         The attribute or data set at fault.
     reason : str
+        One sentence, for people.
     """
 
     trial: str
@@ -51,6 +52,7 @@ class TrialError(StudyError):
     Attributes
     ----------
     exclusion : Exclusion
+        Which trial, field and reason.
     """
 
     def __init__(self, path: Path, exclusion: Exclusion) -> None:

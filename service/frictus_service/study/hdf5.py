@@ -24,10 +24,13 @@ class Stored:
     Attributes
     ----------
     name : str
+        Unique among its kind.
     shape : tuple of int
+        As stored.
     kind : str
         Of its numbers, as numpy calls it: 'i', 'u', 'f'; others are no numbers.
     handle : h5py.Dataset
+        Open with its file.
     """
 
     name: str

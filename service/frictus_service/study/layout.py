@@ -16,11 +16,13 @@ class DataSet:
     Attributes
     ----------
     name : str
+        Unique among its kind.
     columns : int
         1: a vector.
     along : {'sample', 'position'}
         What a row is; all data sets of a kind have as many rows.
     required : bool
+        Whether a trial without it is refused.
     """
 
     name: str

@@ -28,6 +28,7 @@ def export_matlab(study: Study, folder: Path) -> tuple[Exclusion, ...]:
     Parameters
     ----------
     study : Study
+        Open.
     folder : Path
         Must not exist; it appears when everything is written.
 

@@ -55,6 +55,7 @@ def export_parquet(study: Study, folder: Path) -> tuple[Exclusion, ...]:
     Parameters
     ----------
     study : Study
+        Open.
     folder : Path
         Must not exist; it appears when everything is written.
 

@@ -20,6 +20,7 @@ class Range:
     lowest, highest : float
         Both accepted.
     unit : str
+        Of the quantity.
     below, above : str
         What a value beyond looks like.
     """

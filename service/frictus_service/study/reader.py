@@ -30,11 +30,14 @@ class StudyReader:
     Parameters
     ----------
     path : Path or str
+        Of the file.
 
     Attributes
     ----------
     path : Path
+        As opened.
     info : StudyInfo
+        Of the root.
 
     Raises
     ------

@@ -20,6 +20,7 @@ class ParticipantSummary:
     Attributes
     ----------
     name : str
+        Unique among its kind.
     sessions, trials, blanks : int
         Blanks are trials without a drive.
     duration_s : float
@@ -40,12 +41,15 @@ class StudyContents:
     Attributes
     ----------
     info : StudyInfo
+        What holds for all trials.
     size_bytes : int
         On disk.
     participants : tuple of ParticipantSummary
+        One entry each.
     conditions : dict of str to dict of float to int
         By attribute: its values, rising, and in how many trials each occurs.
     excluded : tuple of Exclusion
+        Trials that cannot be used.
     missing : dict of str to dict of str to int, or None
         Missing samples by trial and data set, where there are any; None: not looked for.
     """
@@ -91,6 +95,7 @@ def summarise(study: Study, size_bytes: int, *, check: bool = False) -> StudyCon
     Parameters
     ----------
     study : Study
+        Open.
     size_bytes : int
         On disk.
     check : bool

@@ -14,7 +14,9 @@ class StudyInfo:
     Attributes
     ----------
     rig : str
+        Its name.
     carrier_hz : float
+        Of the screen's voltage.
     screen_peak_v : float
         Screen volts at a drive fraction of 1.
     mount : TransferFunction or None
@@ -76,6 +78,7 @@ class Trial:
     Attributes
     ----------
     info : TrialInfo
+        What was asked of the trial.
     voltage_v : ndarray, shape (n_samples,), or None
         At the screen, carrier included; each held from n / fs to (n + 1) / fs. None: no drive.
     force_n : ndarray, shape (n_samples, 3)

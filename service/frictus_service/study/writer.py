@@ -30,6 +30,7 @@ class StudyWriter:
     Parameters
     ----------
     path : Path or str
+        Of the file.
     info : StudyInfo
 
     Raises
@@ -77,6 +78,7 @@ class StudyWriter:
         Parameters
         ----------
         trial : Trial
+            As it was recorded.
         steps : mapping of str to Step, optional
             By name of the data set: what came from a converter is stored as its counts, which
             takes a quarter of the room. Values between two counts are rounded to the nearest. A

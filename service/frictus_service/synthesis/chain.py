@@ -47,6 +47,7 @@ class Step:
     course : Course
         The finger as it was predicted for the block that was handed over.
     rendered : Rendered
+        What was played, and its flags.
     in_contact, stale : bool
         What the touch sensor says; nothing is rendered without contact or while it is stale.
     normal_force_n : float
@@ -79,8 +80,11 @@ class Chain:
     backend : Backend
         Open. Arming it is the caller's part: output is asked for only where `step` allows it.
     estimator : Follower
+        Predicts the motion that is rendered.
     renderer : Renderer
+        Plays scenes and excitations.
     block_samples : int
+        Samples of one block.
     """
 
     def __init__(

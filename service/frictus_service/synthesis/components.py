@@ -176,6 +176,7 @@ def periodic(
     period : float
         In mm (spatial) or s.
     spatial : bool
+        Over position, or over time.
     angle_deg : float
 
     Raises

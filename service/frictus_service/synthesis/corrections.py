@@ -19,9 +19,11 @@ def invert_scheduled(gain_n, cutoff_hz, motion, speed_range, sample_rate_hz, fri
     gain_n, cutoff_hz : tuple of float
         At the first sample and at the one after the last; linear in between.
     motion : Motion
+        Of the finger during the block.
     speed_range : tuple of float
         Slowest and fastest, mm/s, for the count alone.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     friction_n : ndarray, shape (n_samples + 1,)
         Target at each sample and at the one after the last, N.
     out : ndarray, shape (n_samples,)
@@ -55,6 +57,7 @@ def swap_pairs(zeros, poles, cutoff_hz, sample_rate_hz, state, before, friction_
     cutoff_hz : tuple of float
         At the first sample and at the one after the last; linear in between.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     state, before : ndarray, shape (n_pairs,)
         The low-passes and their inputs at the first sample; left as they are at the one after
         the last.

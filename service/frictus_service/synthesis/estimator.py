@@ -68,6 +68,7 @@ class Course(NamedTuple):
     Attributes
     ----------
     motion : Motion
+        Of the finger during the block.
     left : Motion or None
         The motion that is left for `motion` by a cross-fade over the block.
     normal_force_n : tuple of float
@@ -85,7 +86,9 @@ class FingerEstimator:
     Parameters
     ----------
     sample_rate_hz : float
+        Samples per second of the device's clock.
     tuning : EstimatorTuning
+        Noise and turning rates of the filters.
     """
 
     def __init__(self, sample_rate_hz: float, tuning: EstimatorTuning = DEFAULT_TUNING) -> None:
@@ -161,6 +164,7 @@ class FingerEstimator:
         first_sample : int
             Device index at which the block will start to play.
         n_samples : int
+            Of the block.
         """
         slipped = _follow(
             self._tuning,
@@ -325,7 +329,9 @@ def _follow(tuning, block_s, after, rendered, motions):  # type: ignore[no-untyp
     Parameters
     ----------
     tuning : EstimatorTuning
+        Noise and turning rates of the filters.
     block_s : float
+        Length of the block.
     after : ndarray, shape (2 axes, position and velocity)
         Predicted for the block's end.
     rendered : ndarray, shape (3, 2 axes)

@@ -31,6 +31,7 @@ class CompiledExcitation:
     applied : Applied
         The bias; the gain of what is played as it is is 1.
     source : str
+        Etag of what was asked for.
     """
 
     table: FloatArray
@@ -50,6 +51,7 @@ def compile_excitation(
     Parameters
     ----------
     excitation : Excitation
+        The tones to play.
     law : FrictionLaw
         Tells the friction that the bias adds; nothing else depends on it.
     sample_rate_hz : float

@@ -99,7 +99,9 @@ class Inverse:
         Over the drive that friction shall follow, even from 0 to 1, the drive that it takes;
         empty where they are the same.
     ranges : Ranges
+        Of force and position for which it must hold.
     remarks : tuple of Remark
+        What cannot be undone, and why.
     bounding : FrictionLaw
         A law of least gain and slowest cutoff, wherever, however and whenever. Scenes are
         compiled for it, so that one gain and one bias fit everywhere.

@@ -18,8 +18,11 @@ class Inverter:
     Parameters
     ----------
     inverse : Inverse
+        What is undone.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     block_samples : int
+        Samples of one block.
     began_sample : float
         Device sample at which the model came into force: a drift counts from there.
     """
@@ -64,6 +67,7 @@ class Inverter:
         first_sample : int
             Where it is not the block after the last one, the inverter settles.
         course : Course
+            Predicted motion of the block.
         bias_n : tuple of float
             What is added everywhere, at the first sample and at the one after the last.
         target_n : ndarray, shape (n_samples + 1,)

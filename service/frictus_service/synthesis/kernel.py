@@ -223,7 +223,9 @@ def invert(law, motion, sample_rate_hz, friction_n, next_n, out):  # type: ignor
     law : tuple
         gain_n, cutoff_0_hz, slope_hz_per_mm_s, slowest, fastest mm/s.
     motion : Motion
+        Of the finger during the block.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     friction_n : ndarray, shape (n_samples,)
         Target y at each sample, N.
     next_n : float

@@ -41,6 +41,7 @@ class Layer:
     table : Table or None
         None for a map.
     angle_deg : float
+        Direction of the phase, from x towards y.
     levels : tuple of ndarray
         Of a map, as `maps.Pyramid` holds them.
     top : float

@@ -77,6 +77,7 @@ def build_pyramid(
     ----------
     friction_n : ndarray, shape (height, width)
     width_mm, height_mm : float
+        Of the region.
     """
     rows, columns = friction_n.shape
     spectrum = np.fft.fftshift(np.fft.fft2(friction_n - friction_n.mean()))

@@ -55,7 +55,9 @@ class Renderer:
     law : FrictionLaw or Inverse
         What is undone; a law alone where it has no effects.
     screen : Screen
+        Its peak voltage, carrier and size.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     block_samples : int
         Samples of every block.
     scene : CompiledScene or CompiledExcitation, optional
@@ -117,7 +119,9 @@ class Renderer:
         Parameters
         ----------
         first_sample : int
+            Device index of its first sample.
         course : Course
+            Predicted motion of the block.
         allow : bool
             Whether there may be output; the envelope ramps towards it within 20 ms.
         """

@@ -61,10 +61,13 @@ def compile_scene(
     Parameters
     ----------
     scene : Scene
+        As a client sent it.
     law : FrictionLaw or Inverse
         What will be undone: it sets what the drive can reach.
     screen : Screen
+        Its peak voltage, carrier and size.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     check : callable
         Called before each texture is compiled, and before its range is found; may raise, to
         give up.

@@ -55,6 +55,7 @@ def stretch_of(components: Components) -> Stretch:
     Parameters
     ----------
     components : Components
+        A sum of sinusoids.
     """
     per: Literal["mm", "s"] = "mm" if components.spatial else "s"
     step = LENGTH[per] / POINTS
@@ -94,9 +95,11 @@ def feasible(texture: Texture, model: Model, screen: Screen, sample_rate_hz: flo
     Parameters
     ----------
     texture : Texture
+        As a client sent it.
     model : Model
         Active on the rig.
     screen : Screen
+        Its peak voltage, carrier and size.
     sample_rate_hz : float
 
     Raises

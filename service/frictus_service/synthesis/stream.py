@@ -28,6 +28,7 @@ class StreamBudget:
     peak_n : float
         Declared peak of every update, its mean taken off, N.
     inverse : Inverse
+        What is undone.
     quiet : CompiledScene
         What is felt before the first update and when updates stop: the bias alone.
     """

@@ -121,6 +121,7 @@ def fitting(components: Components, stretch_mm: tuple[float, float]) -> Componen
     Parameters
     ----------
     components : Components
+        A sum of sinusoids.
     stretch_mm : tuple of float
         As for `build_table`.
     """
@@ -156,6 +157,7 @@ def build_table(components: Components, stretch_mm: tuple[float, float]) -> Tabl
     Parameters
     ----------
     components : Components
+        A sum of sinusoids.
     stretch_mm : tuple of float
         From where to where a finger can be along the texture's direction; a spatial texture
         without a period is tabled over all of it.

@@ -48,6 +48,7 @@ def inverse_of(
     Parameters
     ----------
     law : FrictionLaw
+        Gain, cutoff and its slope with speed.
     effects : sequence of (id, parameters)
         As a `model/1` lists them. One of an unknown id is left out, and that is remarked.
     ranges : Ranges

@@ -33,6 +33,7 @@ def extended(
     Parameters
     ----------
     simulator : Simulator
+        A rig and one finger.
     effects : iterable of (id, parameters)
         An effect of which the dose, its first parameter, is 0 changes nothing.
 

@@ -34,6 +34,7 @@ def disk_rate(
     folder : Path
         Of the recordings; where it is not there yet, the nearest that is takes its place.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     now_s, free_bytes : callable
         Clock, and what is left on the disk of a folder.
     """

@@ -18,6 +18,7 @@ class Cause:
     Attributes
     ----------
     id : str
+        The same as that of its effect.
     response : str
         Which response it changes: ``friction``, ``mobility`` or ``both``.
     statement : str

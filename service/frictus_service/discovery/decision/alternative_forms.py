@@ -38,8 +38,11 @@ def place_of(units: Sequence[Unit], effect: int, patterns: Sequence[Pattern]) ->
     Parameters
     ----------
     units : sequence of Unit
+        Whitened readings and signatures of each participant or block.
     effect : int
+        Number of the candidate.
     patterns : sequence of Pattern
+        That any misfit may show as.
     """
     family = places_of(patterns)
     names = list(dict.fromkeys(family))
@@ -74,8 +77,11 @@ def other_forms(
     Parameters
     ----------
     problem : DiscoveryProblem
+        Data, base model and candidates.
     model : Linearised
+        A fitted model with the units about it.
     effect : int
+        Number of the candidate.
     covariate : str
         That it depends on; ``none``: on the frequency alone.
     beside : bool

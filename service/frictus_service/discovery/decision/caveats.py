@@ -32,6 +32,7 @@ def caveats_on(
     evidence, usable, compared : sequence of TrialEvidence
         All trials of the study, those that can be used, and those of people who are compared.
     units : UnitAssignment
+        Which trial belongs to which unit.
     response : {'friction', 'mobility'}
     """
     return (

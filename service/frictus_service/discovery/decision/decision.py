@@ -57,6 +57,7 @@ class CauseDecision:
     Attributes
     ----------
     candidate : int
+        Number of the candidate.
     verdict : {'confirmed', 'family'}
     p_value : float
         Corrected for all candidates, with the other causes in the model.
@@ -95,8 +96,11 @@ class Decision:
     Attributes
     ----------
     named : tuple of CauseDecision
+        The causes, strongest first.
     unexplained : tuple of UnexplainedPattern
+        What the causes leave, strongest first.
     base, extended : Linearised
+        Fitted without causes, and with all of them.
     first : Significance
         Of all candidates about the base model.
     effects : tuple of int
@@ -123,6 +127,7 @@ def decide(problem: DiscoveryProblem, flips: FloatArray) -> Decision:
     Parameters
     ----------
     problem : DiscoveryProblem
+        Data, base model and candidates.
     flips : ndarray, shape (n_flips, n_units)
     """
     known: dict[tuple[int, ...], Linearised] = {}
@@ -237,7 +242,9 @@ class _Seen:
     Attributes
     ----------
     problem : DiscoveryProblem
+        Data, base model and candidates.
     base, model : Linearised
+        Fitted without causes, and with them.
     """
 
     problem: DiscoveryProblem
@@ -265,11 +272,13 @@ class _Said:
     Attributes
     ----------
     named : tuple of CauseDecision
+        The causes, strongest first.
     unexplained : tuple of UnexplainedPattern
         What the causes leave.
     beyond_forms : tuple of UnexplainedPattern
         What is left of that if they may have other forms.
     seen : _Seen
+        The model that the decision is about.
     """
 
     named: tuple[CauseDecision, ...]

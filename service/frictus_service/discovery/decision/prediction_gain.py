@@ -34,6 +34,7 @@ def gain_of(
     Parameters
     ----------
     problem : DiscoveryProblem
+        Data, base model and candidates.
     per_unit : ndarray, shape (n_units,)
         Held-out log-likelihood.
     before, after : tuple of Linearised and sequence of int
@@ -64,8 +65,11 @@ def held_out(
     Parameters
     ----------
     problem : DiscoveryProblem
+        Data, base model and candidates.
     model : Linearised
+        A fitted model with the units about it.
     effects : sequence of int
+        Numbers of candidates.
     """
     found = joint([unit.only(effects) for unit in model.units], range(len(effects)))
     others = np.array(
@@ -94,6 +98,7 @@ def unseen(problem: DiscoveryProblem, effects: Sequence[int]) -> list[UnseenCond
     Parameters
     ----------
     problem : DiscoveryProblem
+        Data, base model and candidates.
     effects : sequence of int
         Of the extended model.
     """

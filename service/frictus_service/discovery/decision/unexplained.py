@@ -33,11 +33,13 @@ class UnexplainedPattern:
     Attributes
     ----------
     pattern : Pattern
+        Channel, tones and covariate.
     number : int
         Of the pattern.
     tones : tuple of int
         Where it is largest; empty where the channel has none.
     p_value : float
+        Family-wise, over all patterns.
     gain : ndarray, shape (n_units,)
         Held-out, beside the residues before it.
     mean : float
@@ -60,10 +62,13 @@ def find_unexplained(
     Parameters
     ----------
     problem : DiscoveryProblem
+        Data, base model and candidates.
     model : Linearised
+        A fitted model with the units about it.
     units : sequence of Unit
         About the model; their effects are the patterns, all that is known is their own.
     flips : ndarray
+        Shape (n_flips, n_units), of `signs`.
     """
     level = max(OMNIBUS, 2.0 / len(flips))
     found = select(lambda chosen: units, flips, level, most=MOST_PATTERNS).effects

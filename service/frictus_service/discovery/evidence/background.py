@@ -27,6 +27,7 @@ class Backdrop:
     Attributes
     ----------
     tones : Tones
+        Frequencies that are fitted together.
     turned : ndarray of complex, shape (n_lines, n_blocks)
         exp(2 pi i f t) at the middle of each block.
     flat : ndarray, shape (n_lines,)
@@ -58,7 +59,9 @@ class Backdrop:
         Parameters
         ----------
         channels : BlockSums
+            Sums over blocks of all channels.
         channel : int
+            Number of the channel.
         weights : sequence of float
             With which the channel's columns are added up.
         amplitude : ndarray of complex, shape (n_lines,)

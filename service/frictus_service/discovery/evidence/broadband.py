@@ -67,7 +67,9 @@ class Bands:
         Parameters
         ----------
         window : int
+            Samples of a window.
         sample_rate_hz : float
+            Samples per second of the device's clock.
         mount : TransferFunction or None
             Frequencies at which it bends too fast for the window are left out.
         """
@@ -147,7 +149,9 @@ def broadband(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> Broad
     Parameters
     ----------
     trial : Trial
+        As it was recorded.
     study : StudyInfo
+        What holds for all trials: carrier, peak voltage, mount.
     course : FingerTrajectory
         Of the finger in the trial.
     """

@@ -39,6 +39,7 @@ class EvidenceRows:
     trials : Probe
         Where each trial was measured, on average; its tone means nothing.
     measured : Compared
+        What was measured; NaN where nothing was.
     """
 
     unit_of_trial: IntArray
@@ -60,9 +61,12 @@ class Subject:
     Attributes
     ----------
     rows, trials : Probe
+        Where each was measured.
     tone : ndarray of int, shape (n_rows,)
     measured : Compared
+        What was measured; NaN where nothing was.
     layout : Layout
+        Which rows make which reading.
     quiet_n2 : float
         Power of its friction from 4 to 30 Hz in its quietest trials.
     condition : ndarray of int, shape (n_trials,)
@@ -88,7 +92,9 @@ def subjects_of(rows: EvidenceRows, n_units: int) -> list[Subject]:
     Parameters
     ----------
     rows : EvidenceRows
+        Of the whole study.
     n_units : int
+        Participants, or blocks of their trials.
     """
     return [_subject(rows, unit) for unit in range(n_units)]
 
@@ -120,6 +126,7 @@ def part_of(subject: Subject, trials: BoolArray) -> Subject:
     Parameters
     ----------
     subject : Subject
+        The evidence of one unit.
     trials : ndarray of bool, shape (n_trials,)
     """
     kept = np.flatnonzero(trials)
@@ -185,7 +192,9 @@ def within(subject: Subject, range_mm_s: tuple[float, float]) -> Subject:
     Parameters
     ----------
     subject : Subject
+        The evidence of one unit.
     range_mm_s : tuple of float
+        Lowest and highest speed.
     """
     low, high = range_mm_s
     circumstances = subject.rows.circumstances
@@ -203,6 +212,7 @@ def as_asked(subject: Subject) -> Subject:
     Parameters
     ----------
     subject : Subject
+        The evidence of one unit.
     """
 
     def moved(probe: Probe, trial: IntArray | slice) -> Probe:

@@ -35,9 +35,11 @@ class UnitAssignment:
     Attributes
     ----------
     names : tuple of str
+        Of each unit.
     participant : tuple of str
         Of each unit.
     of_trial : ndarray of int
+        Unit of each trial.
     held_out : {'participants', 'blocks'}
     """
 
@@ -88,6 +90,7 @@ def telling_of(trials: Sequence[TrialEvidence], response: ResponseName) -> Count
     Parameters
     ----------
     trials : sequence of TrialEvidence
+        Of one study.
     response : {'friction', 'mobility'}
     """
     return Counter(one.observed.info.participant for one in trials if _tells(one, response))
@@ -135,6 +138,7 @@ def dealt(tones: Sequence[tuple[float, ...]], blocks: int) -> IntArray:
     tones : sequence of tuple of float
         Of each trial, in the order of time.
     blocks : int
+        Of one person.
     """
     rng = np.random.default_rng(0)  # the same trials make the same blocks
     rounds = -(-len(tones) // blocks)
@@ -186,6 +190,7 @@ def rows_of(
     evidence : sequence of TrialEvidence
         From `used`.
     units : UnitAssignment
+        Which trial belongs to which unit.
     response : {'friction', 'mobility'}
     """
     minutes = _minutes(evidence)

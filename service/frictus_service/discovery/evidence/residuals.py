@@ -100,6 +100,7 @@ class Layout:
     part : ndarray of int
         Readings of equal part scatter alike.
     n_trials : int
+        How many.
     """
 
     trial: IntArray
@@ -141,7 +142,9 @@ def reduce(layout: Layout, compared: Compared) -> FloatArray:
     Parameters
     ----------
     layout : Layout
+        Which rows make which reading.
     compared : Compared
+        Measured, predicted or a difference.
     """
     return _all(layout, compared)[layout.seen]
 
@@ -262,6 +265,7 @@ def huber(residual: FloatArray, scatter: FloatArray) -> FloatArray:
     Parameters
     ----------
     residual, scatter : ndarray
+        Of one shape.
     """
     distance = np.abs(residual) / scatter
     weight: FloatArray = np.sqrt(np.minimum(1.0, LARGE / np.maximum(distance, LARGE)))

@@ -71,6 +71,7 @@ class Stretches:
     Attributes
     ----------
     sweep, direction, third : ndarray of int
+        Where it was.
     speed_mm_s, normal_force_n, position_mm, seconds : ndarray
         As in `ResponseRows`; the length.
     line50_n2, line60_n2 : ndarray
@@ -109,6 +110,7 @@ def spectra_of(
     Parameters
     ----------
     trial : Trial
+        As it was recorded.
     study : StudyInfo
         Its mount, its carrier and its screen voltage are used.
     course : FingerTrajectory

@@ -34,6 +34,7 @@ class Lines:
     tones : Tones
         All lines: first the trial's tones, then the others.
     n_tones : int
+        The first lines of all.
     harmonics : tuple of ndarray of int, shape (n_tones,)
         Places in `tones` of the harmonics of second and third order; -1 where there is none.
     mains : tuple of int
@@ -55,6 +56,7 @@ def lines_of(tones_hz: tuple[float, ...], carrier_hz: float, sample_rate_hz: flo
     tones_hz : tuple of float
         Empty for a blank trial.
     carrier_hz, sample_rate_hz : float
+        Of the rig.
     """
     own = np.array(tones_hz, dtype=np.float64)
     images = _images(own, carrier_hz, sample_rate_hz)

@@ -34,6 +34,7 @@ class TrialEvidence:
     Attributes
     ----------
     observed : TrialObservations
+        Responses, and whether the trial may be used.
     harmonics : HarmonicResponse
         One entry per row of `observed.rows`.
     stretches : Stretches
@@ -61,6 +62,7 @@ def evidence_of(trial: Trial, study: StudyInfo) -> TrialEvidence:
     Parameters
     ----------
     trial : Trial
+        As it was recorded.
     study : StudyInfo
         Its mount, its carrier and its screen voltage are used.
     """
@@ -108,6 +110,7 @@ def study_evidence(
     Parameters
     ----------
     path : Path or str
+        Of the file.
     workers, cache, cluster, tell
         As for `observe_study` of identification; the cache may be the same.
 

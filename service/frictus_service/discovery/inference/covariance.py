@@ -66,6 +66,7 @@ class Whitening:
         Parameters
         ----------
         raw : UnwhitenedUnit
+            Readings, nuisance and effect signatures.
         weight : ndarray, shape (n,)
         deviation : ndarray, shape (n_kinds,)
         difference : ndarray, shape (n_random,), or None
@@ -98,7 +99,9 @@ def whiten(layouts: Sequence[Layout], raws: Sequence[UnwhitenedUnit]) -> list[Wh
     Parameters
     ----------
     layouts : sequence of Layout
+        Of each unit.
     raws : sequence of UnwhitenedUnit
+        Of each unit.
     """
     weights = _weights(layouts, raws)
     rests = []
@@ -176,6 +179,7 @@ def _deviations(rests: Sequence[FloatArray], n_kinds: int) -> FloatArray:
     rests : sequence of ndarray, shape (n, 1 + n_deviating)
         Readings and signatures of deviations, weighted, fit projected out.
     n_kinds : int
+        How many kinds deviate per condition.
     """
     products = [(rest[:, 1:].T @ rest[:, 1:], rest[:, 1:].T @ rest[:, 0]) for rest in rests]
     tried = [np.array(each) for each in product(DEVIATIONS, repeat=min(n_kinds, 2))]

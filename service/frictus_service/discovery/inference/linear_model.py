@@ -121,7 +121,9 @@ class ProjectedUnits:
         Parameters
         ----------
         critical : float
+            Of |t|, from `critical`.
         power : float
+            Quantile of the normal distribution.
         """
         size = self._margin + (critical + power) * standard_error(*self.tested)
         return np.where(self.squared, np.square(size), size)
@@ -160,6 +162,7 @@ def project_out(units: Sequence[Unit], chosen: Sequence[int] = ()) -> ProjectedU
     Parameters
     ----------
     units : sequence of Unit
+        Whitened readings and signatures of each participant or block.
     chosen : sequence of int
         Columns of `Unit.effects`.
     """
@@ -208,6 +211,7 @@ def joint(units: Sequence[Unit], chosen: Sequence[int]) -> FloatArray:
     Parameters
     ----------
     units : sequence of Unit
+        Whitened readings and signatures of each participant or block.
     chosen : sequence of int
         NaN where a unit does not determine one.
     """
@@ -271,6 +275,7 @@ def joint_gain(units: Sequence[Unit], chosen: Sequence[int]) -> FloatArray:
     Parameters
     ----------
     units : sequence of Unit
+        Whitened readings and signatures of each participant or block.
     chosen : sequence of int
 
     Returns
@@ -329,6 +334,7 @@ def similarity(units: Sequence[Unit], chosen: Sequence[int] = ()) -> FloatArray:
     Parameters
     ----------
     units : sequence of Unit
+        Whitened readings and signatures of each participant or block.
     chosen : sequence of int
         Projected out, as in `project_out`.
 

@@ -46,6 +46,7 @@ class Linearised:
     own : ndarray, shape (n_units, n_own)
         Logarithms of what everybody has of their own, less the base model's.
     chosen : tuple of int
+        Candidates in the model.
     coefficients : ndarray, shape (n_units, n_chosen)
         Of the chosen effects: the unit's own, or means over units of what is the rig's.
     whitenings : tuple of Whitening
@@ -72,6 +73,7 @@ def linearise(
     Parameters
     ----------
     problem : DiscoveryProblem
+        Data, base model and candidates.
     chosen : sequence of int
         Candidates.
     wanted : sequence of int or None
@@ -138,14 +140,19 @@ def _about(
     Parameters
     ----------
     problem : DiscoveryProblem
+        Data, base model and candidates.
     own : ndarray, shape (n_units, n_own)
     there : sequence of int
         Effects in the simulator: the chosen ones, and then the random effects.
     at : ndarray, shape (n_units, n_there)
     n_chosen : int
+        How many of the effects are in the model.
     wanted : sequence of int
+        Candidates whose signatures are asked for.
     patterns : sequence of Pattern
+        That any misfit may show as.
     whiten : callable
+        From layouts and units to whitenings.
     """
     subjects = problem.subjects
     raw = [
@@ -238,6 +245,7 @@ def as_designed(problem: DiscoveryProblem, model: Linearised) -> tuple[Unit, ...
     Parameters
     ----------
     problem : DiscoveryProblem
+        Data, base model and candidates.
     model : Linearised
 
     Returns
@@ -255,7 +263,9 @@ def if_alike(problem: DiscoveryProblem, model: Linearised) -> Linearised:
     Parameters
     ----------
     problem : DiscoveryProblem
+        Data, base model and candidates.
     model : Linearised
+        A fitted model with the units about it.
     """
     return _again(problem, model, problem.patterns, deviating=True)
 
@@ -289,7 +299,9 @@ def misfit(problem: DiscoveryProblem, model: Linearised, ruler: Linearised) -> f
     Parameters
     ----------
     problem : DiscoveryProblem
+        Data, base model and candidates.
     model : Linearised
+        A fitted model with the units about it.
     ruler : Linearised
         The same for all models that are compared.
     """
@@ -311,7 +323,9 @@ def columns_of(
     Parameters
     ----------
     problem : DiscoveryProblem
+        Data, base model and candidates.
     model : Linearised
+        A fitted model with the units about it.
     made : callable
         From the number of a unit to columns.
     """

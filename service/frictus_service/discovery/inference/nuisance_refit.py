@@ -30,9 +30,11 @@ def refit_nuisance(
     Parameters
     ----------
     problem : DiscoveryProblem
+        Data, base model and candidates.
     model : Linearised
         From which the fit begins, and by which readings are weighted.
     effects : sequence of int
+        Numbers of candidates.
     coefficients : ndarray, shape (n_units, n_effects)
 
     Returns
@@ -83,6 +85,8 @@ def with_refitted_nuisance(problem: DiscoveryProblem, model: Linearised) -> Line
     Parameters
     ----------
     problem : DiscoveryProblem
+        Data, base model and candidates.
     model : Linearised
+        A fitted model with the units about it.
     """
     return replace(model, own=refit_nuisance(problem, model, model.chosen, model.coefficients))

@@ -48,6 +48,7 @@ def select(
     Parameters
     ----------
     linearise : callable
+        From chosen effects to the units about the model.
     flips : ndarray, shape (n_flips, n_units)
     level : float
         Family-wise, at each step.

@@ -44,6 +44,7 @@ def signs(n_units: int, rng: np.random.Generator) -> FloatArray:
     Parameters
     ----------
     n_units : int
+        Participants, or blocks of their trials.
     rng : numpy.random.Generator
 
     Returns
@@ -132,6 +133,7 @@ def critical_t(
     estimates, information : ndarray, shape (n_units, n_effects)
     flips : ndarray, shape (n_flips, n_units)
     level : float
+        Family-wise.
     """
     known = np.isfinite(estimates)
     tested = known.sum(axis=0) >= LEAST_UNITS

@@ -206,6 +206,7 @@ class DiscoveryStore:
         Parameters
         ----------
         discovery : str
+            Its id.
         after : int
             Number of the last event that is known; 0: from the beginning.
         """

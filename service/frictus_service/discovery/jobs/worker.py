@@ -29,6 +29,7 @@ def carry_out(
     Parameters
     ----------
     spec : DiscoverySpec
+        What the discovery was asked for.
     study : Path
         The file that it names.
     folder : Path

@@ -26,6 +26,7 @@ class ImpactRecording:
     ----------
     samples : ndarray, shape (n_samples,)
     rate_hz : float
+        Samples per second.
     """
 
     samples: FloatArray
@@ -38,6 +39,7 @@ def read_impacts(path: Path, rate_hz: float | None = None) -> ImpactRecording:
     Parameters
     ----------
     path : Path
+        Of the file.
     rate_hz : float or None
         Instead of the file's own.
 

@@ -53,8 +53,11 @@ class Resonance:
     frequency_hz : float
         Natural frequency.
     frequency_ci_hz : tuple of float
+        Low and high end.
     damping_ratio : float
+        Of critical damping.
     damping_ratio_ci : tuple of float
+        Low and high end.
     level_db : float
         Height of its peak in the answer to a blow over that of the highest, the mean of all
         blows.
@@ -81,6 +84,7 @@ def estimate_ring_down(
     samples : ndarray, shape (n_samples,)
         Of any unit, blow after blow.
     rate_hz : float
+        Samples per second.
     band_hz : tuple of float
         From above zero to below half the sample rate.
 

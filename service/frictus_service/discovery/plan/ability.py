@@ -57,8 +57,11 @@ def ability_of(
     Parameters
     ----------
     programme : Programme
+        All trials of everybody, in order.
     setup : Setup
+        Base model, rig and candidates.
     assumptions : Assumptions
+        How readings scatter and people differ.
     seed : int
         Of how fingers wander, and of studies without effects.
     """

@@ -76,6 +76,7 @@ class Assumptions:
         Parameters
         ----------
         layout : Layout
+            Which rows make which reading.
         tones_hz : ndarray, shape (n_tones,)
             Of the study.
         strength : ndarray, shape (n_trials,)
@@ -165,6 +166,7 @@ def assumed(response: ResponseName, candidates: Sequence[Candidate]) -> Assumpti
     ----------
     response : {'friction', 'mobility'}
     candidates : sequence of Candidate
+        Parameters of effects that are tried.
     """
     spread = ASSUMED_SPREAD[response]
     scatter = dict(ASSUMED_SCATTER)

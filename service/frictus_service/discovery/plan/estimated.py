@@ -48,6 +48,7 @@ def estimated(
     Parameters
     ----------
     problem : DiscoveryProblem
+        Data, base model and candidates.
     rows : EvidenceRows
         From which the subjects of the problem were made.
     strength : ndarray, shape (n_trials,)

@@ -25,6 +25,7 @@ def units_of_people(programme: Programme) -> list[tuple[PlannedTrial, ...]]:
     Parameters
     ----------
     programme : Programme
+        All trials of everybody, in order.
     """
     people = list(programme.people)
     if programme.participants >= LEAST_UNITS:
@@ -54,8 +55,11 @@ def expected(
     Parameters
     ----------
     programme : Programme
+        All trials of everybody, in order.
     setup : Setup
+        Base model, rig and candidates.
     assumptions : Assumptions
+        How readings scatter and people differ.
     rng : numpy.random.Generator or None
         Of how fingers wander about their targets; None: they do not.
 

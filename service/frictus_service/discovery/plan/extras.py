@@ -28,6 +28,7 @@ class Extra:
     Attributes
     ----------
     id, words : str
+        As the document names it, and as people read it.
     change : callable
         Returns None where it adds nothing to a programme.
     """

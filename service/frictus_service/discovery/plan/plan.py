@@ -44,8 +44,11 @@ def plan(
     Parameters
     ----------
     programme : Programme
+        All trials of everybody, in order.
     setup : Setup
+        Base model, rig and candidates.
     assumptions : Assumptions
+        How readings scatter and people differ.
     wanted : mapping of str to float
         Size of each effect that shall be shown, from `sizes.wanted_sizes`.
     source : str

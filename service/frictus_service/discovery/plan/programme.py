@@ -26,6 +26,7 @@ class PlannedTrial:
     drive_vpp : float
         0 without drive.
     seconds : float
+        Length of the trial.
     minutes : float
         Since the session began.
     """
@@ -51,6 +52,7 @@ class Programme:
     span_mm : float
         Of a stroke.
     trial_every_s : float
+        From one beginning to the next.
     shuffled : bool
         The order is random, and what is added is shuffled in.
     done : bool
@@ -123,7 +125,9 @@ def timed(trials: Sequence[PlannedTrial], every_s: float) -> tuple[PlannedTrial,
     Parameters
     ----------
     trials : sequence of PlannedTrial
+        In order.
     every_s : float
+        From one beginning to the next.
     """
     return tuple(
         replace(trial, minutes=place * every_s / 60.0) for place, trial in enumerate(trials)
@@ -136,6 +140,7 @@ def programme_of(design: FactorialDesign, rng: np.random.Generator) -> Programme
     Parameters
     ----------
     design : FactorialDesign
+        Who does what, and how often.
     rng : numpy.random.Generator
         Of the order.
     """

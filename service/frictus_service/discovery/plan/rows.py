@@ -47,8 +47,11 @@ def rows_of_trials(
     units : sequence of sequence of PlannedTrial
         Trials of each unit.
     span_mm : float
+        Length of a stroke.
     setup : Setup
+        Base model, rig and candidates.
     assumptions : Assumptions
+        How readings scatter and people differ.
     rng : numpy.random.Generator or None
         Of how fingers wander about their targets; None: they do not.
 
@@ -87,6 +90,7 @@ def amplitude(trial: PlannedTrial) -> float:
     Parameters
     ----------
     trial : PlannedTrial
+        Tones, speed, force and drive.
     """
     if not trial.tones_hz:
         return 0.0
@@ -99,6 +103,7 @@ def strength(trials: Sequence[PlannedTrial]) -> FloatArray:
     Parameters
     ----------
     trials : sequence of PlannedTrial
+        In order.
     """
     return np.array([amplitude(trial) * np.sqrt(trial.seconds) for trial in trials])
 

@@ -45,6 +45,7 @@ class Shortcoming:
         Parameters
         ----------
         ability : Ability or None
+            What the programme shows; None: nothing can be tested.
         """
         if ability is None:
             return np.inf
@@ -79,10 +80,15 @@ def remedies(
     Parameters
     ----------
     programme : Programme
+        All trials of everybody, in order.
     setup : Setup
+        Base model, rig and candidates.
     assumptions : Assumptions
+        How readings scatter and people differ.
     problems : sequence of Shortcoming
+        What is not shown, or not told apart.
     seed : int
+        Of everything random; the same seed gives the same result.
     """
     if not problems:
         return []

@@ -15,10 +15,14 @@ class Setup:
     Attributes
     ----------
     base : Simulator
+        The base model.
     nominal_mount : TransferFunction or None
+        The study's; None: none.
     response : {'friction', 'mobility'}
     candidates : tuple of Candidate
+        Parameters of effects that are tried.
     carrier_hz, sample_rate_hz : float
+        Of the rig.
     """
 
     base: Simulator

@@ -26,6 +26,7 @@ class StrokeThird:
     trial : int
         Number of the trial.
     direction : int
+        +1 left to right, -1 right to left.
     seconds : float
         Of one passage.
     position_mm : float
@@ -44,6 +45,7 @@ def stretches_of(trials: Sequence[PlannedTrial], span_mm: float) -> list[StrokeT
     Parameters
     ----------
     trials : sequence of PlannedTrial
+        In order.
     span_mm : float
         Of a stroke, about the middle of the screen.
     """
@@ -89,8 +91,11 @@ def tones_in(
     Parameters
     ----------
     trials : sequence of PlannedTrial
+        In order.
     stretches : sequence of StrokeThird
+        Time in each third of the stroke.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     """
     least_s = [
         Tones(trial.tones_hz, sample_rate_hz).least_s if trial.tones_hz else np.inf

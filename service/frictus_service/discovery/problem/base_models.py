@@ -86,6 +86,7 @@ def simulator_of(model: Model, mount: TransferFunction | None) -> Simulator:
     Parameters
     ----------
     model : Model
+        A `model/1` document.
     mount : TransferFunction or None
         The study's.
 

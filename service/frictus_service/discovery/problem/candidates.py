@@ -25,7 +25,9 @@ class Candidate:
     Attributes
     ----------
     effect : str
+        Id in `frictus_hardware.physics.effects`.
     parameter : str
+        The one that is tried.
     step : float
         At which the derivative is taken.
     held : tuple of (str, float)
@@ -57,6 +59,7 @@ class Candidate:
         Parameters
         ----------
         simulator : Simulator
+            A rig and one finger.
         coefficient : float
             The parameter, or its square where data follow that. Limited to its bounds.
         """

@@ -28,9 +28,11 @@ class Pattern:
     Attributes
     ----------
     channel : str
+        What it is a misfit of.
     tones : tuple of int
         Numbers of the tones; empty where the channel has none.
     covariate : str
+        What it follows.
     form : int
         Which function of the covariate.
     imaginary : bool
@@ -49,6 +51,7 @@ class Pattern:
         Parameters
         ----------
         subject : Subject
+            The evidence of one unit.
         """
         probe = subject.trials if self.channel in ("line50", "line60", "low") else subject.rows
         shape = _shape(self, probe.circumstances)
@@ -82,6 +85,7 @@ def scaled(covariate: Covariate, at: Circumstances) -> FloatArray:
     covariate : str
         One with values of its own: speed, force, minutes, direction, position.
     at : Circumstances
+        Of each row.
     """
     if covariate == "speed":
         return (at.speed_mm_s - 60.0) / 40.0

@@ -48,6 +48,7 @@ class UnwhitenedUnit:
     deviating : ndarray, shape (n, n_deviating)
         Signatures of what deviates in each condition; of `n_kinds` kinds, which alternate.
     n_kinds : int
+        How many kinds deviate per condition.
     random_effects : ndarray, shape (n, n_random)
         Signatures of effects in which people may differ.
     common : ndarray of bool, shape (n_chosen,)
@@ -73,12 +74,16 @@ class DiscoveryProblem:
     Attributes
     ----------
     base : Simulator
+        The base model.
     nominal_mount : TransferFunction or None
         The study's.
     response : {'friction', 'mobility'}
     subjects : tuple of Subject
+        One for each unit.
     candidates : tuple of Candidate
+        Parameters of effects that are tried.
     patterns : tuple of Pattern
+        That any misfit may show as.
     range_mm_s : tuple of float
         Speeds at which the base model was found.
     """
@@ -115,6 +120,7 @@ class DiscoveryProblem:
         ----------
         own : ndarray, shape (n_own,)
         chosen : sequence of int
+            Candidates in the model.
         coefficients : ndarray, shape (n_chosen,)
         """
         simulator = NUISANCE_SCALED[self.response](self.base, own)
@@ -187,6 +193,7 @@ class DiscoveryProblem:
         Parameters
         ----------
         subject : Subject
+            The evidence of one unit.
         own : ndarray, shape (n_own,)
             Nuisance parameters.
         there : sequence of int
@@ -194,6 +201,7 @@ class DiscoveryProblem:
         at : ndarray, shape (n_there,)
             Their coefficients.
         n_chosen : int
+            How many of the effects are in the model.
         wanted : sequence of int
 
         Returns

@@ -75,14 +75,22 @@ class Assembly:
     Parameters
     ----------
     problem : DiscoveryProblem
+        Data, base model and candidates.
     units : UnitAssignment
+        Which trial belongs to which unit.
     rows : EvidenceRows
+        Of the whole study.
     found : Decision
+        Causes and what they leave.
     flips : ndarray, shape (n_flips, n_units)
     base : Model
+        The model that is criticised.
     study : StudyFacts
+        Its path, hash, participants and trials.
     seed : int
+        Of everything random; the same seed gives the same result.
     notes : tuple of str
+        What a reader must know first.
     """
 
     def __init__(

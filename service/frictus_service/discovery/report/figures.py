@@ -27,8 +27,11 @@ def rests_of(
     Parameters
     ----------
     problem : DiscoveryProblem
+        Data, base model and candidates.
     model : Linearised
+        A fitted model with the units about it.
     effects : sequence of int
+        Numbers of candidates.
     """
     return [
         problem.rest(subject, own, effects, row)
@@ -49,7 +52,9 @@ def residual_bins(
     Parameters
     ----------
     problem : DiscoveryProblem
+        Data, base model and candidates.
     tones_hz : ndarray
+        Of the study.
     before, after : sequence of Compared
         What is left of each subject.
     """
@@ -120,7 +125,9 @@ def level_bins(
     Parameters
     ----------
     problem : DiscoveryProblem
+        Data, base model and candidates.
     base, extended : tuple of Linearised and sequence of int
+        Model and its candidates.
     """
     if problem.response == "mobility":
         return []

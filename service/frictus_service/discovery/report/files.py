@@ -18,6 +18,7 @@ def write(found: Discovery, folder: Path) -> list[Path]:
     Parameters
     ----------
     found : Discovery
+        The document of a discovery.
     folder : Path
         Made where it is missing.
     """

@@ -26,6 +26,7 @@ def render(found: Discovery) -> str:
     Parameters
     ----------
     found : Discovery
+        The document of a discovery.
     """
     drawn = [(name, picture(residual_bode(found, name))) for name in by_relevance(found)]
     named = {one.id for one in found.causes}

@@ -21,6 +21,7 @@ def parameters(found: Discovery) -> Figure | None:
     Parameters
     ----------
     found : Discovery
+        The document of a discovery.
     """
     panels = [
         (_name(cause, parameter), estimate)

@@ -16,6 +16,7 @@ def verdict_sentence(found: Discovery) -> str:
     Parameters
     ----------
     found : Discovery
+        The document of a discovery.
     """
     if found.verdict is None:
         return "Nothing could be tested, so nothing is said of the base model."

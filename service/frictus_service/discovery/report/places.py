@@ -27,6 +27,7 @@ def places(found: Discovery) -> Figure | None:
     Parameters
     ----------
     found : Discovery
+        The document of a discovery.
     """
     if not found.unexplained:
         return None
@@ -59,6 +60,7 @@ def levels(found: Discovery) -> Figure | None:
     Parameters
     ----------
     found : Discovery
+        The document of a discovery.
     """
     panels = [
         (key, list(bins))

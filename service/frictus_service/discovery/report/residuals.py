@@ -20,6 +20,7 @@ def by_relevance(found: Discovery) -> list[Covariate]:
     Parameters
     ----------
     found : Discovery
+        The document of a discovery.
     """
     drawn: list[Covariate] = [
         name for name in COVARIATES if any(one.covariate == name for one in found.residuals)
@@ -38,6 +39,7 @@ def residual_bode(found: Discovery, covariate: Covariate) -> Figure:
     found : Discovery
         With residuals over `covariate`.
     covariate : str
+        What it follows.
     """
     bins = [one for one in found.residuals if one.covariate == covariate]
     levels = sorted({one.level for one in bins})

@@ -31,6 +31,7 @@ class ConditionEvidence:
         Relative change of its condition's parameters that each trial causes.
     condition_of_trial : ndarray of int, shape (n_trials,)
     delay_s : float
+        Shared by all conditions of a participant.
     delay_influence : ndarray, shape (n_trials,)
     delay_gradient : ndarray, shape (n_conditions, p)
         Relative change of the parameters per second of delay.
@@ -99,6 +100,7 @@ def combine(evidence: ConditionEvidence, maps: FloatArray, excess: FloatArray) -
     Parameters
     ----------
     evidence : ConditionEvidence
+        Values of one participant's conditions.
     maps : ndarray, shape (q, n_conditions, p)
     excess : ndarray, shape (p,)
         Variance of each parameter between conditions.
@@ -121,6 +123,7 @@ def levels(evidence: ConditionEvidence) -> Combination:
     Parameters
     ----------
     evidence : ConditionEvidence
+        Values of one participant's conditions.
     """
     n, p = evidence.value.shape
     centred = evidence.speed_mm_s - evidence.speed_mm_s.mean()
@@ -140,6 +143,7 @@ def settle(design: FloatArray, evidence: ConditionEvidence, parameter: int) -> L
     ----------
     design : ndarray, shape (n_conditions, k)
     evidence : ConditionEvidence
+        Values of one participant's conditions.
     parameter : int
         Column of `ConditionEvidence.value`.
     """

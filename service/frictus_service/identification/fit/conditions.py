@@ -101,7 +101,9 @@ class Sample:
     Attributes
     ----------
     tone_hz, speed_mm_s : ndarray
+        Of each row.
     response : ndarray of complex
+        Of each row.
     variance : ndarray
         Of real and imaginary part each.
     segment, trial, cell : ndarray of int
@@ -137,6 +139,7 @@ class Selection:
     Attributes
     ----------
     sample : Sample
+        Rows that are fitted together.
     groups : ndarray of int
         Number of the group that each condition of the sample is.
     tones : ndarray of int, shape (n_groups,)
@@ -161,12 +164,14 @@ def select(
     Parameters
     ----------
     table : ObservationTable
+        Rows of all usable trials.
     response : {'friction', 'mobility'}
     group : ndarray of int, shape (n_rows,)
         What is fitted together; negative: left out.
     people : ndarray of int, shape (n_groups,)
         Participant of each group.
     least_tones : int
+        Of a group that is fitted.
     highest_hz : float
         Tones above are left out.
     """

@@ -38,9 +38,11 @@ class Cells:
     Attributes
     ----------
     person : ndarray of int
+        Number of the participant.
     speed_mm_s, force_n : ndarray
         Measured.
     value : ndarray
+        Of the parameter.
     """
 
     person: IntArray
@@ -56,9 +58,11 @@ class Measured:
     Attributes
     ----------
     person : ndarray of int
+        Number of the participant.
     speed_mm_s, force_n : ndarray
         Means of the segments.
     target_mm_s, target_n : ndarray
+        What was asked for.
     """
 
     person: IntArray
@@ -91,6 +95,7 @@ class Fitted:
     selection : Selection
         Its groups are the study's conditions.
     fit : JointFit
+        Parameters of all conditions and their covariance.
     """
 
     selection: Selection
@@ -114,8 +119,11 @@ def friction_of(
     Parameters
     ----------
     table : ObservationTable
+        Rows of all usable trials.
     measured : Measured
+        Fits of all conditions.
     settings : Settings
+        Of the identification.
     """
     chosen = select(table, "friction", table.condition, measured.person, settings.least_tones)
     if not chosen.groups.size:
@@ -136,8 +144,11 @@ def mobility_of(
     Parameters
     ----------
     table : ObservationTable
+        Rows of all usable trials.
     measured : Measured
+        Fits of all conditions.
     settings : Settings
+        Of the identification.
     """
     chosen = select(
         table,
@@ -183,8 +194,11 @@ def evidence_of(
     Parameters
     ----------
     fitted : Fitted
+        Parameters of all conditions.
     measured : Measured
+        Fits of all conditions.
     person : int
+        Number of the participant.
     kept : ndarray of bool, or None
         Which of the study's conditions to use.
     """

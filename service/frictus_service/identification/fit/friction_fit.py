@@ -55,7 +55,9 @@ def fit_friction(
     Parameters
     ----------
     sample : Sample
+        Rows that are fitted together.
     n_people : int
+        How many to draw.
     cutoff_ratio : ndarray, shape (n_rows,), or None
         As in `FirstOrder`. None: 1.
 
@@ -82,6 +84,7 @@ def refit_friction(
         Logarithms to begin with.
     delay_s : ndarray, shape (n_people,)
     spreads : Spreads
+        Standard deviations that rows of a trial or condition share.
     """
     law = FirstOrder(np.ones(sample.tone_hz.size))
     problem = JointFitProblem(sample, law, LOWEST, HIGHEST, fit_delay=False)

@@ -25,6 +25,7 @@ class Levels:
     outer_of_inner : ndarray of int, shape (n_inner,)
         Number of the outer group, from 0.
     n_outer : int
+        Number of outer groups.
     """
 
     inner: IntArray | None
@@ -51,7 +52,9 @@ def moments(
     weight : ndarray, shape (n_rows,)
         Inverse of the variance of the independent noise.
     levels : Levels
+        Groups of rows within groups.
     scatter : GroupVariances
+        Variances that rows of a group share.
     """
     if levels.inner is None:
         alone = weight / (1.0 + scatter.inner * weight)
@@ -84,6 +87,7 @@ def scatter_of(
     weight : ndarray, shape (n_rows,)
         As in `moments`.
     levels : Levels
+        Groups of rows within groups.
     fitted : float
         How many degrees of freedom of the outer means the fit has used up.
     """

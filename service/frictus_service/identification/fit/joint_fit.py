@@ -68,6 +68,7 @@ class JointFit:
     delay_influence : ndarray, shape (n_trials,)
         Change of its participant's delay that each trial causes.
     spreads : Spreads
+        Standard deviations that rows of a trial or condition share.
     """
 
     log_parameters: FloatArray
@@ -88,7 +89,9 @@ class JointFitProblem:
     Attributes
     ----------
     sample : Sample
+        Rows that are fitted together.
     law : Law
+        Response and its derivatives.
     lowest, highest : ndarray, shape (p,)
         Bounds of the logarithms.
     fit_delay : bool
@@ -124,6 +127,7 @@ def fit(
     Parameters
     ----------
     problem : JointFitProblem
+        Law, rows and prior.
     log_parameters : ndarray, shape (n_conditions, p)
         Where to begin.
     delay_s : ndarray, shape (n_people,)

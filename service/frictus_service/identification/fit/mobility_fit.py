@@ -36,6 +36,7 @@ def fit_mobility(sample: Sample, n_people: int) -> JointFit:
     Parameters
     ----------
     sample : Sample
+        Rows that are fitted together.
     n_people : int
 
     Returns

@@ -30,7 +30,9 @@ def correlations_of(
     values : mapping of parameter to ndarray, shape (n_conditions,)
         NaN where it was not estimated.
     measured : Measured
+        Fits of all conditions.
     participants : sequence of str
+        Pseudonym of each condition.
     """
     pairs = [
         (first, second)

@@ -40,6 +40,7 @@ class Centre:
     Attributes
     ----------
     speed_mm_s, force_n : float
+        Targets.
     effects : tuple of Effect
         Those that the study can show.
     """
@@ -77,7 +78,9 @@ def per_participant(cells: Cells, centre: Centre, n_people: int) -> FloatArray:
     Parameters
     ----------
     cells : Cells
+        A parameter in all conditions.
     centre : Centre
+        Speed and force at which effects are evaluated.
     n_people : int
 
     Returns
@@ -107,8 +110,11 @@ def across_participants(
     Parameters
     ----------
     cells : mapping of parameter to Cells
+        In all conditions.
     centre : Centre
+        Speed and force at which effects are evaluated.
     n_people : int
+        How many to draw.
     rng : numpy.random.Generator
         Of random sign flips.
     """

@@ -30,7 +30,9 @@ class RandomIntercept:
     Attributes
     ----------
     reduced, full : float
+        Without and with the random intercept.
     between_variance, residual_variance : float
+        Between people, and within.
     """
 
     reduced: float
@@ -83,8 +85,11 @@ def people_differ(parameter: Parameter, cells: Cells, centre: Centre) -> SpreadT
     Parameters
     ----------
     parameter : Parameter
+        Gain, cutoff, mass, damping or stiffness.
     cells : Cells
+        A parameter in all conditions.
     centre : Centre
+        Speed and force at which effects are evaluated.
     """
     design = centre.design(cells)
     people = np.unique(cells.person).size
@@ -115,7 +120,9 @@ def cross_check(cells: Cells, centre: Centre) -> dict[Effect, MixedCheck]:
     Parameters
     ----------
     cells : Cells
+        A parameter in all conditions.
     centre : Centre
+        Speed and force at which effects are evaluated.
     """
     from statsmodels.regression.mixed_linear_model import MixedLM
 

@@ -30,7 +30,9 @@ def outliers_of(
     values : mapping of parameter to ndarray, shape (n_conditions,)
         NaN where it was not estimated.
     measured : Measured
+        Fits of all conditions.
     centre : Centre
+        Speed and force at which effects are evaluated.
     mads : float
         Scaled median deviations that are far.
     """

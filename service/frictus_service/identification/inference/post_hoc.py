@@ -24,6 +24,7 @@ def pairs_of(values: Mapping[Parameter, FloatArray], measured: Measured) -> list
     values : mapping of parameter to ndarray, shape (n_conditions,)
         NaN where it was not estimated.
     measured : Measured
+        Fits of all conditions.
     """
     out: list[PairTest] = []
     speeds = np.unique(measured.target_mm_s).tolist()

@@ -167,6 +167,7 @@ def far_off(
     residual : ndarray, shape (n,)
         Around a fit by least absolute deviations, which passes through `fitted` of them.
     fitted : int
+        Number of parameters fitted to the residuals.
     least_scale : float
         The scale is taken to be this at least.
     mads : float

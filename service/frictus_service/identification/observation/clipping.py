@@ -27,7 +27,9 @@ class Clipped:
     Attributes
     ----------
     column : int
+        Number of the channel's column.
     value : float
+        In the channel's unit.
     share : float
         Of the samples.
     """
@@ -46,6 +48,7 @@ class Quality:
     missing_share : float
         Of the samples, in the column that lacks most.
     clipped : tuple of Clipped
+        Ends at which samples stand; empty where none do.
     constant : tuple of int
         The columns that hold one and the same value throughout.
     """

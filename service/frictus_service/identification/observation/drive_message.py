@@ -15,6 +15,7 @@ def drive_fraction(voltage_v: FloatArray, screen_peak_v: float) -> FloatArray:
     ----------
     voltage_v : ndarray, shape (n_samples,)
     screen_peak_v : float
+        Screen volts at a drive fraction of 1.
     """
     fraction: FloatArray = np.square(voltage_v * (np.sqrt(2.0) / screen_peak_v))
     return fraction
@@ -26,7 +27,9 @@ def hold(frequency_hz: FloatArray, sample_rate_hz: float) -> ComplexArray:
     Parameters
     ----------
     frequency_hz : ndarray
+        Where it is evaluated.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     """
     cycles = np.asarray(frequency_hz) / sample_rate_hz
     response: ComplexArray = np.sinc(cycles) * np.exp(-1j * np.pi * cycles)
@@ -39,7 +42,9 @@ def advance(frequency_hz: FloatArray, skew_s: float) -> ComplexArray:
     Parameters
     ----------
     frequency_hz : ndarray
+        Where it is evaluated.
     skew_s : float
+        Seconds, positive where it samples later.
     """
     response: ComplexArray = np.exp(2j * np.pi * np.asarray(frequency_hz) * skew_s)
     return response

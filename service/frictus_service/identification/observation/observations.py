@@ -23,6 +23,7 @@ class ResponseRows:
     position_mm : ndarray
         Middle of the segment on the screen, x.
     tone_hz : ndarray
+        Of each row.
     message : ndarray of complex
         Amplitude of the drive fraction at the tone, by least squares on 2 V² / V_pk².
     friction_response : ndarray of complex
@@ -57,6 +58,7 @@ class TrialObservations:
     Attributes
     ----------
     info : TrialInfo
+        What was asked of the trial.
     sha256 : str
         Of the trial.
     valid : bool

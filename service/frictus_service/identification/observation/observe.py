@@ -32,9 +32,11 @@ class FingerTrajectory:
     Attributes
     ----------
     motion : TouchMotion
+        Position and velocity at the reports.
     normal_n : ndarray, shape (n_blocks,)
         Mean normal force of each block of samples; NaN where one is missing.
     sweeps : list of Sweep
+        Steady movements, in time.
     segments : list of SweepThird
         Thirds of the sweeps.
     """
@@ -51,6 +53,7 @@ def course_of(trial: Trial) -> FingerTrajectory:
     Parameters
     ----------
     trial : Trial
+        As it was recorded.
     """
     motion = smooth(trial.position_mm, trial.position_t_s)
     normal_n = _normal_force(trial)
@@ -64,6 +67,7 @@ def observe(trial: Trial, study: StudyInfo) -> TrialObservations:
     Parameters
     ----------
     trial : Trial
+        As it was recorded.
     study : StudyInfo
         Its mount and its screen voltage are used.
     """
@@ -80,7 +84,9 @@ def observe_along(
     course : FingerTrajectory
         From `course_of`.
     trial : Trial
+        As it was recorded.
     study : StudyInfo
+        What holds for all trials: carrier, peak voltage, mount.
     """
     motion, normal_n, sweeps = course.motion, course.normal_n, course.sweeps
     means = _means(course.segments, normal_n, trial.info.sample_rate_hz)

@@ -69,7 +69,9 @@ class Instrument:
         Parameters
         ----------
         trial : Trial
+            As it was recorded.
         study : StudyInfo
+            What holds for all trials: carrier, peak voltage, mount.
         frequency_hz : ndarray, shape (n,)
         """
         force = advance(frequency_hz, trial.force_skew_s)
@@ -98,8 +100,11 @@ def rows_of(
     Parameters
     ----------
     trial : Trial
+        As it was recorded.
     study : StudyInfo
+        What holds for all trials: carrier, peak voltage, mount.
     segments : list of SweepThird
+        Parts of sweeps in thirds of the stroke.
     normal_n : ndarray, shape (n_blocks,)
         Mean normal force of each block of samples; NaN where it is missing.
     """
@@ -139,6 +144,7 @@ def whole_blocks(segment: SweepThird, rate_hz: float, blocks: int) -> WholeBlock
     Parameters
     ----------
     segment : SweepThird
+        Part of a sweep in one third of the stroke.
     rate_hz : float
         Of samples.
     blocks : int
@@ -167,6 +173,7 @@ def projections(segment: SweepThird, columns: tuple[int, ...]) -> list[tuple[flo
     Parameters
     ----------
     segment : SweepThird
+        Part of a sweep in one third of the stroke.
     columns : tuple of int
         How many columns each channel has; those at the end may be left out.
     """

@@ -74,6 +74,7 @@ class Sweep:
     direction : int
         +1 left to right, -1 right to left.
     begin_s, end_s : float
+        From the first sample of the trial.
     """
 
     direction: int
@@ -90,9 +91,11 @@ class SweepThird:
     sweep : int
         Number of the sweep in its trial.
     direction : int
+        +1 left to right, -1 right to left.
     third : int
         0, 1, 2 from left to right.
     begin_s, end_s : float
+        From the first sample of the trial.
     speed_mm_s : float
         Mean along `along`.
     along : tuple of float
@@ -183,6 +186,7 @@ def find_sweeps(motion: TouchMotion, pressed: BoolArray) -> list[Sweep]:
     Parameters
     ----------
     motion : TouchMotion
+        Position and velocity at the reports.
     pressed : ndarray of bool, shape (k,)
         Whether the finger is on the screen at each report.
     """
@@ -218,6 +222,7 @@ def cut_thirds(motion: TouchMotion, sweeps: list[Sweep]) -> list[SweepThird]:
     Parameters
     ----------
     motion : TouchMotion
+        Position and velocity at the reports.
     sweeps : list of Sweep
         The stroke is the range of x that all of them together cover.
     """

@@ -36,6 +36,7 @@ class Tones:
     tones_hz : tuple of float
         At least one, all different.
     sample_rate_hz : float
+        Samples per second of the device's clock.
     """
 
     tones_hz: tuple[float, ...]
@@ -97,7 +98,9 @@ def fit(
     Parameters
     ----------
     tones : Tones
+        Frequencies that are fitted together.
     channels : BlockSums
+        Sums over blocks of all channels.
     weights : sequence of sequences of float
         Per channel, the weights with which its columns are added up.
     first, last : int

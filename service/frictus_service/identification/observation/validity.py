@@ -61,11 +61,15 @@ def judge(
     Parameters
     ----------
     trial : Trial
+        As it was recorded.
     study : StudyInfo
+        What holds for all trials: carrier, peak voltage, mount.
     motion : TouchMotion
         Of the finger, from `sweeps.smooth`.
     sweeps : list of Sweep
+        Steady movements, in time.
     means : Means
+        Of speed, force and position over the sweeps.
     """
     return (
         *_samples(trial),

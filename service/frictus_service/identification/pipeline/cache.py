@@ -74,6 +74,7 @@ class Cache:
         asked : TrialInfo
             Taken over: a copy of the trial may have another id.
         study : StudyInfo
+            What holds for all trials: carrier, peak voltage, mount.
         """
         held = _unsealed(self._place(sha256, study))
         return None if held is None else _decoded(held, sha256, asked)
@@ -102,6 +103,7 @@ class Cache:
         state : str
             From before the file was read.
         hashes : dict
+            From trial id to hash.
         """
         _seal(self._index(state), json.dumps(hashes, sort_keys=True).encode())
 
@@ -122,6 +124,7 @@ def state_of(file: Path) -> str:
     Parameters
     ----------
     file : Path
+        Of the study.
     """
     found = file.stat()
     asked = [str(file.resolve()), found.st_size, found.st_mtime_ns]

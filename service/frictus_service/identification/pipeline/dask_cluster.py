@@ -40,6 +40,7 @@ def work_on_cluster(
     work : callable
         Of a module that the workers can import.
     tasks : sequence
+        What can be pickled.
     tell : callable
         Told who works.
     after : callable

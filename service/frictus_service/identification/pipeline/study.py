@@ -42,9 +42,11 @@ class Task:
     path : Path
         The study, at a place that the process reaches too.
     trial : TrialInfo
+        What was asked of the trial.
     cache : Path or None
         Folder of readings; likewise.
     reader : Reader
+        What is read from a trial.
     """
 
     path: Path
@@ -70,6 +72,7 @@ def observe_study(
     Parameters
     ----------
     path : Path or str
+        Of the file.
     workers : int or None
         Processes to spawn; 0 observes in this one. None: one per processor, and none for a few
         trials. Whatever the number, the result is the same.
@@ -112,7 +115,9 @@ def read_study(
     Parameters
     ----------
     path : Path or str
+        Of the file.
     reader : Reader
+        What is read from a trial.
     workers, cache, cluster, tell
         As for `observe_study`.
     """
@@ -199,6 +204,7 @@ def read_task(task: Task) -> Reading:
     Parameters
     ----------
     task : Task
+        The trial and its file.
     """
     with _HELD.lock:
         return _read(_HELD.opened(task.path), task)
@@ -256,7 +262,9 @@ def unusable(trial: TrialInfo, reason: str) -> TrialObservations:
     Parameters
     ----------
     trial : TrialInfo
+        What was asked of the trial.
     reason : str
+        One sentence, for people.
     """
     return TrialObservations(trial, "", False, (reason,), (), np.nan, np.nan, NO_ROWS)
 

@@ -19,6 +19,7 @@ class Reading:
     Attributes
     ----------
     observed : TrialObservations
+        Responses, and whether the trial may be used.
     more : mapping of str to ndarray
         What the reader adds to the observations, as structured arrays by name; empty where a
         trial could not be read.

@@ -80,7 +80,9 @@ def bode(
     Parameters
     ----------
     points : Points
+        Responses with intervals.
     condition : ConditionResult
+        The one that is drawn.
     participant : ParticipantResult
         Its delays belong to the fits.
     mobility_highest_hz : float

@@ -24,9 +24,13 @@ def notes_on(
     Parameters
     ----------
     study : StudySummary
+        Path, hash and counts.
     conditions : sequence of ConditionResult
+        One entry each.
     participants : sequence of ParticipantResult
+        One entry each.
     centre : Centre
+        Speed and force at which effects are evaluated.
     """
     return tuple(
         [

@@ -26,6 +26,7 @@ def write(
     Parameters
     ----------
     found : Identification
+        The document of an identification.
     observations : sequence of TrialObservations
         From which it was identified.
     folder : Path
@@ -55,6 +56,7 @@ def named_models(found: Identification) -> list[tuple[str, Model]]:
     Parameters
     ----------
     found : Identification
+        The document of an identification.
     """
     out: list[tuple[str, Model]] = []
     if why_no_population(found) is None:

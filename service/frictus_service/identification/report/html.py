@@ -22,6 +22,7 @@ def fill(
     Parameters
     ----------
     template : Traversable
+        A Jinja file of the package.
     filters : mapping of str to callable
         Further filters of this template.
     values

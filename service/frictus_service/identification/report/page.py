@@ -31,6 +31,7 @@ def render(found: Identification, observations: Sequence[TrialObservations]) -> 
     Parameters
     ----------
     found : Identification
+        The document of an identification.
     observations : sequence of TrialObservations
         From which it was identified.
     """

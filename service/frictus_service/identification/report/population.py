@@ -33,6 +33,7 @@ def population_of(participants: Sequence[ParticipantResult]) -> Population | Non
     Parameters
     ----------
     participants : sequence of ParticipantResult
+        One entry each.
     """
     if len(participants) < 2:
         return None

@@ -41,6 +41,7 @@ def estimates_of(fit: JointFit, people: NDArray[np.int64]) -> list[list[Estimate
     Parameters
     ----------
     fit : JointFit
+        Parameters of all conditions and their covariance.
     people : ndarray of int, shape (n_conditions,)
     """
     by_delay = np.square(fit.delay_gradient) * fit.delay_variance[people][:, np.newaxis]
@@ -68,12 +69,15 @@ def conditions_of(
     Parameters
     ----------
     table : ObservationTable
+        Rows of all usable trials.
     measured : Measured
+        Fits of all conditions.
     fits : dict
         By 'friction' and 'mobility'.
     outliers : dict
         By parameter; shape (n_conditions,).
     settings : Settings
+        Of the identification.
     """
     trials = [
         np.unique(table.trial[table.condition == c]).size for c in range(measured.person.size)
@@ -143,10 +147,13 @@ def sweeps_of(
     Parameters
     ----------
     table : ObservationTable
+        Rows of all usable trials.
     measured : Measured
+        Fits of all conditions.
     friction : Fitted
         Its delays and its scatter are taken as known.
     settings : Settings
+        Of the identification.
     """
     place = np.full(measured.person.size, -1)
     place[friction.selection.groups] = np.arange(friction.selection.groups.size)
@@ -190,7 +197,9 @@ def participants_of(
     Parameters
     ----------
     table : ObservationTable
+        Rows of all usable trials.
     measured : Measured
+        Fits of all conditions.
     fits : dict
         By 'friction' and 'mobility'.
     outliers : dict

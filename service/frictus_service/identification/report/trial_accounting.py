@@ -28,6 +28,7 @@ def account_for(
     Parameters
     ----------
     observations : sequence of TrialObservations
+        Of all trials.
     table : ObservationTable
         What is used.
     path, sha256 : str

@@ -1,0 +1,41 @@
+"""What `bench/structure.py` counts, where none is allowed."""
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def structure() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("structure", ROOT / "bench" / "structure.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # its dataclass looks there
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_parameter_and_attribute_is_described(structure: ModuleType) -> None:
+    files = [path for source in structure.SOURCES for path in (ROOT / source).rglob("*.py")]
+    bare = {str(path): count for path in files if (count := structure.count_file(path).bare)}
+    assert not bare
+
+
+def test_a_bare_entry_is_seen(structure: ModuleType) -> None:
+    docstring = """Do it.
+
+Parameters
+----------
+bare : float
+said : float
+    Of the finger.
+shaped : ndarray, shape (n,)
+last : int
+"""
+    assert list(structure.bare_entries(docstring)) == ["bare", "last"]
