@@ -16,16 +16,16 @@ from frictus.textures import Region, Scene, Texture
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
 from frictus_hardware.simulated.config import SimulatedConfig
-from frictus_hardware.simulated.press import Press
+from frictus_hardware.simulated.normal_force import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.fidelity.extension import Effects, Stroke, gain_of
 from frictus_service.fidelity.path import BLOCK_SAMPLES, walk
 from frictus_service.library import SHIPPED
-from frictus_service.synthesis.estimator import Course
-from frictus_service.synthesis.kernel import Motion
+from frictus_service.synthesis.compensability import inverse_of
+from frictus_service.synthesis.estimator import PredictedMotion
+from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.renderer import Renderer
 from frictus_service.synthesis.scene import compile_scene
-from frictus_service.synthesis.undoing import inverse_of
 
 LAW: Final = FrictionLaw()
 SCREEN: Final = Screen()
@@ -115,12 +115,12 @@ def cost(texture: Texture) -> str:
     for law in (LAW, inverse_of(LAW, everything[:8]), inverse_of(LAW, everything)):
         scene = compile_scene(Scene(regions=[Region(texture=texture)]), law, SCREEN, RATE_HZ)
         renderers.append(Renderer(law, SCREEN, RATE_HZ, BLOCK_SAMPLES, scene))
-    motion = Motion(20.0, 17.0, 60.0, 0.0, 61.0, 0.0, 60.0, 61.0)
+    motion = BlockMotion(20.0, 17.0, 60.0, 0.0, 61.0, 0.0, 60.0, 61.0)
     took: list[list[float]] = [[], [], []]
     for block in range(2_000):
         for renderer, times in zip(renderers, took, strict=True):
             began = time.perf_counter()
-            renderer.render(block * BLOCK_SAMPLES, Course(motion), allow=True)
+            renderer.render(block * BLOCK_SAMPLES, PredictedMotion(motion), allow=True)
             times.append(time.perf_counter() - began)
     plain, varying, every = (statistics.median(times[200:]) for times in took)
     busy = 100.0 * every * RATE_HZ / BLOCK_SAMPLES
@@ -137,7 +137,7 @@ INTRODUCTION = """# What it gains to undo effects
 Made by `uv run python bench/effects.py --out docs/effects.md`; seeds are fresh each time.
 
 A model's `effects` extend its law; the twin simulates with them, and the rig undoes them
-(`frictus_service/synthesis/undoing.py`; no effect is known there by its name). Here a finger
+(`synthesis/compensability.py`; no effect is known there by its name). Here a finger
 has one effect at twice the size that discovery calls realistic. *Before*, the base model is
 undone; *after*, the extended one. Texture *flat*, equal lines from 30 to 1000 Hz; steady
 strokes at 20, 60 and 100 mm/s with 0.3, 0.5 and 0.4 N, in minutes 2, 10 and 18 of the session.

@@ -20,10 +20,10 @@ from frictus.textures import Texture
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.mount import Mount
 from frictus_hardware.physics.screen import Screen
-from frictus_hardware.physics.stages import Noise, Quantisation, standard_twin
+from frictus_hardware.physics.stages import Quantisation, SensorNoise, standard_twin
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.human import HumanStrokes
-from frictus_hardware.simulated.press import Press
+from frictus_hardware.simulated.normal_force import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_hardware.simulated.touch import TouchConfig
 from frictus_service.fidelity.bands import JND_DB, windows
@@ -64,7 +64,7 @@ def judge(
     noise: bool = True,
 ) -> dict[str, Error]:
     """Render a texture along a path in several ways; `law` is what the service believes."""
-    sensors = (Noise(0.002, 0.05, 1), Quantisation()) if noise else ()
+    sensors = (SensorNoise(0.002, 0.05, 1), Quantisation()) if noise else ()
     twin = standard_twin(screen=SCREEN, law=true_law or law, sensors=sensors)
     scene = full_gain(texture, law, SCREEN, RATE_HZ)
     target = target_along(texture, scene, path)

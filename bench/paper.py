@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from frictus_hardware.simulated.participants import WithinPersonScatter
 from frictus_service.reproduction import paper
 from frictus_service.reproduction.coverage import (
     PEOPLE,
@@ -21,7 +22,7 @@ from frictus_service.reproduction.coverage import (
     summary,
     tally,
 )
-from frictus_service.reproduction.plan import StudyConditions, WithinPersonScatter
+from frictus_service.reproduction.plan import StudyConditions
 from frictus_service.reproduction.population import NULL_FORCE_SD, NULL_SPEED_SD, SLOPE_SD
 from frictus_service.reproduction.reproduce import (
     BAD_SHARE,

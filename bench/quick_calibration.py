@@ -20,7 +20,13 @@ from frictus.messages import Excitation
 from frictus.model import Validity
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.screen import Screen, screen_voltage
-from frictus_hardware.physics.stages import Noise, Quantisation, Response, standard_twin
+from frictus_hardware.physics.stages import (
+    FORCE_NOISE_N,
+    FrictionResponse,
+    Quantisation,
+    SensorNoise,
+    standard_twin,
+)
 from frictus_hardware.physics.twin import Signals, simulate
 from frictus_service.calibration import coordinates, design
 from frictus_service.calibration.plan import Ask
@@ -43,7 +49,6 @@ from frictus_service.reproduction.population import (
 from frictus_service.reproduction.simulate import (
     ACCEL_NOISE_M_S2,
     BLOCK_SAMPLES,
-    FORCE_NOISE_N,
     LEAD_S,
     POSITION_HZ,
     POSITION_STEP_MM,
@@ -248,13 +253,13 @@ def record(plan: TrialPlan, excitation: Excitation) -> Trial:
         motion.in_contact,
     )
     seeds = [int(seed) for seed in rng.integers(2**63, size=2)]
-    sensors = (Noise(FORCE_NOISE_N, ACCEL_NOISE_M_S2, seeds[0]), Quantisation())
+    sensors = (SensorNoise(FORCE_NOISE_N, ACCEL_NOISE_M_S2, seeds[0]), Quantisation())
     twin = standard_twin(
         law=plan.law,
         mobility=plan.mobility,
         friction_coefficient=plan.friction_coefficient,
         sensors=sensors,
-    ).with_stage(Rubbing(plan.friction_coefficient, seeds[1]), after=Response)
+    ).with_stage(Rubbing(plan.friction_coefficient, seeds[1]), after=FrictionResponse)
     felt = simulate(twin, signals, BLOCK_SAMPLES).rows(slice(lead, None))
     seen = report(motion, time_s, POSITION_HZ, POSITION_STEP_MM, rng)
     return Trial(

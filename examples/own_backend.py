@@ -8,11 +8,11 @@ a configuration with a `kind` of its own and add both to `frictus_hardware/__ini
 
 import numpy as np
 
-from frictus_hardware.accepted import ramp_samples, require_drive
+from frictus_hardware.arguments import ramp_samples, require_drive
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Backend, Exchange, RigInfo, TouchReport
+from frictus_hardware.context import Opened
 from frictus_hardware.errors import ClosedError
-from frictus_hardware.opened import Opened
 from frictus_hardware.output import RETURN_S, OutputQueue
 
 RATE_HZ, LEAD, PEAK_V = 20_000.0, 400, 75.0

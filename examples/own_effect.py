@@ -14,7 +14,7 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effect import EffectDefinition, Parameter
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.prediction import Probe, predict
-from frictus_hardware.physics.schedule import Circumstances
+from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.simulator import Simulator
 
 
@@ -25,7 +25,7 @@ class WarmUp:
     rise: float
     tau_minutes: float
 
-    def at(self, circumstances: Circumstances) -> FloatArray:
+    def at(self, circumstances: SlidingConditions) -> FloatArray:
         """Return it in given circumstances."""
         return 1.0 + self.rise * (1.0 - np.exp(-circumstances.minutes / self.tau_minutes))
 
@@ -57,7 +57,7 @@ probe = Probe(
     message=0.5 * ones.astype(np.complex128),
     message_mean=0.5 * ones,
     message_power=0.125 * ones,
-    circumstances=Circumstances(60.0 * ones, 0.4 * ones, 35.0 * ones, ones, minutes),
+    circumstances=SlidingConditions(60.0 * ones, 0.4 * ones, 35.0 * ones, ones, minutes),
 )
 base = Simulator(law=FrictionLaw())
 warm = EFFECT.extend(base, {"rise": 0.3, "tau_minutes": 5.0})

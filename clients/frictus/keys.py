@@ -100,12 +100,15 @@ class Topics:
 
 
 TOPICS: Final = tuple(topic for topic in vars(Topics).values() if isinstance(topic, Topic))
+FORCE, ACCEL, VOLTAGE, TRUTH, AUX = range(1, 6)
+"""Stream ids, as they stand in a block's header."""
+
 STREAMS: Final = {
-    1: Topics.FORCE,
-    2: Topics.ACCEL,
-    3: Topics.VOLTAGE,
-    4: Topics.TRUTH,
-    5: Topics.AUX,
+    FORCE: Topics.FORCE,
+    ACCEL: Topics.ACCEL,
+    VOLTAGE: Topics.VOLTAGE,
+    TRUTH: Topics.TRUTH,
+    AUX: Topics.AUX,
 }
 """Stream id in a block's header, to its topic; a rig publishes those that it has."""
 

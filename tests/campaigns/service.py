@@ -30,7 +30,7 @@ from frictus_service.config import (
     RouterConfig,
     SecurityConfig,
 )
-from frictus_service.daemon.part import PartName
+from frictus_service.daemon.child_process import PartName
 from frictus_service.daemon.supervisor import ALL, Supervisor
 from frictus_service.ports import free_endpoint, free_port
 from frictus_service.security.authority import issue, make_authority

@@ -23,7 +23,7 @@ from frictus_service.config import (
     RouterConfig,
     Token,
 )
-from frictus_service.daemon.part import PartName
+from frictus_service.daemon.child_process import PartName
 from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.ports import free_endpoint, free_port
 

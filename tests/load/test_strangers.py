@@ -14,9 +14,9 @@ from frictus.keys import RigKeys, Topics
 from frictus.messages import Reply, RigStatus
 from frictus.session import open_session
 from frictus_hardware import SimulatedConfig
+from frictus_service.command_validation import MAX_VALUES
 from frictus_service.config import Config, RouterConfig
 from frictus_service.daemon.commands import UNNAMED_BYTES
-from frictus_service.daemon.gate import MAX_VALUES
 from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.ports import free_endpoint
 

@@ -13,7 +13,7 @@ COMPILER = {"numba", "scipy"}
     [
         "frictus_service.config",
         "frictus_service.daemon.supervisor",
-        "frictus_service.daemon.part",
+        "frictus_service.daemon.child_process",
         "frictus_service.recording.recorder",
         "frictus_service.api.server",
     ],

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from frictus_hardware.accepted import MAX_BLOCK_S, ramp_samples, require_drive
+from frictus_hardware.arguments import MAX_BLOCK_S, ramp_samples, require_drive
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Exchange, RigInfo, TouchReport
+from frictus_hardware.context import Opened
 from frictus_hardware.errors import (
     ClosedError,
     ConfigError,
@@ -29,11 +30,10 @@ from frictus_hardware.nidaq.conversion import Conversion
 from frictus_hardware.nidaq.devices import INSTALL
 from frictus_hardware.nidaq.pointer import PointerSource
 from frictus_hardware.nidaq.touch import TouchSource
-from frictus_hardware.opened import Opened
 from frictus_hardware.output import RETURN_S, OutputQueue
 
 if TYPE_CHECKING:
-    from frictus_hardware.nidaq.session import Session
+    from frictus_hardware.nidaq.session import DeviceSession
 
 
 @dataclass(slots=True)
@@ -72,7 +72,7 @@ class NiRig(Opened):
         self._convert = conversion
         self._touch = touch
         self._max_block = round(MAX_BLOCK_S * config.sample_rate_hz)
-        self._session: Session | None = None
+        self._session: DeviceSession | None = None
         self._fault: HardwareError | None = None
         self._begin()
 
@@ -139,7 +139,7 @@ class NiRig(Opened):
             self._touch.stop()
             raise
 
-    def _started(self) -> "Session":
+    def _started(self) -> "DeviceSession":
         """Return a session whose clock runs, with the lead prefilled with zeros."""
         session = _new_session(self.config)
         self._begin()
@@ -154,7 +154,7 @@ class NiRig(Opened):
             raise
         return session
 
-    def _prime(self, session: "Session") -> None:
+    def _prime(self, session: "DeviceSession") -> None:
         wanted = self._convert.delay_samples
         try:
             input_v = session.read(wanted).T
@@ -269,14 +269,14 @@ class NiRig(Opened):
             self._touch.stop()
             session.close()
 
-    def _ready(self) -> "Session":
+    def _ready(self) -> "DeviceSession":
         if self._session is None:
             raise ClosedError("the rig is not open: call open(), or use it in a with statement")
         if self._fault is not None:
             raise type(self._fault)(str(self._fault))
         return self._session
 
-    def _take(self, session: "Session", drive_v: FloatArray) -> _Turn:
+    def _take(self, session: "DeviceSession", drive_v: FloatArray) -> _Turn:
         """Queue a drive; or return the exchange under way, if this is the drive it took."""
         under_way = self._turn
         if under_way is not None:
@@ -303,7 +303,7 @@ class NiRig(Opened):
         )
         return self._turn
 
-    def _follow(self, session: "Session", turn: _Turn) -> None:
+    def _follow(self, session: "DeviceSession", turn: _Turn) -> None:
         """Move blocks until an exchange has been sensed to its end."""
         n_samples = turn.drive_v.size
         while turn.sensed_samples < n_samples:
@@ -312,7 +312,7 @@ class NiRig(Opened):
             turn.input_v[done : done + len(input_v)] = input_v
             turn.sensed_samples += len(input_v)
 
-    def _move(self, session: "Session", n_samples: int) -> FloatArray:
+    def _move(self, session: "DeviceSession", n_samples: int) -> FloatArray:
         """Feed the output for one block at most, and return the inputs of the same time.
 
         Raises
@@ -360,14 +360,14 @@ class NiRig(Opened):
             aux=sensed.aux,
         )
 
-    def _fail(self, session: "Session", error: HardwareError) -> HardwareError:
+    def _fail(self, session: "DeviceSession", error: HardwareError) -> HardwareError:
         """Put the output to 0 V, and return the fault that lasts from now on."""
         self._armed = False
         self._turn = None
         self._fault = _with_outcome(error, session.make_safe())
         return self._fault
 
-    def _play_out(self, session: "Session") -> None:
+    def _play_out(self, session: "DeviceSession") -> None:
         """Play what the device has, then zeros; stop once zeros are out, and make sure."""
         self._queue.ramp(self._written, 0)
         until = self._written + 1
@@ -398,14 +398,14 @@ def reset(config: NiConfig) -> None:
         session.close()
 
 
-def _new_session(config: NiConfig) -> "Session":
+def _new_session(config: NiConfig) -> "DeviceSession":
     try:
-        from frictus_hardware.nidaq.session import Session
+        from frictus_hardware.nidaq.session import DeviceSession
     except ModuleNotFoundError as error:
         raise DriverMissingError(
             f"{error}: the NI backend needs it; install it with {INSTALL}"
         ) from error
-    return Session(config)
+    return DeviceSession(config)
 
 
 def _with_outcome(error: HardwareError, failure: HardwareError | None) -> HardwareError:

@@ -37,7 +37,7 @@ class Inputs:
 
 
 @dataclass(frozen=True, slots=True)
-class Interlock:
+class InterlockLine:
     """A digital line to the amplifier's interlock: high is allowed, low is off.
 
     Attributes
@@ -122,7 +122,7 @@ class NiConfig:
         host:port of NI's gRPC device server; None for the driver of this machine.
     tls : ServerTls or None
         None: the link to the server is not encrypted.
-    interlock : Interlock or None
+    interlock : InterlockLine or None
         None: no line is driven.
     deadline_s : float
         How long the server may take to answer, beyond what a call waits for samples.
@@ -149,7 +149,7 @@ class NiConfig:
     reserve_ms: float = 10.0
     address: str | None = None
     tls: ServerTls | None = None
-    interlock: Interlock | None = None
+    interlock: InterlockLine | None = None
     deadline_s: float = 1.0
 
     def __post_init__(self) -> None:
@@ -221,7 +221,7 @@ class NiConfig:
         """The part of the lead that is in the device and can no longer be changed."""
         return self.lead_samples - round(self.reserve_ms * 1e-3 * self.sample_rate_hz)
 
-    def _require_fed(self, interlock: Interlock) -> None:
+    def _require_fed(self, interlock: InterlockLine) -> None:
         _require_match("interlock.line", interlock.line, _LINE, "port0/line0")
         _require_between("interlock.timeout_ms", interlock.timeout_ms, 10.0, 10_000.0)
         # A call waits for its samples as long as there are any to play.

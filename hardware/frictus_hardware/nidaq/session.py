@@ -32,7 +32,7 @@ _TERMINALS: dict[Terminals, TerminalConfiguration] = {
 }
 
 
-class Session:
+class DeviceSession:
     """The tasks of one opening of a device; for one thread.
 
     Parameters

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from frictus_hardware.nidaq.config import (
     AuxInput,
     Inputs,
-    Interlock,
+    InterlockLine,
     NiConfig,
     ServerTls,
     Terminals,
@@ -263,7 +263,7 @@ class NiRigConfig(StrictModel):
             reserve_ms=self.reserve_ms,
             address=self.address,
             tls=None if tls is None else ServerTls(tls.authority, tls.certificate),
-            interlock=None if line is None else Interlock(line.line, line.timeout_ms),
+            interlock=None if line is None else InterlockLine(line.line, line.timeout_ms),
             deadline_s=self.deadline_s,
         )
 

@@ -7,7 +7,7 @@ from typing import Final, Literal
 
 from frictus_hardware.base import TouchReport
 from frictus_hardware.sensors.alignment import Alignment, aligned
-from frictus_hardware.sensors.neonode import Report
+from frictus_hardware.sensors.neonode import NeonodeReport
 from frictus_hardware.sensors.touch_link import TouchLink
 
 POLL_S: Final = 0.05
@@ -51,10 +51,10 @@ class TouchSensorSource:
         self._begin()
 
     def _begin(self) -> None:
-        self._waiting: deque[Report] = deque(maxlen=MOST_WAITING)
+        self._waiting: deque[NeonodeReport] = deque(maxlen=MOST_WAITING)
         self._alignment: Alignment | None = None
         self._counter: Alignment | None = None
-        self._last: Report | None = None
+        self._last: NeonodeReport | None = None
         self._told_s = 0.0
 
     def start(self) -> None:
@@ -107,7 +107,7 @@ class TouchSensorSource:
             self._thread.join()
             self._thread = None
 
-    def _came_s(self, report: Report) -> float:
+    def _came_s(self, report: NeonodeReport) -> float:
         """Return when a report would have come, had nothing held it up, by the host's clock.
 
         By the sensor's counter, where it sends that: the port and the host hold single reports
@@ -120,7 +120,7 @@ class TouchSensorSource:
         self._counter = aligned(self._counter, report.sensor_s, report.arrival_s, 1.0)
         return report.sensor_s - self._counter.offset
 
-    def _as_sample(self, report: Report, arrival_s: float) -> TouchReport:
+    def _as_sample(self, report: NeonodeReport, arrival_s: float) -> TouchReport:
         assert self._alignment is not None
         measured = self._alignment.sample_at(arrival_s - self.latency_s)
         return TouchReport(measured, report.x_mm, report.y_mm, report.in_contact)
@@ -130,7 +130,7 @@ class TouchSensorSource:
             while not self._stopping.is_set():
                 # That a finger was lost needs no telling: its reports end, and grow stale.
                 told = link.poll(POLL_S)
-                self._waiting.extend(one for one in told if isinstance(one, Report))
+                self._waiting.extend(one for one in told if isinstance(one, NeonodeReport))
         except Exception as error:
             self._failure = f"reading the touch sensor ended: {type(error).__name__}: {error}"
         finally:

@@ -11,7 +11,7 @@ from nidaqmx.constants import Level
 from nidaqmx.stream_writers import DigitalSingleChannelWriter
 from nidaqmx.system.watchdog import DOExpirationState, WatchdogTask
 
-from frictus_hardware.nidaq.config import Interlock
+from frictus_hardware.nidaq.config import InterlockLine
 
 
 class Watchdog:
@@ -21,14 +21,14 @@ class Watchdog:
     ----------
     device : str
         Its name in the driver.
-    interlock : Interlock
+    interlock : InterlockLine
         Digital line and its polarity.
     options : nidaqmx.GrpcSessionOptions or None
         Of a device behind NI's server; None: local.
     """
 
     def __init__(
-        self, device: str, interlock: Interlock, options: nidaqmx.GrpcSessionOptions | None
+        self, device: str, interlock: InterlockLine, options: nidaqmx.GrpcSessionOptions | None
     ) -> None:
         line = f"{device}/{interlock.line}"
         self._tasks: list[Any] = []

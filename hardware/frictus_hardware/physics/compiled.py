@@ -20,19 +20,19 @@ from frictus_hardware.physics.stages import (
     Contact,
     Decimate,
     Drive,
-    Hold,
-    Noise,
+    FrictionResponse,
+    MountResponse,
     Quantisation,
-    Response,
+    SensorNoise,
     Skin,
-    Underneath,
+    ZeroOrderHold,
 )
 from frictus_hardware.physics.twin import Signals, Stage, Twin
 
 Generators: TypeAlias = tuple[np.random.Generator, np.random.Generator]
 
 N_STANDARD: Final = 7
-"""From `Hold` to `Decimate`."""
+"""From `ZeroOrderHold` to `Decimate`."""
 SPENT_N: Final = 1e-200
 """Friction below this is set to zero once nothing is driven: without end it would decay into
 numbers that processors handle slowly."""
@@ -50,7 +50,7 @@ def compiled(twin: Twin) -> Twin:
     if fused is None:
         return twin
     match twin.stages[N_STANDARD:]:
-        case (Noise() as noise, Quantisation() as steps):
+        case (SensorNoise() as noise, Quantisation() as steps):
             return Twin((fused, Converter(noise, steps)))
         case others:
             return Twin((fused, *others))
@@ -69,13 +69,13 @@ class _PassState:
 
 @dataclass(frozen=True, slots=True)
 class OnePass:
-    """The standard stages, from `Hold` to `Decimate`, as one. Made by `compiled`."""
+    """The standard stages, from `ZeroOrderHold` to `Decimate`, as one. Made by `compiled`."""
 
-    hold: Hold
+    hold: ZeroOrderHold
     drive: Drive
-    response: Response
+    response: FrictionResponse
     contact: Contact
-    mount: Underneath
+    mount: MountResponse
     mobility: Mobility
     _filters: dict[float, FloatArray] = field(
         default_factory=dict, init=False, repr=False, compare=False
@@ -86,14 +86,14 @@ class OnePass:
         """Return the pass that does what these stages do; None where they do more."""
         match stages:
             case (
-                Hold() as hold,
+                ZeroOrderHold() as hold,
                 Drive() as drive,
-                Response() as response,
+                FrictionResponse() as response,
                 Contact() as contact,
-                Underneath() as mount,
+                MountResponse() as mount,
                 Skin() as skin,
                 Decimate() as decimate,
-            ) if hold.steps == decimate.steps and response == Response(
+            ) if hold.steps == decimate.steps and response == FrictionResponse(
                 response.law, minutes=response.minutes
             ):
                 return cls(hold, drive, response, contact, mount, skin.mobility)
@@ -171,7 +171,7 @@ class OnePass:
 class Converter:
     """The sensors' noise and the converter's steps, as one. Made by `compiled`."""
 
-    noise: Noise
+    noise: SensorNoise
     steps: Quantisation
 
     def initial(self) -> Generators:

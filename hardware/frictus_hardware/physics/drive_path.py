@@ -11,7 +11,7 @@ from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.twin import Signals
 
 
-class Harmonics(NamedTuple):
+class MapHarmonics(NamedTuple):
     """What a static map makes of a tone; arrays of shape (n_rows,).
 
     Attributes
@@ -54,7 +54,7 @@ class DriveMap:
 
     def harmonics(
         self, message_mean: FloatArray, amplitude: FloatArray, power: FloatArray
-    ) -> Harmonics:
+    ) -> MapHarmonics:
         """Return what becomes of tones around a mean, whose sums and differences are apart.
 
         Parameters
@@ -68,7 +68,7 @@ class DriveMap:
         slope = self.linear + message_mean * (
             2.0 * self.quadratic + 3.0 * self.cubic * message_mean
         )
-        return Harmonics(
+        return MapHarmonics(
             gain=slope + self.cubic * (3.0 * power - 0.75 * square),
             second=(self.quadratic + 3.0 * self.cubic * message_mean) * square / 2.0,
             third=self.cubic * square * amplitude / 4.0,

@@ -7,7 +7,7 @@ import numpy as np
 from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_hardware.physics.drive_path import DriveMap
 from frictus_hardware.physics.linear import TransferFunction
-from frictus_hardware.physics.schedule import Circumstances
+from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.simulator import Simulator
 
 
@@ -25,7 +25,7 @@ class Probe:
         Of the drive fraction.
     message_power : ndarray
         Sum over all tones of ``|amplitude|^2 / 2``.
-    circumstances : Circumstances
+    circumstances : SlidingConditions
         Speed, force, position, direction and time.
     """
 
@@ -33,7 +33,7 @@ class Probe:
     message: ComplexArray
     message_mean: FloatArray
     message_power: FloatArray
-    circumstances: Circumstances
+    circumstances: SlidingConditions
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +139,7 @@ def _misjudged(
 def _mobility(
     simulator: Simulator,
     tone_hz: FloatArray,
-    around: Circumstances,
+    around: SlidingConditions,
     nominal_mount: TransferFunction | None,
 ) -> ComplexArray:
     within = around.within(simulator.law)

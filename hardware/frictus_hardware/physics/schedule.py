@@ -24,7 +24,7 @@ LEAST_CUTOFF_HZ: Final = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Circumstances:
+class SlidingConditions:
     """Where, how and when a finger slides; arrays of one shape, or that broadcast.
 
     Attributes
@@ -47,7 +47,7 @@ class Circumstances:
     direction: FloatArray
     minutes: FloatArray
 
-    def within(self, law: FrictionLaw) -> "Circumstances":
+    def within(self, law: FrictionLaw) -> "SlidingConditions":
         """Return the same with speed and force where effects follow them.
 
         Parameters
@@ -66,7 +66,7 @@ class Circumstances:
 class Term(Protocol):
     """A number that varies with the circumstances."""
 
-    def at(self, circumstances: Circumstances) -> FloatArray:
+    def at(self, circumstances: SlidingConditions) -> FloatArray:
         """Return it."""
         ...
 
@@ -79,7 +79,7 @@ class Power:
     reference: float
     exponent: float
 
-    def at(self, circumstances: Circumstances) -> FloatArray:
+    def at(self, circumstances: SlidingConditions) -> FloatArray:
         """Return it in given circumstances."""
         x: FloatArray = getattr(circumstances, self.quantity) / self.reference
         return x**self.exponent
@@ -93,7 +93,7 @@ class Exponential:
     reference: float
     rate: float
 
-    def at(self, circumstances: Circumstances) -> FloatArray:
+    def at(self, circumstances: SlidingConditions) -> FloatArray:
         """Return it in given circumstances."""
         x: FloatArray = getattr(circumstances, self.quantity) - self.reference
         return np.exp(self.rate * x)
@@ -108,7 +108,7 @@ class Linear:
     slope: float
     at_reference: float = 0.0
 
-    def at(self, circumstances: Circumstances) -> FloatArray:
+    def at(self, circumstances: SlidingConditions) -> FloatArray:
         """Return it in given circumstances."""
         x: FloatArray = getattr(circumstances, self.quantity) - self.reference
         return self.at_reference + self.slope * x
@@ -128,26 +128,26 @@ class Schedule:
     cutoff_terms_hz: tuple[Term, ...] = ()
     cutoff_factors: tuple[Term, ...] = ()
 
-    def gain_n(self, law: FrictionLaw, circumstances: Circumstances) -> FloatArray:
+    def gain_n(self, law: FrictionLaw, circumstances: SlidingConditions) -> FloatArray:
         """Return the friction per unit of drive fraction, N.
 
         Parameters
         ----------
         law : FrictionLaw
             Gain, cutoff and its slope with speed.
-        circumstances : Circumstances
+        circumstances : SlidingConditions
             Speed, force, position, direction and time.
         """
         return law.gain_n * product(self.gain_factors, circumstances.within(law))
 
-    def cutoff_hz(self, law: FrictionLaw, circumstances: Circumstances) -> FloatArray:
+    def cutoff_hz(self, law: FrictionLaw, circumstances: SlidingConditions) -> FloatArray:
         """Return the cutoff, 1 Hz at least.
 
         Parameters
         ----------
         law : FrictionLaw
             Gain, cutoff and its slope with speed.
-        circumstances : Circumstances
+        circumstances : SlidingConditions
             Speed, force, position, direction and time.
         """
         own = cutoff_hz(law, circumstances.speed_mm_s)
@@ -159,15 +159,15 @@ class Schedule:
         return np.maximum(own * product(self.cutoff_factors, within), LEAST_CUTOFF_HZ)
 
 
-def product(factors: Sequence[Term], circumstances: Circumstances) -> FloatArray:
+def product(factors: Sequence[Term], circumstances: SlidingConditions) -> FloatArray:
     """Return the product of terms, 1 if there are none.
 
     Parameters
     ----------
     factors : sequence of Term
         Each a function of the circumstances.
-    circumstances : Circumstances
-        `Circumstances.within` a law.
+    circumstances : SlidingConditions
+        `SlidingConditions.within` a law.
     """
     total: FloatArray = np.ones(())
     for factor in factors:

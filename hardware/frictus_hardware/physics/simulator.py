@@ -16,15 +16,15 @@ from frictus_hardware.physics.mobility import Mobility
 from frictus_hardware.physics.mount import Mount
 from frictus_hardware.physics.schedule import Schedule
 from frictus_hardware.physics.screen import Screen
-from frictus_hardware.physics.skin import LateSkin, LawfulSkin, SkinLaw
+from frictus_hardware.physics.skin import DelayedSkin, NonlinearSkin, SkinLaw
 from frictus_hardware.physics.stages import (
     Contact,
     Decimate,
     Drive,
-    Hold,
-    Response,
+    FrictionResponse,
+    MountResponse,
     Skin,
-    Underneath,
+    ZeroOrderHold,
 )
 from frictus_hardware.physics.twin import Stage, Twin
 
@@ -108,13 +108,13 @@ class Simulator:
         starts = np.random.default_rng(seed).random(len(self.hum) + len(self.stick_slip))
         hum_starts, slip_starts = np.split(starts, [len(self.hum)])
         stages: list[Stage] = [
-            Hold(),
+            ZeroOrderHold(),
             Drive(screen),
             *self._drive_path(screen, first_sample),
-            Response(self.law, self.schedule, self.excess_order, self.delay_s, minutes),
+            FrictionResponse(self.law, self.schedule, self.excess_order, self.delay_s, minutes),
             *map(AddStickSlip, self.stick_slip, slip_starts.tolist()),
             Contact(friction_coefficient),
-            Underneath(self.mount, self.normal_mount),
+            MountResponse(self.mount, self.normal_mount),
             *self._skin(minutes),
             Decimate(),
             *map(AddHum, self.hum, (2.0 * np.pi * hum_starts).tolist()),
@@ -133,5 +133,5 @@ class Simulator:
     def _skin(self, minutes: float) -> list[Stage]:
         swings: list[Stage] = [Skin(self.mobility)]
         if self.skin != SkinLaw():
-            swings = [LawfulSkin(self.mobility, self.skin, self.law, minutes)]
-        return [*swings, LateSkin(self.skin_delay_s)] if self.skin_delay_s else swings
+            swings = [NonlinearSkin(self.mobility, self.skin, self.law, minutes)]
+        return [*swings, DelayedSkin(self.skin_delay_s)] if self.skin_delay_s else swings

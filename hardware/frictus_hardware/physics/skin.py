@@ -13,8 +13,8 @@ from frictus_hardware.physics import linear
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.mobility import Mobility
-from frictus_hardware.physics.schedule import Circumstances, Term, product
-from frictus_hardware.physics.stages import circumstances_of
+from frictus_hardware.physics.schedule import SlidingConditions, Term, product
+from frictus_hardware.physics.stages import sliding_conditions_of
 from frictus_hardware.physics.twin import Signals
 
 REFERENCE_HZ: Final = 200.0
@@ -70,7 +70,7 @@ class SkinLaw:
     further_modes: tuple[SecondMode, ...] = ()
 
     def frequency_response(
-        self, mobility: Mobility, frequency_hz: FloatArray, within: Circumstances
+        self, mobility: Mobility, frequency_hz: FloatArray, within: SlidingConditions
     ) -> NDArray[np.complex128]:
         """Return the skin velocity per newton of friction, m/s/N.
 
@@ -79,7 +79,7 @@ class SkinLaw:
         mobility : Mobility
             The base.
         frequency_hz : ndarray, shape (n_rows,)
-        within : Circumstances
+        within : SlidingConditions
             Where the effects follow them.
         """
         s = 2j * np.pi * np.asarray(frequency_hz)
@@ -146,7 +146,7 @@ def damping_of(excess_order: float) -> Damping:
 
 
 @dataclass(frozen=True, slots=True)
-class LawfulSkin:
+class NonlinearSkin:
     """Force on the finger to the acceleration of a skin that follows a law.
 
     Attributes
@@ -189,7 +189,7 @@ class LawfulSkin:
     def _first_mode(
         self, signals: Signals, force: FloatArray, state: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        within = circumstances_of(signals, self.minutes).within(self.friction_law)
+        within = sliding_conditions_of(signals, self.minutes).within(self.friction_law)
         damping, size = damping_of(self.skin.damping_excess_order), self.mobility.damping_n_s_m
         mass = self.mobility.mass_kg * product(self.skin.mass_factors, within)
         stiffness = self.mobility.stiffness_n_m * product(self.skin.stiffness_factors, within)
@@ -211,7 +211,7 @@ class LawfulSkin:
 
 
 @dataclass(frozen=True, slots=True)
-class LateSkin:
+class DelayedSkin:
     """The skin's channel too late: a cubic through four steps.
 
     Attributes

@@ -1,7 +1,7 @@
 """The stages of the standard twin, from volts to sensors."""
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from frictus_hardware.physics import friction, linear
 from frictus_hardware.physics.mobility import Mobility
 from frictus_hardware.physics.mount import Mount
 from frictus_hardware.physics.rolloff import modes
-from frictus_hardware.physics.schedule import Circumstances, Schedule
+from frictus_hardware.physics.schedule import Schedule, SlidingConditions
 from frictus_hardware.physics.screen import Screen, drive_fraction_of
 from frictus_hardware.physics.twin import Signals, Stage, Twin
 
@@ -22,8 +22,12 @@ STEPS_PER_SAMPLE = 4
 steps: at most 0.1 % off at 1 kHz and 0.2 % at 2 kHz."""
 
 
+FORCE_NOISE_N: Final = 0.002
+"""Of the force sensor, rms per sample at 20 kHz."""
+
+
 @dataclass(frozen=True, slots=True)
-class Hold:
+class ZeroOrderHold:
     """From device samples to the twin's steps: the DAC holds its volts, the finger moves on.
 
     The steps of a block end at its last sample, so that nothing is needed from the next block.
@@ -80,7 +84,7 @@ ResponseState = tuple[FloatArray | None, FloatArray]
 
 
 @dataclass(frozen=True, slots=True)
-class Response:
+class FrictionResponse:
     """Drive fraction to electrostatic friction: Equations 4 and 9, and the fade at rest.
 
     Attributes
@@ -118,7 +122,7 @@ class Response:
         drive = signals.drive_fraction
         if waiting.size:
             drive, waiting = np.split(np.concatenate([waiting, drive]), [drive.size])
-        around = circumstances_of(signals, self.minutes)
+        around = sliding_conditions_of(signals, self.minutes)
         ended, memory = modes(self.excess_order).respond(
             self.schedule.gain_n(self.law, around) * drive,
             self.schedule.cutoff_hz(self.law, around),
@@ -161,7 +165,7 @@ class Contact:
 
 
 @dataclass(frozen=True, slots=True)
-class Underneath:
+class MountResponse:
     """Force on the finger to what the sensor under the screen feels, through the mount.
 
     Attributes
@@ -245,7 +249,7 @@ class Decimate:
 
 
 @dataclass(frozen=True, slots=True)
-class Noise:
+class SensorNoise:
     """White noise of the sensors.
 
     Attributes
@@ -323,16 +327,16 @@ def standard_twin(
     friction_coefficient : float
         Of skin on glass, friction over normal force without drive.
     sensors : tuple of Stage
-        `Noise`, `Quantisation` or others, at the device's rate. Without them the sensors are
-        perfect.
+        `SensorNoise`, `Quantisation` or others, at the device's rate. Without them the sensors
+        are perfect.
     """
     return Twin(
         (
-            Hold(),
+            ZeroOrderHold(),
             Drive(screen),
-            Response(law),
+            FrictionResponse(law),
             Contact(friction_coefficient),
-            Underneath(mount.lateral, mount.normal),
+            MountResponse(mount.lateral, mount.normal),
             Skin(mobility),
             Decimate(),
             *sensors,
@@ -340,7 +344,7 @@ def standard_twin(
     )
 
 
-def circumstances_of(signals: Signals, minutes: float) -> Circumstances:
+def sliding_conditions_of(signals: Signals, minutes: float) -> SlidingConditions:
     """Return the circumstances of a finger at each step.
 
     Parameters
@@ -350,7 +354,7 @@ def circumstances_of(signals: Signals, minutes: float) -> Circumstances:
     minutes : float
         Since the session began.
     """
-    return Circumstances(
+    return SlidingConditions(
         speed_mm_s=_speed(signals),
         normal_force_n=signals.normal_force_n,
         position_mm=signals.position_mm[:, 0],

@@ -5,9 +5,10 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus_hardware.accepted import MAX_BLOCK_S, ramp_samples, require_drive
+from frictus_hardware.arguments import MAX_BLOCK_S, ramp_samples, require_drive
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Exchange, RigInfo, TouchReport
+from frictus_hardware.context import Opened
 from frictus_hardware.errors import (
     ClosedError,
     ConfigError,
@@ -15,7 +16,6 @@ from frictus_hardware.errors import (
     HardwareError,
     StreamLostError,
 )
-from frictus_hardware.opened import Opened
 from frictus_hardware.output import RETURN_S, OutputQueue
 from frictus_hardware.replay.config import ReplayConfig
 from frictus_hardware.replay.playhead import (

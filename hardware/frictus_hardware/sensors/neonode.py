@@ -16,11 +16,11 @@ from frictus_hardware.sensors.zforce import (
     FrameReader,
     Malformed,
     Message,
-    Response,
     Touch,
     Touches,
     TouchEvent,
     Unknown,
+    ZForceReply,
 )
 
 SensorAxis = Literal["+x", "-x", "+y", "-y"]
@@ -84,7 +84,7 @@ class Send:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class NeonodeReport:
     """Where the finger is.
 
     Attributes
@@ -108,7 +108,7 @@ class Report:
 
 
 @dataclass(frozen=True, slots=True)
-class Lost:
+class FingerLost:
     """Where the finger is is no longer known; it was in contact until now."""
 
     why: str
@@ -119,7 +119,7 @@ class Reconnect:
     """The transport shall be opened anew, and `connected` or `disconnected` told."""
 
 
-Action = Send | Report | Lost | Reconnect
+Action = Send | NeonodeReport | FingerLost | Reconnect
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,7 +278,7 @@ class Touchpad:
                     actions += self._touches(message, now_s)
                 case BootComplete():
                     actions += self._restarted(now_s)
-                case Response():
+                case ZForceReply():
                     actions += self._responded(message, now_s)
                 case Unknown():
                     self._count(unknown=1)
@@ -294,7 +294,7 @@ class Touchpad:
         lost = self._lose("the touch sensor restarted")
         return lost + self._set_up("the touch sensor restarted and is being set up", now_s)
 
-    def _responded(self, response: Response, now_s: float) -> tuple[Action, ...]:
+    def _responded(self, response: ZForceReply, now_s: float) -> tuple[Action, ...]:
         if not self._to_send or not _answers(response, self._to_send[0]):
             return ()
         self._to_send = self._to_send[1:]
@@ -308,7 +308,7 @@ class Touchpad:
         if self._finger is None:
             return ()
         self._finger = None
-        return (Lost(why),)
+        return (FingerLost(why),)
 
     def _touches(self, message: Touches, now_s: float) -> tuple[Action, ...]:
         sensor_s = None
@@ -330,7 +330,7 @@ class Touchpad:
         self._count(other_fingers=1)
         return False
 
-    def _report(self, touch: Touch, now_s: float, sensor_s: float | None) -> Report:
+    def _report(self, touch: Touch, now_s: float, sensor_s: float | None) -> NeonodeReport:
         self._count(reports=1)
         self._reported_s = now_s
         if not self._to_send:
@@ -339,9 +339,9 @@ class Touchpad:
         if not in_contact:
             self._finger = None
         x_mm, y_mm = self._frame.on_screen_mm(touch.x, touch.y)
-        return Report(x_mm, y_mm, in_contact, now_s, sensor_s)
+        return NeonodeReport(x_mm, y_mm, in_contact, now_s, sensor_s)
 
 
-def _answers(response: Response, request: bytes) -> bool:
+def _answers(response: ZForceReply, request: bytes) -> bool:
     """Return whether tag and first element agree; firmware may add to what it was asked."""
     return bytes([response.tag]) == request[6:7] and response.content[:1] == request[8:9]

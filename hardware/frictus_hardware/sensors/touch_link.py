@@ -4,7 +4,14 @@ from collections.abc import Callable
 from typing import Protocol
 
 from frictus_hardware.errors import DeviceLostError
-from frictus_hardware.sensors.neonode import Action, Lost, Reconnect, Report, Send, Touchpad
+from frictus_hardware.sensors.neonode import (
+    Action,
+    FingerLost,
+    NeonodeReport,
+    Reconnect,
+    Send,
+    Touchpad,
+)
 
 
 class Port(Protocol):
@@ -68,7 +75,7 @@ class TouchLink:
         """
         self._carry_out(self._reopen())
 
-    def poll(self, timeout_s: float) -> tuple[Report | Lost, ...]:
+    def poll(self, timeout_s: float) -> tuple[NeonodeReport | FingerLost, ...]:
         """Wait for what the sensor has to tell, and do what it needs.
 
         Parameters
@@ -98,8 +105,8 @@ class TouchLink:
         self._open = False
         self._port.close()
 
-    def _carry_out(self, actions: tuple[Action, ...]) -> tuple[Report | Lost, ...]:
-        told: list[Report | Lost] = []
+    def _carry_out(self, actions: tuple[Action, ...]) -> tuple[NeonodeReport | FingerLost, ...]:
+        told: list[NeonodeReport | FingerLost] = []
         waiting = list(actions)
         while waiting:
             match waiting.pop(0):
@@ -107,7 +114,7 @@ class TouchLink:
                     waiting += self._send(data)
                 case Reconnect():
                     waiting += self._reopen()
-                case Report() | Lost() as one:
+                case NeonodeReport() | FingerLost() as one:
                     told.append(one)
         return tuple(told)
 

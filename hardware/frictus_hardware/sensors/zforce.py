@@ -61,7 +61,7 @@ class BootComplete:
 
 
 @dataclass(frozen=True, slots=True)
-class Response:
+class ZForceReply:
     """The answer to a request: the tag of its command, and what it holds."""
 
     tag: int
@@ -84,7 +84,7 @@ class Malformed:
     why: str
 
 
-Message = Touches | BootComplete | Response | Unknown | Malformed
+Message = Touches | BootComplete | ZForceReply | Unknown | Malformed
 
 
 def request(command: bytes) -> bytes:
@@ -230,7 +230,7 @@ def _message(frame: bytes, body_at: int) -> Message:
         return Unknown(frame, "a frame without a command")
     tag, content = elements[0]
     if frame[0] == RESPONSE:
-        return Response(tag, content)
+        return ZForceReply(tag, content)
     if frame[0] == NOTIFICATION and tag == BOOT_COMPLETE_TAG:
         return BootComplete()
     if frame[0] == NOTIFICATION and tag == TOUCHES_TAG:

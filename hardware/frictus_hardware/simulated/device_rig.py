@@ -19,8 +19,8 @@ import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Exchange, RigInfo
+from frictus_hardware.context import Opened
 from frictus_hardware.errors import ClosedError, ConfigError, LinkLostError
-from frictus_hardware.opened import Opened
 from frictus_hardware.output import DeviceOutput
 from frictus_hardware.simulated.config import SimulatedConfig, SimulatedDeviceConfig
 from frictus_hardware.simulated.rig import info_of

@@ -10,7 +10,7 @@ from pydantic import Field
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError
 from frictus_hardware.simulated.motion import FingerMotion, Wander
-from frictus_hardware.simulated.press import LEAST_N
+from frictus_hardware.simulated.normal_force import LEAST_N
 from frictus_hardware.simulated.strict import NonNegative, StrictModel
 
 FASTEST_MM_S: Final = 200.0

@@ -11,7 +11,7 @@ from pydantic import Field
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError
 from frictus_hardware.simulated.motion import FingerMotion, Wander
-from frictus_hardware.simulated.press import NormalForce, Press
+from frictus_hardware.simulated.normal_force import NormalForce, Press
 from frictus_hardware.simulated.strict import NonNegative, Positive, StrictModel
 
 LOOP_S = 600.0

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from frictus_hardware.simulated.human import LIFT_RAMP_S
-from frictus_hardware.simulated.press import LEAST_N
+from frictus_hardware.simulated.normal_force import LEAST_N
 
 EXACT: Final = 32
 """Every so many samples sinusoids are computed, not turned: rounding does not add up."""

@@ -1,5 +1,6 @@
 """Participants: finger and skin of one person, and a population to draw them from."""
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -111,3 +112,23 @@ def draw_participant(rng: np.random.Generator) -> Participant:
             for name, spread in SPREAD.items()
         }
     )
+
+
+@dataclass(frozen=True, slots=True)
+class WithinPersonScatter:
+    """What varies within a person, as shares of the value: standard deviations.
+
+    The paper's residuals (72 % of the gain, 31 % of the middle cutoff) also hold the errors of
+    its estimator; this is the part that is taken as true.
+
+    Attributes
+    ----------
+    gain_per_trial : float
+        The contact is made anew in each trial.
+    cutoff_per_condition, skin_per_condition : float
+        Of speed and force; `skin` of mass, damping and stiffness each.
+    """
+
+    gain_per_trial: float = 0.10
+    cutoff_per_condition: float = 0.05
+    skin_per_condition: float = 0.05

@@ -4,19 +4,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frictus_hardware.accepted import MAX_BLOCK_S, ramp_samples, require_drive
+from frictus_hardware.arguments import MAX_BLOCK_S, ramp_samples, require_drive
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Exchange, RigInfo, TouchReport, Truth
+from frictus_hardware.context import Opened
 from frictus_hardware.errors import (
     ClosedError,
     ConfigError,
     HardwareError,
     StreamLostError,
 )
-from frictus_hardware.opened import Opened
 from frictus_hardware.output import RETURN_S, OutputQueue
 from frictus_hardware.physics.compiled import compiled
-from frictus_hardware.physics.stages import Noise, Quantisation
+from frictus_hardware.physics.stages import Quantisation, SensorNoise
 from frictus_hardware.physics.twin import Signals, Stage, Twin
 from frictus_hardware.simulated.clock import Clock, make_clock, scale_of
 from frictus_hardware.simulated.config import SimulatedConfig
@@ -387,7 +387,7 @@ def make_twin(config: SimulatedConfig, minutes: float = 0.0) -> Twin:
     """
     sensors: tuple[Stage, ...] = ()
     if config.force_noise_n or config.accel_noise_m_s2:
-        sensors = (Noise(config.force_noise_n, config.accel_noise_m_s2, config.seed),)
+        sensors = (SensorNoise(config.force_noise_n, config.accel_noise_m_s2, config.seed),)
     if config.quantisation:
         sensors = (*sensors, Quantisation())
     twin = config.participant.simulator.twin(

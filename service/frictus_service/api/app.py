@@ -25,14 +25,14 @@ from frictus_service.api import (
     textures,
 )
 from frictus_service.api.callers import ConnectedPages
+from frictus_service.api.dashboard import pages, socket
+from frictus_service.api.dashboard.hub import Hub
 from frictus_service.api.event_stream import Departures
 from frictus_service.api.limits import Rate, RequestLimits
 from frictus_service.api.origin_check import OriginCheck
 from frictus_service.api.rig_connection import RigConnection
 from frictus_service.api.services import Services
 from frictus_service.config import Config
-from frictus_service.dashboard import pages, socket
-from frictus_service.dashboard.hub import Hub
 from frictus_service.jobs.discoveries import DISCOVER, Discoveries
 from frictus_service.jobs.jobs import RUN, Jobs
 from frictus_service.library import TextureLibrary

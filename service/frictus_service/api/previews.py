@@ -76,7 +76,7 @@ def preview(
 ) -> Preview:
     """Return what a texture would be; changes nothing."""
     # Compiled code, which a service that nobody asks for previews need not load.
-    from frictus_service.synthesis.sketch import feasible, stretch_of, sums_of, third_octaves_n
+    from frictus_service.fidelity.preview import feasible, stretch_of, sums_of, third_octaves_n
 
     require_media(request, JSON)
     texture = parse_json(_TEXTURE, body)

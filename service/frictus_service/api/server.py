@@ -9,8 +9,8 @@ import uvicorn
 
 from frictus_service.api.app import build_app
 from frictus_service.api.connections import HEAD_BYTES, PatientProtocol
+from frictus_service.api.dashboard.messages import MAX_BYTES
 from frictus_service.config import Config
-from frictus_service.dashboard.messages import MAX_BYTES
 from frictus_service.errors import StartError
 from frictus_service.signals import ReadySignal, StopSignal
 

@@ -16,9 +16,9 @@ from frictus_service.benchmarks.native import NativeKernel, NoCompilerError, nat
 from frictus_service.errors import ServiceError
 from frictus_service.library import SHIPPED, TextureLibrary
 from frictus_service.synthesis import kernel
-from frictus_service.synthesis.estimator import Course
-from frictus_service.synthesis.inverter import law_tuple
-from frictus_service.synthesis.kernel import Motion
+from frictus_service.synthesis.compensator import law_tuple
+from frictus_service.synthesis.estimator import PredictedMotion
+from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.renderer import RAMP_S, Renderer
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
 
@@ -67,12 +67,12 @@ class Pass:
         self._drive = np.zeros(samples)
         self._level = 0.0
 
-    def render(self, motion: Motion, first_sample: int) -> None:
+    def render(self, motion: BlockMotion, first_sample: int) -> None:
         """Write the volts of a stretch to `voltage_v`."""
         for step in self.steps(motion, first_sample).values():
             step()
 
-    def steps(self, motion: Motion, first_sample: int) -> dict[str, Callable[[], Any]]:
+    def steps(self, motion: BlockMotion, first_sample: int) -> dict[str, Callable[[], Any]]:
         """Return what `render` does, by name and in order."""
         call, target, drive = self._functions, self._target, self._drive
 
@@ -99,18 +99,18 @@ def shipped_scene() -> CompiledScene:
     return compile_scene(Scene(regions=[Region(texture=texture)]), LAW, SCREEN, RATE_HZ)
 
 
-def strokes(stretches: int, samples: int) -> list[Motion]:
+def strokes(stretches: int, samples: int) -> list[BlockMotion]:
     """Return stretches of strokes across the screen and back, 30 to 90 mm/s."""
     time_s = samples / RATE_HZ * np.arange(stretches + 1)
     x_mm = 35.0 - 15.0 * np.cos(2.0 * time_s)
     vx = 60.0 + 30.0 * np.sin(5.0 * time_s)
     return [
-        Motion(x, 17.0, v0, 0.0, v1, 0.0, v0, v1)
+        BlockMotion(x, 17.0, v0, 0.0, v1, 0.0, v0, v1)
         for x, v0, v1 in zip(x_mm[:-1].tolist(), vx[:-1].tolist(), vx[1:].tolist(), strict=True)
     ]
 
 
-def require_agreement(one: Pass, other: Pass, motions: list[Motion]) -> None:
+def require_agreement(one: Pass, other: Pass, motions: list[BlockMotion]) -> None:
     """Compare two passes, stretch by stretch.
 
     Raises
@@ -208,7 +208,7 @@ def _functions(ours: Pass, native: Pass | None, repeats: int, why: str) -> Figur
 
 def _block(scene: CompiledScene, native: Pass | None, repeats: int, why: str) -> Figure:
     renderer = Renderer(LAW, SCREEN, RATE_HZ, BLOCK_SAMPLES, scene)
-    courses = [Course(motion) for motion in strokes(100, BLOCK_SAMPLES)]
+    courses = [PredictedMotion(motion) for motion in strokes(100, BLOCK_SAMPLES)]
 
     def render() -> None:
         for number, course in enumerate(courses):

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.errors import ServiceError
-from frictus_service.synthesis.kernel import Motion, SceneArrays
+from frictus_service.synthesis.kernel import BlockMotion, SceneArrays
 
 SOURCE: Final = Path(__file__).with_name("kernel.c")
 COMPILERS: Final = ("gcc", "cc", "clang")
@@ -48,7 +48,7 @@ class NativeKernel:
     def target_friction(
         self,
         scene: SceneArrays,
-        motion: Motion,
+        motion: BlockMotion,
         first_sample: int,
         sample_rate_hz: float,
         out: FloatArray,
@@ -69,7 +69,7 @@ class NativeKernel:
     def invert(
         self,
         law: tuple[float, float, float, float, float],
-        motion: Motion,
+        motion: BlockMotion,
         sample_rate_hz: float,
         friction_n: FloatArray,
         next_n: float,

@@ -17,7 +17,7 @@ import psutil
 import zenoh
 
 from frictus.session import is_read
-from frictus_service.daemon.progress import PATIENCE_S, Progress
+from frictus_service.daemon.progress import PATIENCE_S, StartProgress
 from frictus_service.errors import StartError
 
 Pipe: TypeAlias = "Connection[Any, Any]"
@@ -64,7 +64,7 @@ class Neighbour:
             If it says nothing and stands still, or has ended.
         """
         try:
-            _await_word(self._pipe.poll, self._used_s, Progress(), patience_s)
+            _await_word(self._pipe.poll, self._used_s, StartProgress(), patience_s)
             return self._pipe.recv()
         except (EOFError, OSError) as error:
             raise StartError("a process that helps to measure has ended") from error
@@ -123,7 +123,7 @@ def neighbour(work: Work, *given: object) -> Iterator[Neighbour]:
 def _await_word(
     has_come: Callable[[float], bool],
     used_s: Callable[[], float],
-    progress: Progress,
+    progress: StartProgress,
     patience_s: float,
 ) -> None:
     """Wait for a word for as long as the processor time of who shall say it grows.
@@ -134,7 +134,7 @@ def _await_word(
         Waits so many seconds at most, and returns whether there is a word.
     used_s : callable
         Returns the processor time.
-    progress : Progress
+    progress : StartProgress
         Of the processor time of the other process.
     patience_s : float
 

@@ -10,7 +10,7 @@ from frictus.keys import Topics
 from frictus_hardware import BackendConfig, SimulatedConfig
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
-from frictus_service.daemon.part import PartName
+from frictus_service.daemon.child_process import PartName
 from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.errors import StartError
 from frictus_service.ports import free_endpoint, free_port

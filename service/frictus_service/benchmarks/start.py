@@ -22,7 +22,7 @@ from frictus.session import open_session
 from frictus_service.benchmarks.figure import Figure, Target
 from frictus_service.benchmarks.service import config_of
 from frictus_service.config import Config
-from frictus_service.daemon.progress import PATIENCE_S, Progress
+from frictus_service.daemon.progress import PATIENCE_S, StartProgress
 from frictus_service.errors import StartError
 from frictus_service.security.router import open_secured_router
 
@@ -45,7 +45,7 @@ class _Start:
     """
 
     def __init__(self, folder: Path, environment: dict[str, str]) -> None:
-        self._progress = Progress()
+        self._progress = StartProgress()
         self._moved = threading.Condition()
         self._said: list[str] = []
         self.steps_s: dict[str, float] = {}

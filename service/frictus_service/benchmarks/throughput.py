@@ -20,11 +20,11 @@ from frictus_hardware import SimulatedConfig, open_backend
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_service.benchmarks.figure import Figure, Target, interleaved
 from frictus_service.benchmarks.neighbour import Neighbour, Pipe, await_subscriber, neighbour
+from frictus_service.daemon.block_record import BlockRecord
 from frictus_service.daemon.timebase import Timebase, UtcReading
-from frictus_service.daemon.turn import Turn
+from frictus_service.daemon.wire_messages import blocks_of, finger_of, flags_of
 from frictus_service.ports import free_endpoint
 from frictus_service.synthesis.chain import make_chain
-from frictus_service.translate import blocks_of, finger_of, flags_of
 
 KEYS: Final = RigKeys("bench", "rig")
 TOPICS: Final = (*STREAMS.values(), Topics.FINGER)
@@ -118,7 +118,7 @@ class OneTurn:
             self._info = rig.info
             finger = (35.0, 17.0, 60.0, 0.0)
             self._read = (time.monotonic_ns(), time.time_ns(), time.monotonic_ns())
-            self._turn = Turn(
+            self._turn = BlockRecord(
                 1,
                 len(steps),
                 steps[-1],

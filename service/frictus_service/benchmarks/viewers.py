@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Final, Self
 
 import frictus
+from frictus_service.api.dashboard.frames import Frame, Kind
 from frictus_service.benchmarks.figure import Figure, skipped, spread
 from frictus_service.benchmarks.lateness import timing_of
 from frictus_service.benchmarks.neighbour import Pipe, neighbour
 from frictus_service.benchmarks.service import RIG, config_of, serving
-from frictus_service.dashboard.frames import Frame, Kind
 
 VIEWERS: Final = 20
 PROCESSES: Final = 2

@@ -28,7 +28,7 @@ from frictus_service.demonstration.picture import draw
 from frictus_service.fidelity.bands import JND_DB, NOMINAL_HZ, rms_db
 from frictus_service.library import SHIPPED
 from frictus_service.ports import free_endpoint
-from frictus_service.translate import law_of
+from frictus_service.synthesis.model_law import law_of
 
 TEXTURE = "paper"
 LOOK_S = 0.1

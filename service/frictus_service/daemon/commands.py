@@ -29,13 +29,13 @@ from frictus.messages import (
     Request,
 )
 from frictus.stream import ticket_of
+from frictus_service.command_validation import CommandValidator
 from frictus_service.config import Limits
+from frictus_service.daemon.client_presence import ClientPresence
+from frictus_service.daemon.command_queue import CommandQueue
 from frictus_service.daemon.control import Control
-from frictus_service.daemon.gate import Gate
 from frictus_service.daemon.interlock import Interlock
-from frictus_service.daemon.mailbox import Mailbox
-from frictus_service.daemon.presence import Presence
-from frictus_service.daemon.stage import Stage
+from frictus_service.daemon.scene_controller import SceneController
 
 ANSWERING: Final = {"pointer": 1, "guidance": 1, "answer": 64}
 """Boxes of the thread that moves virtual fingers and answers, by the sender."""
@@ -54,7 +54,7 @@ OVERRUN: Final = Reply(
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
+class IncomingCommand:
     """A payload with the call it is to answer, if it is one."""
 
     name: str
@@ -87,7 +87,7 @@ class Commands:
     ----------
     control : Control
         Answers what concerns ownership.
-    stage : Stage
+    stage : SceneController
         What is rendered.
     interlock : Interlock
         Holds the safety state.
@@ -100,7 +100,7 @@ class Commands:
     def __init__(
         self,
         control: Control,
-        stage: Stage,
+        stage: SceneController,
         interlock: Interlock,
         limits: Limits,
         utc_ns: Callable[[], int] = time.time_ns,
@@ -109,12 +109,12 @@ class Commands:
         self._stage = stage
         self._interlock = interlock
         self._limits = limits
-        self._gate = Gate(limits)
+        self._gate = CommandValidator(limits)
         self._utc_ns = utc_ns
-        self._presence = Presence(control.vanish)
-        self._answering: Mailbox[Message] = Mailbox(ANSWERING)
-        self._rendering: Mailbox[Message] = Mailbox(RENDERING)
-        self._newest_scene: dict[str, Message] = {}
+        self._presence = ClientPresence(control.vanish)
+        self._answering: CommandQueue[IncomingCommand] = CommandQueue(ANSWERING)
+        self._rendering: CommandQueue[IncomingCommand] = CommandQueue(RENDERING)
+        self._newest_scene: dict[str, IncomingCommand] = {}
         """Of each sender, as long as it waits or is compiled."""
         self._declared: list[Any] = []
         self._threads: list[threading.Thread] = []
@@ -166,7 +166,7 @@ class Commands:
     def _poster_of_call(self, name: str, key: str) -> Callable[[zenoh.Query], None]:
         def post(query: zenoh.Query) -> None:
             sender = _name_in(query.attachment)
-            message = Message(name, sender=sender, query=query, key=key)
+            message = IncomingCommand(name, sender=sender, query=query, key=key)
             if name == "stop":  # its payload is of no account
                 self._decide(message)
                 return
@@ -213,10 +213,10 @@ class Commands:
         most = self._limits.max_payload_bytes
         return min(SHORT_BYTES, most) if name in SHORT else most
 
-    def _decide(self, message: Message) -> None:
+    def _decide(self, message: IncomingCommand) -> None:
         self._to_answer(message, self.keep_safe(message))
 
-    def _to_answer(self, message: Message, reply: Reply) -> None:
+    def _to_answer(self, message: IncomingCommand, reply: Reply) -> None:
         self._count(reply)
         if message.query is not None:
             self._answering.post("answer", replace(message, reply=reply), message.sender)
@@ -231,7 +231,7 @@ class Commands:
         if refused is not None:
             self._count(refused)
             return
-        self._count(self.keep_safe(Message("lease", sample.payload.to_bytes())))
+        self._count(self.keep_safe(IncomingCommand("lease", sample.payload.to_bytes())))
 
     def _post_texture(self, sample: zenoh.Sample) -> None:
         payload = sample.payload.to_bytes()
@@ -239,14 +239,16 @@ class Commands:
         reply = self._answered(lambda: self._stage.check_ticket(ticket_of(payload)))
         self._count(reply)
         if reply.ok:
-            self._rendering.post("texture", Message("texture", payload))
+            self._rendering.post("texture", IncomingCommand("texture", payload))
 
     def _post_pointer(self, sample: zenoh.Sample) -> None:
         sender = _name_in(sample.attachment)
-        self._answering.post("pointer", Message("pointer", sample.payload.to_bytes()), sender)
+        self._answering.post(
+            "pointer", IncomingCommand("pointer", sample.payload.to_bytes()), sender
+        )
 
     def _post_guidance(self, sample: zenoh.Sample) -> None:
-        self._answering.post("guidance", Message("guidance", sample.payload.to_bytes()))
+        self._answering.post("guidance", IncomingCommand("guidance", sample.payload.to_bytes()))
 
     def _on_token(self, sample: zenoh.Sample) -> None:
         client = str(sample.key_expr).rsplit("/", 1)[1]
@@ -268,7 +270,7 @@ class Commands:
             self._to_answer(message, self.render(message))
             self._forget(message)
 
-    def keep_safe(self, message: Message) -> Reply:
+    def keep_safe(self, message: IncomingCommand) -> Reply:
         """Decide on a message that is about safety, or moves a virtual finger."""
         if message.name == "stop":
             # Whatever it carries and however old it is: a stop always stops.
@@ -285,7 +287,7 @@ class Commands:
         kind, handle = handlers[message.name]
         return self._answered(lambda: handle(self._read(kind, message)))
 
-    def render(self, message: Message) -> Reply:
+    def render(self, message: IncomingCommand) -> Reply:
         """Decide on a message that concerns what is rendered."""
         if message.name == "texture":
             return self._answered(lambda: self._update(message.payload))
@@ -311,7 +313,7 @@ class Commands:
 
         return self._answered(work)
 
-    def _forget(self, message: Message) -> None:
+    def _forget(self, message: IncomingCommand) -> None:
         if self._newest_scene.get(message.sender) is message:
             self._newest_scene.pop(message.sender, None)
 
@@ -331,7 +333,7 @@ class Commands:
     def _guide(self, payload: bytes) -> None:
         self._control.guide(self._gate.read_guidance(payload, self._utc_ns()))
 
-    def _read(self, kind: Any, message: Message) -> Any:
+    def _read(self, kind: Any, message: IncomingCommand) -> Any:
         most_bytes = self._most_bytes(message.name)
         request = self._gate.read(kind, message.payload, self._utc_ns(), most_bytes)
         if message.sender not in ("", request.client):

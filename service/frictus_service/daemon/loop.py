@@ -24,11 +24,12 @@ from frictus_hardware.errors import (
     StreamLostError,
 )
 from frictus_service.config import Config
+from frictus_service.daemon.block_record import BlockRecord
 from frictus_service.daemon.heartbeat import Heartbeat
 from frictus_service.daemon.interlock import Interlock
 from frictus_service.daemon.lateness import Lateness
+from frictus_service.daemon.loop_inbox import LoopInbox, SceneUpdate
 from frictus_service.daemon.monitor import Monitor
-from frictus_service.daemon.orders import Orders, SceneOrder
 from frictus_service.daemon.output_flags import OutputFlags
 from frictus_service.daemon.safety import (
     Event,
@@ -38,11 +39,10 @@ from frictus_service.daemon.safety import (
     Safety,
 )
 from frictus_service.daemon.timebase import UtcReading
-from frictus_service.daemon.turn import Turn
-from frictus_service.synthesis.chain import Chain, Step
+from frictus_service.synthesis.chain import Chain, RenderedBlock
 from frictus_service.synthesis.estimator import EstimatorTuning, FingerEstimator
+from frictus_service.synthesis.model_law import screen_of
 from frictus_service.synthesis.renderer import RAMP_S, Renderer
-from frictus_service.translate import screen_of
 
 HANDOVER_BLOCKS: Final = 64
 """Blocks that the publisher may lag behind: 320 ms."""
@@ -59,7 +59,7 @@ LOST: Final = ("stream_lost", "device_lost", "link_lost")
 
 
 @dataclass(slots=True)
-class Tally:
+class LoopCounters:
     """Counts since the rig started. Each is written by the loop alone."""
 
     blocks: int = 0
@@ -84,7 +84,7 @@ class BlockLoop:
         Of the service.
     interlock : Interlock
         Holds the safety state.
-    orders : Orders
+    orders : LoopInbox
         With the model to begin with.
     heartbeat : Heartbeat
         Counts the turns.
@@ -106,7 +106,7 @@ class BlockLoop:
         backend: Backend,
         config: Config,
         interlock: Interlock,
-        orders: Orders,
+        orders: LoopInbox,
         heartbeat: Heartbeat,
         run: int,
         monotonic_ns: Callable[[], int],
@@ -137,17 +137,17 @@ class BlockLoop:
         self._energised = False
         self._arming = 0
         self._zero_from = 0
-        self._order: SceneOrder | None = None
-        self._standing: SceneOrder | None = None
+        self._order: SceneUpdate | None = None
+        self._standing: SceneUpdate | None = None
         self._parked: FaultKind | None = None
         self._sensor_lost = False
         self._broken = False
         self._was_stale = True
         self._estimator = self._new_estimator()
         self._chain = self._new_chain()
-        self.tally = Tally()
+        self.tally = LoopCounters()
         self.lateness = Lateness(backend.info.clock_hz)
-        self.handover: SimpleQueue[Turn] = SimpleQueue()
+        self.handover: SimpleQueue[BlockRecord] = SimpleQueue()
 
     def begin_anew(self) -> None:
         """Close the device and open it again; one that is lost meanwhile is waited for."""
@@ -266,7 +266,7 @@ class BlockLoop:
         if change is not None:
             self._orders.scene.clear()  # it was compiled for the former model
             self._model_since_s = now_s
-            self._order = self._standing = SceneOrder(change.scene)
+            self._order = self._standing = SceneUpdate(change.scene)
             change.done.set()
             self._chain.renderer = self._new_renderer()
         if self._orders.scene:
@@ -275,17 +275,17 @@ class BlockLoop:
                 self._play(coming)
         order = self._order
         if order is not None and now_s > order.until_s and order.afterwards is not None:
-            self._play(SceneOrder(order.afterwards, math.inf, order.afterwards, order.arming))
+            self._play(SceneUpdate(order.afterwards, math.inf, order.afterwards, order.arming))
             self.tally.stream_stale = True
 
-    def _play(self, order: SceneOrder) -> None:
+    def _play(self, order: SceneUpdate) -> None:
         self._order = order
         self._chain.renderer.set_scene(order.scene)
         self.tally.stream_stale = False
         if order.standing:
             self._standing = order
 
-    def _account(self, step: Step, returned_ns: int) -> None:
+    def _account(self, step: RenderedBlock, returned_ns: int) -> None:
         exchange, tally = step.exchange, self.tally
         n = exchange.voltage_v.size
         late_in_a_row = self.lateness.note(
@@ -308,7 +308,7 @@ class BlockLoop:
                 )
             )
 
-    def _hand_over(self, step: Step, returned_ns: int, reading: UtcReading) -> None:
+    def _hand_over(self, step: RenderedBlock, returned_ns: int, reading: UtcReading) -> None:
         number = self._number
         self._number += 1
         if self.handover.qsize() >= HANDOVER_BLOCKS:
@@ -318,7 +318,7 @@ class BlockLoop:
         end = exchange.first_sample + exchange.voltage_v.size
         estimator = self._estimator
         (x, vx), (y, vy) = estimator.estimate(end).tolist()
-        turn = Turn(
+        turn = BlockRecord(
             self.run,
             number,
             step,
@@ -331,7 +331,7 @@ class BlockLoop:
         )
         self.handover.put(turn)
 
-    def _watch(self, step: Step) -> None:
+    def _watch(self, step: RenderedBlock) -> None:
         """Trip where the monitor contradicts the drive, or someone leans on the screen."""
         exchange = step.exchange
         forces_n = exchange.force_n.ravel()

@@ -4,7 +4,7 @@ from collections import deque
 from typing import Final
 
 from frictus.block import Flag
-from frictus_service.synthesis.chain import Step
+from frictus_service.synthesis.chain import RenderedBlock
 
 UNDERRUN: Final = Flag.UNDERRUN.value
 CLIPPED: Final = Flag.CLIPPED.value
@@ -34,12 +34,12 @@ class OutputFlags:
         """Forget everything: the device's samples begin anew."""
         self._ranges.clear()
 
-    def note(self, step: Step, scaled: bool) -> None:
+    def note(self, step: RenderedBlock, scaled: bool) -> None:
         """Take note of a block that was handed over, and of the gap before it.
 
         Parameters
         ----------
-        step : Step
+        step : RenderedBlock
             What was rendered and sensed.
         scaled : bool
             Whether its scene was scaled to fit.

@@ -13,7 +13,7 @@ PATIENCE_S: Final = 60.0
 """A start in which nothing moves for so long has failed."""
 
 
-class Progress:
+class StartProgress:
     """When something last moved, and what it said it was doing.
 
     Parameters

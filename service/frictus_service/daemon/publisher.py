@@ -24,14 +24,14 @@ from frictus.messages import (
 )
 from frictus.session import declare_latest_publisher, declare_publisher, is_read
 from frictus_hardware.base import RigInfo
+from frictus_service.daemon.block_record import BlockRecord
 from frictus_service.daemon.commands import Commands
 from frictus_service.daemon.interlock import EndedLease, Interlock
 from frictus_service.daemon.loop import HANDOVER_BLOCKS, BlockLoop
 from frictus_service.daemon.safety import ACTIONS
-from frictus_service.daemon.stage import Stage
+from frictus_service.daemon.scene_controller import SceneController
 from frictus_service.daemon.timebase import Timebase
-from frictus_service.daemon.turn import Turn
-from frictus_service.translate import blocks_of, finger_of, flags_of, touch_of
+from frictus_service.daemon.wire_messages import blocks_of, finger_of, flags_of, touch_of
 
 STATUS_S: Final = 0.5
 """A status is published at least so often, and whenever the safety state changes."""
@@ -61,7 +61,7 @@ class Publisher:
         Whose blocks are taken.
     interlock : Interlock
         Holds the safety state.
-    stage : Stage
+    stage : SceneController
         What is rendered.
     commands : Commands
         Counts what was refused.
@@ -77,7 +77,7 @@ class Publisher:
         block_samples: int,
         loop: BlockLoop,
         interlock: Interlock,
-        stage: Stage,
+        stage: SceneController,
         commands: Commands,
         monotonic_s: Callable[[], float],
         utc_ns: Callable[[], int],
@@ -133,18 +133,18 @@ class Publisher:
             self._publish_states()
         self._put_status()
 
-    def _take(self, stop: threading.Event) -> list[Turn]:
+    def _take(self, stop: threading.Event) -> list[BlockRecord]:
         """Wait for what the loop hands over; where nobody reads, for several blocks."""
         if not self._loop.is_read:
             stop.wait(self._unread_s)
-        taken: list[Turn] = []
+        taken: list[BlockRecord] = []
         with contextlib.suppress(queue.Empty):
             taken.append(self._loop.handover.get(timeout=0.1))
             while len(taken) < HANDOVER_BLOCKS:
                 taken.append(self._loop.handover.get_nowait())
         return taken
 
-    def _publish(self, turn: Turn) -> None:
+    def _publish(self, turn: BlockRecord) -> None:
         if turn.run != self._run:
             self._run = turn.run
             self._timebase = Timebase(self._info.clock_hz)

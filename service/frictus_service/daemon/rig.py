@@ -22,8 +22,7 @@ from frictus_service.daemon.control import Control
 from frictus_service.daemon.heartbeat import Heartbeat
 from frictus_service.daemon.interlock import Interlock
 from frictus_service.daemon.loop import BlockLoop
-from frictus_service.daemon.orders import ModelSlot, Orders
-from frictus_service.daemon.patience import PatientBackend
+from frictus_service.daemon.loop_inbox import LoopInbox, ModelSlot
 from frictus_service.daemon.publisher import Publisher
 from frictus_service.daemon.real_time import (
     LOOP_PRIORITY,
@@ -32,12 +31,13 @@ from frictus_service.daemon.real_time import (
     budget_for,
     raise_priority,
 )
+from frictus_service.daemon.retry import RetryingBackend
 from frictus_service.daemon.safety import Safety
-from frictus_service.daemon.stage import Stage, rendered_model
+from frictus_service.daemon.scene_controller import SceneController, rendered_model
 from frictus_service.daemon.warmup import warm_up
 from frictus_service.errors import ConfigurationError, StartError
 from frictus_service.security.identity import tls_of_rig
-from frictus_service.translate import inverse_of_model, placeholder_model, screen_of
+from frictus_service.synthesis.model_law import inverse_of_model, placeholder_model, screen_of
 
 JOIN_S: Final = 5.0
 SWITCH_S: Final = 2e-4
@@ -124,8 +124,8 @@ def read_model(path: Path | None) -> Model:
 
 
 @contextlib.contextmanager
-def _opened(config: Config) -> Iterator[PatientBackend]:
-    backend = PatientBackend(open_backend(config.backend), time.monotonic_ns)
+def _opened(config: Config) -> Iterator[RetryingBackend]:
+    backend = RetryingBackend(open_backend(config.backend), time.monotonic_ns)
     try:
         yield backend
     finally:
@@ -148,7 +148,7 @@ class _Parts:
     def __init__(
         self,
         config: Config,
-        backend: PatientBackend,
+        backend: RetryingBackend,
         model: Model,
         heartbeat: Heartbeat,
         fault: tuple[FaultKind, str] | None,
@@ -159,9 +159,9 @@ class _Parts:
         self.real_time = real_time
         self.backend = backend
         self.interlock = Interlock(Safety(fault=fault))
-        self.orders = Orders(ModelSlot(rendered_model(model, screen_of(info))))
+        self.orders = LoopInbox(ModelSlot(rendered_model(model, screen_of(info))))
         self.info = info
-        self.stage = Stage(
+        self.stage = SceneController(
             screen_of(info),
             info.sample_rate_hz,
             self.interlock,

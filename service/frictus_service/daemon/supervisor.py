@@ -29,9 +29,9 @@ from frictus.session import declare_latest_publisher, open_session
 from frictus_hardware import reset_device
 from frictus_hardware.errors import HardwareError
 from frictus_service.config import Config
+from frictus_service.daemon.child_process import PartName, run_part
 from frictus_service.daemon.notify import ServiceManager
-from frictus_service.daemon.part import PartName, run_part
-from frictus_service.daemon.progress import PATIENCE_S, Progress
+from frictus_service.daemon.progress import PATIENCE_S, StartProgress
 from frictus_service.daemon.safety import ACTIONS
 from frictus_service.errors import StartError
 from frictus_service.security.identity import tls_of_rig
@@ -65,7 +65,7 @@ class _Part:
     """Closed to stop the part."""
     told: "Connection[Any, Any] | None" = None
     ready: threading.Event = field(default_factory=threading.Event)
-    progress: Progress = field(default_factory=Progress)
+    progress: StartProgress = field(default_factory=StartProgress)
     failure: str = ""
     started_s: float = 0.0
     due_s: float = 0.0

@@ -17,12 +17,12 @@ from frictus_hardware import SimulatedConfig, open_backend
 from frictus_hardware.simulated.human import HumanStrokes
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.synthesis.chain import Chain, make_chain
+from frictus_service.synthesis.compensability import inverse_of
 from frictus_service.synthesis.excitation import compile_excitation
+from frictus_service.synthesis.model_law import law_of, placeholder_model
 from frictus_service.synthesis.renderer import Playable, Renderer
 from frictus_service.synthesis.scene import compile_scene
 from frictus_service.synthesis.stream import StreamBudget
-from frictus_service.synthesis.undoing import inverse_of
-from frictus_service.translate import law_of, placeholder_model
 
 EVERY_CORRECTION: Final = (
     ("fractional_rolloff", {"excess_order": 0.1}),

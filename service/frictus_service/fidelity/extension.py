@@ -20,8 +20,8 @@ from frictus_service.fidelity.measure import (
     waveform_error,
 )
 from frictus_service.fidelity.path import Path
-from frictus_service.synthesis.inverse import Inverse, Invertible
-from frictus_service.synthesis.undoing import inverse_of
+from frictus_service.synthesis.compensability import inverse_of
+from frictus_service.synthesis.compensation import Inverse, Invertible
 
 Effects = Sequence[tuple[str, Mapping[str, float]]]
 

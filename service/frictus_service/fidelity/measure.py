@@ -14,8 +14,8 @@ from frictus_hardware.physics.twin import Signals, Twin, simulate
 from frictus_service.fidelity.bands import band_power, error_db, rms_db
 from frictus_service.fidelity.path import BLOCK_SAMPLES, Path
 from frictus_service.fidelity.reference import exact_friction
+from frictus_service.synthesis.compensation import Invertible
 from frictus_service.synthesis.components import Components, components_of
-from frictus_service.synthesis.inverse import Invertible
 from frictus_service.synthesis.renderer import Renderer
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
 from frictus_service.synthesis.tables import BAND_EDGE_HZ

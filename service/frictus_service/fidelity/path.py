@@ -15,8 +15,8 @@ from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.motion import Finger
 from frictus_hardware.simulated.rig import SimulatedRig
 from frictus_service.synthesis.chain import Chain, Follower
-from frictus_service.synthesis.estimator import Course, FingerEstimator
-from frictus_service.synthesis.kernel import Motion
+from frictus_service.synthesis.estimator import FingerEstimator, PredictedMotion
+from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.renderer import Renderer
 
 BLOCK_SAMPLES = 100
@@ -48,7 +48,7 @@ class KnownFinger:
         """Return False: what is known does not age."""
         return False
 
-    def predict(self, first_sample: int, n_samples: int) -> Course:
+    def predict(self, first_sample: int, n_samples: int) -> PredictedMotion:
         """Return the true motion; its velocity is taken as linear over the block."""
         ends = np.array([first_sample, first_sample + n_samples]) / self._rate_hz
         true = self._finger.at(ends)
@@ -56,7 +56,9 @@ class KnownFinger:
         (vx_0, vy_0), (vx_1, vy_1) = true.velocity_mm_s
         speeds = np.hypot(vx_0, vy_0), np.hypot(vx_1, vy_1)
         pressed = float(true.normal_force_n[0]), float(true.normal_force_n[1])
-        return Course(Motion(x, y, vx_0, vy_0, vx_1, vy_1, *speeds), normal_force_n=pressed)
+        return PredictedMotion(
+            BlockMotion(x, y, vx_0, vy_0, vx_1, vy_1, *speeds), normal_force_n=pressed
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +71,7 @@ class Path:
         True.
     normal_force_n : ndarray, shape (n_samples,)
     in_contact : ndarray of bool, shape (n_samples,)
-    courses : tuple of Course
+    courses : tuple of PredictedMotion
         As predicted for each block from sample `lead_samples` on.
     lead_samples : int
         Samples between handing over and playing.
@@ -81,7 +83,7 @@ class Path:
     velocity_mm_s: FloatArray
     normal_force_n: FloatArray
     in_contact: NDArray[np.bool_]
-    courses: tuple[Course, ...]
+    courses: tuple[PredictedMotion, ...]
     lead_samples: int
     sample_rate_hz: float
 

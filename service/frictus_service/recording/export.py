@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from frictus.block import Block
+from frictus.keys import ACCEL, FORCE, VOLTAGE
 from frictus.messages import RigStatus, TouchState
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.screen import Screen
@@ -27,7 +28,6 @@ from frictus_service.recording.segments import (
 from frictus_service.study.errors import Exclusion
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 from frictus_service.study.writer import StudyWriter
-from frictus_service.translate import ACCEL, FORCE, VOLTAGE
 
 CAPTURED: Final[dict[int, Stream]] = {FORCE: "force", ACCEL: "accel", VOLTAGE: "voltage"}
 AROUND_S: Final = 5.0

@@ -22,8 +22,8 @@ from frictus.messages import (
     Request,
 )
 from frictus.session import declare_latest_publisher
+from frictus_service.command_validation import CommandValidator
 from frictus_service.config import Config
-from frictus_service.daemon.gate import Gate
 from frictus_service.recording.errors import NotWrittenError
 from frictus_service.recording.recording import BEAT_S, SUFFIX, RecordingSession
 from frictus_service.recording.shelf import unfinished
@@ -56,7 +56,7 @@ class Recorder:
     def __init__(self, config: Config, say: Callable[[str], None]) -> None:
         self._config = config
         self._say = say
-        self._gate = Gate(config.limits)
+        self._gate = CommandValidator(config.limits)
         self._calls: queue.Queue[tuple[str, zenoh.Query]] = queue.Queue(WAITING_CALLS)
         self._recording: RecordingSession | None = None
         self._idle = RecordingState(utc_ns=time.time_ns(), recording=False)

@@ -5,12 +5,12 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from frictus.keys import FORCE
 from frictus.messages import GuidanceState, SceneState
 from frictus_service.recording.errors import ExportError
 from frictus_service.recording.reader import Item, State
 from frictus_service.recording.samples import Samples
 from frictus_service.study.errors import Exclusion
-from frictus_service.translate import FORCE
 
 
 @dataclass(frozen=True, slots=True)

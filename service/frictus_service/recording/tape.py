@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus.keys import ACCEL, FORCE, VOLTAGE
 from frictus.messages import RigStatus, TouchState
 from frictus_hardware.replay.tape import Tape, write_tape
 from frictus_service.recording.errors import ExportError
@@ -15,7 +16,6 @@ from frictus_service.recording.reader import Ending, Item, RecordingReader, Stat
 from frictus_service.recording.samples import Samples, counts_of
 from frictus_service.recording.segments import Outline, SampleRange
 from frictus_service.recording.writer import create
-from frictus_service.translate import ACCEL, FORCE, VOLTAGE
 
 CHANNELS: Final = {FORCE: 3, ACCEL: 3, VOLTAGE: 1}
 MAX_SAMPLES: Final = 20_000_000

@@ -1,7 +1,7 @@
 """Which trials a simulated study consists of, and the truth of each."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from itertools import product
 from typing import Final, Literal
@@ -10,6 +10,7 @@ import numpy as np
 
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.mobility import Mobility
+from frictus_hardware.simulated.participants import WithinPersonScatter
 from frictus_service.reproduction import paper
 from frictus_service.reproduction.population import Person
 from frictus_service.study.trial import TrialInfo
@@ -26,26 +27,6 @@ BEGAN: Final = datetime(2025, 1, 6, 9, 0, tzinfo=UTC)
 LAW_HOLDS_MM_S: Final = (1.0, 200.0)
 """Speeds at which the simulated cutoff follows the law. At a target of 20 or 100 mm/s fingers
 go beyond it half of the time; held at the paper's range, the line itself would be bent."""
-
-
-@dataclass(frozen=True, slots=True)
-class WithinPersonScatter:
-    """What varies within a person, as shares of the value: standard deviations.
-
-    The paper's residuals (72 % of the gain, 31 % of the middle cutoff) also hold the errors of
-    its estimator; this is the part that is taken as true.
-
-    Attributes
-    ----------
-    gain_per_trial : float
-        The contact is made anew in each trial.
-    cutoff_per_condition, skin_per_condition : float
-        Of speed and force; `skin` of mass, damping and stiffness each.
-    """
-
-    gain_per_trial: float = 0.10
-    cutoff_per_condition: float = 0.05
-    skin_per_condition: float = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +56,7 @@ class StudyConditions:
     span_mm: float = 60.0
     bad_share: float = 0.0
     delay_s: float = 0.0
-    scatter: WithinPersonScatter = WithinPersonScatter()
+    scatter: WithinPersonScatter = field(default_factory=WithinPersonScatter)
 
 
 def log_tones(count: int) -> tuple[float, ...]:

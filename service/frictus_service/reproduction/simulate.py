@@ -8,10 +8,11 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.mount import Mount
 from frictus_hardware.physics.screen import Screen, screen_voltage
 from frictus_hardware.physics.stages import (
-    Hold,
-    Noise,
+    FORCE_NOISE_N,
+    FrictionResponse,
     Quantisation,
-    Response,
+    SensorNoise,
+    ZeroOrderHold,
     standard_twin,
 )
 from frictus_hardware.physics.twin import Signals, Twin, simulate
@@ -27,7 +28,7 @@ LEAD_S: Final = 0.1
 BLOCK_SAMPLES: Final = 4000
 """Small enough that a block's arrays stay in the processor's cache."""
 POSITION_HZ, POSITION_STEP_MM = 60.0, 0.1
-FORCE_NOISE_N, ACCEL_NOISE_M_S2 = 0.002, 0.05
+ACCEL_NOISE_M_S2 = 0.05
 CLIPPED_AT: Final = 0.6
 """Share of its largest value at which a clipped force saturates."""
 VOLTAGE_STEP_V: Final = 1000.0 / 65536.0
@@ -107,10 +108,14 @@ def _twin(plan: TrialPlan, rng: np.random.Generator) -> Twin:
         law=plan.law,
         mobility=plan.mobility,
         friction_coefficient=plan.friction_coefficient,
-        sensors=(Noise(FORCE_NOISE_N, ACCEL_NOISE_M_S2, int(seeds[0])), Quantisation()),
+        sensors=(SensorNoise(FORCE_NOISE_N, ACCEL_NOISE_M_S2, int(seeds[0])), Quantisation()),
     )
-    twin = twin.with_stage(Rubbing(plan.friction_coefficient, int(seeds[1])), after=Response)
-    return twin.with_stage(LateDrive(plan.delay_s), after=Hold) if plan.delay_s else twin
+    twin = twin.with_stage(
+        Rubbing(plan.friction_coefficient, int(seeds[1])), after=FrictionResponse
+    )
+    return (
+        twin.with_stage(LateDrive(plan.delay_s), after=ZeroOrderHold) if plan.delay_s else twin
+    )
 
 
 def _clipped(force_n: FloatArray) -> FloatArray:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.screen import Screen
 from frictus_hardware.simulated.motion import FingerMotion, Wander
-from frictus_hardware.simulated.press import Press
+from frictus_hardware.simulated.normal_force import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.reproduction.plan import TrialPlan
 

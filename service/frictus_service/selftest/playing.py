@@ -8,7 +8,7 @@ import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Backend, Exchange
-from frictus_service.daemon.patience import PatientBackend
+from frictus_service.daemon.retry import RetryingBackend
 from frictus_service.errors import ServiceError
 from frictus_service.selftest.interrupt import interrupt_put_off
 
@@ -96,7 +96,7 @@ def play(backend: Backend, drive_v: FloatArray, block_samples: int) -> Played:
     wanted = drive_v.size + info.lead_samples
     padded = np.zeros(-(-wanted // block_samples) * block_samples)
     padded[: drive_v.size] = drive_v
-    patient = PatientBackend(backend, time.monotonic_ns)
+    patient = RetryingBackend(backend, time.monotonic_ns)
     with interrupt_put_off() as interrupted, patient:
         if np.any(drive_v):
             patient.arm()

@@ -9,8 +9,8 @@ from frictus_hardware.base import Backend, Exchange, TouchReport
 from frictus_hardware.errors import HardwareError
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
-from frictus_service.synthesis.estimator import Course, FingerEstimator
-from frictus_service.synthesis.kernel import Motion
+from frictus_service.synthesis.estimator import FingerEstimator, PredictedMotion
+from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.renderer import Rendered, Renderer
 
 
@@ -31,20 +31,20 @@ class Follower(Protocol):
         """Return whether reports have stopped coming."""
         ...
 
-    def predict(self, first_sample: int, n_samples: int) -> Course:
+    def predict(self, first_sample: int, n_samples: int) -> PredictedMotion:
         """Return the motion to render."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class RenderedBlock:
     """What one block was.
 
     Attributes
     ----------
     exchange : Exchange
         What was applied and sensed.
-    course : Course
+    course : PredictedMotion
         The finger as it was predicted for the block that was handed over.
     rendered : Rendered
         What was played, and its flags.
@@ -55,14 +55,14 @@ class Step:
     """
 
     exchange: Exchange
-    course: Course
+    course: PredictedMotion
     rendered: Rendered
     in_contact: bool
     stale: bool
     normal_force_n: float
 
     @property
-    def motion(self) -> Motion:
+    def motion(self) -> BlockMotion:
         """The finger's predicted motion."""
         return self.course.motion
 
@@ -99,7 +99,7 @@ class Chain:
         self.renderer = renderer
         self._block_samples = block_samples
 
-    def step(self, allow: bool) -> Step:
+    def step(self, allow: bool) -> RenderedBlock:
         """Render and exchange one block.
 
         Parameters
@@ -129,7 +129,7 @@ class Chain:
         normal_n = exchange.force_n[:, 2]
         normal_force_n = float(np.add.reduce(normal_n) / normal_n.size)
         self.estimator.press(normal_force_n)
-        return Step(exchange, course, rendered, in_contact, stale, normal_force_n)
+        return RenderedBlock(exchange, course, rendered, in_contact, stale, normal_force_n)
 
 
 def make_chain(

@@ -23,7 +23,7 @@ from numba import njit
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import TouchReport
-from frictus_service.synthesis.kernel import Motion
+from frictus_service.synthesis.kernel import BlockMotion
 
 STEADY, CHANGING = 0, 1
 USUAL_FORCE_N: Final = 0.4
@@ -62,21 +62,21 @@ class EstimatorTuning(NamedTuple):
 DEFAULT_TUNING: Final = EstimatorTuning()
 
 
-class Course(NamedTuple):
+class PredictedMotion(NamedTuple):
     """What is rendered during a block.
 
     Attributes
     ----------
-    motion : Motion
+    motion : BlockMotion
         Of the finger during the block.
-    left : Motion or None
+    left : BlockMotion or None
         The motion that is left for `motion` by a cross-fade over the block.
     normal_force_n : tuple of float
         How hard the finger presses at the first sample and at the one after the last.
     """
 
-    motion: Motion
-    left: Motion | None = None
+    motion: BlockMotion
+    left: BlockMotion | None = None
     normal_force_n: tuple[float, float] = (USUAL_FORCE_N, USUAL_FORCE_N)
 
 
@@ -156,7 +156,7 @@ class FingerEstimator:
         )
         return self._predicted
 
-    def predict(self, first_sample: int, n_samples: int) -> Course:
+    def predict(self, first_sample: int, n_samples: int) -> PredictedMotion:
         """Return the rendered motion from `first_sample` on, continuous from block to block.
 
         Parameters
@@ -174,10 +174,10 @@ class FingerEstimator:
             self._motions,
         )
         rows = self._motions.tolist()
-        left = Motion(*rows[1]) if slipped else None
+        left = BlockMotion(*rows[1]) if slipped else None
         pressed = self._force_before_n, self._force_n
         self._force_before_n = self._force_n
-        return Course(Motion(*rows[0]), left, pressed)
+        return PredictedMotion(BlockMotion(*rows[0]), left, pressed)
 
 
 @njit(cache=True, nogil=True)
@@ -337,7 +337,7 @@ def _follow(tuning, block_s, after, rendered, motions):  # type: ignore[no-untyp
     rendered : ndarray, shape (3, 2 axes)
         Position, velocity, and the velocity that was predicted a block ago. Changed.
     motions : ndarray, shape (2, 8)
-        The fields of `Motion`: the motion to render and, where it was left, the former one.
+        The fields of `BlockMotion`: the motion to render and, where it was left, the former.
     """
     position, velocity, before = rendered[0], rendered[1], rendered[2]
     behind = np.empty(2)

@@ -9,7 +9,7 @@ from frictus.errors import ArgumentError
 from frictus.messages import Applied, Excitation
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
-from frictus_service.synthesis.reach import SPEEDS_MM_S
+from frictus_service.synthesis.drive_range import SPEEDS_MM_S
 
 MAX_FREE_TONES: Final = 32
 """Without a period each tone costs time in every sample; with one, none does."""

@@ -41,7 +41,7 @@ class SceneArrays(NamedTuple):
     """Friction added everywhere, so that the drive stays within range."""
 
 
-class Motion(NamedTuple):
+class BlockMotion(NamedTuple):
     """How the finger is rendered during a block: velocity linear in time, position to match.
 
     Positions in mm, velocities in mm/s; `_0` holds at the first sample, `_1` at the one after
@@ -222,7 +222,7 @@ def invert(law, motion, sample_rate_hz, friction_n, next_n, out):  # type: ignor
     ----------
     law : tuple
         gain_n, cutoff_0_hz, slope_hz_per_mm_s, slowest, fastest mm/s.
-    motion : Motion
+    motion : BlockMotion
         Of the finger during the block.
     sample_rate_hz : float
         Samples per second of the device's clock.

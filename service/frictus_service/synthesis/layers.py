@@ -16,7 +16,7 @@ from frictus_service.synthesis.tables import (
     BAND_EDGE_HZ,
     FADE_HZ,
     ROWS_PER_OCTAVE,
-    Table,
+    FrictionTable,
     build_table,
     fitting,
 )
@@ -38,7 +38,7 @@ class Layer:
         Of the region.
     kind : int
         `kernel.SPATIAL`, `TEMPORAL` or `MAP`.
-    table : Table or None
+    table : FrictionTable or None
         None for a map.
     angle_deg : float
         Direction of the phase, from x towards y.
@@ -56,7 +56,7 @@ class Layer:
     gain: float
     edge_fade_mm: float
     kind: int
-    table: Table | None
+    table: FrictionTable | None
     angle_deg: float = 0.0
     levels: tuple[NDArray[np.float32], ...] = ()
     top: float = 0.0
@@ -151,7 +151,7 @@ def _stretch(
     return float(min(corners)) - 5.0, float(max(corners)) + 5.0
 
 
-def single_table(table: Table, spatial: bool, angle_deg: float) -> kernel.SceneArrays:
+def single_table(table: FrictionTable, spatial: bool, angle_deg: float) -> kernel.SceneArrays:
     """Return the arrays of one table that covers everything, at gain 1 and without bias."""
     layer = Layer(
         (-1e9, 1e9, -1e9, 1e9),

@@ -8,11 +8,11 @@ from frictus.textures import Scene
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis import kernel
-from frictus_service.synthesis.estimator import Course
+from frictus_service.synthesis.compensation import Invertible, as_inverse
+from frictus_service.synthesis.compensator import Inverter
+from frictus_service.synthesis.estimator import PredictedMotion
 from frictus_service.synthesis.excitation import CompiledExcitation
-from frictus_service.synthesis.inverse import Invertible, as_inverse
-from frictus_service.synthesis.inverter import Inverter
-from frictus_service.synthesis.kernel import Motion
+from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
 
 Playable = CompiledScene | CompiledExcitation
@@ -110,7 +110,7 @@ class Renderer:
         self._next_scene = scene
         self._share = 0.0
 
-    def render(self, first_sample: int, course: Course, allow: bool) -> Rendered:
+    def render(self, first_sample: int, course: PredictedMotion, allow: bool) -> Rendered:
         """Render the block that starts to play at `first_sample`.
 
         Nothing is computed while there is no output. What is felt depends on the sample and on
@@ -120,7 +120,7 @@ class Renderer:
         ----------
         first_sample : int
             Device index of its first sample.
-        course : Course
+        course : PredictedMotion
             Predicted motion of the block.
         allow : bool
             Whether there may be output; the envelope ramps towards it within 20 ms.
@@ -163,7 +163,7 @@ class Renderer:
         """Undo the last block, which was not played: ramp and fades go on from before it."""
         self._level, self._share, self._scene, self._next_scene, self._waiting = self._before
 
-    def _compose(self, first_sample: int, course: Course) -> tuple[int, int]:
+    def _compose(self, first_sample: int, course: PredictedMotion) -> tuple[int, int]:
         """Write the drive, all fades included; return clipped and extrapolated samples.
 
         Between scenes the target fades, so that its inverse is exact; an excitation has no
@@ -201,7 +201,7 @@ class Renderer:
             self._share = 0.0
 
     def _drive_of(
-        self, scene: Playable, first_sample: int, course: Course, out: FloatArray
+        self, scene: Playable, first_sample: int, course: PredictedMotion, out: FloatArray
     ) -> tuple[int, int]:
         """Write the drive that one scene or excitation asks for by itself."""
         if isinstance(scene, CompiledScene):
@@ -230,7 +230,7 @@ class Renderer:
         return before + first * (after - before), before + last * (after - before)
 
     def _trace(
-        self, scene: CompiledScene, course: Course, first_sample: int, out: FloatArray
+        self, scene: CompiledScene, course: PredictedMotion, first_sample: int, out: FloatArray
     ) -> None:
         """Write what a scene feels like along a course."""
         motion = _one_longer(course.motion, self._drive.size)
@@ -245,7 +245,7 @@ class Renderer:
         kernel.mix(out, self._target_moved, 0.0, 1.0 / self._drive.size)
 
 
-def _one_longer(motion: Motion, n_samples: int) -> Motion:
+def _one_longer(motion: BlockMotion, n_samples: int) -> BlockMotion:
     """Return a motion over one sample more; it is linear beyond its end too."""
     longer = (n_samples + 1) / n_samples
     return motion._replace(

@@ -15,9 +15,9 @@ from frictus.messages import Applied
 from frictus.textures import Scene
 from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis import kernel
-from frictus_service.synthesis.inverse import Inverse, Invertible, as_inverse
+from frictus_service.synthesis.compensation import Inverse, Invertible, as_inverse
+from frictus_service.synthesis.drive_range import SPEEDS_MM_S, reach_of
 from frictus_service.synthesis.layers import Layer, arrays_of, layers_of
-from frictus_service.synthesis.reach import SPEEDS_MM_S, reach_of
 
 HEADROOM = 0.03
 """Share of the drive kept free for cross-fades and corrections of the finger's motion."""

@@ -8,8 +8,8 @@ from frictus.errors import TextureError
 from frictus.messages import Applied
 from frictus.stream import StreamFrame
 from frictus_hardware.physics.friction import FrictionLaw, cutoff_hz
+from frictus_service.synthesis.compensation import Inverse, Invertible, as_inverse
 from frictus_service.synthesis.components import periodic
-from frictus_service.synthesis.inverse import Inverse, Invertible, as_inverse
 from frictus_service.synthesis.layers import single_table
 from frictus_service.synthesis.scene import CompiledScene, fit
 from frictus_service.synthesis.tables import TOP_HZ, build_table

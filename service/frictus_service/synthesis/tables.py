@@ -44,7 +44,7 @@ PAD = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class FrictionTable:
     """Rows of friction.
 
     Attributes
@@ -151,7 +151,7 @@ def fitting(components: Components, stretch_mm: tuple[float, float]) -> Componen
     )
 
 
-def build_table(components: Components, stretch_mm: tuple[float, float]) -> Table:
+def build_table(components: Components, stretch_mm: tuple[float, float]) -> FrictionTable:
     """Sum the components into rows.
 
     Parameters
@@ -212,7 +212,7 @@ def build_table(components: Components, stretch_mm: tuple[float, float]) -> Tabl
                 rows,
             )
             octaves.append(rows)
-    return Table(tuple(octaves), length, origin, top, components.period is not None)
+    return FrictionTable(tuple(octaves), length, origin, top, components.period is not None)
 
 
 def _harmonic_rows(

@@ -6,10 +6,10 @@ from tests.hardware.nidaq.bench import Bench, BenchMaker, wiring
 from tests.hardware.nidaq.fake_server import Fault
 
 from frictus_hardware.errors import ConfigError, DeviceLostError, HardwareError, StreamLostError
-from frictus_hardware.nidaq.config import Interlock
+from frictus_hardware.nidaq.config import InterlockLine
 
 LINE = "Dev1/port0/line3"
-INTERLOCK = Interlock("port0/line3", timeout_ms=100.0)
+INTERLOCK = InterlockLine("port0/line3", timeout_ms=100.0)
 
 
 @pytest.fixture
@@ -63,18 +63,18 @@ def test_a_fault_opens_it_at_once(bench: Bench) -> None:
 @pytest.mark.parametrize(
     ("interlock", "words"),
     [
-        (Interlock("line0"), "interlock.line = 'line0'"),
-        (Interlock(timeout_ms=30.0), "more than lead and block"),
-        (Interlock(timeout_ms=5.0), "interlock.timeout_ms = 5"),
+        (InterlockLine("line0"), "interlock.line = 'line0'"),
+        (InterlockLine(timeout_ms=30.0), "more than lead and block"),
+        (InterlockLine(timeout_ms=5.0), "interlock.timeout_ms = 5"),
     ],
 )
-def test_what_cannot_be_is_refused(interlock: Interlock, words: str) -> None:
+def test_what_cannot_be_is_refused(interlock: InterlockLine, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         wiring(interlock=interlock)
 
 
 def test_a_line_that_the_device_has_not_is_named(make_bench: BenchMaker) -> None:
-    bench = make_bench(interlock=Interlock("port1/line0"))
+    bench = make_bench(interlock=InterlockLine("port1/line0"))
     with pytest.raises(ConfigError, match=r"interlock: line = 'port1/line0'"):
         bench.rig.open()
     assert not bench.device.tasks

@@ -7,7 +7,7 @@ import numpy as np
 from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_hardware.physics.mount import Mount
 from frictus_hardware.physics.prediction import Prediction, Probe
-from frictus_hardware.physics.schedule import Circumstances
+from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.screen import Screen, drive_fraction_of, screen_voltage
 from frictus_hardware.physics.simulator import Simulator
 from frictus_hardware.physics.stages import Decimate
@@ -65,7 +65,7 @@ class Slide:
             message,
             MEAN * ones,
             np.sum(np.square(np.abs(message))) / 2.0 * ones,
-            Circumstances(
+            SlidingConditions(
                 self.speed_mm_s * ones,
                 self.force_n * ones,
                 self.position_mm * ones,

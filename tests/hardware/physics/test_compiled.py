@@ -12,7 +12,7 @@ from frictus_hardware.physics.mobility import Mobility
 from frictus_hardware.physics.mount import Mount
 from frictus_hardware.physics.screen import Screen
 from frictus_hardware.physics.simulator import Simulator
-from frictus_hardware.physics.stages import Noise, Quantisation, Response
+from frictus_hardware.physics.stages import FrictionResponse, Quantisation, SensorNoise
 from frictus_hardware.physics.twin import Signals, Twin, simulate
 
 RATE_HZ = 20_000.0
@@ -78,7 +78,7 @@ def assert_same(found: Signals, plain: Signals) -> None:
 def test_one_pass_does_what_the_stages_do_whatever_the_blocks(seed: int) -> None:
     rng = np.random.default_rng(seed)
     signals = exploring(rng)
-    sensors = (Noise(0.002, 0.05, seed), Quantisation())
+    sensors = (SensorNoise(0.002, 0.05, seed), Quantisation())
     twin = some_finger(rng).twin(
         Screen(peak_v=75.0), rng.uniform(0.1, 1.0), sensors if seed % 2 else ()
     )
@@ -113,7 +113,7 @@ def test_every_effect_acts_as_in_the_stages(name: str, seed: int) -> None:
 def test_a_response_that_does_more_stays_in_stages() -> None:
     twin = Simulator().twin(Screen(), 0.5)
     stages = tuple(
-        replace(stage, delay_s=1e-3) if isinstance(stage, Response) else stage
+        replace(stage, delay_s=1e-3) if isinstance(stage, FrictionResponse) else stage
         for stage in twin.stages
     )
     assert compiled(Twin(stages)).stages == stages

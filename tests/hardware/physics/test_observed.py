@@ -5,11 +5,11 @@ from numpy.typing import NDArray
 
 from frictus_hardware.physics.effects import extended
 from frictus_hardware.physics.prediction import Probe, predict
-from frictus_hardware.physics.schedule import Circumstances
+from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.screen import Screen, screen_voltage
 from frictus_hardware.physics.simulator import Simulator
 from frictus_hardware.physics.twin import Signals, simulate
-from frictus_hardware.simulated.press import Press
+from frictus_hardware.simulated.normal_force import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.identification.observation.observations import ResponseRows
 from frictus_service.identification.observation.observe import observe
@@ -76,7 +76,7 @@ def probe_of(rows: ResponseRows) -> Probe:
         rows.message,
         0.5 * ones,
         np.repeat(power, tones),
-        Circumstances(
+        SlidingConditions(
             rows.speed_mm_s,
             rows.normal_force_n,
             rows.position_mm,

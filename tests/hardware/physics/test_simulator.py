@@ -18,7 +18,7 @@ from frictus_hardware.physics.effects import EFFECTS, extended
 from frictus_hardware.physics.prediction import predict
 from frictus_hardware.physics.screen import Screen
 from frictus_hardware.physics.simulator import Simulator
-from frictus_hardware.physics.stages import Noise, Quantisation, standard_twin
+from frictus_hardware.physics.stages import Quantisation, SensorNoise, standard_twin
 from frictus_hardware.physics.twin import simulate
 
 TONES_HZ = np.array([61.0, 253.0, 601.0, 997.0, 1703.0])
@@ -206,7 +206,7 @@ def test_stick_slip_has_the_power_that_is_predicted(rng: np.random.Generator) ->
 
 
 def test_nothing_declared_is_the_standard_twin() -> None:
-    sensors = (Noise(0.002, 0.05, 7), Quantisation())
+    sensors = (SensorNoise(0.002, 0.05, 7), Quantisation())
     twin = Simulator().twin(Screen(), 0.5, sensors)
     assert twin == standard_twin(friction_coefficient=0.5, sensors=sensors)
 

@@ -15,9 +15,9 @@ from frictus_hardware.physics.screen import Screen, drive_fraction_of, screen_vo
 from frictus_hardware.physics.stages import (
     Contact,
     Decimate,
-    Noise,
+    FrictionResponse,
     Quantisation,
-    Response,
+    SensorNoise,
     standard_twin,
 )
 from frictus_hardware.physics.twin import Signals, Twin, simulate
@@ -139,7 +139,7 @@ def test_any_split_gives_the_same_output(rng: np.random.Generator) -> None:
     n_samples = 3_000
     speed = 80.0 * np.sin(2.0 * np.pi * 3.0 * np.arange(n_samples) / RATE)
     signals = sliding(rng.random(n_samples), speed)
-    twin = standard_twin(sensors=(Noise(0.002, 0.05, 7), Quantisation()))
+    twin = standard_twin(sensors=(SensorNoise(0.002, 0.05, 7), Quantisation()))
     whole = simulate(twin, signals, n_samples)
     cuts = np.unique(rng.integers(1, n_samples, 20)).tolist()
     states = twin.initial()
@@ -202,10 +202,10 @@ class HalfGain:
 
 def test_an_effect_is_one_more_stage_anywhere() -> None:
     twin = standard_twin()
-    halved = twin.with_stage(HalfGain(), after=Response)
+    halved = twin.with_stage(HalfGain(), after=FrictionResponse)
     kinds = [type(stage) for stage in halved.stages]
     assert kinds[kinds.index(HalfGain) - 1 : kinds.index(HalfGain) + 2] == [
-        Response,
+        FrictionResponse,
         HalfGain,
         Contact,
     ]
@@ -219,7 +219,7 @@ def test_an_effect_is_one_more_stage_anywhere() -> None:
 
 def test_sensors_add_noise_of_the_stated_size_in_steps() -> None:
     quiet = sliding(np.zeros(20_000), 60.0)
-    noise = Noise(0.01, 0.5, 3)
+    noise = SensorNoise(0.01, 0.5, 3)
     noisy, _ = noise.run(quiet, noise.initial())
     assert np.std(noisy.force_n) == pytest.approx(0.01, rel=0.02)
     assert np.std(noisy.accel_m_s2) == pytest.approx(0.5, rel=0.02)

@@ -9,7 +9,7 @@ from tests.hardware.sensors.frames import DOWN, MOVE, touch
 
 from frictus_hardware.errors import ClosedError, DeviceLostError, DriverMissingError
 from frictus_hardware.sensors.hid import PRODUCT_ID, REPORT_BYTES, VENDOR_ID, HidPort
-from frictus_hardware.sensors.neonode import Lost, Report, Touchpad
+from frictus_hardware.sensors.neonode import FingerLost, NeonodeReport, Touchpad
 from frictus_hardware.sensors.touch_link import TouchLink
 from frictus_hardware.sensors.zforce import DETECTION_MODE, ENABLE, REQUEST, RESPONSE
 
@@ -207,13 +207,13 @@ def test_a_link_sets_up_reports_and_survives_unplugging(sensor: Sensor) -> None:
     assert link.touchpad.fault is None
     sensor.outbox.append(touch(DOWN, 300))
     (report,) = link.poll(0.01)
-    assert isinstance(report, Report)
+    assert isinstance(report, NeonodeReport)
     assert report.x_mm == 30.0
 
     sensor.plugged = False
     sensor.outbox.clear()
     (lost,) = link.poll(0.01)
-    assert isinstance(lost, Lost)
+    assert isinstance(lost, FingerLost)
     assert link.touchpad.fault is not None
     assert "read failed" in link.touchpad.fault
     for _ in range(25):

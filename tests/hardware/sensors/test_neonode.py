@@ -17,9 +17,9 @@ from tests.hardware.sensors.frames import (
 from frictus_hardware.errors import ConfigError
 from frictus_hardware.sensors.neonode import (
     Action,
-    Lost,
+    FingerLost,
+    NeonodeReport,
     Reconnect,
-    Report,
     ScreenFrame,
     Send,
     SensorAxis,
@@ -71,9 +71,9 @@ def test_a_finger_from_down_to_up() -> None:
     (down,) = touchpad.received(touch(DOWN, 300, ticks=65530), 1.00)
     (move,) = touchpad.received(touch(MOVE, 310, ticks=322), 1.01)
     (up,) = touchpad.received(touch(UP, 320, ticks=650), 1.02)
-    assert down == Report(30.0, 20.0, True, 1.00, 0.0)
-    assert isinstance(move, Report)
-    assert isinstance(up, Report)
+    assert down == NeonodeReport(30.0, 20.0, True, 1.00, 0.0)
+    assert isinstance(move, NeonodeReport)
+    assert isinstance(up, NeonodeReport)
     assert (move.x_mm, move.in_contact, up.x_mm, up.in_contact) == (31.0, True, 32.0, False)
     assert move.sensor_s == pytest.approx(0.01, abs=1e-4)
     assert up.sensor_s == pytest.approx(0.02, abs=1e-4)
@@ -88,11 +88,11 @@ def test_a_second_finger_is_counted_not_followed() -> None:
     assert touchpad.received(touch(DOWN, 100, finger=2), 1.0) == ()
     both = touch_frame([(2, MOVE, 110, 200), (1, MOVE, 305, 200)])
     (report,) = touchpad.received(both, 1.01)
-    assert isinstance(report, Report)
+    assert isinstance(report, NeonodeReport)
     assert (report.x_mm, report.sensor_s) == (30.5, None)
     touchpad.received(touch(UP, 305, finger=1), 1.02)
     (report,) = touchpad.received(touch(MOVE, 120, finger=2), 1.03)
-    assert isinstance(report, Report)
+    assert isinstance(report, NeonodeReport)
     assert report.x_mm == 12.0
     assert touchpad.counts.other_fingers == 2
 
@@ -102,7 +102,7 @@ def test_a_finger_of_which_nothing_comes_is_lost_once_until_it_is_told_of_again(
     touchpad.received(touch(DOWN, 300), 1.0)
     assert touchpad.tick(1.1) == ()
     (lost,) = touchpad.tick(1.11)
-    assert isinstance(lost, Lost)
+    assert isinstance(lost, FingerLost)
     assert touchpad.fault == lost.why == "no touch report for more than 0.1 s"
     assert touchpad.tick(5.0) == ()
     touchpad.received(touch(MOVE, 300), 6.0)
@@ -114,7 +114,7 @@ def test_a_restart_loses_the_finger_and_sets_up_again() -> None:
     touchpad = ready()
     touchpad.received(touch(DOWN, 300, ticks=9000), 1.0)
     lost, send = touchpad.received(BOOT, 1.01)
-    assert isinstance(lost, Lost)
+    assert isinstance(lost, FingerLost)
     assert send == Send(DETECTION_MODE)
     assert touchpad.fault is not None
     assert touchpad.received(touch(DOWN, 300, ticks=0), 1.02) != ()
@@ -128,7 +128,7 @@ def test_a_jump_of_the_counter_is_counted() -> None:
     touchpad = ready()
     touchpad.received(touch(DOWN, 300, ticks=9000), 1.0)
     (report,) = touchpad.received(touch(MOVE, 300, ticks=50000), 1.01)
-    assert isinstance(report, Report)
+    assert isinstance(report, NeonodeReport)
     assert report.sensor_s == pytest.approx(0.01)
     assert touchpad.counts.time_jumps == 1
 
@@ -137,7 +137,7 @@ def test_an_unplugged_sensor_is_asked_for_until_it_is_back() -> None:
     touchpad = ready(Touchpad(reconnect_s=1.0))
     touchpad.received(touch(DOWN, 300), 1.0)
     touchpad.received(touch(DOWN, 300)[:5], 1.0)  # of no use to the next connection
-    assert touchpad.disconnected("pulled", 1.1) == (Lost("pulled"),)
+    assert touchpad.disconnected("pulled", 1.1) == (FingerLost("pulled"),)
     assert touchpad.fault == "pulled"
     assert touchpad.received(touch(DOWN, 300), 1.2) == ()
     assert touchpad.tick(2.2) == (Reconnect(),)
@@ -196,7 +196,7 @@ events = st.one_of(
 def test_whatever_happens_contact_is_known_or_lost(
     sequence: list[tuple[str | bytes, float]],
 ) -> None:
-    """After a report in contact comes another within `stale_s`, or `Lost`, or there is none."""
+    """After a report in contact comes another within `stale_s`, or `FingerLost`, or none."""
     touchpad = Touchpad(stale_s=0.1)
     now_s, contact_s = 0.0, None
     for event, wait_s in sequence:
@@ -216,8 +216,8 @@ def test_whatever_happens_contact_is_known_or_lost(
 
 def latest_contact_s(contact_s: float | None, actions: tuple[Action, ...]) -> float | None:
     for action in actions:
-        if isinstance(action, Report):
+        if isinstance(action, NeonodeReport):
             contact_s = action.arrival_s if action.in_contact else None
-        if isinstance(action, Lost):
+        if isinstance(action, FingerLost):
             contact_s = None
     return contact_s

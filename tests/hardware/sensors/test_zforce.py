@@ -13,11 +13,11 @@ from frictus_hardware.sensors.zforce import (
     FrameReader,
     Malformed,
     Message,
-    Response,
     Touch,
     Touches,
     TouchEvent,
     Unknown,
+    ZForceReply,
 )
 
 TOUCH_WITH_JJ = bytes.fromhex(
@@ -49,8 +49,8 @@ def test_requests_are_the_bytes_of_the_documentation() -> None:
         (TOUCH_WITHOUT_JJ, MOVED),
         (TOUCH_WITHOUT_TIME, Touches((Touch(5, TouchEvent.DOWN, 300, 672),), None)),
         (BOOT, BootComplete()),
-        (bytes.fromhex("EF 09 40 02 02 00 65 03 81 01 00"), Response(0x65, b"\x81\x01\x00")),
-        (bytes.fromhex("EF 08 40 02 02 00 65 02 80 00"), Response(0x65, b"\x80\x00")),
+        (bytes.fromhex("EF 09 40 02 02 00 65 03 81 01 00"), ZForceReply(0x65, b"\x81\x01\x00")),
+        (bytes.fromhex("EF 08 40 02 02 00 65 02 80 00"), ZForceReply(0x65, b"\x80\x00")),
     ],
 )
 def test_byte_vectors(data: bytes, message: Message) -> None:

@@ -28,8 +28,8 @@ from frictus_hardware.simulated.human import (
 )
 from frictus_hardware.simulated.kernels import add_sinusoids
 from frictus_hardware.simulated.motion import Finger, Wander
+from frictus_hardware.simulated.normal_force import Press
 from frictus_hardware.simulated.pointer import ClientFinger, PointerFinger
-from frictus_hardware.simulated.press import Press
 from frictus_hardware.simulated.strokes import SinusoidalStrokes, SteadyStrokes
 
 SCREEN_MM = (70.0, 35.0)

@@ -13,7 +13,7 @@ from frictus_service.benchmarks import kernel as figures
 from frictus_service.benchmarks.kernel import Pass, require_agreement, shipped_scene, strokes
 from frictus_service.benchmarks.native import NativeKernel, NoCompilerError, native_kernel
 from frictus_service.synthesis import kernel
-from frictus_service.synthesis.kernel import Motion
+from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
 
 
@@ -49,11 +49,11 @@ def of_every_kind(rng: np.random.Generator) -> Scene:
     )
 
 
-def wild(rng: np.random.Generator, count: int) -> list[Motion]:
+def wild(rng: np.random.Generator, count: int) -> list[BlockMotion]:
     """Motions of all directions and speeds, some of them off the screen."""
     low = [-5.0, -5.0, -400.0, -400.0, -400.0, -400.0, 0.0, 0.0]
     high = [75.0, 40.0, 400.0, 400.0, 400.0, 400.0, 400.0, 400.0]
-    return [Motion(*rng.uniform(low, high).tolist()) for _ in range(count)]
+    return [BlockMotion(*rng.uniform(low, high).tolist()) for _ in range(count)]
 
 
 def test_c_equals_the_kernel_for_every_kind_of_texture(

@@ -6,7 +6,7 @@ import pytest
 
 from frictus_service.benchmarks.contention import compute
 from frictus_service.benchmarks.neighbour import _await_word, neighbour
-from frictus_service.daemon.progress import Progress
+from frictus_service.daemon.progress import StartProgress
 from frictus_service.errors import StartError
 
 
@@ -17,7 +17,7 @@ def test_who_computes_may_take_as_long_as_it_likes() -> None:
         clock_s[0] += seconds
         return next(words)
 
-    _await_word(has_come, lambda: clock_s[0] // 20.0, Progress(lambda: clock_s[0]), 60.0)
+    _await_word(has_come, lambda: clock_s[0] // 20.0, StartProgress(lambda: clock_s[0]), 60.0)
     assert clock_s[0] > 500.0
 
 
@@ -29,7 +29,9 @@ def test_who_stands_still_is_given_up() -> None:
         return False
 
     with pytest.raises(StartError, match="stood still for 60 s"):
-        _await_word(has_come, lambda: min(clock_s[0], 30.0), Progress(lambda: clock_s[0]), 60.0)
+        _await_word(
+            has_come, lambda: min(clock_s[0], 30.0), StartProgress(lambda: clock_s[0]), 60.0
+        )
     assert clock_s[0] == pytest.approx(90.0, abs=2.0)
 
 

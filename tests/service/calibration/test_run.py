@@ -21,8 +21,8 @@ from frictus_hardware.physics.mount import Mount
 from frictus_hardware.physics.screen import Screen
 from frictus_hardware.physics.stages import standard_twin
 from frictus_hardware.simulated.guided import GuidedStrokes
+from frictus_hardware.simulated.normal_force import Press
 from frictus_hardware.simulated.participants import Participant
-from frictus_hardware.simulated.press import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.calibration.errors import CalibrationError, CancelledError, FolderError
 from frictus_service.calibration.job import (
@@ -48,7 +48,7 @@ from frictus_service.identification.observation.validity import REVERSAL_S
 from frictus_service.library import SHIPPED
 from frictus_service.ports import free_endpoint
 from frictus_service.study.reader import StudyReader
-from frictus_service.translate import law_of, placeholder_model
+from frictus_service.synthesis.model_law import law_of, placeholder_model
 
 FASTER = 6.0
 STRANGER = Participant(cutoff_0_hz=0.6 * 385.68, slope_hz_per_mm_s=0.6 * 13.811)

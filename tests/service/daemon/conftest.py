@@ -17,21 +17,21 @@ from frictus_hardware.simulated.clock import VirtualClock
 from frictus_hardware.simulated.rig import SimulatedRig
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.config import Config, Limits
+from frictus_service.daemon.block_record import BlockRecord
 from frictus_service.daemon.interlock import Interlock
 from frictus_service.daemon.loop import BlockLoop
-from frictus_service.daemon.orders import ModelSlot, Orders, SceneOrder
-from frictus_service.daemon.patience import PatientBackend
+from frictus_service.daemon.loop_inbox import LoopInbox, ModelSlot, SceneUpdate
+from frictus_service.daemon.retry import RetryingBackend
 from frictus_service.daemon.safety import Arm, Event
-from frictus_service.daemon.stage import rendered_model
-from frictus_service.daemon.turn import Turn
+from frictus_service.daemon.scene_controller import rendered_model
+from frictus_service.synthesis.model_law import placeholder_model
 from frictus_service.synthesis.scene import compile_scene
-from frictus_service.translate import placeholder_model
 
 UTC_NS = 1_795_000_000_000_000_000
 
 
-def orders_of(model: Model) -> Orders:
-    return Orders(ModelSlot(rendered_model(model, Screen())))
+def orders_of(model: Model) -> LoopInbox:
+    return LoopInbox(ModelSlot(rendered_model(model, Screen())))
 
 
 class NoWaiting(threading.Event):
@@ -54,11 +54,11 @@ class Bench:
     rig: SimulatedRig
     clock: VirtualClock
     interlock: Interlock
-    orders: Orders
+    orders: LoopInbox
     loop: BlockLoop
     heartbeat: Heartbeat
     delay_ns: int = 0
-    turns: list[Turn] = field(default_factory=list)
+    turns: list[BlockRecord] = field(default_factory=list)
 
     @property
     def rate_hz(self) -> float:
@@ -77,9 +77,9 @@ class Bench:
 
     def play(self, scene: Scene) -> None:
         compiled = compile_scene(scene, FrictionLaw(), self.rig.config.screen, self.rate_hz)
-        self.orders.scene.append(SceneOrder(compiled))
+        self.orders.scene.append(SceneUpdate(compiled))
 
-    def turn(self, seconds: float) -> list[Turn]:
+    def turn(self, seconds: float) -> list[BlockRecord]:
         """Turn the loop for so long and return what it handed over meanwhile."""
         until = self.loop.tally.blocks + round(seconds * self.rate_hz / 100)
         stop = NoWaiting()
@@ -132,7 +132,7 @@ def build_bench(limits: Limits | None = None, **rig_settings: object) -> Bench:
     def monotonic_ns() -> int:
         return round(clock.sample() * 1e9 / rig.info.clock_hz) + bench.delay_ns
 
-    backend = PatientBackend(rig, monotonic_ns)
+    backend = RetryingBackend(rig, monotonic_ns)
     bench = Bench(config, rig, clock, interlock, orders, None, heartbeat)  # type: ignore[arg-type]
     bench.loop = BlockLoop(
         backend,

@@ -10,12 +10,12 @@ from frictus.messages import Reply
 from frictus.stream import StreamFrame
 from frictus_hardware.physics.screen import Screen
 from frictus_service.config import Limits
-from frictus_service.daemon.commands import RENDERING_CALLS, Commands, Message
+from frictus_service.daemon.commands import RENDERING_CALLS, Commands, IncomingCommand
 from frictus_service.daemon.control import Control
 from frictus_service.daemon.interlock import Interlock
-from frictus_service.daemon.orders import ModelOrder, ModelSlot, Orders
-from frictus_service.daemon.stage import Stage, rendered_model
-from frictus_service.translate import placeholder_model
+from frictus_service.daemon.loop_inbox import LoopInbox, ModelSlot, ModelUpdate
+from frictus_service.daemon.scene_controller import SceneController, rendered_model
+from frictus_service.synthesis.model_law import placeholder_model
 
 UTC_NS = 1_795_000_000_000_000_000
 WAVE = (0.05 * np.sin(2.0 * np.pi * np.arange(64) / 64.0)).astype(np.float32)
@@ -26,7 +26,7 @@ SCENE = {"regions": [{"texture": TEXTURE}]}
 class Obeyed(ModelSlot):
     """A slot whose orders are in force at once, as with a loop that turns."""
 
-    def offer(self, order: ModelOrder) -> None:
+    def offer(self, order: ModelUpdate) -> None:
         super().offer(order)
         self.take()
         order.done.set()
@@ -35,7 +35,7 @@ class Obeyed(ModelSlot):
 class TakenAtTheLastMoment(ModelSlot):
     """A slot whose orders the loop takes just before they would be withdrawn."""
 
-    def withdraw(self, order: ModelOrder) -> bool:
+    def withdraw(self, order: ModelUpdate) -> bool:
         self.take()
         order.done.set()
         return super().withdraw(order)
@@ -77,8 +77,8 @@ class Desk:
 
     def __post_init__(self) -> None:
         self.interlock = Interlock()
-        self.orders = Orders(self.slot(rendered_model(placeholder_model(), Screen())))
-        self.stage = Stage(
+        self.orders = LoopInbox(self.slot(rendered_model(placeholder_model(), Screen())))
+        self.stage = SceneController(
             Screen(),
             20_000.0,
             self.interlock,
@@ -97,7 +97,7 @@ class Desk:
     def send(self, name: str, payload: bytes) -> Reply:
         renders = name in RENDERING_CALLS or name == "texture"
         decide = self.commands.render if renders else self.commands.keep_safe
-        return decide(Message(name, payload))
+        return decide(IncomingCommand(name, payload))
 
     def call(self, name: str, client: str = "ann", **fields: Any) -> Reply:
         request = {"client": client, "utc_ns": self.utc_ns, **fields}

@@ -20,14 +20,14 @@ from frictus_hardware.nidaq.conversion import Sensed
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.config import Config
+from frictus_service.daemon.block_record import BlockRecord
 from frictus_service.daemon.interlock import Interlock
 from frictus_service.daemon.loop import BlockLoop
-from frictus_service.daemon.orders import Orders, SceneOrder
-from frictus_service.daemon.patience import PatientBackend
+from frictus_service.daemon.loop_inbox import LoopInbox, SceneUpdate
+from frictus_service.daemon.retry import RetryingBackend
 from frictus_service.daemon.safety import Arm, Reset
-from frictus_service.daemon.turn import Turn
+from frictus_service.synthesis.model_law import placeholder_model, screen_of
 from frictus_service.synthesis.scene import compile_scene
-from frictus_service.translate import placeholder_model, screen_of
 
 from .conftest import UTC_NS, Heartbeat, NoWaiting, orders_of
 
@@ -116,9 +116,9 @@ class Bench:
     server: FakeServer
     world: World
     loop: BlockLoop
-    backend: PatientBackend
+    backend: RetryingBackend
     interlock: Interlock
-    orders: Orders
+    orders: LoopInbox
     time: DeviceTime
     seen: list[str] = field(default_factory=list)
     """Kinds of the faults that came up, since `forget`."""
@@ -131,9 +131,9 @@ class Bench:
     def play(self, scene: Scene) -> None:
         """Give the loop a scene."""
         compiled = compile_scene(scene, LAW, screen_of(self.backend.info), RATE_HZ)
-        self.orders.scene.append(SceneOrder(compiled))
+        self.orders.scene.append(SceneUpdate(compiled))
 
-    def turn(self, blocks: int) -> list[Turn]:
+    def turn(self, blocks: int) -> list[BlockRecord]:
         """Turn the loop, which never raises, so often; return what it handed over."""
         turns = []
         for _ in range(blocks):
@@ -170,7 +170,7 @@ def running() -> Iterator[Bench]:
         config = wiring(address=server.address, deadline_s=20.0)
         rig = NiRig(config, Sensors(world, conversion(config)), Touch(world))
         time = DeviceTime(server.device)
-        backend = PatientBackend(rig, time)
+        backend = RetryingBackend(rig, time)
         interlock, orders = Interlock(), orders_of(placeholder_model())
         settings = Config(backend=SimulatedConfig(clock="virtual"))
         rig.open()

@@ -19,17 +19,17 @@ from numpy.typing import NDArray
 
 from frictus.messages import Excitation
 from frictus_hardware import SimulatedConfig
-from frictus_hardware.accepted import ramp_samples, require_drive
+from frictus_hardware.arguments import ramp_samples, require_drive
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Exchange, RigInfo, TouchReport
+from frictus_hardware.context import Opened
 from frictus_hardware.errors import HardwareError
-from frictus_hardware.opened import Opened
 from frictus_hardware.output import RETURN_S, OutputQueue
 from frictus_hardware.simulated.faults import ERRORS
 from frictus_service.config import Config, Limits
 from frictus_service.daemon.interlock import Interlock
 from frictus_service.daemon.loop import LOST, BlockLoop
-from frictus_service.daemon.orders import SceneOrder
+from frictus_service.daemon.loop_inbox import SceneUpdate
 from frictus_service.daemon.safety import (
     Arm,
     ClientVanished,
@@ -40,8 +40,8 @@ from frictus_service.daemon.safety import (
     Stop,
 )
 from frictus_service.synthesis.excitation import compile_excitation
+from frictus_service.synthesis.model_law import placeholder_model
 from frictus_service.synthesis.renderer import RAMP_S
-from frictus_service.translate import placeholder_model
 
 from .conftest import Heartbeat, orders_of
 
@@ -287,7 +287,7 @@ class World:
         self.orders = orders_of(placeholder_model())
         law = self.orders.model.in_force.inverse.law
         steady = compile_excitation(Excitation(bias=0.25), law, RATE_HZ)
-        self.orders.scene.append(SceneOrder(steady))
+        self.orders.scene.append(SceneUpdate(steady))
         config = CONFIG.model_copy(
             update={
                 "backend": SimulatedConfig(clock="virtual", sample_rate_hz=RATE_HZ),

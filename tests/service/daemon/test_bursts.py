@@ -11,7 +11,7 @@ import zenoh
 from frictus.keys import RigKeys, Topics
 from frictus.textures import Region
 from frictus_hardware.physics.screen import Screen
-from frictus_service.daemon.commands import UNNAMED_BYTES, Message
+from frictus_service.daemon.commands import UNNAMED_BYTES, IncomingCommand
 from frictus_service.synthesis.layers import Layer, layers_of
 
 from .desk import SCENE, TEXTURE, Desk
@@ -191,7 +191,7 @@ def test_a_scene_ends_nobody_elses_compilation() -> None:
 
 def test_a_name_that_is_not_the_attachments_is_refused(desk: Wired) -> None:
     request = {"client": "ann", "utc_ns": desk.utc_ns, "scene": SCENE}
-    message = Message("scene", json.dumps(request).encode(), "ben")
+    message = IncomingCommand("scene", json.dumps(request).encode(), "ben")
     reply = desk.commands.render(message)
     assert reply.code == "bad_request"
     assert "'ben'" in reply.message

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from frictus.keys import CALLS
 from frictus.messages import SceneRequest
 from frictus.textures import MAX_PROFILE_SAMPLES, Profile, Region, Scene
+from frictus_service import command_validation as gate
+from frictus_service.command_validation import MAX_DIGITS, MAX_MEMBERS, MAX_VALUES
 from frictus_service.config import Limits
-from frictus_service.daemon import gate
 from frictus_service.daemon.commands import SHORT_BYTES
-from frictus_service.daemon.gate import MAX_DIGITS, MAX_MEMBERS, MAX_VALUES
-from frictus_service.daemon.orders import ModelSlot
+from frictus_service.daemon.loop_inbox import ModelSlot
 from frictus_service.daemon.safety import FaultRaised, OutputQuiet
-from frictus_service.translate import placeholder_model
+from frictus_service.synthesis.model_law import placeholder_model
 
 from .desk import SCENE, TEXTURE, WAVE, Desk, Finger, Info, TakenAtTheLastMoment
 
@@ -195,7 +195,9 @@ def test_a_long_scene_is_read_as_a_short_one_is(desk: Desk) -> None:
     limits = Limits()
     payload = request.to_json()
     assert len(payload) > gate.SLICED_BYTES
-    read = gate.Gate(limits).read(SceneRequest, payload, desk.utc_ns, limits.max_scene_bytes)
+    read = gate.CommandValidator(limits).read(
+        SceneRequest, payload, desk.utc_ns, limits.max_scene_bytes
+    )
     assert read == request
     reply = desk.send("scene", payload.replace(b"0.1,", b"NaN,").replace(b"-0.3,", b'"x",', 1))
     assert reply.code == "bad_request"
@@ -302,7 +304,7 @@ def test_model_changes_only_while_disarmed_and_matching(desk: Desk) -> None:
 def test_a_model_is_in_force_if_and_only_if_the_reply_says_so(
     slot: type[ModelSlot], ok: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("frictus_service.daemon.stage.MODEL_CHANGE_S", 0.0)
+    monkeypatch.setattr("frictus_service.daemon.scene_controller.MODEL_CHANGE_S", 0.0)
     desk = Desk(slot=slot)
     before = desk.stage.model.etag
     model = placeholder_model().model_dump(mode="json", by_alias=True)

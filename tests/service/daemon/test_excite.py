@@ -10,7 +10,7 @@ from frictus.textures import Scene
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.simulated.faults import LostSamples, SilentTouch
-from frictus_service.daemon.orders import SceneOrder
+from frictus_service.daemon.loop_inbox import SceneUpdate
 from frictus_service.daemon.safety import ClientVanished, Disarm, FaultRaised, Reset, Stop
 from frictus_service.synthesis.excitation import compile_excitation
 
@@ -26,7 +26,7 @@ def excite(bench: Any, asked: Excitation, arming: int | None = None) -> None:
     """Order an excitation for the present arming, or for a given one."""
     compiled = compile_excitation(asked, FrictionLaw(), bench.rate_hz)
     arming = bench.interlock.state.armings if arming is None else arming
-    bench.orders.scene.append(SceneOrder(compiled, arming=arming))
+    bench.orders.scene.append(SceneUpdate(compiled, arming=arming))
 
 
 def excited(bench: Any, lease_s: float = 10.0) -> Any:

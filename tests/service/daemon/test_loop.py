@@ -10,6 +10,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from frictus.block import Flag
 from frictus.errors import RefusedError
+from frictus.keys import VOLTAGE
 from frictus.messages import Excitation, FaultKind, ModelRequest
 from frictus.model import Effect, Model
 from frictus.stream import StreamFrame
@@ -31,18 +32,19 @@ from frictus_hardware.simulated.faults import (
 )
 from frictus_service.config import Limits
 from frictus_service.daemon.loop import HANDOVER_BLOCKS
-from frictus_service.daemon.orders import ModelOrder, SceneOrder
-from frictus_service.daemon.patience import PatientBackend
+from frictus_service.daemon.loop_inbox import ModelUpdate, SceneUpdate
+from frictus_service.daemon.retry import RetryingBackend
 from frictus_service.daemon.safety import ClientVanished, Disarm, FaultRaised, Reset, Stop
-from frictus_service.daemon.stage import Stage, rendered_model
+from frictus_service.daemon.scene_controller import SceneController, rendered_model
 from frictus_service.daemon.timebase import Stamp
+from frictus_service.daemon.wire_messages import blocks_of, flags_of
 from frictus_service.etag import etag_of
+from frictus_service.synthesis.compensator import Inverter
 from frictus_service.synthesis.excitation import compile_excitation
-from frictus_service.synthesis.inverter import Inverter
+from frictus_service.synthesis.model_law import placeholder_model
 from frictus_service.synthesis.renderer import RAMP_S, Rendered, Renderer
 from frictus_service.synthesis.scene import compile_scene
 from frictus_service.synthesis.stream import StreamBudget
-from frictus_service.translate import VOLTAGE, blocks_of, flags_of, placeholder_model
 
 SETTLED_S = 0.5
 PERIOD = 20
@@ -64,11 +66,11 @@ def stronger() -> Model:
     return model.model_copy(update={"base": model.base.model_copy(update={"gain_n": 0.5})})
 
 
-def ordered(bench: Any, model: Model, texture: Scene) -> ModelOrder:
+def ordered(bench: Any, model: Model, texture: Scene) -> ModelUpdate:
     """Return an order of a model that the loop was left."""
     rendered = rendered_model(model, Screen())
     scene = compile_scene(texture, rendered.inverse, Screen(), bench.rate_hz)
-    bench.orders.model.offer(order := ModelOrder(rendered, scene))
+    bench.orders.model.offer(order := ModelUpdate(rendered, scene))
     return order
 
 
@@ -188,7 +190,7 @@ def steady(bench: Any) -> None:
     bench.arm()
     excitation = Excitation(bias=0.5)
     compiled = compile_excitation(excitation, FrictionLaw(), bench.rate_hz)
-    bench.orders.scene.append(SceneOrder(compiled, arming=1))
+    bench.orders.scene.append(SceneUpdate(compiled, arming=1))
 
 
 @pytest.mark.parametrize("samples", [1, 40, 260, 730])
@@ -353,7 +355,7 @@ def test_errors_beyond_the_lead_lose_the_stream(make_bench: Any) -> None:
             raise TransientError("no answer")
 
     times = iter(range(0, 10**9, 1_000_000))
-    patient = PatientBackend(Failing(make_bench().rig), lambda: next(times))  # type: ignore[arg-type]
+    patient = RetryingBackend(Failing(make_bench().rig), lambda: next(times))  # type: ignore[arg-type]
     with pytest.raises(StreamLostError, match="20 ms"):
         patient.exchange(np.zeros(100))
     assert patient.retries == 21
@@ -491,14 +493,14 @@ def test_stream_without_updates_fades_to_its_bias(make_bench: Any, texture: Scen
     wave = 0.08 * np.sin(2.0 * np.pi * np.arange(64) / 64.0)
     frame = StreamFrame(1, 0, 0, 1, 1.0, True, 0.0, wave.astype(np.float32))
     update = budget.compile(frame)
-    bench.orders.scene.append(SceneOrder(update, bench.now_s + 0.2, budget.quiet, 1))
+    bench.orders.scene.append(SceneUpdate(update, bench.now_s + 0.2, budget.quiet, 1))
     bench.turn(0.1)
     assert not bench.loop.tally.stream_stale
     bench.turn(0.3)
     assert bench.loop.tally.stream_stale
     target = bench.turns[-1].step.rendered.target_n
     assert np.allclose(target, budget.quiet.applied.bias_n)
-    bench.orders.scene.append(SceneOrder(update, bench.now_s + 0.2, budget.quiet, 1))
+    bench.orders.scene.append(SceneUpdate(update, bench.now_s + 0.2, budget.quiet, 1))
     bench.turn(0.05)
     assert not bench.loop.tally.stream_stale
 
@@ -506,7 +508,7 @@ def test_stream_without_updates_fades_to_its_bias(make_bench: Any, texture: Scen
 def test_stream_does_not_outlive_its_lease(make_bench: Any, texture: Scene) -> None:
     bench = driven(make_bench(), texture)
     budget = StreamBudget.open(0.1, FrictionLaw())
-    bench.orders.scene.append(SceneOrder(budget.quiet, afterwards=budget.quiet, arming=1))
+    bench.orders.scene.append(SceneUpdate(budget.quiet, afterwards=budget.quiet, arming=1))
     bench.turn(0.1)
     assert (Flag.SCALED in bench.turns[-1].output) == budget.applied.scaled
     bench.feed(Stop("ben"))
@@ -545,7 +547,9 @@ def test_reply_state_and_loop_agree_on_the_model_though_the_loop_stands_still(
     make_bench: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench = make_bench()
-    stage = Stage(Screen(), bench.rate_hz, bench.interlock, bench.orders, lambda: bench.now_s)
+    stage = SceneController(
+        Screen(), bench.rate_hz, bench.interlock, bench.orders, lambda: bench.now_s
+    )
     bench.turn(0.1)
     stands, goes_on = threading.Event(), threading.Event()
 

@@ -39,7 +39,7 @@ from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.ports import free_endpoint
 from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.samples import Samples
-from frictus_service.translate import law_of
+from frictus_service.synthesis.model_law import law_of
 
 KEEPING_UP = """deadline_s = 20.0
 lead_ms = 100.0

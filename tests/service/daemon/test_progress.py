@@ -7,14 +7,14 @@ import pytest
 from numba import njit
 
 from frictus_service.config import Config
-from frictus_service.daemon.progress import Progress, compiling_told
+from frictus_service.daemon.progress import StartProgress, compiling_told
 from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.errors import StartError
 
 
 def test_what_moves_may_take_as_long_as_it_likes() -> None:
     clock_s = [0.0]
-    progress = Progress(lambda: clock_s[0])
+    progress = StartProgress(lambda: clock_s[0])
     for clock_s[0] in range(1, 1_000, 9):
         assert progress.left_s(10.0) > 0.0
         assert progress.move() == clock_s[0]
@@ -23,7 +23,7 @@ def test_what_moves_may_take_as_long_as_it_likes() -> None:
 
 def test_what_stands_still_has_failed_and_says_at_what() -> None:
     clock_s = [0.0]
-    progress = Progress(lambda: clock_s[0])
+    progress = StartProgress(lambda: clock_s[0])
     progress.move("compiling mix")
     progress.move()
     clock_s[0] = 10.0
@@ -54,7 +54,7 @@ def test_a_supervisor_waits_for_a_part_that_moves_and_names_the_one_that_does_no
     said: list[str] = []
     supervisor = Supervisor(Config(), ("rig",), say=said.append)
     part = supervisor._parts["rig"]
-    part.progress = Progress(lambda: clock_s[0])
+    part.progress = StartProgress(lambda: clock_s[0])
     part.told, telling = Pipe(duplex=False)
     for clock_s[0] in (50.0, 100.0, 150.0):
         telling.send(("moved", ""))

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frictus.block import Flag
-from frictus_service.dashboard.frames import HEADER_BYTES, Frame, Kind, LiveFrameError
+from frictus_service.api.dashboard.frames import HEADER_BYTES, Frame, Kind, LiveFrameError
 
 U32, U64 = st.integers(0, 2**32 - 1), st.integers(0, 2**64 - 1)
 

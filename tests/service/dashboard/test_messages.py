@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from frictus_service.dashboard.messages import MAX_BYTES, Hello, Point, Watch, read
-from frictus_service.dashboard.refusal import BAD_DATA, RefusedViewerError
+from frictus_service.api.dashboard.messages import MAX_BYTES, Hello, Point, Watch, read
+from frictus_service.api.dashboard.refusal import BAD_DATA, RefusedViewerError
 
 
 def asked(**fields: Any) -> Any:

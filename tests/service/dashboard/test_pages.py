@@ -5,7 +5,7 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
 from frictus_dashboard import FOLDER
-from frictus_service.dashboard import pages
+from frictus_service.api.dashboard import pages
 
 FILES = sorted(
     path.relative_to(FOLDER).as_posix() for path in FOLDER.rglob("*") if path.is_file()

@@ -17,7 +17,7 @@ from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.mobility import Mobility
 from frictus_hardware.physics.mount import Mount
 from frictus_hardware.physics.prediction import Prediction, Probe, predict
-from frictus_hardware.physics.schedule import Circumstances
+from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.simulator import Simulator
 from frictus_service.discovery.discover import discover
 from frictus_service.discovery.document import Discovery, NamedCause, StudyFacts
@@ -179,9 +179,9 @@ def _trial(
     return TrialEvidence(observed, harmonics, _stretches(at, simulator, scatter, mains_hz, rng))
 
 
-def _along(info: TrialInfo, minutes: float, rng: np.random.Generator) -> Circumstances:
+def _along(info: TrialInfo, minutes: float, rng: np.random.Generator) -> SlidingConditions:
     """Return where six thirds of sweeps were measured."""
-    return Circumstances(
+    return SlidingConditions(
         speed_mm_s=info.speed_mm_s * rng.normal(1.0, 0.05, 6),
         normal_force_n=info.force_n * rng.normal(1.0, 0.05, 6),
         position_mm=np.tile(CENTRES_MM, 2),
@@ -190,8 +190,8 @@ def _along(info: TrialInfo, minutes: float, rng: np.random.Generator) -> Circums
     )
 
 
-def _rows_at(at: Circumstances, rows: NDArray[np.int64]) -> Circumstances:
-    return Circumstances(
+def _rows_at(at: SlidingConditions, rows: NDArray[np.int64]) -> SlidingConditions:
+    return SlidingConditions(
         at.speed_mm_s[rows],
         at.normal_force_n[rows],
         at.position_mm[rows],
@@ -221,7 +221,7 @@ def _harmonics(
 
 
 def _stretches(
-    at: Circumstances,
+    at: SlidingConditions,
     simulator: Simulator,
     scatter: Scatter,
     mains_hz: float,

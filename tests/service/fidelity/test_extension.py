@@ -6,7 +6,7 @@ from frictus.recordings import texture_of
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
 from frictus_hardware.simulated.config import SimulatedConfig
-from frictus_hardware.simulated.press import Press
+from frictus_hardware.simulated.normal_force import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.fidelity.extension import Stroke, gain_of, thirds
 from frictus_service.fidelity.path import walk

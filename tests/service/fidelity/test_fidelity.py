@@ -15,10 +15,10 @@ from frictus.textures import Texture
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.mount import Mount
 from frictus_hardware.physics.screen import Screen
-from frictus_hardware.physics.stages import Noise, Quantisation, standard_twin
+from frictus_hardware.physics.stages import Quantisation, SensorNoise, standard_twin
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.human import HumanStrokes
-from frictus_hardware.simulated.press import Press
+from frictus_hardware.simulated.normal_force import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.fidelity.bands import JND_DB, windows
 from frictus_service.fidelity.measure import (
@@ -61,7 +61,7 @@ def judge(
     noise: bool = True,
 ) -> Error:
     """Feel a scene along a path with a finger of a given `law`; `played` is inverted."""
-    sensors = (Noise(0.002, 0.05, 1), Quantisation()) if noise else ()
+    sensors = (SensorNoise(0.002, 0.05, 1), Quantisation()) if noise else ()
     twin = standard_twin(screen=SCREEN, law=law, sensors=sensors)
     signals, clipped = feel(path, scene, played, SCREEN, twin)
     target = target_along(texture, scene, path)

@@ -11,9 +11,9 @@ from frictus_hardware.physics.friction import FrictionLaw, frequency_response
 from frictus_hardware.physics.mobility import Mobility
 from frictus_hardware.physics.mount import Mount
 from frictus_hardware.physics.screen import Screen, screen_voltage
-from frictus_hardware.physics.stages import Noise, standard_twin
+from frictus_hardware.physics.stages import SensorNoise, standard_twin
 from frictus_hardware.physics.twin import Signals, simulate
-from frictus_hardware.simulated.press import Press
+from frictus_hardware.simulated.normal_force import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 
@@ -68,7 +68,7 @@ def trial(
     position = (motion.position_mm - middle) @ turned + middle
     drive = (drawn or message)(made.tones_hz, time_s, rng)
     voltage = volts(drive)
-    sensors = (Noise(made.noise_n, made.noise_m_s2, int(rng.integers(2**31))),)
+    sensors = (SensorNoise(made.noise_n, made.noise_m_s2, int(rng.integers(2**31))),)
     felt = simulate(
         standard_twin(law=LAW, mobility=MOBILITY, sensors=sensors),
         Signals.driven(

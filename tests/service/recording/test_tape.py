@@ -26,26 +26,21 @@ from frictus_hardware.simulated.rig import SimulatedRig
 from frictus_service.cli.app import app
 from frictus_service.cli.exits import Exit
 from frictus_service.config import Config, parse
+from frictus_service.daemon.block_record import BlockRecord
 from frictus_service.daemon.interlock import Interlock
 from frictus_service.daemon.loop import BlockLoop
-from frictus_service.daemon.orders import ModelSlot, Orders, SceneOrder
-from frictus_service.daemon.patience import PatientBackend
+from frictus_service.daemon.loop_inbox import LoopInbox, ModelSlot, SceneUpdate
+from frictus_service.daemon.retry import RetryingBackend
 from frictus_service.daemon.safety import Arm
-from frictus_service.daemon.stage import rendered_model
+from frictus_service.daemon.scene_controller import rendered_model
 from frictus_service.daemon.timebase import Stamp
-from frictus_service.daemon.turn import Turn
+from frictus_service.daemon.wire_messages import blocks_of, flags_of, touch_of
 from frictus_service.recording.errors import ExportError, NotWrittenError
 from frictus_service.recording.notes import RecordingInfo
 from frictus_service.recording.tape import Taped, export_tape
 from frictus_service.recording.writer import RecordingWriter
+from frictus_service.synthesis.model_law import placeholder_model, screen_of
 from frictus_service.synthesis.scene import compile_scene
-from frictus_service.translate import (
-    blocks_of,
-    flags_of,
-    placeholder_model,
-    screen_of,
-    touch_of,
-)
 
 RATE_HZ, BLOCK = 20_000.0, 100
 UTC_NS = 1_795_000_000_000_000_000
@@ -89,11 +84,11 @@ def loop_of(backend: Backend, clock: VirtualClock, config: Config) -> BlockLoop:
     def monotonic_ns() -> int:
         return round(clock.sample() * 1e9 / RATE_HZ)
 
-    orders = Orders(ModelSlot(rendered_model(placeholder_model(), screen_of(backend.info))))
+    orders = LoopInbox(ModelSlot(rendered_model(placeholder_model(), screen_of(backend.info))))
     scene = compile_scene(TEXTURE, FrictionLaw(), screen_of(backend.info), RATE_HZ)
-    orders.scene.append(SceneOrder(scene))
+    orders.scene.append(SceneUpdate(scene))
     return BlockLoop(
-        PatientBackend(backend, monotonic_ns),
+        RetryingBackend(backend, monotonic_ns),
         config,
         Interlock(),
         orders,
@@ -104,7 +99,7 @@ def loop_of(backend: Backend, clock: VirtualClock, config: Config) -> BlockLoop:
     )
 
 
-def turned(loop: BlockLoop, turns: int, armed_after: int = ARMED_AFTER) -> list[Turn]:
+def turned(loop: BlockLoop, turns: int, armed_after: int = ARMED_AFTER) -> list[BlockRecord]:
     """Turn the loop so often, armed on the way, and return what it handed over."""
     taken = []
     for number in range(turns):
@@ -116,7 +111,7 @@ def turned(loop: BlockLoop, turns: int, armed_after: int = ARMED_AFTER) -> list[
     return taken
 
 
-def live(seed: int, turns: int, **changes: object) -> tuple[list[Turn], RigInfo]:
+def live(seed: int, turns: int, **changes: object) -> tuple[list[BlockRecord], RigInfo]:
     """Run a simulated rig and return all of it."""
     clock = VirtualClock()
     config = SimulatedConfig.model_validate({"clock": "virtual", "seed": seed} | changes)
@@ -126,7 +121,7 @@ def live(seed: int, turns: int, **changes: object) -> tuple[list[Turn], RigInfo]
 
 def replayed(
     tape: Tape, turns: int, armed_after: int = ARMED_AFTER, **changes: object
-) -> tuple[list[Turn], BlockLoop]:
+) -> tuple[list[BlockRecord], BlockLoop]:
     """Run the same on a tape."""
     clock = VirtualClock()
     config = ReplayConfig.model_validate({"file": Path("tape.npz")} | changes)
@@ -160,7 +155,7 @@ def status_of(info: RigInfo, **changes: object) -> RigStatus:
     return RigStatus.model_validate(told | changes)
 
 
-def record(path: Path, turns: Iterable[Turn], info: RigInfo, status: RigStatus) -> Path:
+def record(path: Path, turns: Iterable[BlockRecord], info: RigInfo, status: RigStatus) -> Path:
     """Record what a rig publishes of these turns."""
     about = RecordingInfo(
         name="known",
@@ -193,7 +188,7 @@ Make = Callable[..., tuple[Tape, Taped]]
 def taped(tmp_path: Path) -> Make:
     """Record turns, export the recording, and read the tape."""
 
-    def make(turns: list[Turn], info: RigInfo, **arguments: Any) -> tuple[Tape, Taped]:
+    def make(turns: list[BlockRecord], info: RigInfo, **arguments: Any) -> tuple[Tape, Taped]:
         recording = record(tmp_path / "known.mcap", turns, info, status_of(info))
         done = export_tape(recording, tmp_path / "known.npz", **arguments)
         return read_tape(tmp_path / "known.npz"), done
@@ -201,11 +196,11 @@ def taped(tmp_path: Path) -> Make:
     return make
 
 
-def joined(turns: list[Turn], name: str) -> NDArray[np.float64]:
+def joined(turns: list[BlockRecord], name: str) -> NDArray[np.float64]:
     return np.concatenate([getattr(turn.step.exchange, name) for turn in turns])
 
 
-def assert_same_senses(now: list[Turn], then: list[Turn]) -> None:
+def assert_same_senses(now: list[BlockRecord], then: list[BlockRecord]) -> None:
     for one, other in zip(now, then, strict=True):
         mine, theirs = one.step.exchange, other.step.exchange
         assert mine.first_sample == theirs.first_sample
@@ -326,7 +321,9 @@ def test_the_latency_of_an_old_recording_has_to_be_said(tmp_path: Path) -> None:
 def test_several_runs_have_to_be_cut(taped: Make) -> None:
     then, info = live(7, 40)
     again = [
-        Turn(RUN + 1, turn.number, *(getattr(turn, name) for name in Turn.__slots__[2:]))
+        BlockRecord(
+            RUN + 1, turn.number, *(getattr(turn, name) for name in BlockRecord.__slots__[2:])
+        )
         for turn in then
     ]
     with pytest.raises(ExportError, match="started anew"):

@@ -8,11 +8,11 @@ import pytest
 
 from frictus_hardware.physics import friction
 from frictus_hardware.physics.mount import Mount
+from frictus_hardware.simulated.participants import WithinPersonScatter
 from frictus_service.reproduction.plan import (
     FAULTS,
     StudyConditions,
     TrialPlan,
-    WithinPersonScatter,
     log_tones,
     plan_study,
 )

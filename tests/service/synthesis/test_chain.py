@@ -16,7 +16,7 @@ from frictus_hardware.simulated.human import HumanStrokes
 from frictus_hardware.simulated.rig import SimulatedRig, make_twin
 from frictus_service.fidelity.measure import feel
 from frictus_service.fidelity.path import BLOCK_SAMPLES, walk
-from frictus_service.synthesis.chain import Chain, Step, make_chain
+from frictus_service.synthesis.chain import Chain, RenderedBlock, make_chain
 from frictus_service.synthesis.estimator import FingerEstimator
 from frictus_service.synthesis.renderer import RAMP_S, Renderer
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
@@ -37,7 +37,7 @@ def scene() -> CompiledScene:
     return compile_scene(Scene(regions=[Region(texture=texture)]), LAW, SCREEN, RATE)
 
 
-def run(chain: Chain, n_blocks: int, allow: bool) -> list[Step]:
+def run(chain: Chain, n_blocks: int, allow: bool) -> list[RenderedBlock]:
     """Steps with the arrays that the renderer will overwrite copied."""
     steps = []
     for _ in range(n_blocks):
@@ -47,7 +47,7 @@ def run(chain: Chain, n_blocks: int, allow: bool) -> list[Step]:
     return steps
 
 
-def volts(steps: list[Step]) -> FloatArray:
+def volts(steps: list[RenderedBlock]) -> FloatArray:
     return np.concatenate([step.exchange.applied_v for step in steps])
 
 

@@ -5,15 +5,16 @@ import pytest
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
-from frictus_service.synthesis import corrections, kernel
-from frictus_service.synthesis.inverter import law_tuple
-from frictus_service.synthesis.kernel import Motion
+from frictus_service.synthesis import compensation_kernels as corrections
+from frictus_service.synthesis import kernel
+from frictus_service.synthesis.compensator import law_tuple
+from frictus_service.synthesis.kernel import BlockMotion
 
 pytestmark = pytest.mark.compiled
 
 
 RATE = 20_000.0
-STILL = Motion(0.0, 0.0, 60.0, 0.0, 60.0, 0.0, 60.0, 60.0)
+STILL = BlockMotion(0.0, 0.0, 60.0, 0.0, 60.0, 0.0, 60.0, 60.0)
 RANGE = (20.0, 100.0)
 
 

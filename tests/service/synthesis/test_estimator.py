@@ -14,8 +14,8 @@ from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.fidelity.measure import steady_segments
 from frictus_service.fidelity.path import BLOCK_SAMPLES, Path, walk
 from frictus_service.synthesis import estimator
-from frictus_service.synthesis.estimator import DEFAULT_TUNING, Course, FingerEstimator
-from frictus_service.synthesis.kernel import Motion
+from frictus_service.synthesis.estimator import DEFAULT_TUNING, FingerEstimator, PredictedMotion
+from frictus_service.synthesis.kernel import BlockMotion
 
 pytestmark = pytest.mark.compiled
 
@@ -31,7 +31,7 @@ def report(sample: float, x: float, y: float = 17.0, in_contact: bool = True) ->
     return TouchReport(sample, round(x, 1), y, in_contact)
 
 
-def end_of(motion: Motion) -> FloatArray:
+def end_of(motion: BlockMotion) -> FloatArray:
     return np.array(
         [
             motion.x_mm + 0.5 * (motion.vx_0 + motion.vx_1) * BLOCK_S,
@@ -40,10 +40,10 @@ def end_of(motion: Motion) -> FloatArray:
     )
 
 
-def assert_continuous(courses: Iterable[Course]) -> int:
+def assert_continuous(courses: Iterable[PredictedMotion]) -> int:
     """Each motion begins where the last ended; where it does not, that one is left. Slips."""
     slips = 0
-    last: Motion | None = None
+    last: BlockMotion | None = None
     for course in courses:
         first = course.motion if course.left is None else course.left
         slips += course.left is not None
@@ -61,7 +61,7 @@ class Followed:
 
     def __init__(self) -> None:
         self.estimator = FingerEstimator(RATE)
-        self.courses: list[Course] = []
+        self.courses: list[PredictedMotion] = []
         self.sample = 0
         self._scans = 0
 

@@ -12,9 +12,9 @@ from frictus.textures import Component, Region, Scene, Spectrum
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
-from frictus_service.synthesis.estimator import Course
+from frictus_service.synthesis.estimator import PredictedMotion
 from frictus_service.synthesis.excitation import MAX_FREE_TONES, compile_excitation
-from frictus_service.synthesis.kernel import Motion
+from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.renderer import Playable, Renderer
 from frictus_service.synthesis.scene import compile_scene
 
@@ -43,7 +43,7 @@ class Sliding:
         parts = []
         for _ in range(blocks):
             x = 5.0 + 60.0 * self.sample / RATE % 60.0
-            course = Course(Motion(x, 17.0, 60.0, 0.0, 60.0, 0.0, 60.0, 60.0))
+            course = PredictedMotion(BlockMotion(x, 17.0, 60.0, 0.0, 60.0, 0.0, 60.0, 60.0))
             rendered = self.renderer.render(self.sample, course, allow)
             assert np.all(np.isfinite(rendered.voltage_v))
             parts.append(rendered.drive.copy())
@@ -73,8 +73,8 @@ def test_the_drive_is_what_was_asked_for(
 
 def test_nothing_is_aimed_at_or_counted() -> None:
     sliding = Sliding(0, compile_excitation(Excitation(tones=tones(100.0)), LAW, RATE))
-    motion = Motion(5.0, 17.0, 5.0, 0.0, 5.0, 0.0, 5.0, 5.0)  # slower than the law's range
-    rendered = sliding.renderer.render(0, Course(motion), True)
+    motion = BlockMotion(5.0, 17.0, 5.0, 0.0, 5.0, 0.0, 5.0, 5.0)  # slower than the law's range
+    rendered = sliding.renderer.render(0, PredictedMotion(motion), True)
     assert (rendered.clipped_samples, rendered.extrapolated_samples) == (0, 0)
     assert np.all(np.isnan(rendered.target_n))
 

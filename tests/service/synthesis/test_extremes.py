@@ -9,14 +9,14 @@ from tests.service.synthesis.strategies import coordinate, region
 from frictus.errors import TextureError
 from frictus.textures import Region, Scene
 from frictus_hardware.physics.screen import Screen
-from frictus_service.synthesis import corrections
+from frictus_service.synthesis import compensation_kernels as corrections
 from frictus_service.synthesis.components import Components
-from frictus_service.synthesis.estimator import Course
-from frictus_service.synthesis.kernel import Motion
+from frictus_service.synthesis.estimator import PredictedMotion
+from frictus_service.synthesis.kernel import BlockMotion
+from frictus_service.synthesis.model_law import inverse_of_model, placeholder_model
 from frictus_service.synthesis.renderer import Renderer
 from frictus_service.synthesis.scene import compile_scene
 from frictus_service.synthesis.tables import build_table
-from frictus_service.translate import inverse_of_model, placeholder_model
 
 pytestmark = pytest.mark.compiled
 
@@ -37,7 +37,7 @@ def test_every_accepted_texture_renders_within_the_drive_or_is_refused(
     assert 0.0 < compiled.applied.gain <= 1.0
     assert np.isfinite(compiled.applied.bias_n)
     renderer = Renderer(LAW, SCREEN, RATE_HZ, BLOCK, compiled)
-    course = Course(Motion._make((*motion, abs(motion[2]), abs(motion[4]))))
+    course = PredictedMotion(BlockMotion._make((*motion, abs(motion[2]), abs(motion[4]))))
     with np.errstate(all="ignore"):  # a motion that cannot be
         for block in range(2):
             rendered = renderer.render(first_sample + block * BLOCK, course, True)

@@ -12,9 +12,9 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw, cutoff_hz, respond
 from frictus_hardware.physics.screen import Screen, drive_fraction_of
 from frictus_service.synthesis import kernel
-from frictus_service.synthesis.estimator import Course
-from frictus_service.synthesis.inverter import law_tuple
-from frictus_service.synthesis.kernel import Motion
+from frictus_service.synthesis.compensator import law_tuple
+from frictus_service.synthesis.estimator import PredictedMotion
+from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.renderer import RAMP_S, Renderer
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
 
@@ -31,7 +31,7 @@ STEEPEST = float(np.sqrt(3.0))  # of sqrt(3 d^2 - 2 d^3), at d = 0
 anything = st.floats(allow_nan=True, allow_infinity=True, width=64)
 sensible = st.floats(-400.0, 400.0)
 number = sensible | anything
-motions = st.builds(Motion, number, number, number, number, number, number, number, number)
+motions = st.builds(BlockMotion, number, number, number, number, number, number, number, number)
 
 
 def scene_of(*regions: Region) -> CompiledScene:
@@ -49,8 +49,8 @@ EVERYTHING = scene_of(
 )
 
 
-def steady(x_mm: float, speed: float) -> Course:
-    return Course(Motion(x_mm, 17.0, speed, 0.0, speed, 0.0, speed, speed))
+def steady(x_mm: float, speed: float) -> PredictedMotion:
+    return PredictedMotion(BlockMotion(x_mm, 17.0, speed, 0.0, speed, 0.0, speed, speed))
 
 
 @settings(max_examples=300, deadline=None)
@@ -58,14 +58,14 @@ def steady(x_mm: float, speed: float) -> Course:
     st.lists(st.tuples(motions, st.none() | motions, st.booleans()), min_size=1, max_size=4),
     st.integers(0, 2**45),
 )
-@example([(Motion(1e17, 1e17, 60.0, 0.0, 60.0, 0.0, 60.0, 60.0), None, True)], 0)
-@example([(Motion(1e299, -1e299, 1e305, 0.0, 0.0, 0.0, 60.0, 60.0), None, True)], 0)
+@example([(BlockMotion(1e17, 1e17, 60.0, 0.0, 60.0, 0.0, 60.0, 60.0), None, True)], 0)
+@example([(BlockMotion(1e299, -1e299, 1e305, 0.0, 0.0, 0.0, 60.0, 60.0), None, True)], 0)
 def test_the_output_is_finite_and_bounded_whatever_the_motion(
-    blocks: list[tuple[Motion, Motion | None, bool]], first: int
+    blocks: list[tuple[BlockMotion, BlockMotion | None, bool]], first: int
 ) -> None:
     renderer = Renderer(LAW, SCREEN, RATE, BLOCK, EVERYTHING)
     for number, (motion, left, allow) in enumerate(blocks):
-        rendered = renderer.render(first + number * BLOCK, Course(motion, left), allow)
+        rendered = renderer.render(first + number * BLOCK, PredictedMotion(motion, left), allow)
         assert np.all((rendered.drive >= 0.0) & (rendered.drive <= 1.0))
         assert np.all(np.abs(rendered.voltage_v) <= SCREEN.peak_v)  # False for NaN
         assert 0.0 <= rendered.level <= 1.0
@@ -80,7 +80,7 @@ def test_the_output_is_finite_and_bounded_whatever_the_motion(
     anything,
 )
 def test_the_drive_is_bounded_and_clipping_is_counted_whatever_the_target(
-    target: list[float], motion: Motion, following: float
+    target: list[float], motion: BlockMotion, following: float
 ) -> None:
     drive = np.full(len(target), np.nan)
     clipped, extrapolated = kernel.invert(
@@ -92,10 +92,12 @@ def test_the_drive_is_bounded_and_clipping_is_counted_whatever_the_target(
     assert 0 <= extrapolated <= len(target)
 
 
-def fitting(rng: np.random.Generator, n_samples: int) -> tuple[Motion, FloatArray, FloatArray]:
+def fitting(
+    rng: np.random.Generator, n_samples: int
+) -> tuple[BlockMotion, FloatArray, FloatArray]:
     """A motion, its speed, and a random target that a drive within range produces."""
     begin, end = rng.uniform(*LAW.speed_range_mm_s, 2)
-    motion = Motion(0.0, 0.0, begin, 0.0, end, 0.0, begin, end)
+    motion = BlockMotion(0.0, 0.0, begin, 0.0, end, 0.0, begin, end)
     speed = begin + np.arange(n_samples) / n_samples * (end - begin)
     drive = rng.uniform(0.0, 1.0, n_samples)
     return motion, speed, drive
@@ -121,7 +123,7 @@ def test_clipping_is_counted_exactly_where_the_drive_does_not_fit(
     rng: np.random.Generator,
 ) -> None:
     speed = 60.0
-    motion = Motion(0.0, 0.0, speed, 0.0, speed, 0.0, speed, speed)
+    motion = BlockMotion(0.0, 0.0, speed, 0.0, speed, 0.0, speed, speed)
     wanted = rng.uniform(-0.5, 1.5, 400)
     friction, after = respond(LAW, wanted, np.full(400, speed), RATE, 0.1)
     drive = np.empty(400)
@@ -136,7 +138,7 @@ def test_clipping_is_counted_exactly_where_the_drive_does_not_fit(
 def test_extrapolation_is_counted_and_follows_the_clamped_speed(
     begin: float, end: float
 ) -> None:
-    motion = Motion(0.0, 0.0, begin, 0.0, end, 0.0, begin, end)
+    motion = BlockMotion(0.0, 0.0, begin, 0.0, end, 0.0, begin, end)
     speed = begin + np.arange(400) / 400 * (end - begin)
     low, high = LAW.speed_range_mm_s
     target = 0.1 + 0.02 * np.sin(np.arange(401) / 7.0)
@@ -225,7 +227,7 @@ def test_the_carrier_goes_on_across_blocks_and_days(rng: np.random.Generator) ->
 
 
 def test_overlapping_layers_add(rng: np.random.Generator) -> None:
-    motion = Motion(20.0, 15.0, 50.0, 5.0, 60.0, -5.0, 50.2, 60.2)
+    motion = BlockMotion(20.0, 15.0, 50.0, 5.0, 60.0, -5.0, 50.2, 60.2)
     parts = [Region(texture=SPATIAL, gain=0.1), Region(texture=TEMPORAL, gain=0.3)]
     together, *alone = (np.empty(200) for _ in range(3))
     scenes = [scene_of(*parts), *(scene_of(part) for part in parts)]
@@ -239,7 +241,7 @@ def test_overlapping_layers_add(rng: np.random.Generator) -> None:
 def test_beside_its_region_a_texture_is_not_felt_and_its_edge_is_smooth() -> None:
     region = Region(texture=TEMPORAL, x_mm=(20.0, 40.0), edge_fade_mm=2.0)
     scene = scene_of(region)
-    motion = Motion(10.0, 17.0, 100.0, 0.0, 100.0, 0.0, 100.0, 100.0)
+    motion = BlockMotion(10.0, 17.0, 100.0, 0.0, 100.0, 0.0, 100.0, 100.0)
     felt = np.empty(8_001)
     kernel.target_friction(scene.arrays, motion, 0, RATE, felt)
     felt -= scene.arrays.bias_n

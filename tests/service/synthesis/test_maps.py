@@ -16,7 +16,7 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis import kernel
-from frictus_service.synthesis.kernel import Motion
+from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.maps import build_pyramid, decode
 from frictus_service.synthesis.scene import compile_scene
 
@@ -68,7 +68,7 @@ def felt(image: str, x: float, y: float, vx: float, vy: float, n_samples: int) -
     out = np.empty(n_samples)
     speed = float(np.hypot(vx, vy))
     kernel.target_friction(
-        scene.arrays, Motion(x, y, vx, vy, vx, vy, speed, speed), 0, RATE, out
+        scene.arrays, BlockMotion(x, y, vx, vy, vx, vy, speed, speed), 0, RATE, out
     )
     return (out - scene.arrays.bias_n) / (0.2 * 0.05)
 

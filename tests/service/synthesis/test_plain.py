@@ -17,13 +17,15 @@ from frictus.textures import Region, Scene
 from frictus_hardware.base import TouchReport
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.physics.screen import Screen
-from frictus_service.synthesis import corrections, estimator, kernel, reach, tables
-from frictus_service.synthesis.estimator import Course, FingerEstimator
+from frictus_service.synthesis import compensation_kernels as corrections
+from frictus_service.synthesis import drive_range as reach
+from frictus_service.synthesis import estimator, kernel, tables
+from frictus_service.synthesis.estimator import FingerEstimator, PredictedMotion
 from frictus_service.synthesis.excitation import compile_excitation
-from frictus_service.synthesis.kernel import Motion
+from frictus_service.synthesis.kernel import BlockMotion
+from frictus_service.synthesis.model_law import inverse_of_model, placeholder_model
 from frictus_service.synthesis.renderer import Renderer
 from frictus_service.synthesis.scene import compile_scene
-from frictus_service.translate import inverse_of_model, placeholder_model
 
 pytestmark = pytest.mark.compiled
 
@@ -60,7 +62,7 @@ def test_what_is_rendered(
         scene = compile_scene(Scene(regions=[region]), inverse, SCREEN, RATE_HZ)
     except TextureError:
         return
-    course = Course(Motion._make((*motion, abs(motion[2]), abs(motion[4]))))
+    course = PredictedMotion(BlockMotion._make((*motion, abs(motion[2]), abs(motion[4]))))
     with compared(kernel, corrections) as watched:
         renderer = Renderer(inverse, SCREEN, RATE_HZ, BLOCK, scene)
         for block in range(3):
@@ -88,7 +90,7 @@ def test_what_is_excited(tones: list[Tone], period_s: float | None, first_sample
         playable = compile_excitation(excitation, law.law, RATE_HZ)
     except (ValueError, TextureError):
         return
-    course = Course(Motion(5.0, 17.0, 60.0, 0.0, 60.0, 0.0, 60.0, 60.0))
+    course = PredictedMotion(BlockMotion(5.0, 17.0, 60.0, 0.0, 60.0, 0.0, 60.0, 60.0))
     with compared(kernel, corrections) as watched:
         renderer = Renderer(law, SCREEN, RATE_HZ, BLOCK, playable)
         for block in range(3):

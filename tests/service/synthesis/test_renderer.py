@@ -11,8 +11,8 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw, cutoff_hz
 from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis import kernel
-from frictus_service.synthesis.estimator import Course
-from frictus_service.synthesis.kernel import Motion
+from frictus_service.synthesis.estimator import PredictedMotion
+from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.renderer import Rendered, Renderer
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
 from frictus_service.synthesis.stream import StreamBudget
@@ -49,8 +49,8 @@ class Stroke:
 
     def go(self, allow: bool = True) -> Rendered:
         x, v = 5.0 + self.speed * self.sample / RATE, self.speed
-        motion = Motion(x, 17.0, v, 0.0, v, 0.0, v, v)
-        rendered = self.renderer.render(self.sample, Course(motion), allow)
+        motion = BlockMotion(x, 17.0, v, 0.0, v, 0.0, v, v)
+        rendered = self.renderer.render(self.sample, PredictedMotion(motion), allow)
         self.sample += self.block
         return rendered
 
@@ -227,14 +227,14 @@ def test_blocks_follow_one_another_without_a_jump_when_a_motion_is_left() -> Non
     stroke = Stroke(STRONG)
     stroke.target(5)
     x, v = 5.0 + 60.0 * stroke.sample / RATE, 60.0
-    left = Motion(x, 17.0, v, 0.0, v, 0.0, v, v)
+    left = BlockMotion(x, 17.0, v, 0.0, v, 0.0, v, v)
     moved = left._replace(x_mm=x + 0.7)
     rest = moved._replace(x_mm=x + 0.7 + v * BLOCK / RATE)
     before = stroke.renderer.render(
-        stroke.sample - BLOCK, Course(left._replace(x_mm=x - 0.3)), True
+        stroke.sample - BLOCK, PredictedMotion(left._replace(x_mm=x - 0.3)), True
     )
     parts = [before.target_n.copy()]
-    for number, course in enumerate((Course(moved, left), Course(rest))):
+    for number, course in enumerate((PredictedMotion(moved, left), PredictedMotion(rest))):
         rendered = stroke.renderer.render(stroke.sample + number * BLOCK, course, allow=True)
         parts.append(rendered.target_n.copy())
     inside = max(float(np.abs(np.diff(part)).max()) for part in parts)

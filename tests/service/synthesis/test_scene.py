@@ -27,9 +27,9 @@ from frictus_hardware.physics.screen import Screen
 from frictus_service.fidelity.measure import full_gain, largest_gain
 from frictus_service.library import SHIPPED
 from frictus_service.synthesis import kernel
-from frictus_service.synthesis.estimator import Course
-from frictus_service.synthesis.kernel import Motion
-from frictus_service.synthesis.reach import SPEEDS_MM_S
+from frictus_service.synthesis.drive_range import SPEEDS_MM_S
+from frictus_service.synthesis.estimator import PredictedMotion
+from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.renderer import Renderer
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
 from frictus_service.synthesis.tables import BAND_EDGE_HZ
@@ -45,16 +45,16 @@ def compiled(*regions: Region, law: FrictionLaw = LAW) -> CompiledScene:
 
 
 def friction_along(
-    scene: CompiledScene, motion: Motion, n_samples: int, first: int = 0
+    scene: CompiledScene, motion: BlockMotion, n_samples: int, first: int = 0
 ) -> FloatArray:
     out = np.empty(n_samples)
     kernel.target_friction(scene.arrays, motion, first, RATE, out)
     return out
 
 
-def straight(x: float, y: float, speed: float, angle_rad: float = 0.0) -> Motion:
+def straight(x: float, y: float, speed: float, angle_rad: float = 0.0) -> BlockMotion:
     vx, vy = speed * np.cos(angle_rad), speed * np.sin(angle_rad)
-    return Motion(x, y, vx, vy, vx, vy, speed, speed)
+    return BlockMotion(x, y, vx, vy, vx, vy, speed, speed)
 
 
 def drives(
@@ -307,7 +307,9 @@ def test_an_empty_scene_is_smooth() -> None:
     assert not scene.applied.scaled
     renderer = Renderer(LAW, SCREEN, RATE, 100, scene)
     for block in range(10):
-        rendered = renderer.render(100 * block, Course(straight(10.0, 10.0, 60.0)), True)
+        rendered = renderer.render(
+            100 * block, PredictedMotion(straight(10.0, 10.0, 60.0)), True
+        )
         assert not np.any(rendered.voltage_v)
         assert rendered.clipped_samples == 0
 

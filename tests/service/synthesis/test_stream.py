@@ -8,8 +8,8 @@ from frictus.stream import StreamFrame
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
-from frictus_service.synthesis.estimator import Course
-from frictus_service.synthesis.kernel import Motion
+from frictus_service.synthesis.estimator import PredictedMotion
+from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.renderer import Renderer
 from frictus_service.synthesis.scene import CompiledScene
 from frictus_service.synthesis.stream import StreamBudget
@@ -69,8 +69,8 @@ def test_updates_within_the_peak_never_clip_at_any_speed(
             x, y = rng.uniform(0.0, 70.0), rng.uniform(0.0, 35.0)
             angle = rng.uniform(0.0, 2.0 * np.pi)
             vx, vy = speed * np.cos(angle), speed * np.sin(angle)
-            motion = Motion(x, y, vx, vy, vx, vy, speed, speed)
-            rendered = renderer.render(first, Course(motion), allow=True)
+            motion = BlockMotion(x, y, vx, vy, vx, vy, speed, speed)
+            rendered = renderer.render(first, PredictedMotion(motion), allow=True)
             assert rendered.clipped_samples == 0
             first += BLOCK
 
@@ -92,7 +92,7 @@ def test_gain_and_bias_are_the_same_for_all_updates(rng: np.random.Generator) ->
 def test_before_the_first_update_only_the_bias_is_felt() -> None:
     budget = StreamBudget.open(0.1, LAW)
     renderer = Renderer(LAW, SCREEN, RATE, BLOCK, budget.quiet)
-    course = Course(Motion(10.0, 10.0, 60.0, 0.0, 60.0, 0.0, 60.0, 60.0))
+    course = PredictedMotion(BlockMotion(10.0, 10.0, 60.0, 0.0, 60.0, 0.0, 60.0, 60.0))
     rendered = renderer.render(0, course, allow=True)
     np.testing.assert_allclose(rendered.target_n, budget.applied.bias_n, atol=1e-9)
 
@@ -101,7 +101,7 @@ def test_a_sinusoid_is_felt_with_its_amplitude_and_without_its_mean() -> None:
     budget = StreamBudget.open(0.1, LAW)
     wave = 3.0 + 0.1 * np.cos(2.0 * np.pi * np.arange(64) / 64)
     renderer = Renderer(LAW, SCREEN, RATE, 2_000, budget.compile(frame(wave, 2.0)))
-    course = Course(Motion(10.0, 10.0, 60.0, 0.0, 60.0, 0.0, 60.0, 60.0))
+    course = PredictedMotion(BlockMotion(10.0, 10.0, 60.0, 0.0, 60.0, 0.0, 60.0, 60.0))
     rendered = renderer.render(0, course, allow=True)
     x = 10.0 + 60.0 * np.arange(2_000) / RATE
     want = budget.applied.gain * 0.1 * np.cos(np.pi * x)

@@ -7,7 +7,7 @@ from frictus.errors import TextureError
 from frictus_hardware.arrays import FloatArray
 from frictus_service.synthesis import kernel
 from frictus_service.synthesis.components import Components
-from frictus_service.synthesis.kernel import Motion
+from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.layers import single_table
 from frictus_service.synthesis.tables import BAND_EDGE_HZ, TOP_HZ, build_table, fitting
 
@@ -30,7 +30,7 @@ def random_sum(rng: np.random.Generator, spatial: bool, period: float | None) ->
 
 
 def read(
-    components: Components, motion: Motion, n_samples: int, first: int = 0
+    components: Components, motion: BlockMotion, n_samples: int, first: int = 0
 ) -> tuple[FloatArray, FloatArray]:
     """What the kernel reads from the table, and what each component would be."""
     table = build_table(components, (-5.0, 75.0))
@@ -45,8 +45,8 @@ def read(
     return out, waves
 
 
-def at_speed(x_mm: float, speed: float) -> Motion:
-    return Motion(x_mm, 17.0, speed, 0.0, speed, 0.0, abs(speed), abs(speed))
+def at_speed(x_mm: float, speed: float) -> BlockMotion:
+    return BlockMotion(x_mm, 17.0, speed, 0.0, speed, 0.0, abs(speed), abs(speed))
 
 
 @pytest.mark.parametrize("period", [None, 3.7, 200.0])

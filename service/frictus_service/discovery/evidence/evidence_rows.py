@@ -8,7 +8,7 @@ from scipy import stats
 
 from frictus_hardware.arrays import BoolArray, FloatArray, IntArray
 from frictus_hardware.physics.prediction import Probe
-from frictus_hardware.physics.schedule import Circumstances
+from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_service.discovery.evidence.residuals import Compared, Layout, lay_out
 
 QUIET: Final = 0.1
@@ -169,7 +169,7 @@ def take(probe: Probe, rows: IntArray) -> Probe:
         message=probe.message[rows],
         message_mean=probe.message_mean[rows],
         message_power=probe.message_power[rows],
-        circumstances=Circumstances(
+        circumstances=SlidingConditions(
             speed_mm_s=c.speed_mm_s[rows],
             normal_force_n=c.normal_force_n[rows],
             position_mm=c.position_mm[rows],

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from frictus_hardware.arrays import ComplexArray, FloatArray, IntArray
 from frictus_hardware.physics.prediction import Probe
-from frictus_hardware.physics.schedule import Circumstances
+from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_service.discovery.evidence.evidence_rows import EvidenceRows
 from frictus_service.discovery.evidence.residuals import Compared
 from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
@@ -220,7 +220,7 @@ def rows_of(
         message=mean(np.abs(column("message"))).astype(np.complex128),
         message_mean=_filled(mean(harmonic("message_mean")), keys[0]),
         message_power=_filled(mean(harmonic("message_power")), keys[0]),
-        circumstances=Circumstances(
+        circumstances=SlidingConditions(
             mean(column("speed_mm_s")),
             mean(column("normal_force_n")),
             mean(column("position_mm")),
@@ -273,7 +273,7 @@ def _trials(
         message=nothing.astype(np.complex128),
         message_mean=nothing,
         message_power=nothing,
-        circumstances=Circumstances(
+        circumstances=SlidingConditions(
             mean("speed_mm_s"),
             mean("normal_force_n"),
             mean("position_mm"),

@@ -7,6 +7,8 @@ from typing import Final
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray, IntArray
+from frictus_hardware.physics.stages import FORCE_NOISE_N
+from frictus_hardware.simulated.participants import WithinPersonScatter
 from frictus_service.discovery.evidence.residuals import (
     HARMONIC,
     PHASE,
@@ -21,8 +23,6 @@ from frictus_service.discovery.evidence.residuals import (
 )
 from frictus_service.discovery.problem.candidates import Candidate
 from frictus_service.discovery.problem.nuisance import ResponseName
-from frictus_service.reproduction.plan import WithinPersonScatter
-from frictus_service.reproduction.simulate import FORCE_NOISE_N
 
 SECOND, THIRD = (HARMONIC + 4, HARMONIC + 8), (HARMONIC + 12, HARMONIC + 16)
 LINES, LOW = (40, 41), 42

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.prediction import Probe
-from frictus_hardware.physics.schedule import REFERENCE_POSITION_MM, Circumstances
+from frictus_hardware.physics.schedule import REFERENCE_POSITION_MM, SlidingConditions
 from frictus_service.discovery.errors import DesignError
 from frictus_service.discovery.evidence.background import LEAST_LOW_S
 from frictus_service.discovery.evidence.evidence_rows import EvidenceRows
@@ -124,7 +124,7 @@ def _at_rows(cells: _Cells, assumptions: Assumptions, rng: np.random.Generator |
         message=message[trial].astype(np.complex128),
         message_mean=(message * count)[trial],
         message_power=(np.square(message) * count / 2.0)[trial],
-        circumstances=Circumstances(
+        circumstances=SlidingConditions(
             speed[place],
             force[place],
             np.array([each.position_mm for each in cells.stretches])[place],
@@ -145,7 +145,7 @@ def _wander(
 
 def _at_trials(trials: Sequence[PlannedTrial]) -> Probe:
     nothing = np.zeros(len(trials))
-    around = Circumstances(
+    around = SlidingConditions(
         np.array([trial.speed_mm_s for trial in trials]),
         np.array([trial.force_n for trial in trials]),
         nothing + REFERENCE_POSITION_MM,

@@ -9,7 +9,7 @@ import numpy as np
 from frictus_hardware.physics.effect import EffectDefinition
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.physics.prediction import Probe, predict
-from frictus_hardware.physics.schedule import Circumstances
+from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.simulator import Simulator
 from frictus_service.discovery.evidence.spectral_lines import MAINS_HZ
 from frictus_service.discovery.problem.nuisance import ResponseName
@@ -115,7 +115,7 @@ def _shown(effect: EffectDefinition, times: float) -> float:
     """Return the power that a dose puts into a slow stroke without drive."""
     dose = effect.parameters[0]
     one = np.ones(1)
-    at = Circumstances(10.0 * one, 0.4 * one, 35.0 * one, one, 0.0 * one)
+    at = SlidingConditions(10.0 * one, 0.4 * one, 35.0 * one, one, 0.0 * one)
     probe = Probe(100.0 * one, np.zeros(1, dtype=np.complex128), 0.0 * one, 0.0 * one, at)
     simulator = effect.extend(Simulator(), {dose.name: times * dose.step})
     seen = predict(simulator, probe, Simulator().mount)

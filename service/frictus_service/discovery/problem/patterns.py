@@ -8,7 +8,7 @@ from typing import Final, Literal
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
-from frictus_hardware.physics.schedule import Circumstances
+from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_service.discovery.evidence.evidence_rows import Subject
 from frictus_service.discovery.evidence.residuals import Compared
 
@@ -77,14 +77,14 @@ FORMS: Final[dict[Covariate, int]] = {
 }
 
 
-def scaled(covariate: Covariate, at: Circumstances) -> FloatArray:
+def scaled(covariate: Covariate, at: SlidingConditions) -> FloatArray:
     """Return a covariate on a scale from about -1 to 1.
 
     Parameters
     ----------
     covariate : str
         One with values of its own: speed, force, minutes, direction, position.
-    at : Circumstances
+    at : SlidingConditions
         Of each row.
     """
     if covariate == "speed":
@@ -100,7 +100,7 @@ def scaled(covariate: Covariate, at: Circumstances) -> FloatArray:
     return at.direction
 
 
-def _shape(pattern: Pattern, at: Circumstances) -> FloatArray:
+def _shape(pattern: Pattern, at: SlidingConditions) -> FloatArray:
     speed, force, time = (scaled(name, at) for name in ("speed", "force", "minutes"))
     position = scaled("position", at)
     shapes: dict[Covariate, tuple[FloatArray, ...]] = {

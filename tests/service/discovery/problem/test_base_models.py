@@ -12,7 +12,7 @@ from frictus_hardware.errors import UnknownEffectError
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.prediction import Probe, predict
-from frictus_hardware.physics.schedule import Circumstances
+from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.simulator import Simulator
 from frictus_service.discovery.errors import BaseModelError
 from frictus_service.discovery.problem.base_models import (
@@ -27,7 +27,7 @@ TONES_HZ = np.array([30.0, 300.0, 2000.0])
 
 def at(speed_mm_s: float) -> Probe:
     one = np.ones(TONES_HZ.size)
-    around = Circumstances(speed_mm_s * one, 0.4 * one, 35.0 * one, one, 0.0 * one)
+    around = SlidingConditions(speed_mm_s * one, 0.4 * one, 35.0 * one, one, 0.0 * one)
     return Probe(TONES_HZ, 0.5 * one.astype(np.complex128), 0.5 * one, one / 8.0, around)
 
 

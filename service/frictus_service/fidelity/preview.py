@@ -12,8 +12,8 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.screen import Screen
 from frictus_service.fidelity.bands import CENTRES_HZ, by_band
 from frictus_service.synthesis.components import Components, components_of
+from frictus_service.synthesis.model_law import inverse_of_model
 from frictus_service.synthesis.scene import compile_scene
-from frictus_service.translate import inverse_of_model
 
 POINTS: Final = 1_000
 LENGTH: Final[dict[str, float]] = {"mm": 10.0, "s": 0.1}
@@ -21,7 +21,7 @@ LENGTH: Final[dict[str, float]] = {"mm": 10.0, "s": 0.1}
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class FrictionExcerpt:
     """Friction over a stretch of the way or of time, from its beginning.
 
     Attributes
@@ -49,7 +49,7 @@ def sums_of(texture: Texture) -> list[Components]:
     return [] if isinstance(texture, Map) else components_of(texture)
 
 
-def stretch_of(components: Components) -> Stretch:
+def stretch_of(components: Components) -> FrictionExcerpt:
     """Return the first 10 mm, or 0.1 s, of a sum.
 
     Parameters
@@ -64,7 +64,7 @@ def stretch_of(components: Components) -> Stretch:
     amplitude, phase = components.amplitude_n[drawn], components.phase_rad[drawn]
     along = step * np.arange(POINTS)
     friction = np.array([amplitude @ np.cos(rate * at + phase) for at in along])
-    return Stretch(per, step, friction)
+    return FrictionExcerpt(per, step, friction)
 
 
 def third_octaves_n(sums: list[Components], speed_mm_s: float) -> FloatArray:

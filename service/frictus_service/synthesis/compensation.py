@@ -8,7 +8,7 @@ import numpy as np
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.rolloff import pole_zero_pairs
-from frictus_hardware.physics.schedule import Circumstances, Schedule
+from frictus_hardware.physics.schedule import Schedule, SlidingConditions
 from frictus_service.synthesis.tables import TOP_HZ
 
 SLOWEST_FELT_HZ: Final = 20.0
@@ -22,7 +22,7 @@ FORGET_HZ: Final = 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class Remark:
+class CompensationRemark:
     """What is to be said of an effect.
 
     Attributes
@@ -58,7 +58,7 @@ class Ranges:
     x_mm: tuple[float, float] = (0.0, 70.0)
     minutes: tuple[float, float] = (0.0, 30.0)
 
-    def confine(self, circumstances: Circumstances) -> Circumstances:
+    def confine(self, circumstances: SlidingConditions) -> SlidingConditions:
         """Return the nearest circumstances within the ranges."""
         return replace(
             circumstances,
@@ -67,9 +67,9 @@ class Ranges:
             minutes=np.clip(circumstances.minutes, *self.minutes),
         )
 
-    def everywhere(self, speed_mm_s: tuple[float, float]) -> Circumstances:
+    def everywhere(self, speed_mm_s: tuple[float, float]) -> SlidingConditions:
         """Return a grid over all circumstances, shape (9, 5, 9, 2, 5)."""
-        return Circumstances(
+        return SlidingConditions(
             *np.meshgrid(
                 np.linspace(*speed_mm_s, 9),
                 np.linspace(*self.force_n, 5),
@@ -100,7 +100,7 @@ class Inverse:
         empty where they are the same.
     ranges : Ranges
         Of force and position for which it must hold.
-    remarks : tuple of Remark
+    remarks : tuple of CompensationRemark
         What cannot be undone, and why.
     bounding : FrictionLaw
         A law of least gain and slowest cutoff, wherever, however and whenever. Scenes are
@@ -115,7 +115,7 @@ class Inverse:
     leak_hz: float = 0.0
     drive_table: FloatArray = field(default_factory=lambda: np.zeros(0))
     ranges: Ranges = Ranges()
-    remarks: tuple[Remark, ...] = ()
+    remarks: tuple[CompensationRemark, ...] = ()
     bounding: FrictionLaw = field(init=False)
     swing: float = field(init=False)
 
@@ -158,7 +158,7 @@ class Inverse:
         """Zeros and poles of the roll-off beyond the first order, times the cutoff."""
         return pole_zero_pairs(self.excess_order)
 
-    def along(self, circumstances: Circumstances) -> tuple[FloatArray, FloatArray]:
+    def along(self, circumstances: SlidingConditions) -> tuple[FloatArray, FloatArray]:
         """Return gain (N per unit of drive) and cutoff (Hz) in given circumstances."""
         confined = self.ranges.confine(circumstances)
         return (

@@ -10,7 +10,7 @@ CONFIRM_S: Final = 0.5
 """A client that arms after its token fell must show it again within this time."""
 
 
-class Presence:
+class ClientPresence:
     """Follows the tokens of clients. Any thread may call it; it never waits for long.
 
     A request to arm may be decided after its client has died and its token has fallen: such

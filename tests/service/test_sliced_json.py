@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frictus_service.daemon import sliced_json
-from frictus_service.daemon.sliced_json import SLICE_CHARACTERS, read_sliced
+from frictus_service import sliced_json
+from frictus_service.sliced_json import SLICE_CHARACTERS, read_sliced
 
 DOCUMENTS = st.recursive(
     st.none()

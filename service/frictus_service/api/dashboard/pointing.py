@@ -5,9 +5,9 @@ import asyncio
 from fastapi.concurrency import run_in_threadpool
 
 import frictus
-from frictus_service.dashboard.hub import Hub
-from frictus_service.dashboard.messages import Point
-from frictus_service.dashboard.refusal import RefusedViewerError
+from frictus_service.api.dashboard.hub import Hub
+from frictus_service.api.dashboard.messages import Point
+from frictus_service.api.dashboard.refusal import RefusedViewerError
 
 
 class Pointing:

@@ -10,7 +10,7 @@ SENDERS: Final = 64
 """Senders whose items one box holds at the most."""
 
 
-class Mailbox(Generic[Item]):
+class CommandQueue(Generic[Item]):
     """Named boxes, served in their order, and within a box one sender after the other.
 
     A sender who fills its part of a box loses its own oldest item, never another's, and it is

@@ -16,7 +16,12 @@ from frictus_hardware.physics.effects import EFFECTS, extended
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.simulator import Simulator
-from frictus_service.synthesis.inverse import FORGET_HZ, Inverse, Ranges, Remark
+from frictus_service.synthesis.compensation import (
+    FORGET_HZ,
+    CompensationRemark,
+    Inverse,
+    Ranges,
+)
 
 Parameters = Mapping[str, float]
 
@@ -61,7 +66,7 @@ def inverse_of(
     known = [(id_, parameters) for id_, parameters in effects if id_ in EFFECTS]
     whole = extended(Simulator(law=law), known)
     remarks = [
-        Remark(id_, rendered=False, text="this version does not know it")
+        CompensationRemark(id_, rendered=False, text="this version does not know it")
         for id_, _ in effects
         if id_ not in EFFECTS
     ]
@@ -80,31 +85,33 @@ def inverse_of(
     )
 
 
-def _remarks(id_: str, alone: Simulator, whole: Simulator, ranges: Ranges) -> list[Remark]:
+def _remarks(
+    id_: str, alone: Simulator, whole: Simulator, ranges: Ranges
+) -> list[CompensationRemark]:
     """Return what is to be said of one effect, from the simulator that has no other."""
     bare = Simulator(law=alone.law)
     remarks = [
-        Remark(id_, rendered=False, text=REASONS[field.name])
+        CompensationRemark(id_, rendered=False, text=REASONS[field.name])
         for field in fields(Simulator)
         if field.name in REASONS and getattr(alone, field.name) != getattr(bare, field.name)
     ]
     if alone.drive_map != bare.drive_map and _table(whole.drive_map) is None:
-        remarks.append(Remark(id_, rendered=False, text=FOLDED))
+        remarks.append(CompensationRemark(id_, rendered=False, text=FOLDED))
     if alone.drive_filter is not None and _leak_hz(whole.drive_filter) is None:
-        remarks.append(Remark(id_, rendered=False, text=NO_LEAK))
+        remarks.append(CompensationRemark(id_, rendered=False, text=NO_LEAK))
     elif alone.drive_filter is not None:
         text = (
             f"a constant drive, the bias too, and what is slower than {FORGET_HZ:g} Hz is lost"
         )
-        remarks.append(Remark(id_, rendered=True, text=text))
+        remarks.append(CompensationRemark(id_, rendered=True, text=text))
     inverse = Inverse(alone.law, alone.schedule, ranges=ranges)
     if _varies_with(inverse, "minutes"):
         text = f"followed for {ranges.minutes[1]:g} min from when the model came into force"
-        remarks.append(Remark(id_, rendered=True, text=text))
+        remarks.append(CompensationRemark(id_, rendered=True, text=text))
     if _varies_with(inverse, "normal_force_n"):
         low, high = ranges.force_n
         text = f"follows the force as last measured, from {low:g} to {high:g} N"
-        remarks.append(Remark(id_, rendered=True, text=text))
+        remarks.append(CompensationRemark(id_, rendered=True, text=text))
     return remarks
 
 

@@ -2,11 +2,11 @@
 
 import threading
 
-from frictus_service.daemon.mailbox import SENDERS, Mailbox
+from frictus_service.daemon.command_queue import SENDERS, CommandQueue
 
 
 def test_the_urgent_are_served_first_and_what_is_lost_is_counted() -> None:
-    mailbox: Mailbox[int] = Mailbox({"stop": 2, "newest": 1})
+    mailbox: CommandQueue[int] = CommandQueue({"stop": 2, "newest": 1})
     assert [mailbox.post("newest", item) for item in range(3)] == [[], [0], [1]]
     mailbox.post("stop", 9)
     assert mailbox.take() == ("stop", 9)
@@ -15,7 +15,7 @@ def test_the_urgent_are_served_first_and_what_is_lost_is_counted() -> None:
 
 
 def test_a_burst_pushes_out_and_holds_up_nobody_elses() -> None:
-    mailbox: Mailbox[str] = Mailbox({"call": 2})
+    mailbox: CommandQueue[str] = CommandQueue({"call": 2})
     mailbox.post("call", "ann 0", "ann")
     for item in range(100):
         mailbox.post("call", f"ben {item}", "ben")
@@ -26,14 +26,14 @@ def test_a_burst_pushes_out_and_holds_up_nobody_elses() -> None:
 
 
 def test_a_box_is_bounded_whoever_sends() -> None:
-    mailbox: Mailbox[int] = Mailbox({"call": 2})
+    mailbox: CommandQueue[int] = CommandQueue({"call": 2})
     lost = [mailbox.post("call", item, str(item)) for item in range(2 * SENDERS)]
     assert lost == [[]] * SENDERS + [[item] for item in range(SENDERS)]
     assert mailbox.lost == {"call": SENDERS}
 
 
 def test_who_waits_is_woken_when_it_closes() -> None:
-    mailbox: Mailbox[int] = Mailbox({"call": 1})
+    mailbox: CommandQueue[int] = CommandQueue({"call": 1})
     taken: list[object] = [0]
     waiting = threading.Thread(target=lambda: taken.append(mailbox.take()))
     waiting.start()

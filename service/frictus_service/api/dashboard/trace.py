@@ -5,9 +5,9 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from frictus.block import Block
-from frictus_service.dashboard.decimate import Decimator, samples_per_column
-from frictus_service.dashboard.frames import Frame, Kind
-from frictus_service.dashboard.messages import Watch
+from frictus_service.api.dashboard.decimate import Decimator, samples_per_column
+from frictus_service.api.dashboard.frames import Frame, Kind
+from frictus_service.api.dashboard.messages import Watch
 
 
 class Trace:

@@ -9,8 +9,8 @@ from frictus_hardware.errors import EffectParameterError
 from frictus_hardware.physics.effects import EFFECTS, EffectDefinition, extended
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.simulator import Simulator
-from frictus_service.synthesis.inverse import Inverse, Ranges
-from frictus_service.synthesis.undoing import REASONS, inverse_of
+from frictus_service.synthesis.compensability import REASONS, inverse_of
+from frictus_service.synthesis.compensation import Inverse, Ranges
 
 LAW = FrictionLaw()
 

@@ -14,7 +14,7 @@ from pydantic import (
 
 from frictus.messages import ClientName, Message
 from frictus.rig import StreamName
-from frictus_service.dashboard.refusal import BAD_DATA, RefusedViewerError
+from frictus_service.api.dashboard.refusal import BAD_DATA, RefusedViewerError
 
 VERSION: Final = 1
 MAX_BYTES: Final = 65_536

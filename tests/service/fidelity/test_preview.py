@@ -6,10 +6,7 @@ import pytest
 from frictus.textures import Beta, Component, Map, Profile, Region, Scene, Slope, Spectrum
 from frictus_hardware.physics.screen import Screen
 from frictus_service.fidelity.bands import CENTRES_HZ, EDGES_HZ, band_power
-from frictus_service.fidelity.reference import exact_friction
-from frictus_service.synthesis.components import components_of
-from frictus_service.synthesis.scene import compile_scene
-from frictus_service.synthesis.sketch import (
+from frictus_service.fidelity.preview import (
     LENGTH,
     POINTS,
     feasible,
@@ -17,7 +14,10 @@ from frictus_service.synthesis.sketch import (
     sums_of,
     third_octaves_n,
 )
-from frictus_service.translate import inverse_of_model, placeholder_model
+from frictus_service.fidelity.reference import exact_friction
+from frictus_service.synthesis.components import components_of
+from frictus_service.synthesis.model_law import inverse_of_model, placeholder_model
+from frictus_service.synthesis.scene import compile_scene
 
 RATE_HZ = 20_000.0
 TEXTURES: dict[str, Spectrum | Beta | Slope] = {

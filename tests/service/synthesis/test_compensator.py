@@ -9,16 +9,16 @@ from frictus.messages import Excitation, Tone
 from frictus.textures import Component, Region, Scene, Spectrum
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
-from frictus_hardware.physics.schedule import Circumstances
+from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.screen import Screen
-from frictus_service.synthesis.estimator import Course, FingerEstimator
+from frictus_service.synthesis.compensability import inverse_of
+from frictus_service.synthesis.compensation import Inverse
+from frictus_service.synthesis.estimator import FingerEstimator, PredictedMotion
 from frictus_service.synthesis.excitation import compile_excitation
-from frictus_service.synthesis.inverse import Inverse
-from frictus_service.synthesis.kernel import Motion
+from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.renderer import Renderer
 from frictus_service.synthesis.scene import compile_scene
 from frictus_service.synthesis.stream import StreamBudget
-from frictus_service.synthesis.undoing import inverse_of
 
 RATE = 20_000.0
 LAW = FrictionLaw()
@@ -58,8 +58,8 @@ def played(
     drives, targets, clipped = [], [], 0
     for at in range(first, first + n_samples, size):
         x = (5.0 if speed > 0.0 else 60.0) + speed * at / RATE
-        motion = Motion(x, 17.0, speed, 0.0, speed, 0.0, abs(speed), abs(speed))
-        rendered = renderer.render(at, Course(motion), allow=True)
+        motion = BlockMotion(x, 17.0, speed, 0.0, speed, 0.0, abs(speed), abs(speed))
+        rendered = renderer.render(at, PredictedMotion(motion), allow=True)
         drives.append(rendered.drive.copy())
         targets.append(rendered.target_n.copy())
         clipped += rendered.clipped_samples
@@ -81,7 +81,7 @@ def test_friction_follows_where_gain_varies(speed: float) -> None:
     sample = np.arange(10_000, dtype=float)
     x = (5.0 if speed > 0.0 else 60.0) + speed * sample / RATE
     gain_n, cutoff_hz = inverse.along(
-        Circumstances(
+        SlidingConditions(
             np.full(10_000, abs(speed), dtype=float),
             np.array(0.4),
             x,
@@ -134,15 +134,17 @@ def test_a_plain_inverse_renders_as_its_law_bit_by_bit() -> None:
 def test_the_output_is_bounded_whatever_the_motion(blocks: list[tuple[float, ...]]) -> None:
     renderer = Renderer(ALL_UNDONE, SCREEN, RATE, 100, ALL_SCENE)
     for number, motion in enumerate(blocks):
-        rendered = renderer.render(100 * number, Course(Motion(*motion)), allow=True)
+        rendered = renderer.render(
+            100 * number, PredictedMotion(BlockMotion(*motion)), allow=True
+        )
         assert np.all((rendered.drive >= 0.0) & (rendered.drive <= 1.0))  # False for NaN
 
 
 def test_what_is_not_finite_is_forgotten() -> None:
     renderer = Renderer(ALL_UNDONE, SCREEN, RATE, 100, ALL_SCENE)
     played(renderer, 1_000, 100)
-    broken = Motion(np.nan, 17.0, 60.0, 0.0, 60.0, 0.0, 60.0, 60.0)
-    assert renderer.render(1_000, Course(broken), allow=True).clipped_samples > 0
+    broken = BlockMotion(np.nan, 17.0, 60.0, 0.0, 60.0, 0.0, 60.0, 60.0)
+    assert renderer.render(1_000, PredictedMotion(broken), allow=True).clipped_samples > 0
     drive, _, clipped = played(renderer, 2_000, 100, first=1_100)
     assert clipped == 0
     assert np.all(np.isfinite(drive))

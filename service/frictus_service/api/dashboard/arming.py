@@ -11,9 +11,9 @@ from fastapi.concurrency import run_in_threadpool
 
 from frictus.errors import FrictusError, NoRigError, OutcomeUnknownError, RefusedError
 from frictus.lease import Lease
-from frictus_service.dashboard.hub import Hub
-from frictus_service.dashboard.messages import Armed, Disarmed
-from frictus_service.dashboard.refusal import RefusedViewerError
+from frictus_service.api.dashboard.hub import Hub
+from frictus_service.api.dashboard.messages import Armed, Disarmed
+from frictus_service.api.dashboard.refusal import RefusedViewerError
 
 SILENT_S: Final = 3.0
 """A page that says nothing for so long may be frozen: it keeps no screen driven."""

@@ -4,12 +4,12 @@ import threading
 
 import pytest
 
-from frictus_service.daemon.presence import FALLEN, Presence
+from frictus_service.daemon.client_presence import FALLEN, ClientPresence
 
 
 def test_the_owner_is_found_among_a_thousand_fallen_tokens() -> None:
     vanished: list[str] = []
-    presence = Presence(vanished.append)
+    presence = ClientPresence(vanished.append)
     names = [f"client{number}" for number in range(2 * FALLEN)]
     for name in names:
         presence.on_token(name, True)
@@ -22,7 +22,7 @@ def test_the_owner_is_found_among_a_thousand_fallen_tokens() -> None:
 def test_who_arms_with_a_fallen_token_must_show_it_again(
     back: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("frictus_service.daemon.presence.CONFIRM_S", 0.01)
+    monkeypatch.setattr("frictus_service.daemon.client_presence.CONFIRM_S", 0.01)
     vanished: list[str] = []
     twice = threading.Semaphore(0)
 
@@ -30,7 +30,7 @@ def test_who_arms_with_a_fallen_token_must_show_it_again(
         vanished.append(client)
         twice.release()
 
-    presence = Presence(vanish)
+    presence = ClientPresence(vanish)
     presence.on_token("ann", False)
     presence.on_armed("ann")
     presence.on_armed("ben")

@@ -9,7 +9,7 @@ from frictus_hardware.base import Backend, Exchange, RigInfo
 from frictus_hardware.errors import StreamLostError, TransientError
 
 
-class PatientBackend:
+class RetryingBackend:
     """Passes blocks on to a backend and repeats those it could not take at once.
 
     The same block is offered again: rendering it anew would tear the finger's motion and the

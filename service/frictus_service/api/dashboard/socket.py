@@ -10,10 +10,9 @@ from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
 from frictus_service.api.access import LOCAL, find
 from frictus_service.api.callers import ConnectedPages
-from frictus_service.config import Scope, Token
-from frictus_service.dashboard.arming import Arming
-from frictus_service.dashboard.hub import Hub
-from frictus_service.dashboard.messages import (
+from frictus_service.api.dashboard.arming import Arming
+from frictus_service.api.dashboard.hub import Hub
+from frictus_service.api.dashboard.messages import (
     Asked,
     Hello,
     PageArmRequest,
@@ -26,9 +25,10 @@ from frictus_service.dashboard.messages import (
     Welcome,
     read,
 )
-from frictus_service.dashboard.pointing import Pointing
-from frictus_service.dashboard.refusal import BAD_DATA, NOT_ALLOWED, RefusedViewerError
-from frictus_service.dashboard.viewer import PageFeed
+from frictus_service.api.dashboard.pointing import Pointing
+from frictus_service.api.dashboard.refusal import BAD_DATA, NOT_ALLOWED, RefusedViewerError
+from frictus_service.api.dashboard.viewer import PageFeed
+from frictus_service.config import Scope, Token
 
 HELLO_S: Final = 5.0
 SEND_S: Final = 5.0

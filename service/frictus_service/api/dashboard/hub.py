@@ -22,9 +22,9 @@ from frictus.errors import LinkError
 from frictus.lease import Lease
 from frictus.messages import RigStatus
 from frictus.reception import Feed
+from frictus_service.api.dashboard.channels import Channel, Value, open_channel
+from frictus_service.api.dashboard.refusal import TRY_LATER, RefusedViewerError
 from frictus_service.api.rig_connection import RigConnection
-from frictus_service.dashboard.channels import Channel, Value, open_channel
-from frictus_service.dashboard.refusal import TRY_LATER, RefusedViewerError
 
 TEND_S: Final = 0.25
 """How often the link is looked at."""

@@ -4,10 +4,11 @@ import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
-from frictus_hardware.physics.schedule import Circumstances
-from frictus_service.synthesis import corrections, kernel
-from frictus_service.synthesis.estimator import Course
-from frictus_service.synthesis.inverse import FORGET_HZ, Inverse
+from frictus_hardware.physics.schedule import SlidingConditions
+from frictus_service.synthesis import compensation_kernels as corrections
+from frictus_service.synthesis import kernel
+from frictus_service.synthesis.compensation import FORGET_HZ, Inverse
+from frictus_service.synthesis.estimator import PredictedMotion
 
 Ends = tuple[float, float]
 
@@ -55,7 +56,7 @@ class Inverter:
     def drive(
         self,
         first_sample: int,
-        course: Course,
+        course: PredictedMotion,
         bias_n: Ends,
         target_n: FloatArray,
         out: FloatArray,
@@ -66,7 +67,7 @@ class Inverter:
         ----------
         first_sample : int
             Where it is not the block after the last one, the inverter settles.
-        course : Course
+        course : PredictedMotion
             Predicted motion of the block.
         bias_n : tuple of float
             What is added everywhere, at the first sample and at the one after the last.
@@ -124,14 +125,16 @@ class Inverter:
         self._settled = bool(np.isfinite(self._passed.sum() + self._slow.sum()))
         return clipped
 
-    def _along(self, first_sample: int, course: Course, n_samples: int) -> tuple[Ends, Ends]:
+    def _along(
+        self, first_sample: int, course: PredictedMotion, n_samples: int
+    ) -> tuple[Ends, Ends]:
         """Return gain and cutoff at the block's first sample and at the one after its last."""
         inverse, motion = self.inverse, course.motion
         block_s = n_samples / self._rate_hz
         ends = np.array([first_sample, first_sample + n_samples]) - self.began_sample
         x_mm = motion.x_mm, motion.x_mm + 0.5 * (motion.vx_0 + motion.vx_1) * block_s
         gain_n, cutoff_hz = inverse.along(
-            Circumstances(
+            SlidingConditions(
                 speed_mm_s=np.array([motion.speed_0, motion.speed_1]),
                 normal_force_n=np.array(course.normal_force_n),
                 position_mm=np.array(x_mm),

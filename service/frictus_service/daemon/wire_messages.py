@@ -1,4 +1,4 @@
-"""Between what the hardware knows and what the wire says: the one place that knows both."""
+"""What a rig publishes of a block: blocks of samples, finger and touch states."""
 
 from collections.abc import Iterable, Iterator
 
@@ -6,78 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus.block import Block, Flag
-from frictus.errors import TextureError
-from frictus.keys import STREAMS
+from frictus.keys import ACCEL, AUX, FORCE, STREAMS, TRUTH, VOLTAGE
 from frictus.messages import FingerState, TouchState
-from frictus.model import FirstOrderSpeedLaw, Model
 from frictus_hardware.base import Exchange, RigInfo, TouchReport
-from frictus_hardware.errors import EffectParameterError
-from frictus_hardware.physics.friction import FrictionLaw
-from frictus_hardware.physics.screen import Screen
+from frictus_service.daemon.block_record import BlockRecord
 from frictus_service.daemon.timebase import Stamp
-from frictus_service.daemon.turn import Turn
-from frictus_service.synthesis.inverse import Inverse, Ranges
-from frictus_service.synthesis.undoing import inverse_of
-
-FORCE, ACCEL, VOLTAGE, TRUTH, AUX = 1, 2, 3, 4, 5
-"""Stream ids, as `frictus.keys.STREAMS` lists them."""
 
 
-def law_of(model: Model) -> FrictionLaw:
-    """Return the friction law that a model states.
-
-    Raises
-    ------
-    TextureError
-        If the model is not one of friction: nothing can be rendered with it.
-    """
-    if not isinstance(model.base, FirstOrderSpeedLaw):
-        raise TextureError(
-            f"a {model.base.law!r} model says how the skin moves, not what friction it feels; "
-            "give one with response 'friction'"
-        )
-    low, high = model.validity.speed_mm_s
-    return FrictionLaw(
-        model.base.gain_n, model.base.cutoff_0_hz, model.base.slope_hz_per_mm_s, (low, high)
-    )
-
-
-def inverse_of_model(model: Model, screen: Screen) -> Inverse:
-    """Return what has to be undone so that a finger on a screen feels what is asked for.
-
-    Raises
-    ------
-    TextureError
-        If the model is not one of friction, or an effect has a parameter out of its range.
-    """
-    low, high = model.validity.normal_force_n
-    effects = [(effect.id, effect.parameters) for effect in model.effects]
-    try:
-        return inverse_of(law_of(model), effects, Ranges((low, high), (0.0, screen.size_mm[0])))
-    except EffectParameterError as error:
-        raise TextureError(str(error)) from error
-
-
-def placeholder_model() -> Model:
-    """Return the model that stands in until somebody has measured one; it says so."""
-    law = FrictionLaw()
-    return Model(
-        base=FirstOrderSpeedLaw(
-            gain_n=law.gain_n,
-            cutoff_0_hz=law.cutoff_0_hz,
-            slope_hz_per_mm_s=law.slope_hz_per_mm_s,
-        ),
-        placeholder=True,
-        provenance={"source": "published population values; nobody measured this rig"},
-    )
-
-
-def screen_of(info: RigInfo) -> Screen:
-    """Return the screen that a backend drives."""
-    return Screen(peak_v=info.screen_peak_v, size_mm=info.screen_mm)
-
-
-def flags_of(turn: Turn, info: RigInfo, placeholder: bool) -> Flag:
+def flags_of(turn: BlockRecord, info: RigInfo, placeholder: bool) -> Flag:
     """Return what a reader must know of a block's own samples."""
     exchange = turn.step.exchange
     said = (
@@ -94,7 +30,7 @@ def flags_of(turn: Turn, info: RigInfo, placeholder: bool) -> Flag:
 
 
 def blocks_of(
-    turn: Turn,
+    turn: BlockRecord,
     stamp: Stamp,
     flags: Flag,
     sample_rate_hz: float,
@@ -104,7 +40,7 @@ def blocks_of(
 
     Parameters
     ----------
-    turn : Turn
+    turn : BlockRecord
         One block as the loop handed it over.
     stamp : Stamp
         Of the first sample.
@@ -149,7 +85,7 @@ def _channels(exchange: Exchange, stream: int) -> NDArray[np.float32] | None:
     return None if rows is None else rows.astype(np.float32, order="C")
 
 
-def finger_of(turn: Turn, stamp: Stamp, info: RigInfo) -> FingerState:
+def finger_of(turn: BlockRecord, stamp: Stamp, info: RigInfo) -> FingerState:
     """Return the finger's state at the end of a turn's sensed samples."""
     exchange, step = turn.step.exchange, turn.step
     x_mm, y_mm, vx_mm_s, vy_mm_s = turn.finger

@@ -10,7 +10,7 @@ from frictus.keys import Topic, Topics
 from frictus.messages import Message
 from frictus.reception import Feed
 from frictus.rig import BLOCKS
-from frictus_service.dashboard.messages import told
+from frictus_service.api.dashboard.messages import told
 
 HISTORY_BLOCKS: Final = 512
 """Kept of a stream for viewers to take: 2.5 s of 5 ms blocks. Who is slower loses."""

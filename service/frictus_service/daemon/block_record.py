@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 from frictus.block import Flag
 from frictus_service.daemon.timebase import UtcReading
-from frictus_service.synthesis.chain import Step
+from frictus_service.synthesis.chain import RenderedBlock
 
 
 @dataclass(frozen=True, slots=True)
-class Turn:
+class BlockRecord:
     """One block, for the publisher.
 
     Attributes
@@ -17,7 +17,7 @@ class Turn:
         Changes when the device was opened anew; sample and block counts begin again with it.
     number : int
         Counts the blocks of a run from 0; a jump is a block that the queue could not take.
-    step : Step
+    step : RenderedBlock
         What was rendered and sensed.
     armed : bool
         Whether the device was armed.
@@ -35,7 +35,7 @@ class Turn:
 
     run: int
     number: int
-    step: Step
+    step: RenderedBlock
     armed: bool
     output: Flag
     finger: tuple[float, float, float, float]

@@ -22,14 +22,14 @@ from frictus.stream import StreamFrame
 from frictus.textures import Scene
 from frictus_hardware.physics.screen import Screen
 from frictus_service.daemon.interlock import Interlock
-from frictus_service.daemon.orders import ModelOrder, Orders, RenderedModel, SceneOrder
+from frictus_service.daemon.loop_inbox import LoopInbox, ModelUpdate, RenderedModel, SceneUpdate
 from frictus_service.daemon.safety import refusal_to_render
 from frictus_service.etag import etag_of, etag_of_scene
+from frictus_service.synthesis.compensation import Inverse
 from frictus_service.synthesis.excitation import compile_excitation
-from frictus_service.synthesis.inverse import Inverse
+from frictus_service.synthesis.model_law import inverse_of_model
 from frictus_service.synthesis.scene import MAX_SCENE_BYTES, CompiledScene, compile_scene
 from frictus_service.synthesis.stream import StreamBudget
-from frictus_service.translate import inverse_of_model
 
 CACHED_SCENES: Final = 4
 """The newest scenes as compiled, by etag: so many, and of no more bytes than the largest."""
@@ -53,7 +53,7 @@ class _Guest:
     state: SceneState
 
 
-class Stage:
+class SceneController:
     """Compiles what clients ask for and orders the loop to play it. Used by one thread.
 
     The properties may be read by any.
@@ -66,7 +66,7 @@ class Stage:
         Samples per second of the device's clock.
     interlock : Interlock
         Holds the safety state.
-    orders : Orders
+    orders : LoopInbox
         With the model to begin with.
     monotonic_s : callable
         Monotonic clock, s.
@@ -77,7 +77,7 @@ class Stage:
         screen: Screen,
         sample_rate_hz: float,
         interlock: Interlock,
-        orders: Orders,
+        orders: LoopInbox,
         monotonic_s: Callable[[], float],
     ) -> None:
         self._screen = screen
@@ -92,7 +92,7 @@ class Stage:
         self._guest: _Guest | None = None
         self.scaled_scenes = 0
         self.updates = 0
-        orders.scene.append(SceneOrder(self._standing_scene))
+        orders.scene.append(SceneUpdate(self._standing_scene))
 
     @property
     def model(self) -> ModelState:
@@ -160,7 +160,7 @@ class Stage:
         self.check_owner(request.client)  # compiling may have outlasted the lease
         self._stream = self._guest = None
         self._standing, self._standing_scene = state, compiled
-        self._orders.scene.append(SceneOrder(compiled))
+        self._orders.scene.append(SceneUpdate(compiled))
         self.scaled_scenes += state.applied.scaled
         return Reply(ok=True, etag=state.etag, applied=state.applied)
 
@@ -187,7 +187,7 @@ class Stage:
         self._guest = _Guest(arming, state)
         self._stream = _Stream(ticket, arming, budget)
         quiet = budget.quiet
-        self._orders.scene.append(SceneOrder(quiet, afterwards=quiet, arming=arming))
+        self._orders.scene.append(SceneUpdate(quiet, afterwards=quiet, arming=arming))
         self.scaled_scenes += budget.applied.scaled
         return Reply(ok=True, ticket=ticket, applied=state.applied, etag=state.etag)
 
@@ -212,7 +212,7 @@ class Stage:
             excitation=request.excitation,
         )
         self._stream, self._guest = None, _Guest(arming, state)
-        self._orders.scene.append(SceneOrder(compiled, arming=arming))
+        self._orders.scene.append(SceneUpdate(compiled, arming=arming))
         return Reply(ok=True, etag=state.etag, applied=state.applied)
 
     def close_stream(self, request: Request) -> Reply:
@@ -226,7 +226,7 @@ class Stage:
         self.check_owner(request.client)
         if self._stream is not None:
             self._stream = self._guest = None
-            self._orders.scene.append(SceneOrder(self._standing_scene))
+            self._orders.scene.append(SceneUpdate(self._standing_scene))
         return Reply(ok=True, etag=self._standing.etag)
 
     def update(self, frame: StreamFrame, good_for_s: float) -> None:
@@ -255,7 +255,7 @@ class Stage:
             raise RefusedError("not_feasible", str(error)) from error
         stream.sequence = frame.sequence
         quiet = stream.budget.quiet
-        self._orders.scene.append(SceneOrder(compiled, until_s, quiet, stream.arming))
+        self._orders.scene.append(SceneUpdate(compiled, until_s, quiet, stream.arming))
         self.updates += 1
 
     def set_model(self, request: ModelRequest) -> Reply:
@@ -275,7 +275,7 @@ class Stage:
             state, compiled = self._compiled(self._standing.scene, model.inverse)
         except TextureError as error:
             raise RefusedError("not_feasible", str(error)) from error
-        order = ModelOrder(model, compiled)
+        order = ModelUpdate(model, compiled)
         self._orders.model.offer(order)
         if not order.done.wait(MODEL_CHANGE_S) and self._orders.model.withdraw(order):
             raise RefusedError("conflict", "the rig is armed or stands still; try again")

@@ -4,13 +4,13 @@ import logging
 from collections.abc import Collection
 from typing import Final
 
+from frictus_service.api.dashboard.channels import VALUES, Channel, Stream, Value
+from frictus_service.api.dashboard.frames import LiveFrameError
+from frictus_service.api.dashboard.hub import Hub
+from frictus_service.api.dashboard.messages import RigLost, Rigs, Watch
+from frictus_service.api.dashboard.refusal import NOT_ALLOWED, RefusedViewerError
+from frictus_service.api.dashboard.trace import Trace
 from frictus_service.config import Scope
-from frictus_service.dashboard.channels import VALUES, Channel, Stream, Value
-from frictus_service.dashboard.frames import LiveFrameError
-from frictus_service.dashboard.hub import Hub
-from frictus_service.dashboard.messages import RigLost, Rigs, Watch
-from frictus_service.dashboard.refusal import NOT_ALLOWED, RefusedViewerError
-from frictus_service.dashboard.trace import Trace
 
 _LOG: Final = logging.getLogger(__name__)
 IDLE_RATE_HZ: Final = 10.0

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 
 from frictus.messages import ModelState
 from frictus_service.daemon.safety import Safety
-from frictus_service.synthesis.inverse import Inverse
+from frictus_service.synthesis.compensation import Inverse
 from frictus_service.synthesis.renderer import Playable
 from frictus_service.synthesis.scene import CompiledScene
 
 
 @dataclass(frozen=True, slots=True)
-class SceneOrder:
+class SceneUpdate:
     """Play this scene, or this excitation, from the next block on.
 
     Attributes
@@ -61,7 +61,7 @@ class RenderedModel:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ModelOrder:
+class ModelUpdate:
     """Render with another model from now on; only while disarmed.
 
     Attributes
@@ -94,19 +94,19 @@ class ModelSlot:
     def __init__(self, in_force: RenderedModel) -> None:
         self._lock = threading.Lock()
         self._in_force = in_force
-        self._waiting: ModelOrder | None = None
+        self._waiting: ModelUpdate | None = None
 
     @property
     def in_force(self) -> RenderedModel:
         """What the loop renders with."""
         return self._in_force
 
-    def offer(self, order: ModelOrder) -> None:
+    def offer(self, order: ModelUpdate) -> None:
         """Leave an order for the loop; the newest wins."""
         with self._lock:
             self._waiting = order
 
-    def take(self) -> ModelOrder | None:
+    def take(self) -> ModelUpdate | None:
         """Put what waits in force and return it; the loop's part alone."""
         if self._waiting is None:
             return None
@@ -116,7 +116,7 @@ class ModelSlot:
                 self._in_force = order.model
             return order
 
-    def withdraw(self, order: ModelOrder) -> bool:
+    def withdraw(self, order: ModelUpdate) -> bool:
         """Take an order back; return False where it is in force already."""
         with self._lock:
             waits = self._waiting is order
@@ -126,8 +126,8 @@ class ModelSlot:
 
 
 @dataclass(frozen=True, slots=True)
-class Orders:
+class LoopInbox:
     """Slots of one; of the scenes, a deque's append and popleft need no lock."""
 
     model: ModelSlot
-    scene: deque[SceneOrder] = field(default_factory=lambda: deque(maxlen=1))
+    scene: deque[SceneUpdate] = field(default_factory=lambda: deque(maxlen=1))
