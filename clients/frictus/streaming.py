@@ -66,7 +66,7 @@ class TextureStream:
         Parameters
         ----------
         error : Exception
-            What every wait raises.
+            What `send` raises.
         """
         self._failure = error
 
