@@ -78,10 +78,8 @@ def bare_entries(docstring: str) -> Iterator[str]:
         yield pending
 
 
-def count_file(path: Path) -> Count:
-    """Return the count of one file."""
-    text = path.read_text(encoding="utf-8")
-    tree = ast.parse(text)
+def count_file(text: str, tree: ast.Module) -> Count:
+    """Return the count of one file, given as text and parsed."""
     found = Count(files=1, lines=text.count("\n"))
     public = [node for node in tree.body if _is_public(node)]
     found.small, found.large = int(found.lines < SMALL), int(found.lines > LARGE)
@@ -116,10 +114,11 @@ def main() -> None:
     total, classes = Count(), Counter[str]()
     for source in SOURCES:
         for path in sorted((ROOT / source).rglob("*.py")):
-            count = count_file(path)
+            text = path.read_text(encoding="utf-8")
+            tree = ast.parse(text)
+            count = count_file(text, tree)
             packages["/".join(path.relative_to(ROOT).parts[1:3])].add(count)
             total.add(count)
-            tree = ast.parse(path.read_text(encoding="utf-8"))
             classes.update(
                 node.name
                 for node in tree.body

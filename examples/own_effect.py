@@ -5,13 +5,12 @@ An effect turns a simulator into another one. Put it in a module of
 id in a module of `frictus_service/discovery/catalogue/causes/`, and discovery looks for it.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
-from frictus_hardware.physics.effect import EffectDefinition, Parameter
+from frictus_hardware.physics.effect import EffectDefinition, Parameter, Values, with_term
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.prediction import Probe, predict
 from frictus_hardware.physics.schedule import SlidingConditions
@@ -30,12 +29,10 @@ class WarmUp:
         return 1.0 + self.rise * (1.0 - np.exp(-circumstances.minutes / self.tau_minutes))
 
 
-def extend(simulator: Simulator, parameters: Mapping[str, float]) -> Simulator:
+def extend(simulator: Simulator, parameters: Values) -> Simulator:
     """Return a simulator whose gain follows the skin's temperature."""
     factor = WarmUp(parameters["rise"], parameters["tau_minutes"])
-    schedule = simulator.schedule
-    factors = (*schedule.gain_factors, factor)
-    return replace(simulator, schedule=replace(schedule, gain_factors=factors))
+    return with_term(simulator, "gain_factors", factor)
 
 
 EFFECT = EffectDefinition(

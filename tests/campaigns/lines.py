@@ -87,3 +87,15 @@ def go_on(
 def load() -> float | None:
     """Return how many processes wanted to run over the last minute; None on Windows."""
     return round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None
+
+
+def run_all(path: Path, names: list[str], run: Callable[[str, int], Line]) -> list[str]:
+    """Run what has no clean line yet; return what failed, in words, one entry a failure."""
+    for _ in go_on(path, names, None, run):
+        pass
+    return [
+        f"{line['name']} seed {line['seed']}: {failure['what']}"
+        for line in read(path)
+        if line["name"] in names
+        for failure in line["failures"]
+    ]

@@ -3,11 +3,10 @@
 import contextlib
 import random
 import sys
-from pathlib import Path
 
 import pytest
 from tests.campaigns import kills, starts
-from tests.campaigns.lines import Line, go_on, read
+from tests.campaigns.lines import run_all
 from tests.campaigns.reliability import with_section
 
 SEED = 7
@@ -31,22 +30,6 @@ def test_a_section_is_replaced_and_the_others_stay() -> None:
     assert with_section(text, "One", "third") == text
 
 
-def wrong_in(path: Path) -> list[str]:
-    """What failed, by the lines of a campaign."""
-    return [
-        f"{line['name']} seed {line['seed']}: {failure['what']}"
-        for line in read(path)
-        for failure in line["failures"]
-    ]
-
-
-def run_all(campaign: "kills.Campaign | starts.Campaign", path: Path, names: list[str]) -> None:
-    """Run what of a campaign has no clean line yet."""
-    lines: list[Line] = []
-    with contextlib.closing(campaign):
-        lines.extend(go_on(path, names, None, campaign.run))
-
-
 @pytest.mark.campaign
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signals to stop a process")
 @pytest.mark.timeout(6 * 3600)
@@ -54,8 +37,9 @@ def test_two_hundred_kills_and_freezes(request: pytest.FixtureRequest) -> None:
     cache = request.config.cache
     assert cache is not None
     path = cache.mkdir("campaigns") / "kills.jsonl"
-    run_all(kills.Campaign(), path, kills.names(200))
-    assert not wrong_in(path), "\n".join(wrong_in(path))
+    with contextlib.closing(kills.Campaign()) as campaign:
+        broken = run_all(path, kills.names(200), campaign.run)
+    assert not broken, "\n".join(broken)
 
 
 @pytest.mark.campaign
@@ -64,5 +48,6 @@ def test_starts_on_what_is_torn_taken_or_full(request: pytest.FixtureRequest) ->
     cache = request.config.cache
     assert cache is not None
     path = cache.mkdir("campaigns") / "starts.jsonl"
-    run_all(starts.Campaign(), path, starts.names(5))
-    assert not wrong_in(path), "\n".join(wrong_in(path))
+    with contextlib.closing(starts.Campaign()) as campaign:
+        broken = run_all(path, starts.names(5), campaign.run)
+    assert not broken, "\n".join(broken)

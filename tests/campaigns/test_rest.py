@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 from tests.campaigns import hostile_clients
-from tests.campaigns.lines import go_on, read
+from tests.campaigns.lines import run_all
 from tests.campaigns.rest import LEAST, SCOPES, Bench, Campaign, batches, drawn, token_of
 
 SEED = 20_261
@@ -42,15 +42,7 @@ def test_clients_that_harm_leave_nothing(bench: Bench, kind: str) -> None:
 def test_ten_thousand_requests(request: pytest.FixtureRequest) -> None:
     cache = request.config.cache
     assert cache is not None
-    lines = cache.mkdir("campaigns") / "rest.jsonl"
-    names = batches(10_000)
+    path = cache.mkdir("campaigns") / "rest.jsonl"
     with Campaign() as campaign:
-        for _ in go_on(lines, names, None, campaign.run):
-            pass
-    broken = [
-        f"{line['name']} seed {line['seed']}: {failure['what']}"
-        for line in read(lines)
-        if line["name"] in names
-        for failure in line["failures"]
-    ]
+        broken = run_all(path, batches(10_000), campaign.run)
     assert not broken, "\n".join(broken)

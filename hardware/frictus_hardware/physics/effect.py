@@ -1,10 +1,13 @@
 """An effect: an extension of the simulator with a name, bounds and units."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
+from frictus_hardware.physics.schedule import Term
 from frictus_hardware.physics.simulator import Simulator
+
+Values = Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,4 +61,24 @@ class EffectDefinition:
     response: Literal["friction", "mobility", "both"]
     scope: Literal["participant", "instrument"]
     parameters: tuple[Parameter, ...]
-    extend: Callable[[Simulator, Mapping[str, float]], Simulator]
+    extend: Callable[[Simulator, Values], Simulator]
+
+
+def with_term(
+    simulator: Simulator,
+    part: Literal["gain_factors", "cutoff_factors", "cutoff_terms_hz"],
+    term: Term,
+) -> Simulator:
+    """Return the simulator with one term more in a part of its schedule.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        To extend.
+    part : {'gain_factors', 'cutoff_factors', 'cutoff_terms_hz'}
+        Of its schedule.
+    term : Term
+        Factors have no unit, terms of the cutoff are in Hz.
+    """
+    terms = (*getattr(simulator.schedule, part), term)
+    return replace(simulator, schedule=replace(simulator.schedule, **{part: terms}))

@@ -48,7 +48,7 @@ def discover(
     as_json: AsJson = False,
 ) -> None:
     """Say what the base model gets wrong in STUDY, name the causes, and extend the model."""
-    from frictus_service.discovery.report import files as outputs
+    from frictus_service.discovery.report import files
     from frictus_service.discovery.run import discover_study
 
     folder = out or study.with_name(f"{study.stem}-discovery")
@@ -63,14 +63,14 @@ def discover(
         tell=_tell,
     )
     _tell("writing the report")
-    written = outputs.write(found, folder)
+    written = files.write(found, folder)
     if wants_lines(as_json):
         write_line(**summary(found), files=[str(path) for path in written])
     else:
         from rich.console import Console
 
         show(found, Console())
-        Console().print(f"report: {folder / outputs.REPORT}", markup=False, soft_wrap=True)
+        Console().print(f"report: {folder / files.REPORT}", markup=False, soft_wrap=True)
 
 
 def summary(found: "Discovery") -> dict[str, object]:

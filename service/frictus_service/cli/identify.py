@@ -37,7 +37,7 @@ def identify(
     """Identify friction and skin of everyone in STUDY: models, tests, report."""
     from frictus_service.identification import analysis
     from frictus_service.identification.pipeline.study import observe_study
-    from frictus_service.identification.report import files as outputs
+    from frictus_service.identification.report import files
     from frictus_service.study.importers import open_study
 
     folder = out or study.with_name(f"{study.stem}-identification")
@@ -55,7 +55,7 @@ def identify(
         observations, path=str(study), sha256=sha256, unreadable=unreadable
     )
     _tell("writing the report")
-    written = outputs.write(found, observations, folder)
+    written = files.write(found, observations, folder)
     if wants_lines(as_json):
         write_line(**summary(found), files=[str(path) for path in written])
     else:

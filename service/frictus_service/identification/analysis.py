@@ -21,8 +21,7 @@ from frictus_service.identification.fit.estimates import (
     mobility_of,
     values_of,
 )
-from frictus_service.identification.inference import effects
-from frictus_service.identification.inference import mixed_models as mixed
+from frictus_service.identification.inference import effects, mixed_models
 from frictus_service.identification.inference.correlations import correlations_of
 from frictus_service.identification.inference.effects import Centre, number, per_participant
 from frictus_service.identification.inference.outliers import outliers_of
@@ -92,7 +91,7 @@ def identify(
         spreads=tuple(
             found
             for name, own in cells.items()
-            if (found := mixed.people_differ(name, own, centre)) is not None
+            if (found := mixed_models.people_differ(name, own, centre)) is not None
         ),
         pairs=tuple(pairs_of(values, measured)),
         correlations=tuple(correlations_of(values, measured, table.participants)),
@@ -116,7 +115,7 @@ def _effects(
     checks = {}
     if settings.mixed_models and n_people > 1:
         checks = {
-            name: mixed.cross_check(own, centre)
+            name: mixed_models.cross_check(own, centre)
             for name, own in cells.items()
             if own.value.size > n_people + len(centre.effects)
         }

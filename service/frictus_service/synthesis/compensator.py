@@ -5,8 +5,7 @@ import numpy as np
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.schedule import SlidingConditions
-from frictus_service.synthesis import compensation_kernels as corrections
-from frictus_service.synthesis import kernel
+from frictus_service.synthesis import compensation_kernels, kernel
 from frictus_service.synthesis.compensation import FORGET_HZ, Inverse
 from frictus_service.synthesis.estimator import PredictedMotion
 
@@ -89,7 +88,7 @@ class Inverter:
             self._slow[:] = 0.0
         wanted = self._wanted
         wanted[:] = target_n
-        corrections.swap_pairs(
+        compensation_kernels.swap_pairs(
             self._zeros,
             self._poles,
             cutoff_hz,
@@ -98,7 +97,7 @@ class Inverter:
             self._before,
             wanted,
         )
-        extrapolated = corrections.invert_scheduled(
+        extrapolated = compensation_kernels.invert_scheduled(
             gain_n,
             cutoff_hz,
             course.motion,
@@ -115,12 +114,12 @@ class Inverter:
         inverse = self.inverse
         if inverse.leak_hz > 0.0:
             per_sample = 2.0 * np.pi / self._rate_hz
-            corrections.refill(
+            compensation_kernels.refill(
                 inverse.leak_hz * per_sample, FORGET_HZ * per_sample, bias, self._slow, drive
             )
-        clipped: int = corrections.bound(drive)
+        clipped: int = compensation_kernels.bound(drive)
         if inverse.drive_table.size:
-            corrections.look_up(inverse.drive_table, drive)
+            compensation_kernels.look_up(inverse.drive_table, drive)
         # A target that is not finite would stay in the states for good.
         self._settled = bool(np.isfinite(self._passed.sum() + self._slow.sum()))
         return clipped

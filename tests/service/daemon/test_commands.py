@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from frictus.keys import CALLS
 from frictus.messages import SceneRequest
 from frictus.textures import MAX_PROFILE_SAMPLES, Profile, Region, Scene
-from frictus_service import command_validation as gate
+from frictus_service import command_validation
 from frictus_service.command_validation import MAX_DIGITS, MAX_MEMBERS, MAX_VALUES
 from frictus_service.config import Limits
 from frictus_service.daemon.commands import SHORT_BYTES
@@ -165,7 +165,7 @@ def test_what_holds_too_many_numbers_is_refused_unread(
     def never(payload: bytes) -> None:
         raise AssertionError("it was read")
 
-    monkeypatch.setattr(gate, "read_sliced", never)
+    monkeypatch.setattr(command_validation, "read_sliced", never)
     content = b"1," * (MAX_VALUES - 3)
     payload = b'{"client":"a","utc_ns":%d,"x":[%b1]}' % (desk.utc_ns, content)
     assert "it was read" in desk.send("scene", payload).message
@@ -194,8 +194,8 @@ def test_a_long_scene_is_read_as_a_short_one_is(desk: Desk) -> None:
     request = SceneRequest(client="a", utc_ns=desk.utc_ns, scene=scene)
     limits = Limits()
     payload = request.to_json()
-    assert len(payload) > gate.SLICED_BYTES
-    read = gate.CommandValidator(limits).read(
+    assert len(payload) > command_validation.SLICED_BYTES
+    read = command_validation.CommandValidator(limits).read(
         SceneRequest, payload, desk.utc_ns, limits.max_scene_bytes
     )
     assert read == request

@@ -9,7 +9,7 @@ from tests.service.synthesis.strategies import coordinate, region
 from frictus.errors import TextureError
 from frictus.textures import Region, Scene
 from frictus_hardware.physics.screen import Screen
-from frictus_service.synthesis import compensation_kernels as corrections
+from frictus_service.synthesis import compensation_kernels
 from frictus_service.synthesis.components import Components
 from frictus_service.synthesis.estimator import PredictedMotion
 from frictus_service.synthesis.kernel import BlockMotion
@@ -65,5 +65,5 @@ def test_a_component_far_below_the_others_is_in_the_last_row() -> None:
 def test_a_drive_beyond_the_table_is_looked_up_within_it(drive: float) -> None:
     table = np.linspace(0.0, 1.0, 9)
     found = np.array([0.5, drive])
-    corrections.look_up(table, found)
+    compensation_kernels.look_up(table, found)
     assert found[0] == pytest.approx(0.5)

@@ -17,9 +17,13 @@ from frictus.textures import Region, Scene
 from frictus_hardware.base import TouchReport
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.physics.screen import Screen
-from frictus_service.synthesis import compensation_kernels as corrections
-from frictus_service.synthesis import drive_range as reach
-from frictus_service.synthesis import estimator, kernel, tables
+from frictus_service.synthesis import (
+    compensation_kernels,
+    drive_range,
+    estimator,
+    kernel,
+    tables,
+)
 from frictus_service.synthesis.estimator import FingerEstimator, PredictedMotion
 from frictus_service.synthesis.excitation import compile_excitation
 from frictus_service.synthesis.kernel import BlockMotion
@@ -63,7 +67,7 @@ def test_what_is_rendered(
     except TextureError:
         return
     course = PredictedMotion(BlockMotion._make((*motion, abs(motion[2]), abs(motion[4]))))
-    with compared(kernel, corrections) as watched:
+    with compared(kernel, compensation_kernels) as watched:
         renderer = Renderer(inverse, SCREEN, RATE_HZ, BLOCK, scene)
         for block in range(3):
             renderer.render(first_sample + block * BLOCK, course, True)
@@ -91,7 +95,7 @@ def test_what_is_excited(tones: list[Tone], period_s: float | None, first_sample
     except (ValueError, TextureError):
         return
     course = PredictedMotion(BlockMotion(5.0, 17.0, 60.0, 0.0, 60.0, 0.0, 60.0, 60.0))
-    with compared(kernel, corrections) as watched:
+    with compared(kernel, compensation_kernels) as watched:
         renderer = Renderer(law, SCREEN, RATE_HZ, BLOCK, playable)
         for block in range(3):
             renderer.render(first_sample + block * BLOCK, course, True)
@@ -131,7 +135,7 @@ def test_rows_of_a_table(terms: int, size: int, n_rows: int, seed: int) -> None:
 @given(region)
 def test_how_far_a_table_reaches(region: Region) -> None:
     law: Any = inverse_of_model(placeholder_model(), SCREEN)
-    with compared(reach, most_items=20_000):
+    with compared(drive_range, most_items=20_000):
         try:
             compile_scene(Scene(regions=[region]), law, SCREEN, RATE_HZ)
         except TextureError:

@@ -1,41 +1,35 @@
 """Effects on the cutoff of the friction response, and on how steeply it falls."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 
-from frictus_hardware.physics.effect import EffectDefinition, Parameter
+from frictus_hardware.physics.effect import EffectDefinition, Parameter, Values, with_term
 from frictus_hardware.physics.schedule import (
     REFERENCE_FORCE_N,
     REFERENCE_SPEED_MM_S,
     Exponential,
     Linear,
     Power,
-    Term,
 )
 from frictus_hardware.physics.simulator import Simulator
-
-Values = Mapping[str, float]
-
-
-def _times(simulator: Simulator, factor: Term) -> Simulator:
-    schedule = simulator.schedule
-    factors = (*schedule.cutoff_factors, factor)
-    return replace(simulator, schedule=replace(schedule, cutoff_factors=factors))
 
 
 def _with_speed(simulator: Simulator, values: Values) -> Simulator:
     term = Linear("speed_mm_s", REFERENCE_SPEED_MM_S, values["slope_hz_per_mm_s"])
-    schedule = simulator.schedule
-    terms = (*schedule.cutoff_terms_hz, term)
-    return replace(simulator, schedule=replace(schedule, cutoff_terms_hz=terms))
+    return with_term(simulator, "cutoff_terms_hz", term)
 
 
 def _with_force(simulator: Simulator, values: Values) -> Simulator:
-    return _times(simulator, Power("normal_force_n", REFERENCE_FORCE_N, values["exponent"]))
+    return with_term(
+        simulator,
+        "cutoff_factors",
+        Power("normal_force_n", REFERENCE_FORCE_N, values["exponent"]),
+    )
 
 
 def _with_time(simulator: Simulator, values: Values) -> Simulator:
-    return _times(simulator, Exponential("minutes", 0.0, values["per_minute"]))
+    return with_term(
+        simulator, "cutoff_factors", Exponential("minutes", 0.0, values["per_minute"])
+    )
 
 
 def _order(simulator: Simulator, values: Values) -> Simulator:

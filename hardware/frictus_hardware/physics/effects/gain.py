@@ -1,9 +1,6 @@
 """Effects on the gain: what the friction per unit of drive is multiplied with."""
 
-from collections.abc import Mapping
-from dataclasses import replace
-
-from frictus_hardware.physics.effect import EffectDefinition, Parameter
+from frictus_hardware.physics.effect import EffectDefinition, Parameter, Values, with_term
 from frictus_hardware.physics.schedule import (
     REFERENCE_FORCE_N,
     REFERENCE_POSITION_MM,
@@ -11,38 +8,39 @@ from frictus_hardware.physics.schedule import (
     Exponential,
     Linear,
     Power,
-    Term,
 )
 from frictus_hardware.physics.simulator import Simulator
 
-Values = Mapping[str, float]
-
-
-def _times(simulator: Simulator, factor: Term) -> Simulator:
-    schedule = simulator.schedule
-    factors = (*schedule.gain_factors, factor)
-    return replace(simulator, schedule=replace(schedule, gain_factors=factors))
-
 
 def _with_speed(simulator: Simulator, values: Values) -> Simulator:
-    return _times(simulator, Power("speed_mm_s", REFERENCE_SPEED_MM_S, values["exponent"]))
+    return with_term(
+        simulator, "gain_factors", Power("speed_mm_s", REFERENCE_SPEED_MM_S, values["exponent"])
+    )
 
 
 def _with_force(simulator: Simulator, values: Values) -> Simulator:
-    return _times(simulator, Power("normal_force_n", REFERENCE_FORCE_N, values["exponent"]))
+    return with_term(
+        simulator,
+        "gain_factors",
+        Power("normal_force_n", REFERENCE_FORCE_N, values["exponent"]),
+    )
 
 
 def _with_position(simulator: Simulator, values: Values) -> Simulator:
     factor = Exponential("position_mm", REFERENCE_POSITION_MM, values["per_mm"])
-    return _times(simulator, factor)
+    return with_term(simulator, "gain_factors", factor)
 
 
 def _with_direction(simulator: Simulator, values: Values) -> Simulator:
-    return _times(simulator, Linear("direction", 0.0, values["share"], at_reference=1.0))
+    return with_term(
+        simulator, "gain_factors", Linear("direction", 0.0, values["share"], at_reference=1.0)
+    )
 
 
 def _with_time(simulator: Simulator, values: Values) -> Simulator:
-    return _times(simulator, Exponential("minutes", 0.0, values["per_minute"]))
+    return with_term(
+        simulator, "gain_factors", Exponential("minutes", 0.0, values["per_minute"])
+    )
 
 
 EFFECTS = (

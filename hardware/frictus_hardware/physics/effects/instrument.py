@@ -1,16 +1,14 @@
 """Effects of the rig: drive path, delay, mount and mains."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 
 from frictus_hardware.physics.disturbances import Hum
-from frictus_hardware.physics.effect import EffectDefinition, Parameter
+from frictus_hardware.physics.effect import EffectDefinition, Parameter, Values
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.mount import with_moved_resonance
 from frictus_hardware.physics.simulator import Simulator
 
-Values = Mapping[str, float]
 MAINS_HZ = 50.0
 
 

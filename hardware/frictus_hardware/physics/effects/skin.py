@@ -1,15 +1,13 @@
 """Effects on the moving skin: mass, damping, stiffness, further modes, stick-slip."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 from frictus_hardware.physics.disturbances import StickSlip
-from frictus_hardware.physics.effect import EffectDefinition, Parameter
+from frictus_hardware.physics.effect import EffectDefinition, Parameter, Values
 from frictus_hardware.physics.schedule import REFERENCE_SPEED_MM_S, Power
 from frictus_hardware.physics.simulator import Simulator
 from frictus_hardware.physics.skin import SecondMode
 
-Values = Mapping[str, float]
 SECOND_MODE_HZ = 300.0
 
 

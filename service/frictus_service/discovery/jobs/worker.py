@@ -43,7 +43,7 @@ def carry_out(
     ------
     DiscoveryCancelledError
     """
-    from frictus_service.discovery.report import files as outputs
+    from frictus_service.discovery.report import files
     from frictus_service.discovery.report.phrasing import verdict_sentence
     from frictus_service.discovery.run import discover_study
 
@@ -61,7 +61,7 @@ def carry_out(
         tell=told,
     )
     told("writing the report")
-    outputs.write(found, folder)
+    files.write(found, folder)
     return DiscoveryResult(
         verdict=found.verdict,
         sentence=verdict_sentence(found),

@@ -16,7 +16,7 @@ from frictus_service.identification.observation.observations import (
     TrialObservations,
 )
 from frictus_service.identification.observation.observe import observe
-from frictus_service.identification.pipeline import study as pipeline
+from frictus_service.identification.pipeline import study as study_pipeline
 from frictus_service.identification.pipeline.study import Task, observe_study
 from frictus_service.identification.pipeline.trial_reader import Reading
 from frictus_service.identification.pipeline.workers import Crash
@@ -83,7 +83,7 @@ def test_a_copy_of_the_file_is_read_but_not_estimated_again(
     def refuse(*_: object) -> TrialObservations:
         raise AssertionError("estimated again")
 
-    monkeypatch.setattr(pipeline, "observe", refuse)
+    monkeypatch.setattr(study_pipeline, "observe", refuse)
     require_same(first, observe_study(copy, workers=0, cache=tmp_path / "cache"))
 
 
@@ -143,9 +143,9 @@ def test_a_trial_that_ends_its_workers_is_reported(
         for number, task in enumerate(tasks):
             crash = Crash(3, "with exit code 5")
             yield number, crash if task.trial.id == "t3" else work(task)
-        pipeline.release()
+        study_pipeline.release()
 
-    monkeypatch.setattr(pipeline, "work_through", crashing)
+    monkeypatch.setattr(study_pipeline, "work_through", crashing)
     seen = observe_study(study, workers=2)
     assert [each.valid for each in seen] == expected
     assert seen[3].reasons == (
