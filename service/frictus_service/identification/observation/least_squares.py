@@ -72,7 +72,7 @@ def solve(sums, columns, weights, omega, degree, lacking, lacks):  # type: ignor
             cosine, sine = order + tone, order + tones + tone
             amplitude[channel, tone] = solved[cosine] - 1j * solved[sine]
             spread[channel, tone] = (inverse[cosine, cosine] + inverse[sine, sine]) / 2.0
-    return amplitude, spread * _noise_power(residual, amplitude, omega)
+    return amplitude, spread * _noise_power(residual, amplitude, omega, lacks)
 
 
 @njit(cache=True, nogil=True)
@@ -248,8 +248,12 @@ def _fill(held, samples, expected, omega):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _noise_power(residual, amplitude, omega):  # type: ignore[no-untyped-def]
+def _noise_power(residual, amplitude, omega, lacks):  # type: ignore[no-untyped-def]
     """Return the variance of white noise as strong as the residual is around each tone.
+
+    A bin in which a tone lies holds no noise, because the fit took it too: of each bin the share
+    counts that the tones leave, as if they were orthogonal. What the trend takes is left out;
+    it does not reach so far up.
 
     Parameters
     ----------
@@ -257,6 +261,8 @@ def _noise_power(residual, amplitude, omega):  # type: ignore[no-untyped-def]
         Shifted down by each tone; the trend is subtracted, the tones are not.
     amplitude : ndarray of complex, shape (n_channels, n_tones)
     omega : ndarray, shape (n_tones,)
+    lacks : ndarray, shape (n_channels,)
+        How many samples are missing, where no residual remains.
     """
     channels, tones, blocks = residual.shape
     samples = blocks * BLOCK
@@ -266,16 +272,20 @@ def _noise_power(residual, amplitude, omega):  # type: ignore[no-untyped-def]
         offs = np.array([_off(number, reach) for number in range(2 * reach)])
         turns = np.exp(1j * np.pi * offs / blocks)
         total = _around(residual, tone, reach)
+        taken = np.zeros(2 * reach)
         for other in range(tones):
             # Bins are whole turns away from the tone itself, which leaves nothing there.
             if other != tone:
                 below = _leak(omega[other] - omega[tone], reach, blocks, turns)
                 _subtract(total, amplitude[:, other], below)
+                taken += np.square(2.0 * below / samples)
             above = _leak(-omega[other] - omega[tone], reach, blocks, turns)
             _subtract(total, np.conj(amplitude[:, other]), above)
+            taken += np.square(2.0 * above / samples)
+        left = max(np.sum(1.0 - np.minimum(taken, 1.0)), 1.0)
         for channel in range(channels):
             strength = np.sum(total[channel].real ** 2 + total[channel].imag ** 2)
-            power[channel, tone] = strength / (2 * reach * samples)
+            power[channel, tone] = strength / (left * (samples - lacks[channel]))
     return power
 
 

@@ -165,6 +165,28 @@ def test_variance_is_that_of_the_noise_around_the_tone(rng: np.random.Generator)
         assert 0.7 < scatter(white, (tone,), count)[0] < 1.45
 
 
+@pytest.mark.parametrize(
+    ("tones_hz", "seconds", "missing"),
+    [
+        ((50.0, 60.0), 0.7, 0.0),  # the other line lies in one of fourteen bins
+        ((20.0, 28.0, 36.0, 44.0, 50.0, 60.0), 0.5, 0.0),  # in up to five of them
+        ((50.0, 60.0), 1.0, 0.15),
+    ],
+)
+def test_what_the_fit_took_is_not_counted_as_quiet(
+    tones_hz: tuple[float, ...], seconds: float, missing: float, rng: np.random.Generator
+) -> None:
+    """White noise of variance one: 2 / n, whatever else is fitted and however much is missing."""
+    count, declared = round(seconds * RATE_HZ), []
+    for _ in range(300):
+        noise = rng.standard_normal(count)
+        noise[rng.uniform(size=count) < missing] = np.nan
+        declared.append(fitted(noise, tones_hz).variance[0])
+    # A mean over 300 fits of 14 bins or more each scatters by 1.5 %.
+    kept = (count // BLOCK - 2) * BLOCK * (1.0 - missing)
+    np.testing.assert_allclose(np.mean(declared, axis=0) * kept / 2.0, 1.0, atol=0.08)
+
+
 def test_message_is_exact_for_all_tones_of_the_paper(rng: np.random.Generator) -> None:
     """To what the carrier's lines leave in 0.2 s: more at 2 kHz, which is closest to them."""
     time = np.arange(4000) / RATE_HZ
