@@ -251,9 +251,9 @@ def _fill(held, samples, expected, omega):  # type: ignore[no-untyped-def]
 def _noise_power(residual, amplitude, omega, lacks):  # type: ignore[no-untyped-def]
     """Return the variance of white noise as strong as the residual is around each tone.
 
-    A bin in which a tone lies holds no noise, because the fit took it too: of each bin the share
-    counts that the tones leave, as if they were orthogonal. What the trend takes is left out;
-    it does not reach so far up.
+    A bin in which a tone lies holds no noise, because the fit took it too: of each bin the
+    share counts that the tones leave, as if they were orthogonal. What the trend takes is left
+    out; it does not reach so far up.
 
     Parameters
     ----------

@@ -176,7 +176,7 @@ def test_variance_is_that_of_the_noise_around_the_tone(rng: np.random.Generator)
 def test_what_the_fit_took_is_not_counted_as_quiet(
     tones_hz: tuple[float, ...], seconds: float, missing: float, rng: np.random.Generator
 ) -> None:
-    """White noise of variance one: 2 / n, whatever else is fitted and however much is missing."""
+    """White noise of variance one: 2 / n, whatever else is fitted, however much is missing."""
     count, declared = round(seconds * RATE_HZ), []
     for _ in range(300):
         noise = rng.standard_normal(count)
