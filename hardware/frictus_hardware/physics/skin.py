@@ -23,6 +23,10 @@ FITTED_HZ: Final = (5.0, 3000.0)
 POLES_HZ: Final = (1.0, 8000.0)
 POLES: Final = 14
 FREQUENCIES: Final = 200
+LARGEST_STEP: Final = 2.0
+"""Of the fastest motion's rate times a step: beyond 2.6 Runge and Kutta's method grows."""
+PARTS: Final = 16
+"""Implicit steps per sample."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -261,16 +265,48 @@ def _slope(state, force, mass, stiffness, direct, weight, pole, out):  # type: i
 
 
 @njit(cache=True, nogil=True)
+def _creep(mass, stiffness, direct, weight, pole, step_s, before, now, state):  # type: ignore[no-untyped-def]
+    """Follow a force by implicit Euler steps, which cannot grow.
+
+    Return the mean acceleration: at the end of a sample it would be that of a straight force.
+    """
+    began, part_s = state[1], step_s / PARTS
+    for part in range(1, PARTS + 1):
+        pushing = before + (now - before) * part / PARTS - stiffness * state[0]
+        holding = mass / part_s + direct + stiffness * part_s
+        for k in range(pole.size):
+            turn = part_s * pole[k]
+            pushing -= weight[k] * state[2 + k] / (1.0 + turn)
+            holding += weight[k] * turn / (1.0 + turn)
+        state[1] = (mass / part_s * state[1] + pushing) / holding
+        state[0] += part_s * state[1]
+        for k in range(pole.size):
+            turn = part_s * pole[k]
+            state[2 + k] = (state[2 + k] + turn * state[1]) / (1.0 + turn)
+    return (state[1] - began) / step_s
+
+
+@njit(cache=True, nogil=True)
 def _swing(mass, stiffness, direct, weight, pole, step_s, force, memory, out):  # type: ignore[no-untyped-def]
     """Integrate by Runge and Kutta, the force running straight through each step.
 
+    Where the skin moves too fast for that (a light finger, strongly damped), it would grow
+    without bound; implicit steps follow it there.
     `memory` holds position, velocity and the damper's parts, and last the force.
     """
     size = 2 + pole.size
     state, slope, total = memory[:size].copy(), np.empty(size), np.empty(size)
     trial = np.empty(size)
+    damping = direct + np.sum(np.abs(weight))
     for n in range(force.size):
         before, now = memory[size], force[n]
+        memory[size] = now
+        fastest = damping / mass[n] + np.sqrt(stiffness[n] / mass[n])
+        if fastest * step_s > LARGEST_STEP:
+            out[n] = _creep(
+                mass[n], stiffness[n], direct, weight, pole, step_s, before, now, state
+            )
+            continue
         trial[:] = state
         total[:] = 0.0
         for stage in range(4):
@@ -282,7 +318,6 @@ def _swing(mass, stiffness, direct, weight, pole, step_s, force, memory, out):  
                 total[k] += share * slope[k]
                 trial[k] = state[k] + reach * slope[k]
         state += total
-        memory[size] = now
         _slope(state, now, mass[n], stiffness[n], direct, weight, pole, slope)
         out[n] = slope[1]
     memory[:size] = state
