@@ -78,8 +78,10 @@ def bare_entries(docstring: str) -> Iterator[str]:
         yield pending
 
 
-def count_file(text: str, tree: ast.Module) -> Count:
-    """Return the count of one file, given as text and parsed."""
+def count_file(path: Path) -> tuple[Count, list[str]]:
+    """Return the count of one file, and the names of its public classes."""
+    text = path.read_text(encoding="utf-8")
+    tree = ast.parse(text)
     found = Count(files=1, lines=text.count("\n"))
     public = [node for node in tree.body if _is_public(node)]
     found.small, found.large = int(found.lines < SMALL), int(found.lines > LARGE)
@@ -93,7 +95,7 @@ def count_file(text: str, tree: ast.Module) -> Count:
         found.bare += sum(1 for _ in bare_entries(docstring))
         if isinstance(node, Function) and not node.name.startswith("_"):
             found.no_returns += _is_silent_on_its_value(node, docstring)
-    return found
+    return found, [node.name for node in public if isinstance(node, ast.ClassDef)]
 
 
 def _is_public(node: ast.stmt) -> bool:
@@ -114,16 +116,10 @@ def main() -> None:
     total, classes = Count(), Counter[str]()
     for source in SOURCES:
         for path in sorted((ROOT / source).rglob("*.py")):
-            text = path.read_text(encoding="utf-8")
-            tree = ast.parse(text)
-            count = count_file(text, tree)
+            count, names_of_classes = count_file(path)
             packages["/".join(path.relative_to(ROOT).parts[1:3])].add(count)
             total.add(count)
-            classes.update(
-                node.name
-                for node in tree.body
-                if isinstance(node, ast.ClassDef) and _is_public(node)
-            )
+            classes.update(names_of_classes)
     names = [field.name for field in fields(Count)]
     write = sys.stdout.write
     write(f"{'package':34}" + "".join(f"{name:>11}" for name in names) + "\n")

@@ -3,6 +3,7 @@
 import contextlib
 import random
 import sys
+from pathlib import Path
 
 import pytest
 from tests.campaigns import kills, starts
@@ -33,10 +34,8 @@ def test_a_section_is_replaced_and_the_others_stay() -> None:
 @pytest.mark.campaign
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signals to stop a process")
 @pytest.mark.timeout(6 * 3600)
-def test_two_hundred_kills_and_freezes(request: pytest.FixtureRequest) -> None:
-    cache = request.config.cache
-    assert cache is not None
-    path = cache.mkdir("campaigns") / "kills.jsonl"
+def test_two_hundred_kills_and_freezes(lines_folder: Path) -> None:
+    path = lines_folder / "kills.jsonl"
     with contextlib.closing(kills.Campaign()) as campaign:
         broken = run_all(path, kills.names(200), campaign.run)
     assert not broken, "\n".join(broken)
@@ -44,10 +43,8 @@ def test_two_hundred_kills_and_freezes(request: pytest.FixtureRequest) -> None:
 
 @pytest.mark.campaign
 @pytest.mark.timeout(6 * 3600)
-def test_starts_on_what_is_torn_taken_or_full(request: pytest.FixtureRequest) -> None:
-    cache = request.config.cache
-    assert cache is not None
-    path = cache.mkdir("campaigns") / "starts.jsonl"
+def test_starts_on_what_is_torn_taken_or_full(lines_folder: Path) -> None:
+    path = lines_folder / "starts.jsonl"
     with contextlib.closing(starts.Campaign()) as campaign:
         broken = run_all(path, starts.names(5), campaign.run)
     assert not broken, "\n".join(broken)

@@ -1,6 +1,7 @@
 """What the reference allows and forbids, and clients that harm: a part of the campaign."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from tests.campaigns import hostile_clients
@@ -39,10 +40,8 @@ def test_clients_that_harm_leave_nothing(bench: Bench, kind: str) -> None:
 
 @pytest.mark.campaign
 @pytest.mark.timeout(6 * 3600)
-def test_ten_thousand_requests(request: pytest.FixtureRequest) -> None:
-    cache = request.config.cache
-    assert cache is not None
-    path = cache.mkdir("campaigns") / "rest.jsonl"
+def test_ten_thousand_requests(lines_folder: Path) -> None:
+    path = lines_folder / "rest.jsonl"
     with Campaign() as campaign:
         broken = run_all(path, batches(10_000), campaign.run)
     assert not broken, "\n".join(broken)

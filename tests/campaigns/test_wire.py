@@ -79,10 +79,8 @@ def test_no_payload_ends_trips_or_drives_anything(bench: Bench, mode: Mode) -> N
 
 @pytest.mark.campaign
 @pytest.mark.timeout(6 * 3600)
-def test_fifty_thousand_payloads(request: pytest.FixtureRequest) -> None:
-    cache = request.config.cache
-    assert cache is not None
-    path = cache.mkdir("campaigns") / "wire.jsonl"
+def test_fifty_thousand_payloads(lines_folder: Path) -> None:
+    path = lines_folder / "wire.jsonl"
     with Campaign() as campaign:
         broken = run_all(path, batches(50_000), campaign.run)
     assert not broken, "\n".join(broken)

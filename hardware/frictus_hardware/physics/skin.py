@@ -271,13 +271,14 @@ def _creep(mass, stiffness, direct, weight, pole, step_s, before, now, state):  
     Return the mean acceleration: at the end of a sample it would be that of a straight force.
     """
     began, part_s = state[1], step_s / PARTS
+    holding = mass / part_s + direct + stiffness * part_s
+    for k in range(pole.size):
+        turn = part_s * pole[k]
+        holding += weight[k] * turn / (1.0 + turn)
     for part in range(1, PARTS + 1):
         pushing = before + (now - before) * part / PARTS - stiffness * state[0]
-        holding = mass / part_s + direct + stiffness * part_s
         for k in range(pole.size):
-            turn = part_s * pole[k]
-            pushing -= weight[k] * state[2 + k] / (1.0 + turn)
-            holding += weight[k] * turn / (1.0 + turn)
+            pushing -= weight[k] * state[2 + k] / (1.0 + part_s * pole[k])
         state[1] = (mass / part_s * state[1] + pushing) / holding
         state[0] += part_s * state[1]
         for k in range(pole.size):
