@@ -1,6 +1,7 @@
 """The simulated rig: the twin behind the interface of every rig."""
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -54,6 +55,9 @@ class HandedOver:
         return self.first_sample + self.applied_v.size
 
 
+Sensed: TypeAlias = tuple[Signals, Truth, tuple[TouchReport, ...]]
+
+
 class SimulatedRig(Opened):
     """See `frictus_hardware.base.Backend`; `truth` of an exchange is always there.
 
@@ -93,6 +97,8 @@ class SimulatedRig(Opened):
         )
         self._twin = make_twin(config) if twin is None else twin
         self._drifts = twin is None and bool(config.participant.effects)
+        # Points of a client and guidance may come while a block plays.
+        self._takes_input = config.finger.kind in ("client", "guided")
         self._holds_output = holds_output
         self._history_s = history_s
         self._past_v = past_v
@@ -170,8 +176,14 @@ class SimulatedRig(Opened):
             1 sample to 1 s.
         """
         handed = self.hand_over(drive_v)
+        if self._takes_input:
+            self.wait(handed)
+            return self.sense(handed)
+        # What plays meanwhile stands, and so does the finger: computed now, it is there when
+        # the block is over, as what a device converts is.
+        sensed = self._sense_block(handed)
         self.wait(handed)
-        return self.sense(handed)
+        return self._exchanged(handed, sensed)
 
     def hand_over(self, drive_v: FloatArray) -> HandedOver:
         """Do the first part of an exchange, which does not wait."""
@@ -207,33 +219,40 @@ class SimulatedRig(Opened):
 
     def sense(self, handed: HandedOver) -> Exchange:
         """Do the last part of an exchange: what was sensed meanwhile."""
-        touches: list[TouchReport] = []
+        return self._exchanged(handed, self._sense_block(handed))
+
+    def _sense_block(self, handed: HandedOver) -> Sensed:
+        """Compute what is sensed during an exchange."""
+        lost: tuple[TouchReport, ...] = ()
         if handed.overrun_samples:
-            _, _, arrived = self._sense(self._sensed, handed.overrun_samples)
-            touches.extend(arrived)
+            _, _, lost = self._sense(self._sensed, handed.overrun_samples)
+        signals, motion, arrived = self._sense(handed.first_sample, handed.applied_v.size)
+        truth = Truth(
+            position_mm=motion.position_mm,
+            velocity_mm_s=motion.velocity_mm_s,
+            friction_n=signals.friction_n,
+            normal_force_n=motion.normal_force_n,
+            in_contact=motion.in_contact,
+        )
+        return signals, truth, lost + arrived
+
+    def _exchanged(self, handed: HandedOver, sensed: Sensed) -> Exchange:
+        signals, truth, touches = sensed
         first, n_samples = handed.first_sample, handed.applied_v.size
-        signals, motion, arrived = self._sense(first, n_samples)
-        touches.extend(arrived)
         self._sensed = handed.end_sample
         return Exchange(
             first_sample=first,
             force_n=signals.force_n,
             accel_m_s2=signals.accel_m_s2,
             voltage_v=self.faults.monitored(signals.voltage_v, first),
-            touches=self.faults.touches(tuple(touches), first, n_samples),
+            touches=self.faults.touches(touches, first, n_samples),
             applied_v=handed.applied_v,
             play_sample=handed.play_sample,
             clipped_samples=handed.clipped_samples,
             margin_samples=handed.margin_samples,
             underrun_samples=handed.underrun_samples,
             overrun_samples=handed.overrun_samples,
-            truth=Truth(
-                position_mm=motion.position_mm,
-                velocity_mm_s=motion.velocity_mm_s,
-                friction_n=signals.friction_n,
-                normal_force_n=motion.normal_force_n,
-                in_contact=motion.in_contact,
-            ),
+            truth=truth,
         )
 
     def stop(self, ramp_s: float) -> None:

@@ -8,18 +8,21 @@ itself: the rig counts the first, and a gap in the reader's stream names the oth
 import contextlib
 import os
 import threading
+import time
 from typing import Final
 
 import frictus
-from frictus_service.benchmarks.figure import Figure, Target
+from frictus_service.benchmarks.figure import Figure, Target, spread
 from frictus_service.benchmarks.lateness import SUBSCRIBERS, timing_of
 from frictus_service.benchmarks.load import STREAMS, Tally, loaded
 from frictus_service.benchmarks.neighbour import Pipe, neighbour
 from frictus_service.benchmarks.service import RIG, config_of, serving
+from frictus_service.daemon.real_time import LOOP_PRIORITY, budget_for, raise_priority
 
 NICENESS: Final = 5
 LARGEST_LOSS: Final = 1e-4
 LARGEST_LATENESS_MS: Final = 1.0
+BLOCK_S: Final = 0.005
 
 
 def compute(pipe: Pipe) -> None:
@@ -32,6 +35,23 @@ def compute(pipe: Pipe) -> None:
     total = 0
     while not over.is_set():
         total += sum(range(10_000))
+
+
+def sleep_block_by_block(pipe: Pipe) -> None:
+    """Sleep as a loop that does nothing else would; asked for it, tell all latenesses, ms.
+
+    What it is late by, the machine is late by: no program on it can be less late.
+    """
+    raise_priority(LOOP_PRIORITY, budget_for(0.0))
+    pipe.send("ready")
+    late_ms: list[float] = []
+    due_s = time.monotonic()
+    while not pipe.poll():
+        due_s += BLOCK_S
+        while (left_s := due_s - time.monotonic()) > 0.0:
+            time.sleep(left_s)
+        late_ms.append(-1e3 * left_s)
+    pipe.send(late_ms)
 
 
 def _await_end(pipe: Pipe, over: threading.Event) -> None:
@@ -63,9 +83,11 @@ def measure_beside(
     ):
         for _ in range(busy):
             stack.enter_context(neighbour(compute))
+        bare = stack.enter_context(neighbour(sleep_block_by_block))
         before = load.tallies()
         lateness_ms, counts = timing_of(client.rig(RIG), seconds)
         tallies = load.tallies()
+        bare_ms = spread(bare.ask("over"), worst=True)
     lost = _missing(tallies) - _missing(before)
     received = sum(tally.received for tally in tallies) - sum(
         tally.received for tally in before
@@ -91,9 +113,11 @@ def measure_beside(
             f"busy_{busy}_lateness",
             "ms",
             lateness_ms,
+            bare_ms,
             target=Target("p99", "at most", LARGEST_LATENESS_MS),
             remark=f"of the loop {beside}; {counts['underruns']} underruns, "
-            f"{counts['deadline_misses']} blocks more than a block late",
+            f"{counts['deadline_misses']} blocks more than a block late; on the right: of a "
+            "thread of the same priority that only sleeps, block by block",
         ),
     ]
 

@@ -125,11 +125,11 @@ class Publisher:
         """
         turns = 0
         while (taken := self._take(stop)) or not stop.is_set():
-            for turn in taken:
-                self._publish(turn)
-                turns += 1
-                if turns % COLLECT_BLOCKS == 0:
-                    gc.collect()
+            self._publish(taken)
+            turns += len(taken)
+            if turns >= COLLECT_BLOCKS:
+                gc.collect()
+                turns = 0
             self._publish_states()
         self._put_status()
 
@@ -144,7 +144,12 @@ class Publisher:
                 taken.append(self._loop.handover.get_nowait())
         return taken
 
-    def _publish(self, turn: BlockRecord) -> None:
+    def _publish(self, turns: list[BlockRecord]) -> None:
+        for turn in turns:
+            self._put_block(turn)
+        self._prepare_next()
+
+    def _put_block(self, turn: BlockRecord) -> None:
         if turn.run != self._run:
             self._run = turn.run
             self._timebase = Timebase(self._info.clock_hz)
@@ -166,10 +171,9 @@ class Publisher:
                 state = touch_of(report, turn.run, self._info)
                 if state is not None:
                     self._touch.put(state.to_json())
-        self._prepare_next()
 
     def _prepare_next(self) -> None:
-        """Do what readers of this turn need not wait for.
+        """Do what readers of these turns need not wait for.
 
         The fit computes. Each question to Zenoh lets go of the interpreter's lock, which the
         loop then holds for longer than packing and putting a block takes.

@@ -1,5 +1,7 @@
 """What only the simulated rig has: truth, reproducibility, a finger that a client moves."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from pydantic import ValidationError
@@ -8,9 +10,12 @@ from frictus_hardware import SimulatedConfig, open_backend, reset_device
 from frictus_hardware.errors import ConfigError
 from frictus_hardware.physics import friction
 from frictus_hardware.physics.screen import Screen, drive_fraction_of, screen_voltage
+from frictus_hardware.physics.twin import Signals, Twin
+from frictus_hardware.simulated.clock import VirtualClock
+from frictus_hardware.simulated.human import HumanStrokes
 from frictus_hardware.simulated.participants import Participant
 from frictus_hardware.simulated.pointer import ClientFinger
-from frictus_hardware.simulated.rig import SimulatedRig
+from frictus_hardware.simulated.rig import SimulatedRig, make_twin
 
 VIRTUAL = SimulatedConfig(clock="virtual")
 
@@ -59,6 +64,49 @@ def test_a_client_moves_the_finger() -> None:
         rig.exchange(np.zeros(2_000))
         got = rig.exchange(np.zeros(2_000))
         assert [(r.x_mm, r.y_mm, r.in_contact) for r in got.touches][-1] == (20.0, 10.0, True)
+
+
+@pytest.mark.parametrize(
+    ("finger", "order"),
+    [(HumanStrokes(), ["sense", "wait"]), (ClientFinger(), ["wait", "sense"])],
+)
+def test_a_block_is_there_when_it_is_over_unless_the_finger_may_still_be_moved(
+    finger: HumanStrokes | ClientFinger, order: list[str]
+) -> None:
+    done: list[str] = []
+
+    class Noted(VirtualClock):
+        def wait_until(self, sample: int) -> None:
+            done.append("wait")
+            super().wait_until(sample)
+
+    @dataclass
+    class Watched:
+        """A stage that tells when the twin runs."""
+
+        def initial(self) -> None: ...
+
+        def run(self, signals: Signals, state: None) -> tuple[Signals, None]:
+            done.append("sense")
+            return signals, state
+
+    config = SimulatedConfig(clock="virtual", finger=finger)
+    with SimulatedRig(config, Noted(), Twin((*make_twin(config).stages, Watched()))) as rig:
+        done.clear()
+        rig.exchange(np.zeros(100))
+    assert done == order
+
+
+def test_an_exchange_is_its_three_parts() -> None:
+    with SimulatedRig(VIRTUAL) as whole, SimulatedRig(VIRTUAL) as parts:
+        for _ in range(20):
+            at_once = whole.exchange(np.zeros(100))
+            handed = parts.hand_over(np.zeros(100))
+            parts.wait(handed)
+            bit_by_bit = parts.sense(handed)
+            np.testing.assert_array_equal(at_once.force_n, bit_by_bit.force_n)
+            assert at_once.touches == bit_by_bit.touches
+            assert whole.next_play_sample == parts.next_play_sample
 
 
 def test_other_fingers_do_not_follow_points() -> None:

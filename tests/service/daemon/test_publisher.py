@@ -144,7 +144,7 @@ def test_readers_of_a_block_wait_for_nothing_that_is_done_for_the_next(
     for _ in range(2 * BIN_BLOCKS):
         published.bench.loop.turn()
         done.clear()
-        publisher._publish(published.bench.loop.handover.get())
+        publisher._publish([published.bench.loop.handover.get()])
         puts = done.count("put")
         assert puts == 5  # force, acceleration, voltage, truth, finger
         assert done[:puts] == ["put"] * puts
