@@ -16,9 +16,9 @@ from frictus.textures import Region, Scene, Texture
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
 from frictus_hardware.simulated.config import SimulatedConfig
-from frictus_hardware.simulated.normal_force import Press
+from frictus_hardware.simulated.motion import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
-from frictus_service.fidelity.extension import Effects, Stroke, gain_of
+from frictus_laboratory.compensation_gain import Effects, Stroke, gain_of
 from frictus_service.fidelity.path import BLOCK_SAMPLES, walk
 from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensability import inverse_of

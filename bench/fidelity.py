@@ -18,15 +18,14 @@ from scipy import stats
 from frictus.recordings import load_texture, texture_of
 from frictus.textures import Texture
 from frictus_hardware.physics.friction import FrictionLaw
-from frictus_hardware.physics.mount import Mount
+from frictus_hardware.physics.linear import Mount
 from frictus_hardware.physics.screen import Screen
 from frictus_hardware.physics.stages import Quantisation, SensorNoise, standard_twin
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.human import HumanStrokes
-from frictus_hardware.simulated.normal_force import Press
+from frictus_hardware.simulated.motion import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_hardware.simulated.touch import TouchConfig
-from frictus_service.fidelity.bands import JND_DB, windows
 from frictus_service.fidelity.measure import (
     Error,
     compare,
@@ -39,6 +38,7 @@ from frictus_service.fidelity.measure import (
     uncompensated,
 )
 from frictus_service.fidelity.path import Path, walk
+from frictus_service.fidelity.preview import JND_DB, windows
 from frictus_service.library import SHIPPED
 
 RATE_HZ = 20_000.0

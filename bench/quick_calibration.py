@@ -28,17 +28,8 @@ from frictus_hardware.physics.stages import (
     standard_twin,
 )
 from frictus_hardware.physics.twin import Signals, simulate
-from frictus_service.calibration import coordinates, design
-from frictus_service.calibration.plan import Ask
-from frictus_service.calibration.posterior import Posterior, estimate
-from frictus_service.calibration.precision import Variation, draw, paper_asks, quick_asks
-from frictus_service.calibration.prior import Prior
-from frictus_service.identification.analysis import identify
-from frictus_service.identification.documents import Settings
-from frictus_service.identification.observation.observations import TrialObservations
-from frictus_service.identification.observation.observe import observe
-from frictus_service.reproduction.plan import StudyConditions, TrialPlan, plan_study
-from frictus_service.reproduction.population import (
+from frictus_laboratory.reproduction.plan import StudyConditions, TrialPlan, plan_study
+from frictus_laboratory.reproduction.population import (
     ALONG,
     POPULATION,
     SLOPE_SD,
@@ -46,17 +37,26 @@ from frictus_service.reproduction.population import (
     Plane,
     draw_people,
 )
-from frictus_service.reproduction.simulate import (
+from frictus_laboratory.reproduction.simulate import (
     ACCEL_NOISE_M_S2,
     BLOCK_SAMPLES,
     LEAD_S,
     POSITION_HZ,
     POSITION_STEP_MM,
+    Rubbing,
     simulate_trial,
     study_info,
 )
-from frictus_service.reproduction.stages import Rubbing
-from frictus_service.reproduction.strokes import move, report
+from frictus_laboratory.reproduction.strokes import move, report
+from frictus_service.calibration import coordinates, design
+from frictus_service.calibration.coordinates import Prior
+from frictus_service.calibration.plan import Ask
+from frictus_service.calibration.posterior import Posterior, estimate
+from frictus_service.calibration.precision import Variation, draw, paper_asks, quick_asks
+from frictus_service.identification.analysis import identify
+from frictus_service.identification.documents import Settings
+from frictus_service.identification.observation.observe import observe
+from frictus_service.identification.observation.response import TrialObservations
 from frictus_service.study.trial import Trial
 
 SPEEDS = np.array([20.0, 40.0, 60.0, 80.0, 100.0])

@@ -21,11 +21,11 @@ from tests.blind.generator import Case, Design, Hidden, Seeds, make_study
 
 import frictus
 from frictus_hardware import SimulatedConfig
+from frictus_hardware.simulated.config import Participant
 from frictus_hardware.simulated.guided import GuidedStrokes
-from frictus_hardware.simulated.participants import Participant
 from frictus_service.config import ApiConfig, Config, RegistryConfig, RouterConfig
 from frictus_service.daemon.supervisor import Supervisor
-from frictus_service.ports import free_endpoint, free_port
+from frictus_service.processes import free_endpoint, free_port
 
 DOCS: Final = Path(__file__).parents[1] / "docs"
 STROKED: Final = "rig1"

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Final
 
 ROOT: Final = Path(__file__).parents[1]
-SOURCES: Final = ("clients", "hardware", "service")
+SOURCES: Final = ("clients", "hardware", "service", "laboratory")
 SMALL: Final = 40
 LARGE: Final = 400
 Function = ast.FunctionDef | ast.AsyncFunctionDef

@@ -10,8 +10,7 @@ import numpy as np
 
 from frictus_hardware.arguments import ramp_samples, require_drive
 from frictus_hardware.arrays import FloatArray
-from frictus_hardware.base import Backend, Exchange, RigInfo, TouchReport
-from frictus_hardware.context import Opened
+from frictus_hardware.base import Backend, Exchange, Opened, RigInfo, TouchReport
 from frictus_hardware.errors import ClosedError
 from frictus_hardware.output import RETURN_S, OutputQueue
 

@@ -12,9 +12,8 @@ import numpy as np
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effect import EffectDefinition, Parameter, Values, with_term
 from frictus_hardware.physics.friction import FrictionLaw
-from frictus_hardware.physics.prediction import Probe, predict
 from frictus_hardware.physics.schedule import SlidingConditions
-from frictus_hardware.physics.simulator import Simulator
+from frictus_hardware.physics.simulator import Probe, Simulator, predict
 
 
 @dataclass(frozen=True, slots=True)

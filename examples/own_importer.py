@@ -14,14 +14,14 @@ from typing import Self
 
 import numpy as np
 
-from frictus_hardware.physics.mount import Mount
+from frictus_hardware.physics.linear import Mount
+from frictus_laboratory.reproduction.plan import StudyConditions, plan_study
+from frictus_laboratory.reproduction.population import draw_people
+from frictus_laboratory.reproduction.simulate import simulate_trial
+from frictus_service.errors import Exclusion
 from frictus_service.identification.analysis import identify
 from frictus_service.identification.observation.observe import observe
-from frictus_service.reproduction.plan import StudyConditions, plan_study
-from frictus_service.reproduction.population import draw_people
-from frictus_service.reproduction.simulate import simulate_trial
-from frictus_service.study.errors import Exclusion
-from frictus_service.study.study import read_all
+from frictus_service.study.importers import read_all
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 
 NAME = re.compile(r"(\w+)_(\d+)_(\d+)mms_([\d.]+)N_([\d.]+)Hz")

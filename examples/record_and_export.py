@@ -13,8 +13,8 @@ from frictus_service.recording.export import export_study
 from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.samples import Samples
 from frictus_service.recording.segments import TrialDeclaration
+from frictus_service.study.export import export_matlab
 from frictus_service.study.importers import open_study
-from frictus_service.study.matlab import export_matlab
 
 ROUTER = sys.argv[1] if len(sys.argv) > 1 else frictus.DEFAULT_ROUTER
 NAME = f"example-{time.time_ns()}"

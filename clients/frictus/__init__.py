@@ -46,7 +46,7 @@ from frictus.reception import Feed
 from frictus.recordings import load_texture
 from frictus.rig import Rig
 from frictus.session import DEFAULT_ROUTER
-from frictus.streaming import TextureStream
+from frictus.stream import TextureStream
 from frictus.textures import (
     Beta,
     Component,

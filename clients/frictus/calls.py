@@ -9,7 +9,6 @@ import zenoh
 from pydantic import ValidationError
 from zenoh.handlers import Callback
 
-from frictus.denial import DENIED, UNKNOWN, if_secured
 from frictus.errors import (
     ArgumentError,
     LinkError,
@@ -22,6 +21,7 @@ from frictus.errors import (
 from frictus.keys import CALLS, RECORDER_CALLS, RigKeys, any_rig_alive, rig_of
 from frictus.messages import MESSAGES, Reply
 from frictus.reception import Mailbox
+from frictus.session import DENIED, UNKNOWN, if_secured
 
 ROUTER_GONE: Final = "the link to the router is gone; it is being tried again"
 LOOKS: Final = 2

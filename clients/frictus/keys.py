@@ -1,14 +1,41 @@
-"""The one table of keys: what is said where, in which type and unit, with which service.
+"""The one table of keys: what is said where, in which type and unit, with which quality.
 
 Nothing else in the project spells a key. Keys are
 ``frictus/@v1/{site}/{rig}/{suffix}``; the verbatim chunks (``@``) keep versions and calls out
 of ``**``.
 """
 
+import re
 from dataclasses import dataclass
 from typing import Final
 
 from frictus.errors import FrictusError
+
+RESERVED: Final = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
+"""Devices on Windows, whatever extension follows."""
+
+
+def of_a_file(name: str) -> str:
+    """Return a name if a file on Linux and on Windows can bear it.
+
+    Parameters
+    ----------
+    name : str
+        Without folders.
+
+    Raises
+    ------
+    ValueError
+        If it ends with a dot, as ``.`` and ``..`` do, or is a device on Windows.
+    """
+    if name.endswith("."):
+        raise ValueError(
+            f"{name!r} ends with a dot, which no file on Windows may: leave it out"
+        )
+    if RESERVED.fullmatch(name):
+        raise ValueError(f"{name!r} is the name of a device on Windows: choose another")
+    return name
+
 
 ROOT: Final = "frictus/@v1"
 MAX_NAME: Final = 64

@@ -8,9 +8,8 @@ from typing import Annotated, Final, Literal, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from frictus.errors import FrameError, explain
-from frictus.keys import MAX_NAME
+from frictus.keys import MAX_NAME, of_a_file
 from frictus.model import Model
-from frictus.names import of_a_file
 from frictus.textures import PhaseRad, PositionMm, RmsFriction, Scene
 
 RefusalCode = Literal[

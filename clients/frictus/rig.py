@@ -16,7 +16,6 @@ from frictus.errors import (
     SilenceError,
 )
 from frictus.gaps import BlockFeed
-from frictus.holding import Held, close_all
 from frictus.keys import STREAMS, RigKeys, Topic, Topics
 from frictus.lease import Lease
 from frictus.messages import (
@@ -36,10 +35,10 @@ from frictus.messages import (
     TouchState,
 )
 from frictus.model import Model
-from frictus.readings import Readings
+from frictus.readings import Held, Readings, close_all
 from frictus.reception import Arrival, Feed
 from frictus.session import declare_publisher
-from frictus.streaming import TextureStream
+from frictus.stream import TextureStream
 from frictus.textures import Beta, Map, Profile, Region, Scene, Slope, Spectrum, Texture
 
 StreamName = Literal["force", "accel", "voltage", "truth", "aux"]

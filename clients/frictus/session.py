@@ -12,6 +12,32 @@ from frictus.keys import Topic
 from frictus.reception import Declared, OnSample
 from frictus.tls import SCHEME, Tls, why_refused
 
+DENIED: Final = (
+    "; or the router does not allow it to the role in your certificate: only a controller may "
+    "command a rig (`frictus pki show FILE` tells the role)"
+)
+"""Where a call was not answered."""
+UNKNOWN: Final = (
+    "; or the router does not know the name in your certificate: put the certificate, not its "
+    "key, into the router's folder of members, and start the router again"
+)
+"""Where nobody is present."""
+
+
+def if_secured(session: zenoh.Session, hint: str) -> str:
+    """Return what to add; empty without certificates.
+
+    Parameters
+    ----------
+    session : zenoh.Session
+        Open session.
+    hint : str
+        `DENIED` or `UNKNOWN`.
+    """
+    secured = any(str(link.dst).startswith(SCHEME) for link in session.info.links())
+    return hint if secured else ""
+
+
 DEFAULT_ROUTER: Final = "tcp/127.0.0.1:7447"
 LEASE_MS: Final = 1_000  # a frozen peer's token falls after 0.75 s instead of 9.5 s
 PATIENT_LEASE_MS: Final = 4_000

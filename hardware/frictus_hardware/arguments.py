@@ -1,13 +1,26 @@
-"""What every rig accepts of its caller: a drive, and the length of a ramp."""
+"""What every rig accepts: its configuration, a drive, and the length of a ramp."""
 
 import math
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError, NotArmedError, UnsafeDriveError
 
+Positive = Annotated[float, Field(gt=0.0)]
+NonNegative = Annotated[float, Field(ge=0.0)]
+
+
+class StrictModel(BaseModel):
+    """Refuses unknown fields, wrong types, NaN and infinities."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+LEAST_N: Final = 0.05
+"""A finger on the screen presses at least this hard."""
 MAX_BLOCK_S: Final = 1.0
 """The longest drive, and the longest ramp: what is queued longer cannot be stopped in time."""
 

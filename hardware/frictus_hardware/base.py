@@ -1,10 +1,11 @@
-"""What every rig backend promises. `tests/hardware/test_contract.py` holds each one to it.
+"""What every rig backend promises. `tests/hardware/test_contract.py` holds each to it.
 
 One rig: screen volts out; finger force, skin acceleration, monitor volts and touch reports in,
 all on one sample clock. A backend moves blocks and keeps the output within its limit; it knows
 nothing of textures.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import TracebackType
@@ -14,6 +15,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus_hardware.arrays import FloatArray
+
+
+class Opened(ABC):
+    """Opened at the beginning of a with statement, and closed at its end, whatever happened."""
+
+    @abstractmethod
+    def open(self) -> None:
+        """Open."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close. Closing twice is harmless."""
+
+    def __enter__(self) -> Self:
+        """Open and return self."""
+        self.open()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close."""
+        self.close()
 
 
 @dataclass(frozen=True, slots=True)

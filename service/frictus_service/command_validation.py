@@ -10,7 +10,7 @@ from frictus.errors import FrameError, RefusedError, explain
 from frictus.messages import GuidanceState, Message, Request
 from frictus.stream import StreamFrame
 from frictus_service.config import Limits
-from frictus_service.sliced_json import read_sliced
+from frictus_service.json_text import read_sliced
 
 Kind = TypeVar("Kind", bound=Request)
 AnyMessage = TypeVar("AnyMessage", bound=Message)

@@ -1,11 +1,16 @@
-"""Files that are replaced whole, also where a crash or a power cut comes in between.
+"""Files and folders that are replaced whole, also where a crash or a power cut comes between.
 
 A reader finds the old content or the new one, never a part of either.
 """
 
 import os
 import secrets
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+from frictus_service.errors import StudyError
 
 
 def replace_file(path: Path, content: bytes) -> None:
@@ -56,3 +61,30 @@ def sync_folder(folder: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+@contextmanager
+def new_folder(folder: Path) -> Iterator[Path]:
+    """Give a folder to write to, which bears its name once the context ends without an error.
+
+    Parameters
+    ----------
+    folder : Path
+        What it is to be called.
+
+    Raises
+    ------
+    StudyError
+        If something bears the name already.
+    """
+    if folder.exists():
+        raise StudyError(f"{folder} exists; choose another name, or delete it first")
+    unfinished = folder.with_name(f".{folder.name}.{os.getpid()}.part")
+    unfinished.mkdir(parents=True)
+    try:
+        yield unfinished
+        unfinished.rename(folder)
+        sync_folder(folder.parent)
+    except BaseException:
+        shutil.rmtree(unfinished)
+        raise

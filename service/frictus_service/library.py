@@ -15,7 +15,7 @@ from typing import Final
 
 from pydantic import TypeAdapter, ValidationError
 
-from frictus.names import RESERVED
+from frictus.keys import RESERVED
 from frictus.textures import Texture
 from frictus_service.durable import replace_file, sync_folder
 from frictus_service.errors import ServiceError

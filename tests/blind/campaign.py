@@ -152,7 +152,7 @@ def analyse(path: Path, base: str) -> dict[str, Any]:
     base : str
         As `frictus discover --base` takes it.
     """
-    from frictus_service.discovery.run import discover_study
+    from frictus_service.discovery.discover import discover_study
 
     found = discover_study(
         path,

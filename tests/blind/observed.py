@@ -10,8 +10,8 @@ from tests.blind.generator import Case, Design, Hidden, Seeds, make_study
 from tests.blind.generator.people import EVERYBODY_ALIKE
 from tests.blind.generator.trial import Sensors
 
-from frictus_service.identification.observation.observations import TrialObservations
 from frictus_service.identification.observation.observe import observe
+from frictus_service.identification.observation.response import TrialObservations
 from frictus_service.study.importers import open_study
 from frictus_service.study.trial import Trial
 

@@ -14,7 +14,7 @@ from tests.blind.generator.transfer import mount, other_mount
 from tests.blind.generator.world import Moment, World
 from tests.blind.observed import ONE_PERSON, observations, trials
 
-from frictus_service.identification.observation.observations import (
+from frictus_service.identification.observation.response import (
     ResponseRows,
     TrialObservations,
 )

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
-from frictus_service.ports import free_port
+from frictus_service.processes import free_port
 
 START_S: Final = 10.0
 CONFIGURATION: Final = """\

@@ -32,7 +32,7 @@ from frictus.errors import FrictusError
 from frictus_hardware import SimulatedConfig, SimulatedDeviceConfig
 from frictus_hardware.simulated.device_rig import launched
 from frictus_hardware.simulated.strokes import SteadyStrokes
-from frictus_service.recording.errors import RecordingError
+from frictus_service.errors import RecordingError
 from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.summary import summarise
 

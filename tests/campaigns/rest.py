@@ -29,7 +29,7 @@ from frictus.errors import FrictusError
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.config import ApiConfig, Config, Scope, Token
-from frictus_service.ports import free_port
+from frictus_service.processes import free_port
 
 SCOPES: Final[dict[str, tuple[Scope, ...]]] = {
     "none": (),

@@ -32,7 +32,7 @@ from frictus_service.config import (
 )
 from frictus_service.daemon.child_process import PartName
 from frictus_service.daemon.supervisor import ALL, Supervisor
-from frictus_service.ports import free_endpoint, free_port
+from frictus_service.processes import free_endpoint, free_port
 from frictus_service.security.authority import issue, make_authority
 from frictus_service.security.files import AUTHORITY, write
 from frictus_service.security.members import Member

@@ -22,7 +22,7 @@ from tests.campaigns.site_parts import Site, Size, make_tape
 
 import frictus
 from frictus.errors import FrictusError
-from frictus_service.benchmarks.viewers import RATE_HZ, STREAMS
+from frictus_laboratory.benchmarks.viewers import RATE_HZ, STREAMS
 from frictus_service.config import Config
 from frictus_service.errors import ServiceError
 

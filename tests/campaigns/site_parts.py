@@ -21,11 +21,11 @@ import frictus
 from frictus.errors import FrictusError
 from frictus_hardware import ReplayConfig, SimulatedConfig
 from frictus_hardware.simulated.strokes import SteadyStrokes
-from frictus_service.benchmarks.load import Tally, subscribe
-from frictus_service.benchmarks.neighbour import Pipe, neighbour
-from frictus_service.benchmarks.viewers import Taken, view
+from frictus_laboratory.benchmarks.load import Tally, subscribe
+from frictus_laboratory.benchmarks.neighbour import Pipe, neighbour
+from frictus_laboratory.benchmarks.viewers import Taken, view
 from frictus_service.config import ApiConfig, Config, RegistryConfig, RouterConfig
-from frictus_service.ports import free_endpoint, free_port
+from frictus_service.processes import free_endpoint, free_port
 from frictus_service.recording.tape import export_tape
 
 TAPE_S: Final = 20.0

@@ -17,7 +17,7 @@ from tests.campaigns.reliability import circumstances, table, with_section
 from tests.campaigns.site import WHOLE
 from tests.campaigns.site_parts import Size
 
-from frictus_service.benchmarks.viewers import RATE_HZ
+from frictus_laboratory.benchmarks.viewers import RATE_HZ
 
 OUT: Final = Path(__file__).parents[2] / "docs" / "sizing.md"
 UNITS: Final[Mapping[str, tuple[str, ...]]] = {

@@ -28,10 +28,10 @@ import frictus
 from frictus.errors import FrictusError
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.strokes import SteadyStrokes
-from frictus_service.benchmarks.load import Tally, subscribe
-from frictus_service.benchmarks.neighbour import Neighbour, Pipe, neighbour
-from frictus_service.benchmarks.service import RIG
-from frictus_service.benchmarks.viewers import STREAMS, view
+from frictus_laboratory.benchmarks.load import Tally, subscribe
+from frictus_laboratory.benchmarks.neighbour import Neighbour, Pipe, neighbour
+from frictus_laboratory.benchmarks.service import RIG
+from frictus_laboratory.benchmarks.viewers import STREAMS, view
 from frictus_service.config import Config
 from frictus_service.daemon.supervisor import ALL, Supervisor
 

@@ -29,7 +29,7 @@ from tests.campaigns.service import START_S, Said, http_status, make_certificate
 import frictus
 from frictus.errors import FrictusError
 from frictus_service.config import Config, load
-from frictus_service.ports import free_port
+from frictus_service.processes import free_port
 
 MAIN: Final = "from frictus_service.cli import main; main()"
 LIMITED: Final = f"""

@@ -37,13 +37,12 @@ from frictus.keys import CALLS, RigKeys, Topics
 from frictus.messages import LeaseRenewal, RefusalCode, Reply
 from frictus.stream import HEADER_BYTES, MAGIC
 from frictus_hardware import SimulatedConfig
-from frictus_hardware.simulated.fingers import FingerConfig
-from frictus_hardware.simulated.guided import GuidedStrokes
-from frictus_hardware.simulated.pointer import ClientFinger
+from frictus_hardware.simulated.config import FingerConfig
+from frictus_hardware.simulated.guided import ClientFinger, GuidedStrokes
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.config import Config
 from frictus_service.daemon.supervisor import Supervisor
-from frictus_service.recording.errors import RecordingError
+from frictus_service.errors import RecordingError
 from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.summary import summarise
 

@@ -3,7 +3,7 @@
 import pytest
 
 from frictus.errors import LinkError
-from frictus.holding import Held, close_all
+from frictus.readings import Held, close_all
 
 
 class Thing:

@@ -25,7 +25,7 @@ from frictus_service.config import (
 )
 from frictus_service.daemon.child_process import PartName
 from frictus_service.daemon.supervisor import Supervisor
-from frictus_service.ports import free_endpoint, free_port
+from frictus_service.processes import free_endpoint, free_port
 
 READER = "a-token-that-only-reads"
 RULES = {"runOnly": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]}

@@ -17,8 +17,8 @@ from tests.dashboard.conftest import OpenPage
 from tests.dashboard.lab import Lab, enter, expect_no_violations, read_only, running
 
 from frictus_hardware import SimulatedConfig
+from frictus_hardware.simulated.config import Participant
 from frictus_hardware.simulated.guided import GuidedStrokes
-from frictus_hardware.simulated.participants import Participant
 from frictus_service.calibration.job import PaperProtocol, QuickProtocol
 from frictus_service.config import (
     RegistryConfig,

@@ -16,10 +16,9 @@ from tests.dashboard.lab import Lab, enter, expect_no_violations, read_only, run
 from tests.service.discovery.found import discovery, left, pair
 
 from frictus_service.discovery.document import Discovery
-from frictus_service.discovery.jobs.documents import DiscoveryResult, DiscoverySpec
-from frictus_service.discovery.jobs.store import DiscoveryStore
-from frictus_service.discovery.report.files import write
-from frictus_service.discovery.report.phrasing import verdict_sentence
+from frictus_service.discovery.jobs import DiscoveryResult, DiscoverySpec, DiscoveryStore
+from frictus_service.discovery.report.findings import verdict_sentence
+from frictus_service.discovery.report.page import write
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(600)]
 

@@ -14,7 +14,7 @@ from tests.dashboard.conftest import OpenPage
 
 from frictus_dashboard import FOLDER
 from frictus_hardware.physics.friction import FrictionLaw
-from frictus_service.fidelity.bands import CENTRES_HZ, band_power, error_db
+from frictus_service.fidelity.preview import CENTRES_HZ, band_power, error_db
 
 pytestmark = pytest.mark.browser
 

@@ -12,10 +12,10 @@ from frictus_hardware import SimulatedConfig, SimulatedDeviceConfig
 from frictus_hardware.simulated.device_rig import SimulatedDeviceRig, launched, recent_output
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.cli.app import app
-from frictus_service.cli.exits import Exit
+from frictus_service.cli.options import Exit
 from frictus_service.config import Config, RouterConfig
 from frictus_service.daemon.supervisor import Supervisor
-from frictus_service.ports import free_endpoint
+from frictus_service.processes import free_endpoint
 
 
 def test_router_runs_without_any_part() -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from frictus_hardware.sample_ring import SampleRing
+from frictus_hardware.output import SampleRing
 
 
 def test_a_ring_holds_what_was_written_last_wherever_it_wraps(

@@ -18,7 +18,7 @@ from frictus_service.command_validation import MAX_VALUES
 from frictus_service.config import Config, RouterConfig
 from frictus_service.daemon.commands import UNNAMED_BYTES
 from frictus_service.daemon.supervisor import Supervisor
-from frictus_service.ports import free_endpoint
+from frictus_service.processes import free_endpoint
 
 SECONDS = 6.0
 """Longer than the window of `LoopTiming.margin_min_ms`, 5 s."""

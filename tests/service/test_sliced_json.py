@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frictus_service import sliced_json
-from frictus_service.sliced_json import SLICE_CHARACTERS, read_sliced
+from frictus_service import json_text
+from frictus_service.json_text import SLICE_CHARACTERS, read_sliced
 
 DOCUMENTS = st.recursive(
     st.none()
@@ -34,14 +34,14 @@ def test_it_reads_what_is_written(
     document: Any, slice_characters: int, indent: int | None
 ) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sliced_json, "SLICE_CHARACTERS", slice_characters)
+        patch.setattr(json_text, "SLICE_CHARACTERS", slice_characters)
         assert read_sliced(json.dumps(document, indent=indent).encode()) == document
 
 
 @given(text=st.text('[]{}",:1 e-', max_size=30), slice_characters=st.integers(2, 10))
 def test_it_refuses_what_is_no_json(text: str, slice_characters: int) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sliced_json, "SLICE_CHARACTERS", slice_characters)
+        patch.setattr(json_text, "SLICE_CHARACTERS", slice_characters)
         try:
             document = json.loads(text)
         except ValueError:
@@ -64,7 +64,7 @@ def test_the_fast_parser_takes_slices_only(monkeypatch: pytest.MonkeyPatch) -> N
         sizes.append(len(text))
         return pydantic_core.from_json(text)
 
-    monkeypatch.setattr(sliced_json, "from_json", parse)
+    monkeypatch.setattr(json_text, "from_json", parse)
     numbers = [0.1234567890123456] * 140_000
     assert read_sliced(json.dumps({"a": {"b": numbers}}).encode()) == {"a": {"b": numbers}}
     assert len(sizes) > 100

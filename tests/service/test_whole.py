@@ -15,7 +15,7 @@ from frictus_service.cli.app import app
 from frictus_service.config import Config, RouterConfig
 from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.library import SHIPPED
-from frictus_service.ports import free_endpoint
+from frictus_service.processes import free_endpoint
 
 ROOT = Path(__file__).parents[2]
 RECORDINGS = ROOT.parent / "shared" / "data" / "makesense_textures"

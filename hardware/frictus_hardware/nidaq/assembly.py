@@ -4,17 +4,14 @@ import time
 from collections.abc import Callable
 
 from frictus_hardware.nidaq.backend import NiRig
-from frictus_hardware.nidaq.pointer import PointerSource
 from frictus_hardware.nidaq.sensing import ForceSensor, SensorConversion
 from frictus_hardware.nidaq.settings import NeonodeSettings, NiRigConfig
-from frictus_hardware.nidaq.touch import TouchSource
-from frictus_hardware.nidaq.touch_sensor import TouchSensorSource
-from frictus_hardware.sensors.accelerometer import Accelerometer
+from frictus_hardware.nidaq.touch import PointerSource, TouchSensorSource, TouchSource
 from frictus_hardware.sensors.ati import read_calibration
-from frictus_hardware.sensors.hid import HidPort
+from frictus_hardware.sensors.channels import Accelerometer
+from frictus_hardware.sensors.hid import HidPort, TouchLink
 from frictus_hardware.sensors.neonode import ScreenFrame, Touchpad
 from frictus_hardware.sensors.rotation import in_turn
-from frictus_hardware.sensors.touch_link import TouchLink
 
 
 def make_rig(config: NiRigConfig) -> NiRig:

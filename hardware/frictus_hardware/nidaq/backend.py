@@ -14,8 +14,7 @@ import numpy as np
 
 from frictus_hardware.arguments import MAX_BLOCK_S, ramp_samples, require_drive
 from frictus_hardware.arrays import FloatArray
-from frictus_hardware.base import Exchange, RigInfo, TouchReport
-from frictus_hardware.context import Opened
+from frictus_hardware.base import Exchange, Opened, RigInfo, TouchReport
 from frictus_hardware.errors import (
     ClosedError,
     ConfigError,
@@ -26,10 +25,9 @@ from frictus_hardware.errors import (
     TransientError,
 )
 from frictus_hardware.nidaq.config import NiConfig
-from frictus_hardware.nidaq.conversion import Conversion
 from frictus_hardware.nidaq.devices import INSTALL
-from frictus_hardware.nidaq.pointer import PointerSource
-from frictus_hardware.nidaq.touch import TouchSource
+from frictus_hardware.nidaq.sensing import Conversion
+from frictus_hardware.nidaq.touch import PointerSource, TouchSource
 from frictus_hardware.output import RETURN_S, OutputQueue
 
 if TYPE_CHECKING:

@@ -5,6 +5,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from frictus_hardware.arguments import Positive, StrictModel
 from frictus_hardware.nidaq.config import (
     AuxInput,
     Inputs,
@@ -14,7 +15,6 @@ from frictus_hardware.nidaq.config import (
     Terminals,
 )
 from frictus_hardware.sensors.channels import AnalogueChannel
-from frictus_hardware.simulated.strict import Positive, StrictModel
 
 Channel = Annotated[str, Field(pattern=r"^ai\d+$")]
 Three = Annotated[tuple[float, float, float], Field(strict=False)]

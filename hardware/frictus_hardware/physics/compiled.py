@@ -14,7 +14,7 @@ from numba import njit
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics import linear
 from frictus_hardware.physics.friction import FADE_SPEED_MM_S
-from frictus_hardware.physics.mobility import Mobility
+from frictus_hardware.physics.linear import Mobility
 from frictus_hardware.physics.stages import (
     REST_SPEED_MM_S,
     Contact,

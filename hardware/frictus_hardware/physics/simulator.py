@@ -1,4 +1,4 @@
-"""What a rig and one finger are, declared: simulated here, predicted in `prediction`.
+"""What a rig and one finger are, declared: simulated, and predicted in the steady state.
 
 Effects (`frictus_hardware.physics.effects`) extend a simulator; nothing here knows one of them.
 """
@@ -8,14 +8,12 @@ from typing import Literal
 
 import numpy as np
 
+from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_hardware.physics.disturbances import AddHum, AddStickSlip, Hum, StickSlip
-from frictus_hardware.physics.drive_path import DriveMap, FilterDrive, MapDrive
 from frictus_hardware.physics.friction import FrictionLaw
-from frictus_hardware.physics.linear import TransferFunction
-from frictus_hardware.physics.mobility import Mobility
-from frictus_hardware.physics.mount import Mount
-from frictus_hardware.physics.schedule import Schedule
-from frictus_hardware.physics.screen import Screen
+from frictus_hardware.physics.linear import Mobility, Mount, TransferFunction
+from frictus_hardware.physics.schedule import Schedule, SlidingConditions
+from frictus_hardware.physics.screen import DriveMap, FilterDrive, MapDrive, Screen
 from frictus_hardware.physics.skin import DelayedSkin, NonlinearSkin, SkinLaw
 from frictus_hardware.physics.stages import (
     Contact,
@@ -135,3 +133,141 @@ class Simulator:
         if self.skin != SkinLaw():
             swings = [NonlinearSkin(self.mobility, self.skin, self.law, minutes)]
         return [*swings, DelayedSkin(self.skin_delay_s)] if self.skin_delay_s else swings
+
+
+@dataclass(frozen=True, slots=True)
+class Probe:
+    """Where something was measured, and with which message; arrays of shape (n_rows,).
+
+    Attributes
+    ----------
+    tone_hz : ndarray
+        Of each row.
+    message : ndarray of complex
+        Amplitude of the drive fraction at the tone.
+    message_mean : ndarray
+        Of the drive fraction.
+    message_power : ndarray
+        Sum over all tones of ``|amplitude|^2 / 2``.
+    circumstances : SlidingConditions
+        Speed, force, position, direction and time.
+    """
+
+    tone_hz: FloatArray
+    message: ComplexArray
+    message_mean: FloatArray
+    message_power: FloatArray
+    circumstances: SlidingConditions
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """What ideal estimation gives; arrays of shape (n_rows,).
+
+    Attributes
+    ----------
+    friction : ndarray of complex
+        N per unit of drive fraction at the tone.
+    second, third : ndarray of complex
+        Friction amplitude at two and three times the tone over that at the tone, the phase of
+        the (held) message taken out once and twice: ``Y(2f) / (Y(f) exp(i phi))`` and
+        ``Y(3f) / (Y(f) exp(2 i phi))``. NaN where there is no message.
+    mobility : ndarray of complex
+        Skin velocity per newton of friction, m/s/N.
+    line_n : ndarray
+        Amplitude of the mains' line in the measured force.
+    low_n2 : ndarray
+        Power of the measured friction from 4 to 30 Hz beyond the base's, N², mount included.
+    """
+
+    friction: ComplexArray
+    second: ComplexArray
+    third: ComplexArray
+    mobility: ComplexArray
+    line_n: FloatArray
+    low_n2: FloatArray
+
+
+def predict(
+    simulator: Simulator, probe: Probe, nominal_mount: TransferFunction | None
+) -> Prediction:
+    """Return what an estimator reports that knows nominal mount, hold and declared skews only.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        A rig and one finger.
+    probe : Probe
+        Where, and with which message.
+    nominal_mount : TransferFunction or None
+        What the estimator divides the measured force by.
+    """
+    around, tone = probe.circumstances, probe.tone_hz
+    gain = simulator.schedule.gain_n(simulator.law, around)
+    pole = simulator.schedule.cutoff_hz(simulator.law, around)
+
+    def along(times: int) -> ComplexArray:
+        reached = gain * _from_drive(simulator, times * tone, pole)
+        return reached * _misjudged(simulator.mount, nominal_mount, times * tone)
+
+    here = along(1)
+    friction, second, third = here, np.zeros_like(here), np.zeros_like(here)
+    if simulator.drive_map != DriveMap():
+        amplitude = np.abs(probe.message)
+        made = simulator.drive_map.harmonics(probe.message_mean, amplitude, probe.message_power)
+        friction = made.gain * here
+        with np.errstate(divide="ignore", invalid="ignore"):  # NaN where there is no message
+            below = friction * amplitude * np.sinc(tone * simulator.hold_s)
+            second = made.second * along(2) * np.sinc(2.0 * tone * simulator.hold_s) / below
+            third = made.third * along(3) * np.sinc(3.0 * tone * simulator.hold_s) / below
+    return Prediction(
+        friction=friction,
+        second=second,
+        third=third,
+        mobility=_mobility(simulator, tone, around, nominal_mount),
+        line_n=np.full(tone.shape, np.hypot.reduce([h.amplitude_n for h in simulator.hum])),
+        low_n2=sum(
+            (
+                oscillation.low_power_n2(around.speed_mm_s, simulator.mount)
+                for oscillation in simulator.stick_slip
+            ),
+            start=np.zeros(tone.shape),
+        ),
+    )
+
+
+def _from_drive(
+    simulator: Simulator, frequency_hz: FloatArray, cutoff_hz: FloatArray
+) -> ComplexArray:
+    """Return friction over drive fraction, as a share of the gain."""
+    reached: ComplexArray = np.reciprocal(1.0 + 1j * (frequency_hz / cutoff_hz))
+    if simulator.excess_order:
+        reached **= 1.0 + simulator.excess_order
+    if simulator.drive_filter is not None:
+        reached *= simulator.drive_filter.frequency_response(frequency_hz)
+    if simulator.delay_s:
+        reached *= np.exp(-2j * np.pi * simulator.delay_s * frequency_hz)
+    return reached
+
+
+def _misjudged(
+    mount: TransferFunction | None, nominal: TransferFunction | None, frequency_hz: FloatArray
+) -> ComplexArray | float:
+    """Return the estimated force over the true one."""
+    if mount == nominal:
+        return 1.0
+    felt = 1.0 if mount is None else mount.frequency_response(frequency_hz)
+    return felt if nominal is None else felt / nominal.frequency_response(frequency_hz)
+
+
+def _mobility(
+    simulator: Simulator,
+    tone_hz: FloatArray,
+    around: SlidingConditions,
+    nominal_mount: TransferFunction | None,
+) -> ComplexArray:
+    within = around.within(simulator.law)
+    true = simulator.skin.frequency_response(simulator.mobility, tone_hz, within)
+    if simulator.skin_delay_s:
+        true = true * np.exp(-2j * np.pi * simulator.skin_delay_s * tone_hz)
+    return true / _misjudged(simulator.mount, nominal_mount, tone_hz)

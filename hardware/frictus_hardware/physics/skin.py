@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics import linear
 from frictus_hardware.physics.friction import FrictionLaw
-from frictus_hardware.physics.linear import TransferFunction
-from frictus_hardware.physics.mobility import Mobility
+from frictus_hardware.physics.linear import Mobility, TransferFunction
 from frictus_hardware.physics.schedule import SlidingConditions, Term, product
 from frictus_hardware.physics.stages import sliding_conditions_of
 from frictus_hardware.physics.twin import Signals

@@ -7,9 +7,8 @@ import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics import friction, linear
-from frictus_hardware.physics.mobility import Mobility
-from frictus_hardware.physics.mount import Mount
-from frictus_hardware.physics.rolloff import modes
+from frictus_hardware.physics.friction import modes
+from frictus_hardware.physics.linear import Mobility, Mount
 from frictus_hardware.physics.schedule import Schedule, SlidingConditions
 from frictus_hardware.physics.screen import Screen, drive_fraction_of
 from frictus_hardware.physics.twin import Signals, Stage, Twin

@@ -5,8 +5,8 @@ from typing import Literal, Self
 
 from pydantic import Field
 
+from frictus_hardware.arguments import StrictModel
 from frictus_hardware.simulated.clock import ClockSetting
-from frictus_hardware.simulated.strict import StrictModel
 
 
 class ReplayConfig(StrictModel):

@@ -55,7 +55,7 @@ def wrench(
     calibration : ForceCalibration
         Matrix and bias of the sensor.
     gauges_v : ndarray, shape (n_samples, 6)
-        Sampled at one time: see `frictus_hardware.sensors.deskew`.
+        Sampled at one time: see `frictus_hardware.sensors.timing`.
     bias_v : ndarray, shape (6,)
         From `tare`.
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal, assert_never
 
 from frictus_hardware.errors import ConfigError
-from frictus_hardware.sensors.tick_clock import Instant, unwrapped
+from frictus_hardware.sensors.timing import Instant, unwrapped
 from frictus_hardware.sensors.zforce import (
     DETECTION_MODE,
     ENABLE,

@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
-from frictus_hardware.base import Exchange, RigInfo
-from frictus_hardware.context import Opened
+from frictus_hardware.base import Exchange, Opened, RigInfo
 from frictus_hardware.errors import ClosedError, ConfigError, LinkLostError
 from frictus_hardware.output import DeviceOutput
 from frictus_hardware.simulated.config import SimulatedConfig, SimulatedDeviceConfig

@@ -7,6 +7,7 @@ from typing import Annotated, Literal, TypeVar
 import numpy as np
 from pydantic import Field
 
+from frictus_hardware.arguments import StrictModel
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import TouchReport
 from frictus_hardware.errors import (
@@ -18,7 +19,6 @@ from frictus_hardware.errors import (
     StreamLostError,
     TransientError,
 )
-from frictus_hardware.simulated.strict import StrictModel
 
 ERRORS: dict[str, type[HardwareError]] = {
     "transient": TransientError,

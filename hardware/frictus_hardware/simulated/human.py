@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from frictus_hardware.arguments import NonNegative, Positive, StrictModel
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError
-from frictus_hardware.simulated.motion import FingerMotion, Wander
-from frictus_hardware.simulated.normal_force import NormalForce, Press
-from frictus_hardware.simulated.strict import NonNegative, Positive, StrictModel
+from frictus_hardware.simulated.motion import FingerMotion, NormalForce, Press, Wander
 
 LOOP_S = 600.0
 """The strokes repeat after (a little more than) this, so that memory does not grow."""
@@ -27,7 +26,6 @@ MIDDLE_MM = 40.0
 PAUSE_PROBABILITY = 0.25
 PAUSE_S = (0.05, 0.3)
 LIFT_S = (0.12, 0.3)
-LIFT_RAMP_S = 0.02
 TREMOR_HZ = (8.0, 12.0)
 DRIFT_HZ = (0.05, 0.2)
 EDGE_MM = 2.0

@@ -5,9 +5,9 @@ from typing import Final
 import numpy as np
 from numba import njit
 
-from frictus_hardware.simulated.human import LIFT_RAMP_S
-from frictus_hardware.simulated.normal_force import LEAST_N
+from frictus_hardware.arguments import LEAST_N
 
+LIFT_RAMP_S: Final = 0.02
 EXACT: Final = 32
 """Every so many samples sinusoids are computed, not turned: rounding does not add up."""
 EPSILON: Final = float(np.finfo(np.float64).eps)

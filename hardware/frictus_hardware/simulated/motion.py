@@ -1,4 +1,4 @@
-"""How a finger moves, and how hard it presses."""
+"""How a virtual finger moves, and how hard it presses."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -6,7 +6,9 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
+from frictus_hardware.arguments import LEAST_N, NonNegative, StrictModel
 from frictus_hardware.arrays import FloatArray
 
 
@@ -104,3 +106,34 @@ class Wander:
     def table(self) -> FloatArray:
         """Frequency, phase and amplitude for `add_sinusoids`, shape (3, n_components)."""
         return np.array([self.frequency_hz, self.phase_rad, self.amplitude])
+
+
+class Press(StrictModel):
+    """Settings of the normal force.
+
+    Attributes
+    ----------
+    target_n : float
+        What the finger aims at, 0.05 to 5 N.
+    wander_n : float
+        Standard deviation of what it does instead, between 0.1 and 2 Hz.
+    """
+
+    target_n: float = Field(default=0.4, ge=LEAST_N, le=5.0)
+    wander_n: NonNegative = 0.04
+
+    def start(self, rng: np.random.Generator) -> "NormalForce":
+        """Return the force as a function of time."""
+        return NormalForce(self.target_n, Wander.draw(rng, (0.1, 2.0), self.wander_n))
+
+
+@dataclass(frozen=True, slots=True)
+class NormalForce:
+    """A force that wanders around its target."""
+
+    target_n: float
+    wander: Wander
+
+    def at(self, time_s: FloatArray) -> FloatArray:
+        """Return the force, N, shape (n_samples,)."""
+        return np.maximum(self.target_n + self.wander.value(time_s), LEAST_N)

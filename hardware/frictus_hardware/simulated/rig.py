@@ -7,8 +7,7 @@ import numpy as np
 
 from frictus_hardware.arguments import MAX_BLOCK_S, ramp_samples, require_drive
 from frictus_hardware.arrays import FloatArray
-from frictus_hardware.base import Exchange, RigInfo, TouchReport, Truth
-from frictus_hardware.context import Opened
+from frictus_hardware.base import Exchange, Opened, RigInfo, TouchReport, Truth
 from frictus_hardware.errors import (
     ClosedError,
     ConfigError,
@@ -28,9 +27,8 @@ from frictus_hardware.simulated.faults import (
     LateBlock,
     LostSamples,
 )
-from frictus_hardware.simulated.guided import GuidedFinger
+from frictus_hardware.simulated.guided import GuidedFinger, PointerFinger
 from frictus_hardware.simulated.motion import Finger, FingerMotion
-from frictus_hardware.simulated.pointer import PointerFinger
 from frictus_hardware.simulated.touch import TouchSensor
 
 INPUT_BUFFER_S = 10.0

@@ -7,11 +7,10 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
+from frictus_hardware.arguments import Positive, StrictModel
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError
-from frictus_hardware.simulated.motion import FingerMotion
-from frictus_hardware.simulated.normal_force import NormalForce, Press
-from frictus_hardware.simulated.strict import Positive, StrictModel
+from frictus_hardware.simulated.motion import FingerMotion, NormalForce, Press
 
 
 class SteadyStrokes(StrictModel):

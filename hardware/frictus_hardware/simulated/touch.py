@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import Field
 
+from frictus_hardware.arguments import NonNegative, Positive, StrictModel
 from frictus_hardware.base import TouchReport
 from frictus_hardware.simulated.motion import FingerMotion
-from frictus_hardware.simulated.strict import NonNegative, Positive, StrictModel
 
 
 class TouchConfig(StrictModel):

@@ -7,9 +7,8 @@ from typing import Annotated, Final
 from fastapi import Depends, Header, Request
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
-from frictus_service.api.callers import PAGE_HEADER
 from frictus_service.api.problems import MissingScopeError, UnauthenticatedError
-from frictus_service.api.services import services
+from frictus_service.api.services import PAGE_HEADER, services
 from frictus_service.config import Scope, Token
 
 _BEARER: Final = HTTPBearer(auto_error=False, description="A token of [[api.tokens]]")

@@ -7,12 +7,17 @@ from pydantic import BaseModel, Field, TypeAdapter
 
 from frictus_service.api import problems
 from frictus_service.api.access import acts_as, needs
-from frictus_service.api.bodies import JSON, parse_json, raw_body, require_media
-from frictus_service.api.etags import IfMatch, required_match
 from frictus_service.api.models import body_of
+from frictus_service.api.requests import (
+    JSON,
+    IfMatch,
+    parse_json,
+    raw_body,
+    require_media,
+    required_match,
+)
 from frictus_service.api.rigs import REPLACE, Given, RigName
-from frictus_service.registry.documents import Activation
-from frictus_service.registry.names import REFERENCE
+from frictus_service.registry.documents import REFERENCE, Activation
 
 router = APIRouter(prefix="/v1/rigs", tags=["models"])
 

@@ -9,21 +9,27 @@ from pydantic import BaseModel, Field, TypeAdapter
 
 from frictus_service.api import problems
 from frictus_service.api.access import needs
-from frictus_service.api.bodies import JSON, parse_json, raw_body, require_media
 from frictus_service.api.event_stream import follow, place
-from frictus_service.api.idempotency import IdempotencyKey, once_of
 from frictus_service.api.models import body_of
+from frictus_service.api.requests import (
+    JSON,
+    IdempotencyKey,
+    once_of,
+    parse_json,
+    raw_body,
+    require_media,
+)
 from frictus_service.api.services import Services, services
 from frictus_service.calibration.job import CalibrationSpec
 from frictus_service.registry.calibrations import ACTIVE
 from frictus_service.registry.documents import (
+    NAME,
     Calibration,
     CalibrationEvent,
     CalibrationPage,
     CalibrationState,
     Published,
 )
-from frictus_service.registry.names import NAME
 
 Given = Annotated[Services, Depends(services)]
 Id = Annotated[

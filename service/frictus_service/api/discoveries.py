@@ -10,19 +10,19 @@ from pydantic import TypeAdapter
 
 from frictus_service.api import problems
 from frictus_service.api.access import needs
-from frictus_service.api.bodies import JSON, parse_json, raw_body, require_media
 from frictus_service.api.event_stream import follow, place
 from frictus_service.api.models import body_of
+from frictus_service.api.requests import JSON, parse_json, raw_body, require_media
 from frictus_service.api.services import Services, services
 from frictus_service.discovery.document import Discovery
-from frictus_service.discovery.jobs.documents import (
+from frictus_service.discovery.jobs import (
     ACTIVE,
     DiscoveryEvent,
     DiscoveryJob,
     DiscoveryJobs,
     DiscoverySpec,
 )
-from frictus_service.discovery.report.files import DOCUMENT, REPORT
+from frictus_service.discovery.report.page import DOCUMENT, REPORT
 
 Given = Annotated[Services, Depends(services)]
 Id = Annotated[

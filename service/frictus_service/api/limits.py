@@ -1,14 +1,38 @@
-"""How much is done at once, and for one client: what comes beyond is told to come again."""
+"""What is refused or ended before any path is looked at: too much, too slow, from elsewhere.
+
+HTTP connections that end when their client neither asks nor takes what it asked for.
+
+A connection costs memory and a descriptor. uvicorn ends those that are idle between two
+requests; not those that never send a whole head, nor those that do not take their answer.
+
+What is refused before any path is looked at: a web page that uses its visitor's browser.
+
+A page of another origin can send simple requests to 127.0.0.1, and with a DNS name that it
+rebinds to 127.0.0.1 it can even read the answers. So a server bound to loopback answers only
+to loopback names, and no request that changes something may come from another origin; nor may
+a WebSocket, which browsers let any page open and read.
+"""
 
 import asyncio
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Final
+from typing import Any, Final
+from urllib.parse import urlsplit
 
+import h11
+from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from frictus_service.api.problems import BusyError, TooOftenError
+from frictus_service.api.access import is_loopback
+from frictus_service.api.problems import (
+    ApiError,
+    BusyError,
+    CrossOriginError,
+    TooOftenError,
+    WrongHostError,
+)
 
 MAX_STREAMS: Final = 100
 """Streams of events at once; each is looked at five times a second."""
@@ -106,3 +130,133 @@ class Rate:
             return False
         self._idle_s[client] = idle_s
         return True
+
+
+HEAD_S: Final = 10.0
+"""For the head of a request: since the connection began, or since the answer before."""
+TAKE_S: Final = 30.0
+"""A client that takes nothing of its answer for so long has its connection cut."""
+HEAD_BYTES: Final = 16_384
+"""Longest head: request line and headers."""
+
+
+class PatientProtocol(H11Protocol):
+    """uvicorn's HTTP, with deadlines for heads and for answers; bodies have their own."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self._head_due: asyncio.TimerHandle | None = None
+        self._take_due: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Begin; the first head is due."""
+        super().connection_made(transport)
+        self._await_head()
+
+    def on_response_complete(self) -> None:
+        """Go on with the next request, whose head is due from now."""
+        super().on_response_complete()
+        self._await_head()
+
+    def handle_websocket_upgrade(self, event: h11.Request) -> None:
+        """Hand the connection over; the WebSocket has deadlines of its own."""
+        self._cancel()
+        super().handle_websocket_upgrade(event)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """End."""
+        self._cancel()
+        super().connection_lost(exc)
+
+    def handle_events(self) -> None:
+        """Read on, and begin what was asked; not while the answer before it is not taken.
+
+        uvicorn would do the whole work of the next request before it waits.
+        """
+        if self.flow.write_paused:
+            self.flow.pause_reading()
+        else:
+            super().handle_events()
+
+    def pause_writing(self) -> None:
+        """Stop sending: the client does not take what was sent."""
+        super().pause_writing()
+        self._take_due = self.loop.call_later(TAKE_S, self.transport.abort)
+
+    def resume_writing(self) -> None:
+        """Go on: it does."""
+        if self._take_due is not None:
+            self._take_due.cancel()
+        super().resume_writing()
+        self.flow.resume_reading()
+        self.handle_events()
+
+    def _await_head(self) -> None:
+        if self._head_due is not None:
+            self._head_due.cancel()
+        self._head_due = self.loop.call_later(HEAD_S, self._end_if_nothing_was_asked)
+
+    def _end_if_nothing_was_asked(self) -> None:
+        if self.cycle is None or self.cycle.response_complete:
+            self.transport.abort()
+
+    def _cancel(self) -> None:
+        for due in (self._head_due, self._take_due):
+            if due is not None:
+                due.cancel()
+
+
+_SAFE: Final = frozenset({"GET", "HEAD", "OPTIONS"})
+
+
+class OriginCheck:
+    """ASGI middleware; see the module.
+
+    Parameters
+    ----------
+    app : ASGIApp
+        What is behind it.
+    loopback_only : bool
+        The server is bound to loopback: check the Host header.
+    """
+
+    def __init__(self, app: ASGIApp, loopback_only: bool) -> None:
+        self._app = app
+        self._loopback_only = loopback_only
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on, or answer it with the reason why not."""
+        if scope["type"] != "lifespan" and (error := self._refusal(scope)):
+            await error.response(scope["path"])(scope, receive, send)
+        else:
+            await self._app(scope, receive, send)
+
+    def _refusal(self, scope: Scope) -> ApiError | None:
+        headers = Headers(scope=scope)
+        host = headers.get("host", "")
+        if self._loopback_only and not is_loopback(_name(host)):
+            return WrongHostError(
+                f"Host {host[:100]!r}: this server answers to localhost and 127.0.0.1 only"
+            )
+        origin = headers.get("origin")
+        does = "connect" if scope["type"] == "websocket" else scope["method"]
+        if origin is not None and does not in _SAFE and _netloc(origin) != host:
+            return CrossOriginError(
+                f"Origin {origin[:100]!r} is not this server: pages of other origins may not "
+                f"{does}"
+            )
+        return None
+
+
+def _name(host: str) -> str:
+    try:
+        return urlsplit(f"//{host}").hostname or ""
+    except ValueError:
+        return ""
+
+
+def _netloc(origin: str) -> str:
+    try:
+        return urlsplit(origin).netloc
+    except ValueError:
+        return ""

@@ -8,26 +8,30 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 from frictus.model import Model
 from frictus_service.api import problems
 from frictus_service.api.access import needs
-from frictus_service.api.bodies import JSON, parse_json, raw_body, require_media
-from frictus_service.api.etags import (
+from frictus_service.api.requests import (
+    JSON,
     Create,
+    IdempotencyKey,
     IfMatch,
     IfNoneMatch,
     not_modified,
+    once_of,
+    parse_json,
     quoted,
+    raw_body,
+    require_media,
     required_match,
 )
-from frictus_service.api.idempotency import IdempotencyKey, once_of
 from frictus_service.api.services import Services, services
-from frictus_service.registry import names
+from frictus_service.errors import AliasConflictError, UnknownModelError
+from frictus_service.registry import documents
 from frictus_service.registry.aliases import Aliases
 from frictus_service.registry.comparison import Comparison, compare
 from frictus_service.registry.documents import Alias, Audit, Published, VersionPage
-from frictus_service.registry.errors import AliasConflictError, UnknownModelError
 
 Given = Annotated[Services, Depends(services)]
-_OF_NAMES: Final = {"pattern": f"^{names.NAME}$"}
-_OF_REFERENCES: Final = {"pattern": f"^{names.REFERENCE}$"}
+_OF_NAMES: Final = {"pattern": f"^{documents.NAME}$"}
+_OF_REFERENCES: Final = {"pattern": f"^{documents.REFERENCE}$"}
 Reference = Annotated[
     str,
     Path(
@@ -57,7 +61,7 @@ AliasName = Annotated[
     Path(
         max_length=64,
         description="Such as production",
-        json_schema_extra={"pattern": f"^{names.ALIAS}$"},
+        json_schema_extra={"pattern": f"^{documents.ALIAS}$"},
     ),
 ]
 Text = Annotated[str, Field(max_length=1_000)]
@@ -223,7 +227,7 @@ def download_mat(
     reference: Reference, given: Given, response: Response, if_none_match: IfNoneMatch = None
 ) -> Response:
     """Return the model as a MATLAB file; `docs/registry.md` lists its variables."""
-    from frictus_service.registry.matlab import to_mat
+    from frictus_service.registry.documents import to_mat
 
     published = given.registry.get(reference)
     file = f"{published.name.replace('/', '-')}-{published.version}.mat"

@@ -27,7 +27,7 @@ from frictus.errors import (
     TextureError,
 )
 from frictus.messages import RefusalCode
-from frictus_service.discovery import errors as discovery
+from frictus_service import errors as service
 from frictus_service.library import (
     DamagedTextureError,
     ReadOnlyTextureError,
@@ -35,7 +35,6 @@ from frictus_service.library import (
     TextureNameError,
     UnknownTextureError,
 )
-from frictus_service.registry import errors as registry
 
 MEDIA_TYPE: Final = "application/problem+json"
 _LOG: Final = logging.getLogger(__name__)
@@ -356,17 +355,17 @@ _FOREIGN: Final[dict[type[Exception], type[ApiError]]] = {
     ReadOnlyTextureError: ReadOnlyError,
     TextureConflictError: ConflictError,
     DamagedTextureError: DamagedFileError,
-    discovery.UnknownStudyError: StudyNotFoundError,
-    discovery.UnknownDiscoveryError: DiscoveryNotFoundError,
-    discovery.DiscoveryStateError: WrongStateError,
-    registry.UnknownModelError: ModelNotFoundError,
-    registry.UnknownCalibrationError: CalibrationNotFoundError,
-    registry.AliasConflictError: ConflictError,
-    registry.KeyReusedError: IdempotencyKeyReusedError,
-    registry.RigBusyError: RigCalibratingError,
-    registry.CalibrationStateError: WrongStateError,
-    registry.RegistryUnavailableError: NoRegistryError,
-    registry.RegistryError: InvalidError,  # what is left: names, provenance
+    service.UnknownStudyError: StudyNotFoundError,
+    service.UnknownDiscoveryError: DiscoveryNotFoundError,
+    service.DiscoveryStateError: WrongStateError,
+    service.UnknownModelError: ModelNotFoundError,
+    service.UnknownCalibrationError: CalibrationNotFoundError,
+    service.AliasConflictError: ConflictError,
+    service.KeyReusedError: IdempotencyKeyReusedError,
+    service.RigBusyError: RigCalibratingError,
+    service.CalibrationStateError: WrongStateError,
+    service.RegistryUnavailableError: NoRegistryError,
+    service.RegistryError: InvalidError,  # what is left: names, provenance
 }
 EVERYWHERE: Final = (
     HttpError,

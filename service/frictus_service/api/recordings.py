@@ -12,7 +12,7 @@ from frictus.errors import RefusedError
 from frictus.messages import RecordingState
 from frictus_service.api import problems
 from frictus_service.api.access import needs
-from frictus_service.api.bodies import JSON, parse_json, raw_body, require_media
+from frictus_service.api.requests import JSON, parse_json, raw_body, require_media
 from frictus_service.api.rigs import Given, RigName
 
 _RIG: Final[tuple[type[problems.ApiError], ...]] = (
@@ -79,7 +79,7 @@ _ASKED: Final[TypeAdapter[RecordingAsked]] = TypeAdapter(RecordingAsked)
 )
 def list_recordings(given: Given) -> RecordingList:
     """List the recordings in this machine's folder; a recorder elsewhere has its own."""
-    from frictus_service.recording.shelf import shelved
+    from frictus_service.recording.summary import shelved
 
     folder = given.config.recordings
     return RecordingList(

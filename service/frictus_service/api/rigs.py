@@ -10,12 +10,16 @@ from frictus.model import Model
 from frictus.textures import Scene
 from frictus_service.api import problems
 from frictus_service.api.access import acts_as, needs
-from frictus_service.api.bodies import JSON, large_body, parse_json, raw_body, require_media
-from frictus_service.api.etags import (
+from frictus_service.api.requests import (
+    JSON,
     IfMatch,
     IfNoneMatch,
+    large_body,
     not_modified,
+    parse_json,
     quoted,
+    raw_body,
+    require_media,
     required_match,
 )
 from frictus_service.api.services import Services, services

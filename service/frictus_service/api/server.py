@@ -1,18 +1,222 @@
-"""The API process: serves until it is told to stop."""
+"""The API process: the REST API as an ASGI application, served until it is told to stop.
 
+The reference, `/openapi.json`: made and encoded once.
+
+What any path may answer is added, and what `parse_json` demands of bodies.
+"""
+
+import asyncio
 import contextlib
+import logging
 import socket
-from collections.abc import Callable
-from typing import Final
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from importlib.metadata import version
+from typing import Any, Final
 
 import uvicorn
+from fastapi import FastAPI, Request
+from fastapi.concurrency import run_in_threadpool
+from fastapi.responses import JSONResponse, Response
+from starlette.routing import Route
 
-from frictus_service.api.app import build_app
-from frictus_service.api.connections import HEAD_BYTES, PatientProtocol
+from frictus_service.api import (
+    activation,
+    calibrations,
+    discoveries,
+    models,
+    monitoring,
+    previews,
+    problems,
+    recordings,
+    rigs,
+    studies,
+    textures,
+)
+from frictus_service.api.dashboard import conversation, pages
+from frictus_service.api.dashboard.hub import Hub
 from frictus_service.api.dashboard.messages import MAX_BYTES
+from frictus_service.api.event_stream import Departures
+from frictus_service.api.limits import (
+    HEAD_BYTES,
+    OriginCheck,
+    PatientProtocol,
+    Rate,
+    RequestLimits,
+)
+from frictus_service.api.services import ConnectedPages, RigConnection, Services
 from frictus_service.config import Config
-from frictus_service.errors import StartError
-from frictus_service.signals import ReadySignal, StopSignal
+from frictus_service.errors import RegistryUnavailableError, StartError
+from frictus_service.jobs.discoveries import DISCOVER, Discoveries
+from frictus_service.jobs.jobs import RUN, Jobs
+from frictus_service.library import TextureLibrary
+from frictus_service.processes import ReadySignal, StopSignal
+from frictus_service.registry.store import Registry
+from frictus_service.security.members import tls_of_client
+
+_TEMPLATE: Final = "#/components/schemas/{model}"
+
+
+def install(app: FastAPI) -> None:
+    """Serve the reference of `app`, whose routes are complete, in place of FastAPI's own."""
+    made: list[bytes] = []
+    making = asyncio.Lock()
+
+    async def reference(_: Request) -> Response:
+        async with making:
+            if not made:
+                made.append(await run_in_threadpool(_encoded, app))
+        return Response(made[0], media_type=JSONResponse.media_type)
+
+    # The first route that matches answers; pages such as /docs name the same path.
+    app.router.routes.insert(0, Route(app.openapi_url or "/openapi.json", reference))
+    described = app.openapi
+    app.openapi = lambda: _completed(described())  # type: ignore[method-assign]
+
+
+def _encoded(app: FastAPI) -> bytes:
+    return bytes(JSONResponse(app.openapi()).body)
+
+
+def _completed(page: dict[str, Any]) -> dict[str, Any]:
+    """Complete a page; the schema of `Problem` comes in place of FastAPI's own errors."""
+    schemas = page["components"]["schemas"]
+    for unused in ("HTTPValidationError", "ValidationError"):
+        schemas.pop(unused, None)
+    operations = [operation for path in page["paths"].values() for operation in path.values()]
+    for operation in operations:
+        for parameter in operation.get("parameters", ()):
+            _without_null(parameter["schema"])
+        kinds = problems.EVERYWHERE + (problems.OF_BODIES if "requestBody" in operation else ())
+        for status, said in problems.documented(*kinds).items():
+            operation["responses"].setdefault(str(status), said)
+    _make_strict([operation.get("requestBody") for operation in operations], schemas)
+    problem = problems.Problem.model_json_schema(ref_template=_TEMPLATE)
+    schemas.update(problem.pop("$defs"))
+    schemas["Problem"] = problem
+    return page
+
+
+def _without_null(parameter: dict[str, Any]) -> None:
+    """Take null from what a parameter may be: one that has no value is left out."""
+    kinds = [kind for kind in parameter.get("anyOf", ()) if kind != {"type": "null"}]
+    if len(kinds) == 1:
+        del parameter["anyOf"]
+        parameter.update(kinds[0])
+
+
+def _make_strict(bodies: list[Any], schemas: dict[str, Any]) -> None:
+    """State what is demanded of bodies: known fields only, and the tag of each alternative.
+
+    A type that carries unknown fields on says so itself.
+    """
+    waiting, seen = bodies, set[int]()
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, list):
+            waiting.extend(part)
+        elif isinstance(part, dict) and id(part) not in seen:
+            seen.add(id(part))
+            waiting.extend(part.values())
+            if "$ref" in part:
+                waiting.append(_referred(part, schemas))
+            if "properties" in part:
+                part.setdefault("additionalProperties", False)
+            if "discriminator" in part:
+                tag = part["discriminator"]["propertyName"]
+                for alternative in part["oneOf"]:
+                    required = _referred(alternative, schemas).setdefault("required", [])
+                    required += [tag] * (tag not in required)
+
+
+def _referred(part: dict[str, Any], schemas: dict[str, Any]) -> Any:
+    return schemas[part["$ref"].rpartition("/")[2]]
+
+
+_LOG: Final = logging.getLogger(__name__)
+_PARTS: Final = (
+    rigs,
+    recordings,
+    activation,
+    textures,
+    previews,
+    models,
+    calibrations,
+    discoveries,
+    studies,
+    monitoring,
+    pages,
+    conversation,
+)
+
+
+def build_app(config: Config, run: str = RUN, discover: str = DISCOVER) -> FastAPI:
+    """Return the API of one site.
+
+    It connects to the router when it is started, or later, when the router is there.
+
+    Parameters
+    ----------
+    config : Config
+        Its site, router, registry, API section, folders and size limits are used.
+    run : str
+        ``module:function`` that carries out a calibration in a process of its own.
+    discover : str
+        The same for a discovery.
+    """
+    link = RigConnection(config.router.endpoint, config.site, tls_of_client(config))
+    hub = Hub(link)
+    registry = Registry(config.registry.url)
+    jobs = Jobs(config, registry, run)
+    analyses = Discoveries(config, discover)
+
+    def recover() -> None:
+        analyses.shelf.interrupt()
+        try:
+            if registry.database.exists:  # or nothing was ever calibrated
+                jobs.recover()
+        except RegistryUnavailableError as error:
+            # Rigs are served without it; whoever asks for a model is told.
+            _LOG.warning("%s", error)
+
+    def close() -> None:
+        analyses.close()
+        jobs.close()
+        registry.close()
+        link.close()
+
+    @asynccontextmanager
+    async def linked(_: FastAPI) -> AsyncIterator[None]:
+        await run_in_threadpool(recover)
+        yield
+        await hub.close()
+        await run_in_threadpool(close)
+
+    app = FastAPI(
+        title="frictus",
+        version=version("frictus"),
+        summary="Rigs for friction-modulated touch: scenes, textures, models and calibrations",
+        lifespan=linked,
+        separate_input_output_schemas=False,  # a scene is read and written in one form
+    )
+    library = TextureLibrary(config.textures)
+    app.state.services = Services(
+        config, link, library, registry, jobs, analyses, ConnectedPages()
+    )
+    app.state.hub = hub
+    app.state.limits = RequestLimits()
+    app.state.metrics = monitoring.ApiMetrics(link)
+    for part in _PARTS:
+        app.include_router(part.router)
+    app.mount(pages.PAGE, pages.DashboardFiles(), name="dashboard")
+    problems.install(app)
+    app.add_middleware(Departures)
+    app.add_middleware(OriginCheck, loopback_only=config.api.loopback)
+    app.add_middleware(Rate, per_s=config.api.max_requests_per_s)
+    app.add_middleware(monitoring.CountRequests, metrics=app.state.metrics)
+    install(app)
+    return app
+
 
 GRACE_S: Final = 3
 SEND_BYTES: Final = 262_144

@@ -11,13 +11,16 @@ from frictus.recordings import load_texture
 from frictus.textures import Texture
 from frictus_service.api import problems
 from frictus_service.api.access import needs
-from frictus_service.api.bodies import JSON, large_body, parse_json, require_media
-from frictus_service.api.etags import (
+from frictus_service.api.requests import (
+    JSON,
     Create,
     IfMatch,
     IfNoneMatch,
+    large_body,
     not_modified,
+    parse_json,
     quoted,
+    require_media,
     required_match,
 )
 from frictus_service.api.services import Services, services

@@ -12,14 +12,12 @@ from scipy import stats
 
 from frictus.model import FirstOrderSpeedLaw, Model, Validity
 from frictus_hardware.arrays import FloatArray
-from frictus_service.calibration.errors import EstimateError
+from frictus_service.calibration.coordinates import Prior
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec
 from frictus_service.calibration.plan import RecordedTrial
 from frictus_service.calibration.posterior import Posterior, estimate
-from frictus_service.calibration.prior import Prior
-from frictus_service.identification.errors import NothingToIdentifyError
-from frictus_service.identification.observation.observations import TrialObservations
-from frictus_service.study.errors import Exclusion
+from frictus_service.errors import EstimateError, Exclusion, NothingToIdentifyError
+from frictus_service.identification.observation.response import TrialObservations
 
 
 def prior_of(spec: CalibrationSpec) -> Prior:

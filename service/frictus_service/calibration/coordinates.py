@@ -1,15 +1,22 @@
-"""A person's law in the coordinates in which people are nearly normal.
+"""What earlier people's calibrations say of a person, in coordinates that are nearly normal.
+
+A person's law in the coordinates in which people are nearly normal.
 
 ``(ln cutoff at 20 mm/s, ln cutoff at 100 mm/s, ln gain, delay in s)``: the ends of the range
 that the paper measured. Between them the cutoff is a straight line over speed (Equation 9), so
 positive ends mean a positive cutoff everywhere.
 """
 
-from typing import Final
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Self
 
 import numpy as np
+from scipy import stats
 
+from frictus.model import FirstOrderSpeedLaw, Model
 from frictus_hardware.arrays import FloatArray
+from frictus_service.errors import PriorError
 
 LOW_MM_S: Final = 20.0
 HIGH_MM_S: Final = 100.0
@@ -84,3 +91,153 @@ def law_jacobian(coordinates: FloatArray) -> FloatArray:
     jacobian[2, :2] = -low / span, high / span
     jacobian[3, 3] = 1.0
     return jacobian
+
+
+FEWEST: Final = 5
+"""Fewer models than this do not tell how people differ; the weak prior is used instead."""
+FAR: Final = 2.0
+"""Standard deviations from the population for which intervals are made to hold."""
+_WEAK_SD: Final = np.array([0.5, 0.5, 0.6, 200e-6])
+_LEAST_SD: Final = np.array([0.03, 0.03, 0.03, 1e-6])
+"""People differ by this much, whatever few of them say: the line of a population is bent."""
+
+
+@dataclass(frozen=True, slots=True)
+class Prior:
+    """A normal prior on a new person's `coordinates`.
+
+    Attributes
+    ----------
+    mean : ndarray, shape (4,)
+    covariance : ndarray, shape (4, 4)
+        Of a new person: how people differ, and how well that is known.
+    n : int
+        Models it was learned from; 0 for the weak one.
+    note : str
+        Where it comes from, one sentence.
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+    n: int
+    note: str
+
+    @classmethod
+    def weak(cls, note: str = "nobody was calibrated before") -> Self:
+        """Return the prior of a rig on which too few people were calibrated.
+
+        Centred on the paper's law (Equation 9). Cutoffs spread by a factor of 1.65, mostly
+        alike at both ends: three times the spread that the paper's likelihoods imply (15 % of
+        the middle cutoff). The delay of a rig's channels is unknown within 0.2 ms, one of
+        0.26 ms having been seen.
+        """
+        law = FirstOrderSpeedLaw(gain_n=0.39, cutoff_0_hz=385.68, slope_hz_per_mm_s=13.811)
+        mean = from_law(law.gain_n, law.cutoff_0_hz, law.slope_hz_per_mm_s, 0.0)
+        correlation = np.eye(SIZE)
+        correlation[0, 1] = correlation[1, 0] = 0.8
+        return cls(
+            mean,
+            correlation * np.outer(_WEAK_SD, _WEAK_SD),
+            0,
+            f"{note}: a weak prior around the paper's law",
+        )
+
+    @classmethod
+    def learn(cls, models: Sequence[Model]) -> Self:
+        """Learn from earlier people's models, one per person.
+
+        Moments: the covariance of the estimates less the mean of their own covariances, and
+        then widened by what is not known: by (1 + 1/n) for the mean, by t against normal for
+        n - 1 degrees of freedom, by the standard error of what was subtracted, and by a little
+        more, so that people who seem alike by chance are not taken for equal. Below `FEWEST`
+        models: `weak`.
+
+        Parameters
+        ----------
+        models : sequence of Model
+            Friction models with a covariance; their order does not matter.
+
+        Raises
+        ------
+        PriorError
+            If a model is a placeholder, or not of friction, or has no covariance of its base
+            parameters, or if a participant occurs twice.
+        """
+        known = [_coordinates_of(model) for model in models]
+        people = [model.participant for model in models if model.participant is not None]
+        twice = sorted({person for person in people if people.count(person) > 1})
+        if twice:
+            raise PriorError(
+                f"more than one model of {', '.join(twice)}: give the newest of each person"
+            )
+        n = len(known)
+        if n < FEWEST:
+            return cls.weak(f"{n} earlier models are fewer than {FEWEST}")
+        values = np.array([value for value, _ in known])
+        own = np.mean([covariance for _, covariance in known], axis=0)
+        between = _positive(np.cov(values.T) - own) + own * np.sqrt(2.0 / (n - 1))
+        between += np.diag(_LEAST_SD**2)
+        ratio = stats.t.ppf(0.975, n - 1) / stats.norm.ppf(0.975)
+        mean, covariance = values.mean(axis=0), between * (1.0 + 1.0 / n) * ratio**2
+        note = f"learned from {n} earlier models"
+        if any(own_covariance[3, 3] <= 0.0 for _, own_covariance in known):
+            weak = cls.weak()
+            mean[3] = weak.mean[3]
+            covariance[3], covariance[:, 3] = 0.0, 0.0
+            covariance[3, 3] = weak.covariance[3, 3]
+            note += "; without their delay, as not all give its variance"
+        return cls(mean, covariance, n, note)
+
+    @property
+    def far_away(self) -> FloatArray:
+        """Mean square distance from the mean of people at `FAR`, shape (4, 4).
+
+        Their cutoffs lie so many standard deviations off along the axis on which people differ
+        most; otherwise they are as people are. Intervals that count with it hold for them.
+        """
+        values, vectors = np.linalg.eigh(self.covariance[:2, :2])
+        along = self.covariance[:, :2] @ vectors[:, -1] / np.sqrt(values[-1])
+        return self.covariance + (FAR**2 - 1.0) * np.outer(along, along)
+
+    @property
+    def information(self) -> FloatArray:
+        """Inverse of the covariance, shape (4, 4)."""
+        scale = np.sqrt(np.diag(self.covariance))
+        inverse: FloatArray = np.linalg.inv(self.covariance / np.outer(scale, scale))
+        information: FloatArray = inverse / np.outer(scale, scale)
+        return information
+
+
+def _coordinates_of(model: Model) -> tuple[FloatArray, FloatArray]:
+    """Return a model in `coordinates` and its covariance there."""
+    name = model.participant or "a population model"
+    law = model.base
+    if model.placeholder or not isinstance(law, FirstOrderSpeedLaw):
+        raise PriorError(f"{name}: only measured friction models can be learned from")
+    wanted = MODEL_PARAMETERS
+    if model.covariance is None or not set(wanted[:3]) <= set(model.covariance.parameters):
+        raise PriorError(f"{name}: no covariance of {', '.join(wanted[:3])}; leave it out")
+    if law.cutoff_0_hz + law.slope_hz_per_mm_s * HIGH_MM_S <= 0.0:
+        raise PriorError(f"{name}: its cutoff is not positive at {HIGH_MM_S:g} mm/s")
+    value = from_law(law.gain_n, law.cutoff_0_hz, law.slope_hz_per_mm_s, model.skew_s)
+    given = np.array(model.covariance.matrix)
+    covariance = np.zeros((SIZE, SIZE))
+    where = [
+        (row, model.covariance.parameters.index(parameter))
+        for row, parameter in enumerate(wanted)
+        if parameter in model.covariance.parameters
+    ]
+    for row, at in where:
+        for column, other in where:
+            covariance[row, column] = given[at, other]
+    inverse = np.linalg.inv(law_jacobian(value))
+    return value, inverse @ covariance @ inverse.T
+
+
+def _positive(covariance: FloatArray) -> FloatArray:
+    """Return the nearest covariance without negative variances, in relative units."""
+    scale = np.sqrt(np.maximum(np.abs(np.diag(covariance)), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    kept: FloatArray = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    nearest: FloatArray = kept * np.outer(scale, scale)
+    return nearest

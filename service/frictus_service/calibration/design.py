@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from frictus.messages import Excitation, Tone
 from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates
-from frictus_service.calibration.errors import ExcitationDesignError
-from frictus_service.calibration.prior import Prior
+from frictus_service.calibration.coordinates import Prior
+from frictus_service.errors import ExcitationDesignError
 
 RATE_HZ: Final = 20_000.0
 BASE_HZ: Final = 10.0

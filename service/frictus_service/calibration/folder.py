@@ -11,11 +11,10 @@ from typing import Final, Self
 
 from pydantic import ValidationError
 
-from frictus_service.calibration.errors import FolderError
 from frictus_service.calibration.job import CalibrationSpec
 from frictus_service.calibration.plan import RecordedTrial
 from frictus_service.durable import put_in_place, replace_file
-from frictus_service.study.errors import Exclusion, TrialError
+from frictus_service.errors import Exclusion, FolderError, TrialError
 from frictus_service.study.reader import StudyReader
 from frictus_service.study.trial import StudyInfo, Trial
 from frictus_service.study.writer import StudyWriter

@@ -10,8 +10,8 @@ import numpy as np
 from frictus.messages import Excitation
 from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import design
+from frictus_service.calibration.coordinates import Prior
 from frictus_service.calibration.job import PaperProtocol, QuickProtocol
-from frictus_service.calibration.prior import Prior
 
 MULTISINE_TONES: Final = 12
 

@@ -15,7 +15,7 @@ from frictus.messages import Excitation
 from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates, design
 from frictus_service.calibration.plan import Ask
-from frictus_service.identification.observation.observations import (
+from frictus_service.identification.observation.response import (
     ResponseRows,
     TrialObservations,
 )

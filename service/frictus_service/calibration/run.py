@@ -13,24 +13,21 @@ from frictus.keys import Topics
 from frictus.messages import GuidanceState, RigStatus
 from frictus.session import declare_publisher
 from frictus_hardware.physics.friction import FrictionLaw
-from frictus_hardware.physics.linear import TransferFunction
-from frictus_hardware.physics.mount import Mount
+from frictus_hardware.physics.linear import Mount, TransferFunction
 from frictus_hardware.physics.screen import Screen
 from frictus_service.calibration.conclusion import conclude, precision_so_far, prior_of
-from frictus_service.calibration.errors import CaptureError
 from frictus_service.calibration.folder import CalibrationFolder
-from frictus_service.calibration.guidance import Cue, span_of
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Phase, Progress
 from frictus_service.calibration.linearity import linearity_of
 from frictus_service.calibration.plan import Ask, plan_of
-from frictus_service.calibration.session import TrialSession, status_of
-from frictus_service.identification.observation.observations import TrialObservations
+from frictus_service.calibration.session import Cue, TrialSession, span_of, status_of
+from frictus_service.errors import CaptureError, Exclusion, FieldError
 from frictus_service.identification.observation.observe import observe
-from frictus_service.study.errors import Exclusion, FieldError
+from frictus_service.identification.observation.response import TrialObservations
 from frictus_service.study.plausible import check_measured
 from frictus_service.study.reader import StudyReader
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
-from frictus_service.synthesis.excitation import compile_excitation
+from frictus_service.synthesis.scene import compile_excitation
 
 TRIES: Final = 3
 """How often a trial that comes in too incomplete is recorded before the calibration ends."""

@@ -13,8 +13,8 @@ import numpy as np
 
 from frictus_hardware.arrays import ComplexArray, FloatArray, IntArray
 from frictus_service.calibration import coordinates
-from frictus_service.calibration.errors import EstimateError
-from frictus_service.identification.observation.observations import TrialObservations
+from frictus_service.errors import EstimateError
+from frictus_service.identification.observation.response import TrialObservations
 
 LEAST_RELATIVE: Final = 1e-4
 """No response is known better than this share of its size."""

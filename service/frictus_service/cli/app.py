@@ -1,4 +1,4 @@
-"""The commands of `frictus`, one file each."""
+"""The commands of `frictus`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,31 +6,19 @@ from typing import Annotated
 import typer
 
 from frictus_service.cli import (
-    api,
     calibrate,
     discover,
     doctor,
-    export,
     identify,
     models,
-    mount,
     pki,
-    plan,
     play,
     record,
-    recorder,
-    recover,
-    rig,
-    router,
     selftest,
     serve,
     study,
-    verify,
-    watch,
-    zero,
 )
-from frictus_service.cli.exits import CommandGroup
-from frictus_service.cli.options import AsJson, Workers
+from frictus_service.cli.options import AsJson, CommandGroup, Workers
 
 app = typer.Typer(
     name="frictus",
@@ -54,24 +42,24 @@ def frictus(
 
 
 app.command()(serve.serve)
-app.command()(rig.rig)
-app.command()(api.api)
-app.command()(router.router)
+app.command()(serve.rig)
+app.command()(serve.api)
+app.command()(serve.router)
 app.command()(play.play)
-app.command()(watch.watch)
+app.command()(play.watch)
 app.command()(record.record)
-app.command()(recorder.recorder)
-app.command()(verify.verify)
-app.command()(recover.recover)
-app.command()(export.export)
+app.command()(serve.recorder)
+app.command()(record.verify)
+app.command()(record.recover)
+app.command()(study.export)
 app.command()(doctor.doctor)
 app.command()(selftest.selftest)
-app.command()(zero.zero)
+app.command()(selftest.zero)
 app.command()(calibrate.calibrate)
 app.command()(identify.identify)
-app.command()(mount.mount)
+app.command()(identify.mount)
 app.command()(discover.discover)
-app.command()(plan.plan)
+app.command()(discover.plan)
 app.add_typer(study.study, name="study")
 app.add_typer(models.models, name="models")
 app.add_typer(pki.pki, name="pki")
@@ -95,7 +83,7 @@ def demo(
 @app.command()
 def bench(as_json: AsJson = False) -> None:
     """Measure kernel, wire and loop on this machine, each beside its bare counterpart."""
-    from frictus_service.cli.bench import bench as run
+    from frictus_laboratory.benchmarks.command import bench as run
 
     run(as_json=as_json)
 
@@ -120,6 +108,6 @@ def paper(
     workers: Workers = None,
 ) -> None:
     """Simulate the paper's study, analyse it blind, and set its values beside what came out."""
-    from frictus_service.cli.paper import paper as run
+    from frictus_laboratory.reproduction.command import paper as run
 
     run(participants, full, seconds, out, seed, workers, as_json)

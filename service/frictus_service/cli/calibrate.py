@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from frictus_service.cli.lines import write_line
 from frictus_service.cli.options import (
     AsJson,
     ConfigFile,
@@ -17,6 +16,7 @@ from frictus_service.cli.options import (
     SiteOption,
     TargetRig,
     wants_lines,
+    write_line,
 )
 
 if TYPE_CHECKING:
@@ -170,8 +170,7 @@ def _prior(
     """Return the earlier people's models that the registry holds."""
     if protocol.kind == "paper" or not protocol.use_prior:
         return ()
-    from frictus_service.registry.people import earlier_people
-    from frictus_service.registry.store import Registry
+    from frictus_service.registry.store import Registry, earlier_people
 
     with Registry(registry) as opened:
         return earlier_people(opened, besides=participant)

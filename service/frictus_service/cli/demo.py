@@ -16,19 +16,16 @@ from frictus.messages import RigStatus
 from frictus.recordings import texture_of
 from frictus.textures import Spectrum
 from frictus_hardware import SimulatedConfig
-from frictus_service.cli.felt import Observer
-from frictus_service.cli.lines import write_line
-from frictus_service.cli.options import wants_lines
-from frictus_service.cli.screen import Display
+from frictus_service.cli.felt import Display, Observer
+from frictus_service.cli.options import wants_lines, write_line
 from frictus_service.config import ApiConfig, Config, RouterConfig
 from frictus_service.daemon.supervisor import Supervisor
-from frictus_service.demonstration.comparison import BandComparison, compare
+from frictus_service.demonstration.comparison import BandComparison, compare, draw
 from frictus_service.demonstration.explorer import Heard, explore, profile_of
-from frictus_service.demonstration.picture import draw
-from frictus_service.fidelity.bands import JND_DB, NOMINAL_HZ, rms_db
+from frictus_service.fidelity.preview import JND_DB, NOMINAL_HZ, rms_db
 from frictus_service.library import SHIPPED
-from frictus_service.ports import free_endpoint
-from frictus_service.synthesis.model_law import law_of
+from frictus_service.processes import free_endpoint
+from frictus_service.synthesis.compensability import law_of
 
 TEXTURE = "paper"
 LOOK_S = 0.1

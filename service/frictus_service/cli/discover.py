@@ -1,4 +1,4 @@
-"""`frictus discover`: what a model gets wrong in a study, why, and the model extended by it."""
+"""`frictus plan` and `discover`: what a design can show, and what a model gets wrong."""
 
 import sys
 from pathlib import Path
@@ -6,16 +6,204 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frictus_service.cli.lines import write_line
-from frictus_service.cli.options import AsJson, RandomSeed, Response, Workers, wants_lines
+from frictus_service.cli.options import (
+    AsJson,
+    RandomSeed,
+    Response,
+    Workers,
+    wants_lines,
+    write_line,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
     from frictus_service.discovery.document import Discovery
+    from frictus_service.discovery.plan.documents import Addition, Plan, PlannedEffect
 
 NOT_PRINTED = frozenset({"residuals", "levels"})
 """What `--json` leaves to report.json."""
+
+
+def plan(
+    source: Annotated[
+        Path, typer.Argument(metavar="STUDY|DESIGN", help="Study file, or design (.json).")
+    ],
+    response: Response = "friction",
+    base: Annotated[
+        str,
+        typer.Option(
+            "--base",
+            metavar="BASE",
+            help="What will be criticised: paper, constant-cutoff, or a model file.",
+        ),
+    ] = "paper",
+    want: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--want", metavar="EFFECT=SIZE", help="Size that shall be shown; may be repeated."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Write the plan/1 document.")
+    ] = None,
+    seed: RandomSeed = None,
+    cache: Annotated[
+        Path | None,
+        typer.Option(
+            "--cache",
+            metavar="DIR",
+            help="Of what a study's trials say.  [default: STUDY-discovery/observations]",
+        ),
+    ] = None,
+    workers: Workers = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say which effects STUDY or DESIGN shows, which look alike, and what to add."""
+    from frictus_service.discovery.plan.run import plan_file
+
+    found = plan_file(
+        source,
+        response=response,
+        base=base,
+        wanted=dict(map(_size, want or [])),
+        seed=seed,
+        workers=workers,
+        cache=cache or source.with_name(f"{source.stem}-discovery") / "observations",
+        tell=_tell_plan,
+    )
+    if out is not None:
+        out.write_bytes(found.to_json())
+    if wants_lines(as_json):
+        write_line(**found.model_dump(mode="json", by_alias=True))
+    else:
+        from rich.console import Console
+
+        show_plan(found, Console())
+
+
+def _size(asked: str) -> tuple[str, float]:
+    name, _, size = asked.partition("=")
+    try:
+        return name, float(size)
+    except ValueError as error:
+        raise typer.BadParameter(
+            f"--want {asked}: accepted: EFFECT=SIZE, such as gain_drift=0.01"
+        ) from error
+
+
+def show_plan(found: "Plan", console: "Console") -> None:
+    """Print what is shown and what to add, then all effects, then what looks alike.
+
+    Parameters
+    ----------
+    found : Plan
+        The document of a plan.
+    console : Console
+        Where it is printed.
+    """
+    console.print(
+        f"{found.participants} participants x {found.trials} trials, "
+        f"{duration(found.finger_s)} on the finger in all",
+        style="bold",
+        markup=False,
+    )
+    for note in found.notes:
+        console.print(f"- {note}", markup=False)
+    if found.critical_t is None:
+        for line in advice(found):
+            console.print(f"add {line}", markup=False)
+        return
+    seen = sum(effect.shown == "yes" for effect in found.effects)
+    same = sum(pair.separable == "no" for pair in found.pairs)
+    console.print(
+        f"{seen} of {len(found.effects)} effects show_plan as small as wanted; "
+        f"{same} pair{'' if same == 1 else 's'} cannot be told apart."
+    )
+    for line in advice(found):
+        console.print(f"add {line}", markup=False)
+    console.print(_effects(found))
+    if found.pairs:
+        console.print(_pairs(found))
+    console.print(found.assumptions, style="dim", markup=False)
+
+
+def advice(found: "Plan") -> list[str]:
+    """Return the additions that solve something, cheapest first, each with what it solves."""
+    from frictus_service.discovery.catalogue.cause import title
+
+    solves: dict[tuple[float, str], list[str]] = {}
+    for effect in found.effects:
+        if effect.cheapest is not None:
+            solves.setdefault(_bill(effect.cheapest), []).append(f"shows {_name(effect)}")
+    for pair in found.pairs:
+        if pair.cheapest is not None:
+            both = " from ".join(map(title, pair.between))
+            solves.setdefault(_bill(pair.cheapest), []).append(f"tells {both}")
+    return [f"{what}: {'; '.join(why)}" for (_, what), why in sorted(solves.items())]
+
+
+def _effects(found: "Plan") -> "Table":
+    from rich.table import Table
+
+    table = Table("effect", "shown", "smallest found", "wanted", "needs")
+    order = ("no", "larger only", "yes")
+    for effect in sorted(found.effects, key=lambda each: order.index(each.shown)):
+        help_ = "" if effect.cheapest is None else _bill(effect.cheapest)[1]
+        table.add_row(_name(effect), effect.shown, *_sizes(effect), help_ or effect.needs or "")
+    return table
+
+
+def _pairs(found: "Plan") -> "Table":
+    from rich.table import Table
+
+    from frictus_service.discovery.catalogue.cause import title
+
+    table = Table("look alike", "cosine", "separable", "needs")
+    for pair in found.pairs:
+        help_ = pair.separating_experiment if pair.separable == "no" else ""
+        if pair.cheapest is not None:
+            help_ = f"{_bill(pair.cheapest)[1]}; cosine then {pair.cheapest.reaches:+.2f}"
+        both = ", ".join(map(title, pair.between))
+        table.add_row(both, f"{pair.cosine:+.2f}", pair.separable, help_)
+    return table
+
+
+def duration(seconds: float) -> str:
+    """Return a time for people."""
+    if seconds < 120.0:
+        return f"{seconds:.0f} s"
+    if seconds < 7200.0:
+        return f"{seconds / 60.0:.0f} min"
+    return f"{seconds / 3600.0:.1f} h"
+
+
+def _name(effect: "PlannedEffect") -> str:
+    from frictus_service.discovery.catalogue.cause import title
+
+    held = [f"{value:g} Hz" for name, value in effect.held.items() if name == "frequency_hz"]
+    return ", ".join([title(effect.id), *held])
+
+
+def _sizes(effect: "PlannedEffect") -> tuple[str, str]:
+    from frictus_service.discovery.catalogue.cause import NO_UNIT
+
+    unit = "" if effect.unit == NO_UNIT else f" {effect.unit}"
+    found = "-" if effect.detectable is None else f"{effect.detectable:.2g}{unit}"
+    return found, f"{effect.wanted:.2g}{unit}"
+
+
+def _bill(addition: "Addition") -> tuple[float, str]:
+    """Return what an addition costs, and the addition with that."""
+    what = ", and ".join(addition.additions)
+    cost = f"+{duration(addition.finger_s)}" if addition.finger_s else "no more time"
+    return addition.finger_s, f"{what} ({cost})"
+
+
+def _tell_plan(line: str) -> None:
+    sys.stderr.write(f"{line}\n")
+    sys.stderr.flush()
 
 
 def discover(
@@ -48,8 +236,8 @@ def discover(
     as_json: AsJson = False,
 ) -> None:
     """Say what the base model gets wrong in STUDY, name the causes, and extend the model."""
-    from frictus_service.discovery.report import files
-    from frictus_service.discovery.run import discover_study
+    from frictus_service.discovery.discover import discover_study
+    from frictus_service.discovery.report import page
 
     folder = out or study.with_name(f"{study.stem}-discovery")
     found = discover_study(
@@ -63,14 +251,14 @@ def discover(
         tell=_tell,
     )
     _tell("writing the report")
-    written = files.write(found, folder)
+    written = page.write(found, folder)
     if wants_lines(as_json):
         write_line(**summary(found), files=[str(path) for path in written])
     else:
         from rich.console import Console
 
         show(found, Console())
-        Console().print(f"report: {folder / files.REPORT}", markup=False, soft_wrap=True)
+        Console().print(f"report: {folder / page.REPORT}", markup=False, soft_wrap=True)
 
 
 def summary(found: "Discovery") -> dict[str, object]:
@@ -92,7 +280,7 @@ def show(found: "Discovery", console: "Console") -> None:
     from rich.table import Table
 
     from frictus_service.discovery.catalogue.cause import title
-    from frictus_service.discovery.report.phrasing import (
+    from frictus_service.discovery.report.findings import (
         gain_sentence,
         place_of,
         shown,

@@ -1,17 +1,50 @@
 """`frictus doctor`: whether everything is here that the service needs."""
 
+import py_compile
+from collections.abc import Iterable
+from importlib.machinery import SourceFileLoader
+from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frictus_service.cli.exits import Exit
-from frictus_service.cli.lines import write_line
-from frictus_service.cli.options import AsJson, ConfigFile, RouterOption
+from frictus_service.cli.options import AsJson, ConfigFile, Exit, RouterOption, write_line
 
 if TYPE_CHECKING:
     from frictus_service.cli.checks import Check
 
 COLOUR = {"ok": "green", "warn": "yellow", "fail": "red"}
+
+
+def keep_bytecode(modules: Iterable[ModuleType]) -> int:
+    """Write the bytecode of modules that have none yet; return of how many.
+
+    Python does so itself as it loads them, but not where `PYTHONDONTWRITEBYTECODE` is set, nor
+    where whoever runs the service may not write to what somebody else installed.
+
+    Parameters
+    ----------
+    modules : iterable of module
+        Those without a source are left out, and those whose bytecode is newer than it.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    kept = 0
+    for module in modules:
+        spec = getattr(module, "__spec__", None)
+        if spec is None or not isinstance(spec.loader, SourceFileLoader) or not spec.cached:
+            continue
+        assert spec.origin is not None
+        source, cached = Path(spec.origin), Path(spec.cached)
+        if cached.exists() and cached.stat().st_mtime >= source.stat().st_mtime:
+            continue
+        py_compile.compile(spec.origin, spec.cached, doraise=True)
+        kept += 1
+    return kept
 
 
 Warm = Annotated[
@@ -48,8 +81,8 @@ def doctor(
 def _compile(as_json: bool) -> None:
     """Fill the cache of compiled functions, each of which is kept as soon as it is made."""
     from frictus_service.config import Config
-    from frictus_service.daemon.progress import compiling_told
-    from frictus_service.daemon.warmup import warm_up
+    from frictus_service.daemon.child_process import compiling_told
+    from frictus_service.daemon.preparation import warm_up
 
     def tell(name: str) -> None:
         if as_json:
@@ -68,7 +101,6 @@ def _keep_bytecode(as_json: bool) -> None:
 
     # What the processes of a service run: to be in `sys.modules`.
     from frictus_service.api import server  # noqa: F401
-    from frictus_service.cli.bytecode import keep_bytecode
     from frictus_service.daemon import rig  # noqa: F401
     from frictus_service.recording import recorder  # noqa: F401
 

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from frictus import GuidanceState, Rig
 from frictus_service.calibration.job import Progress
-from frictus_service.cli.lines import write_line
+from frictus_service.cli.options import write_line
 
 COLUMNS: Final = 60
 STYLE: Final = {

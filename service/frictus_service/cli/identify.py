@@ -1,18 +1,20 @@
-"""`frictus identify`: from a study to models, with a report."""
+"""`frictus identify` and `mount`: from a study to models, from hammer blows to resonances."""
 
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frictus_service.cli.lines import write_line
-from frictus_service.cli.options import AsJson, Workers, wants_lines
+from frictus_service.cli.options import AsJson, Workers, wants_lines, write_line
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from frictus_service.discovery.ring_down import Resonance
     from frictus_service.identification.documents import Estimate, Identification
+
 
 MOST_SHOWN = 10
 """Excluded trials that are named on the terminal; the report names all."""
@@ -37,7 +39,7 @@ def identify(
     """Identify friction and skin of everyone in STUDY: models, tests, report."""
     from frictus_service.identification import analysis
     from frictus_service.identification.pipeline.study import observe_study
-    from frictus_service.identification.report import files
+    from frictus_service.identification.report import page
     from frictus_service.study.importers import open_study
 
     folder = out or study.with_name(f"{study.stem}-identification")
@@ -55,7 +57,7 @@ def identify(
         observations, path=str(study), sha256=sha256, unreadable=unreadable
     )
     _tell("writing the report")
-    written = files.write(found, observations, folder)
+    written = page.write(found, observations, folder)
     if wants_lines(as_json):
         write_line(**summary(found), files=[str(path) for path in written])
     else:
@@ -139,3 +141,48 @@ def _shown(estimate: "Estimate | None", factor: float = 1.0) -> str:
 def _tell(line: str) -> None:
     sys.stderr.write(f"{line}\n")
     sys.stderr.flush()
+
+
+def mount(
+    recording: Annotated[
+        Path, typer.Argument(metavar="RECORDING", help="Samples of blows: .mat or .npy.")
+    ],
+    band: Annotated[
+        tuple[float, float],
+        typer.Option("--band", metavar="LOW HIGH", help="Where to look, Hz."),
+    ] = (1000.0, 6000.0),
+    rate_hz: Annotated[
+        float | None,
+        typer.Option(
+            "--rate", metavar="HZ", min=1.0, help="Sample rate.  [default: the file's]"
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Tell frequency and damping of a mount's resonances from hammer blows in RECORDING."""
+    from frictus_service.discovery.ring_down import estimate_ring_down, read_impacts
+
+    blows = read_impacts(recording, rate_hz)
+    found = estimate_ring_down(blows.samples, blows.rate_hz, band)
+    if wants_lines(as_json):
+        write_line(resonances=[asdict(each) for each in found])
+    else:
+        _show(found)
+
+
+def _show(found: "list[Resonance]") -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title="resonances, 95 % intervals", title_justify="left")
+    for heading in ("Hz", "damping ratio", "peak, dB"):
+        table.add_column(heading, justify="right")
+    for each in found:
+        low_hz, high_hz = each.frequency_ci_hz
+        low, high = each.damping_ratio_ci
+        table.add_row(
+            f"{each.frequency_hz:.1f} [{low_hz:.1f}, {high_hz:.1f}]",
+            f"{each.damping_ratio:.4f} [{low:.4f}, {high:.4f}]",
+            f"{each.level_db:.1f}",
+        )
+    Console().print(table)

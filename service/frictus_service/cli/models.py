@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frictus_service.cli.lines import write_line
 from frictus_service.cli.options import (
     AsJson,
     ConfigFile,
@@ -16,6 +15,7 @@ from frictus_service.cli.options import (
     SiteOption,
     TargetRig,
     wants_lines,
+    write_line,
 )
 
 if TYPE_CHECKING:
@@ -161,8 +161,8 @@ def alias(
     as_json: AsJson = False,
 ) -> None:
     """Let an alias stand for a version; the audit keeps who moved it, and why."""
-    from frictus_service.registry.errors import RegistryNameError
-    from frictus_service.registry.names import parse_reference
+    from frictus_service.errors import RegistryNameError
+    from frictus_service.registry.documents import parse_reference
 
     wanted = parse_reference(name)
     if not isinstance(wanted.which, str):
@@ -264,7 +264,7 @@ def export(
     with registry_of(config) as registry:
         found = registry.get(reference)
     if file.suffix == ".mat":
-        from frictus_service.registry.matlab import to_mat
+        from frictus_service.registry.documents import to_mat
 
         file.write_bytes(to_mat(found))
     else:

@@ -1,15 +1,113 @@
-"""Options that several commands share, and what they stand for."""
+"""Options that several commands share, how a command answers, and how it ends."""
 
+import json
 import sys
 from dataclasses import dataclass
+from enum import IntEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
+from typer.core import TyperGroup
 
 if TYPE_CHECKING:
     import frictus
     from frictus_service.config import Config
+
+
+class Exit(IntEnum):
+    """Exit codes; programs may rely on them."""
+
+    OK = 0
+    UNEXPECTED = 1
+    """Not foreseen, or a part of the service did not start."""
+    USAGE = 2
+    """An argument, or a file that one names, cannot be used."""
+    CONFIG = 3
+    NO_LINK = 4
+    """No router, no rig or no registry answers."""
+    REFUSED = 5
+    """The rig refused, or took the lease away."""
+    CHECK_FAILED = 6
+    """A check failed, or measurements do not determine a model."""
+    INTERRUPTED = 130
+
+
+def code_of(error: Exception) -> Exit:
+    """Return the exit code that stands for an error."""
+    from frictus.errors import FrictusError, LinkError, NoRigError, RefusedError, SilenceError
+    from frictus_service.discovery.ring_down import ImpactRecordingError, RingDownError
+    from frictus_service.errors import (
+        BaseModelError,
+        CalibrationError,
+        ConfigurationError,
+        DesignError,
+        EstimateError,
+        FolderError,
+        NotWrittenError,
+        RecordingError,
+        RegistryError,
+        RegistryUnavailableError,
+        SecurityError,
+        StudyError,
+    )
+    from frictus_service.library import LibraryError
+
+    if isinstance(error, ConfigurationError):
+        return Exit.CONFIG
+    if isinstance(error, LinkError | NoRigError | SilenceError | RegistryUnavailableError):
+        return Exit.NO_LINK
+    if isinstance(error, EstimateError | RingDownError):
+        return Exit.CHECK_FAILED
+    if isinstance(error, RefusedError | CalibrationError) and not isinstance(
+        error, FolderError
+    ):
+        return Exit.REFUSED
+    ours = (
+        BaseModelError,
+        ImpactRecordingError,
+        DesignError,
+        FolderError,
+        FrictusError,
+        LibraryError,
+        RegistryError,
+        RecordingError,
+        SecurityError,
+        StudyError,
+    )
+    files = (FileNotFoundError, IsADirectoryError, NotWrittenError)
+    if isinstance(error, (*ours, *files)):
+        return Exit.USAGE  # what is left of the client's errors is about what it was given
+    return Exit.UNEXPECTED
+
+
+def sentence_of(error: Exception) -> str:
+    """Return what to tell the user about an error."""
+    from frictus.errors import FrictusError
+    from frictus_service.errors import ServiceError
+
+    if isinstance(error, FrictusError | ServiceError | OSError):
+        return str(error)
+    return f"unexpected {type(error).__name__}: {error}; --debug shows where"
+
+
+class CommandGroup(TyperGroup):
+    """The commands; whatever goes wrong in one ends in a sentence and a code."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise typer.Exit(Exit.INTERRUPTED) from None
+        except BrokenPipeError:
+            raise  # whoever read our output has enough; typer ends quietly
+        except Exception as error:
+            if type(error).__module__.startswith("typer") or ctx.params.get("debug"):
+                raise
+            sys.stderr.write(f"frictus: {sentence_of(error)}\n")
+            raise typer.Exit(code_of(error)) from error
+
 
 AsJson = Annotated[bool, typer.Option("--json", help="JSON, one object per line.")]
 ConfigFile = Annotated[
@@ -108,3 +206,9 @@ class TargetRig:
 def wants_lines(as_json: bool) -> bool:
     """Return whether to write JSON lines: asked for, or nobody looks at a terminal."""
     return as_json or not sys.stdout.isatty()
+
+
+def write_line(**fields: Any) -> None:
+    """Write one object as one line, at once."""
+    sys.stdout.write(json.dumps(fields, allow_nan=False) + "\n")
+    sys.stdout.flush()

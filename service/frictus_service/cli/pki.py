@@ -6,9 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frictus_service.cli.exits import Exit
-from frictus_service.cli.lines import write_line
-from frictus_service.cli.options import AsJson, wants_lines
+from frictus_service.cli.options import AsJson, Exit, wants_lines, write_line
 
 if TYPE_CHECKING:
     from frictus_service.security.files import Shown

@@ -1,13 +1,13 @@
-"""`frictus play`: feel a texture from a file or from the library."""
+"""`frictus play` and `watch`: feel a texture from a file or the library, or look on."""
 
 import json
+import threading
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frictus_service.cli.lines import write_line
 from frictus_service.cli.options import (
     AsJson,
     ConfigFile,
@@ -17,12 +17,38 @@ from frictus_service.cli.options import (
     SiteOption,
     TargetRig,
     wants_lines,
+    write_line,
 )
 
 if TYPE_CHECKING:
     import frictus
 
 PERIOD_S = 0.1
+
+
+def watch(
+    rig: RigOption = None,
+    site: SiteOption = None,
+    router: RouterOption = None,
+    config: ConfigFile = None,
+    seconds: Seconds = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show finger, status, loop health, blocks and gaps of a rig as they come."""
+    import frictus
+    from frictus_service.cli.felt import Display, Observer
+
+    target = TargetRig.of(config, router, site, rig)
+    with frictus.connect(target.router, tls=target.tls, reads_only=True) as client:
+        found = target.choose(client)
+        observer = Observer(found)
+        with Display(f"rig {found.name} at {found.site}", wants_lines(as_json)) as display:
+            never = threading.Event()
+            begun_s = due_s = time.monotonic()
+            while seconds is None or due_s - begun_s < seconds:
+                due_s = max(due_s + PERIOD_S, time.monotonic())
+                never.wait(due_s - time.monotonic())
+                display.show(observer.look(), time.monotonic() - begun_s)
 
 
 def play(
@@ -55,8 +81,7 @@ def play(
 ) -> None:
     """Make a rig feel like TEXTURE, and show what the finger feels; disarms at the end."""
     import frictus
-    from frictus_service.cli.felt import Observer
-    from frictus_service.cli.screen import Display
+    from frictus_service.cli.felt import Display, Observer
 
     target = TargetRig.of(config, router, site, rig)
     scene = scene_of(texture, target.config.textures, speed, rate, scale, gain)

@@ -1,4 +1,4 @@
-"""`frictus record`: record a rig here, or have its recorder do it."""
+"""`frictus record`, `verify` and `recover`: recordings made, checked and repaired."""
 
 import contextlib
 import signal
@@ -11,21 +11,26 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frictus_service.cli.lines import write_line
 from frictus_service.cli.options import (
     AsJson,
     ConfigFile,
+    Exit,
     RigOption,
     RouterOption,
     Seconds,
     SiteOption,
     TargetRig,
     wants_lines,
+    write_line,
 )
 
 if TYPE_CHECKING:
     import frictus
     from frictus.messages import RecordingState, RecordRequest
+    from frictus_service.recording.summary import RecordingSummary
+
+SHOWN_GAPS = 20
+
 
 SHOWN_S = 0.5
 
@@ -109,7 +114,7 @@ def _record_here(
     seconds: float | None,
     as_json: bool,
 ) -> None:
-    from frictus_service.recording.errors import NotWrittenError
+    from frictus_service.errors import NotWrittenError
     from frictus_service.recording.recording import BEAT_S, RecordingSession
 
     shown_s = 0.0
@@ -167,3 +172,62 @@ def _tell(state: "RecordingState", as_json: bool) -> None:
         f"{did} {state.path}: {state.seconds:.1f} s, {state.bytes_written / 1e6:.1f} MB, "
         f"{state.blocks} blocks, {state.lost_blocks} lost\n"
     )
+
+
+def verify(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording.")],
+    as_json: AsJson = False,
+) -> None:
+    """Read FILE whole: checksums, counts, gaps, duration. Exit code 6 if it is not sound."""
+    from frictus_service.recording.reader import RecordingReader
+    from frictus_service.recording.summary import summarise
+
+    with RecordingReader(file) as reader:
+        summary = summarise(reader)
+    if wants_lines(as_json):
+        write_line(file=str(file), **summary.fields())
+    else:
+        sys.stdout.write("".join(f"{line}\n" for line in lines_of(file, summary)))
+    if not summary.sound:
+        raise typer.Exit(Exit.CHECK_FAILED)
+
+
+def lines_of(file: Path, summary: "RecordingSummary") -> list[str]:
+    """Return what to tell of a recording."""
+    info = summary.info
+    who = f", participant {info.participant}" if info.participant else ""
+    lines = [f"{file}: {summary.ending}", f"{info.rig} at {info.site}{who}, {info.software}"]
+    for name, one in summary.streams.items():
+        lost = f"; {one.gaps} gaps, {one.lost_blocks} blocks lost" if one.gaps else "; no gap"
+        lines.append(f"{name}: {one.blocks} blocks, {one.seconds:.2f} s{lost}")
+    lines += [f"{topic}: {count} messages" for topic, count in summary.states.items()]
+    for gap in summary.gaps[:SHOWN_GAPS]:
+        lines.append(
+            f"gap in {gap.stream}: {gap.missing_blocks} from {gap.first_missing_sequence} of "
+            f"run {gap.run}, {gap.missing_samples} samples, {gap.reason} {gap.detail}".rstrip()
+        )
+    if len(summary.gaps) > SHOWN_GAPS:
+        lines.append(f"and {len(summary.gaps) - SHOWN_GAPS} gaps more; --json has them all")
+    lines += [f"FAULT: {fault}" for fault in summary.faults]
+    if summary.end is not None:
+        lines.append(f"ended: {summary.end.reason}")
+    return lines
+
+
+def recover(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Torn recording; is kept.")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="[default: FILE with .recovered.mcap]"),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write all that can be trusted of FILE as a finished recording, and say what is lost."""
+    from frictus_service.recording.summary import recover as run
+
+    path = out or file.with_suffix(".recovered.mcap")
+    summary = run(file, path)
+    if wants_lines(as_json):
+        write_line(out=str(path), **summary.fields())
+    else:
+        sys.stdout.write(f"{path}: {summary.ending.clean_s:.2f} s\n{file} {summary.ending}\n")

@@ -1,4 +1,4 @@
-"""`frictus selftest`: whether a rig plays what it is told and senses what there is."""
+"""`frictus selftest` and `zero`: whether a rig senses what it plays, and its output to zero."""
 
 import json
 import sys
@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from frictus_service.cli.exits import Exit
-from frictus_service.cli.lines import write_line
-from frictus_service.cli.options import AsJson, wants_lines
+from frictus_service.cli.options import AsJson, ConfigFile, Exit, wants_lines, write_line
 
 if TYPE_CHECKING:
     from frictus_hardware import BackendConfig
@@ -140,7 +138,7 @@ def _ask(request: str) -> bool:
 def _without_finger(backend: "BackendConfig") -> "BackendConfig":
     """Return a simulated rig that nobody touches; a real one as it is."""
     from frictus_hardware import SimulatedConfig, SimulatedDeviceConfig
-    from frictus_hardware.simulated.pointer import ClientFinger
+    from frictus_hardware.simulated.guided import ClientFinger
 
     away = {"finger": ClientFinger()}
     if isinstance(backend, SimulatedDeviceConfig):
@@ -165,3 +163,21 @@ def show(outcome: "Outcome", lines: bool) -> None:
     for figure in outcome.figures:
         line.append(f"\n     {figure.text}", style="dim")
     Console().print(line, soft_wrap=True)
+
+
+def zero(config: ConfigFile = None, as_json: AsJson = False) -> None:
+    """Reset the configured device, which brings its output to zero; nothing need be running.
+
+    A rig that drives the device loses it, and trips.
+    """
+    from frictus_hardware import reset_device
+    from frictus_service.config import load
+
+    backend = load(config).backend
+    reset_device(backend)
+    if wants_lines(as_json):
+        write_line(event="reset", backend=backend.kind)
+    else:
+        import typer
+
+        typer.echo(f"the device ({backend.kind}) was reset: its output is zero")

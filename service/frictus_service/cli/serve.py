@@ -1,12 +1,11 @@
-"""`frictus serve`: the whole service on this machine."""
+"""`frictus serve`, and its parts alone: `rig`, `api`, `router`, `recorder`."""
 
 import sys
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from frictus_service.cli.lines import write_line
-from frictus_service.cli.options import AsJson, ConfigFile
+from frictus_service.cli.options import AsJson, ConfigFile, write_line
 
 if TYPE_CHECKING:
     from frictus_service.config import ApiConfig
@@ -44,3 +43,45 @@ def said(as_json: bool) -> Callable[[str], None]:
         write_line(event="said", utc_ns=time.time_ns(), text=line)
 
     return to_stdout if as_json else to_stderr
+
+
+def rig(config: ConfigFile = None, as_json: AsJson = False) -> None:
+    """Run the rig alone until Ctrl-C; the router runs elsewhere."""
+    from frictus_service.config import load
+
+    settings = load(config, runs_rig=True)
+    from frictus_service.daemon import supervisor  # seconds, so after the configuration
+
+    supervisor.serve(settings, ("rig",), host_router=False, say=said(as_json))
+
+
+def api(config: ConfigFile = None, as_json: AsJson = False) -> None:
+    """Run the REST API alone until Ctrl-C; the router runs elsewhere."""
+    from frictus_service.config import load
+
+    settings = load(config)
+    from frictus_service.daemon import supervisor  # seconds, so after the configuration
+
+    say = said(as_json)
+    say(where_to_look(settings.api))
+    supervisor.serve(settings, ("api",), host_router=False, say=say)
+
+
+def router(config: ConfigFile = None, as_json: AsJson = False) -> None:
+    """Run the router alone until Ctrl-C; rigs, recorders and APIs run elsewhere."""
+    from frictus_service.config import load
+
+    settings = load(config)
+    from frictus_service.daemon import supervisor  # seconds, so after the configuration
+
+    supervisor.serve(settings, (), host_router=True, say=said(as_json))
+
+
+def recorder(config: ConfigFile = None, as_json: AsJson = False) -> None:
+    """Run the recorder alone until Ctrl-C, on any machine; the router runs elsewhere."""
+    from frictus_service.config import load
+
+    settings = load(config)
+    from frictus_service.daemon import supervisor  # seconds, so after the configuration
+
+    supervisor.serve(settings, ("recorder",), host_router=False, say=said(as_json))

@@ -1,18 +1,24 @@
-"""`frictus study`: what is in a study file."""
+"""`frictus study` and `export`: what is in a study file, and other programs' formats."""
 
+import sys
+import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from frictus_service.cli.exits import Exit
-from frictus_service.cli.lines import write_line
-from frictus_service.cli.options import AsJson, wants_lines
+from frictus_service.cli.options import AsJson, Exit, wants_lines, write_line
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from frictus_hardware.physics.linear import TransferFunction
+    from frictus_service.errors import Exclusion
+    from frictus_service.recording.segments import TrialDeclaration
     from frictus_service.study.summary import StudyContents
+
+MOUNTS = ("paper", "none")
+
 
 study = typer.Typer(no_args_is_help=True, help="Look into study files.")
 
@@ -92,3 +98,153 @@ def _print_faults(summary: "StudyContents", console: "Console") -> None:
         console.print(f"missing samples: trial {trial}: {told}", markup=False, soft_wrap=True)
     if not summary.missing:
         console.print("missing samples: none")
+
+
+Format = Literal["h5", "mat", "parquet", "replay"]
+
+
+def export(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording, or a study.")],
+    to: Annotated[
+        Format, typer.Option("--to", help="Study; MATLAB; Parquet; to play as a rig.")
+    ] = "h5",
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="PATH", help="File, or folder for mat and parquet."),
+    ] = None,
+    participant: Annotated[
+        str | None, typer.Option("--participant", help="Pseudonym.  [default: the recording's]")
+    ] = None,
+    session: Annotated[int, typer.Option("--session", min=0)] = 1,
+    speed: Annotated[
+        float | None, typer.Option("--speed", min=0.0, help="Asked for, mm/s.")
+    ] = None,
+    force: Annotated[
+        float | None, typer.Option("--force", min=0.0, help="Asked for, N.")
+    ] = None,
+    tone: Annotated[
+        list[float] | None,
+        typer.Option("--tone", min=0.0, help="Hz, as often as there are; 0: nothing played."),
+    ] = None,
+    begin: Annotated[
+        float | None, typer.Option("--from", min=0.0, help="Begin there, s.")
+    ] = None,
+    end: Annotated[float | None, typer.Option("--until", min=0.0, help="End there, s.")] = None,
+    mount: Annotated[
+        str, typer.Option("--mount", metavar="paper|none|FILE", help="Under the screen.")
+    ] = "paper",
+    touch_latency: Annotated[
+        float | None,
+        typer.Option("--touch-latency", min=0.0, help="s, where an old recording has none."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write FILE as a study, MATLAB files, Parquet tables, or to be played as a rig.
+
+    Guided trials of a recording become trials; a recording in which nobody was guided is one
+    trial, of which --participant, --speed, --force and --tone have to be said.
+    """
+    from frictus_service.recording.segments import TrialDeclaration
+
+    if to == "replay":
+        _taped(file, out or file.with_suffix(".npz"), begin, end, touch_latency, as_json)
+        return
+    tones = None if tone is None else tuple(hz for hz in tone if hz > 0.0)
+    declared = TrialDeclaration(participant, session, speed, force, tones, begin, end)
+    path = out or _beside(file, to)
+    if file.suffix != ".mcap":
+        trials, excluded = _converted(file, to, path)
+        told = ""
+    else:
+        trials, excluded, told = _recorded(file, to, path, declared, mount)
+    _tell(path, trials, excluded, told, as_json)
+
+
+def _beside(file: Path, to: Format) -> Path:
+    return file.with_suffix(".h5") if to == "h5" else file.with_name(f"{file.stem}_{to}")
+
+
+def _recorded(
+    file: Path, to: Format, path: Path, declared: "TrialDeclaration", mount: str
+) -> tuple[int, "tuple[Exclusion, ...]", str]:
+    """Export a recording; return how many trials, what was left out, and how it ends."""
+    from frictus_service.recording.export import export_study
+
+    if to == "h5":
+        done = export_study(file, path, declared, _mount_of(mount))
+        return len(done.trials), done.excluded, str(done.ending)
+    with tempfile.TemporaryDirectory() as folder:
+        study = Path(folder) / "study.h5"
+        done = export_study(file, study, declared, _mount_of(mount))
+        trials, more = _converted(study, to, path)
+    return trials, (*done.excluded, *more), str(done.ending)
+
+
+def _taped(
+    file: Path,
+    path: Path,
+    begin: float | None,
+    end: float | None,
+    touch_latency_s: float | None,
+    as_json: bool,
+) -> None:
+    """Export a recording to be played as a rig, and tell what came of it."""
+    from frictus_service.recording.tape import export_tape
+
+    done = export_tape(file, path, begin, end, touch_latency_s)
+    if wants_lines(as_json):
+        write_line(
+            out=str(path),
+            seconds=done.seconds,
+            missing_samples=done.missing,
+            ending=str(done.ending),
+        )
+        return
+    sys.stdout.write(f"{path}: {done.seconds:.2f} s, {done.missing} samples missing\n")
+    sys.stdout.write(f"the recording {done.ending}\n")
+
+
+def _converted(file: Path, to: Format, path: Path) -> tuple[int, "tuple[Exclusion, ...]"]:
+    """Export a study; return how many trials, and what was left out."""
+    from frictus_service.study.export import export_matlab, export_parquet
+    from frictus_service.study.importers import open_study
+
+    if to == "h5":
+        raise typer.BadParameter(f"{file} is a study already: --to mat or parquet")
+    write = export_matlab if to == "mat" else export_parquet
+    with open_study(file) as study:
+        excluded = write(study, path)
+        left_out = {one.trial for one in excluded}
+        return sum(info.id not in left_out for info in study.trials), excluded
+
+
+def _mount_of(text: str) -> "TransferFunction | None":
+    """Return the mount that an option names.
+
+    Raises
+    ------
+    FieldError
+        If a file does not hold one.
+    """
+    from frictus_hardware.physics.linear import Mount
+    from frictus_service.study.trial import parse_mount
+
+    if text in MOUNTS:
+        return Mount().lateral if text == "paper" else None
+    return parse_mount(Path(text).read_text(encoding="utf-8"))
+
+
+def _tell(
+    path: Path, trials: int, excluded: "tuple[Exclusion, ...]", ending: str, as_json: bool
+) -> None:
+    if wants_lines(as_json):
+        left_out = [
+            {"trial": one.trial, "field": one.field, "reason": one.reason} for one in excluded
+        ]
+        write_line(out=str(path), trials=trials, excluded=left_out, ending=ending)
+        return
+    sys.stdout.write(f"{path}: {trials} trials\n")
+    for one in excluded:
+        sys.stdout.write(f"left out: trial {one.trial}, {one.field}: {one.reason}\n")
+    if ending:
+        sys.stdout.write(f"the recording {ending}\n")

@@ -1,10 +1,17 @@
-"""What the loop hands to the publisher, block by block."""
+"""One block as the loop hands it over, and what a rig publishes of it."""
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from frictus.block import Flag
-from frictus_service.daemon.timebase import UtcReading
-from frictus_service.synthesis.chain import RenderedBlock
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus.block import Block, Flag
+from frictus.keys import ACCEL, AUX, FORCE, STREAMS, TRUTH, VOLTAGE
+from frictus.messages import FingerState, TouchState
+from frictus_hardware.base import Exchange, RigInfo, TouchReport
+from frictus_service.daemon.timebase import Stamp, UtcReading
+from frictus_service.synthesis.renderer import RenderedBlock
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,3 +49,113 @@ class BlockRecord:
     report_age_s: float
     returned_ns: int
     reading: UtcReading
+
+
+def flags_of(turn: BlockRecord, info: RigInfo, placeholder: bool) -> Flag:
+    """Return what a reader must know of a block's own samples."""
+    exchange = turn.step.exchange
+    said = (
+        (Flag.ARMED, turn.armed),
+        (Flag.OVERRUN, exchange.overrun_samples > 0),
+        (Flag.SIMULATED, info.simulated),
+        (Flag.STALE_SENSOR, turn.step.stale),
+        (Flag.PLACEHOLDER_MODEL, placeholder),
+        (Flag.SUBSTITUTE_SENSOR, info.finger_source == "pointer"),
+        (Flag.SATURATED, exchange.saturated_samples > 0),
+    )
+    # Each flag has a bit of its own; joining enumerations one by one takes 20 times as long.
+    return Flag(turn.output.value | sum(flag.value for flag, holds in said if holds))
+
+
+def blocks_of(
+    turn: BlockRecord,
+    stamp: Stamp,
+    flags: Flag,
+    sample_rate_hz: float,
+    streams: Iterable[int] = tuple(STREAMS),
+) -> Iterator[Block]:
+    """Yield a turn's blocks, each made when it is asked for, so that the first one goes first.
+
+    Parameters
+    ----------
+    turn : BlockRecord
+        One block as the loop handed it over.
+    stamp : Stamp
+        Of the first sample.
+    flags : Flag
+        Hold for every sample of the block.
+    sample_rate_hz : float
+        Samples per second of the device's clock.
+    streams : iterable of int
+        The streams that are wanted; those that the rig does not have yield nothing.
+    """
+    for stream in streams:
+        data = _channels(turn.step.exchange, stream)
+        if data is not None:
+            yield Block(
+                stream,
+                turn.run,
+                turn.number,
+                turn.step.exchange.first_sample,
+                stamp.utc_ns,
+                stamp.uncertainty_ns,
+                sample_rate_hz,
+                flags,
+                data,
+            )
+
+
+def _channels(exchange: Exchange, stream: int) -> NDArray[np.float32] | None:
+    """Return what a stream carries, shape (n_channels, n_samples); None where there is none."""
+    rows: NDArray[np.float64] | None = None
+    if stream == FORCE:
+        rows = exchange.force_n.T
+    elif stream == ACCEL:
+        rows = exchange.accel_m_s2.T
+    elif stream == VOLTAGE:
+        rows = exchange.voltage_v[np.newaxis]
+    elif stream == TRUTH and (truth := exchange.truth) is not None:
+        rows = np.concatenate(
+            (truth.position_mm.T, truth.velocity_mm_s.T, truth.friction_n[np.newaxis])
+        )
+    elif stream == AUX and exchange.aux is not None:
+        rows = exchange.aux.T
+    return None if rows is None else rows.astype(np.float32, order="C")
+
+
+def finger_of(turn: BlockRecord, stamp: Stamp, info: RigInfo) -> FingerState:
+    """Return the finger's state at the end of a turn's sensed samples."""
+    exchange, step = turn.step.exchange, turn.step
+    x_mm, y_mm, vx_mm_s, vy_mm_s = turn.finger
+    # Before the first report there is no age; the longest that a message holds says so.
+    age_ms = min(1e3 * turn.report_age_s, 1e9)
+    return FingerState(
+        sequence=turn.number,
+        sample=exchange.first_sample + exchange.voltage_v.size,
+        utc_ns=stamp.utc_ns,
+        uncertainty_ns=stamp.uncertainty_ns,
+        x_mm=x_mm,
+        y_mm=y_mm,
+        vx_mm_s=vx_mm_s,
+        vy_mm_s=vy_mm_s,
+        normal_force_n=step.normal_force_n,
+        in_contact=step.in_contact,
+        source=info.finger_source,
+        age_ms=age_ms,
+        stale=step.stale,
+        extrapolated=Flag.EXTRAPOLATED in turn.output,
+    )
+
+
+def touch_of(report: TouchReport, run: int, info: RigInfo) -> TouchState | None:
+    """Return a touch report as it came; None for one that is not finite, which none can use."""
+    if not np.all(np.isfinite((report.measured_sample, report.x_mm, report.y_mm))):
+        return None
+    return TouchState(
+        run=run,
+        sample=report.measured_sample,
+        x_mm=report.x_mm,
+        y_mm=report.y_mm,
+        in_contact=report.in_contact,
+        source=info.finger_source,
+    )

@@ -1,23 +1,170 @@
-"""A part of the service in a process of its own, as its supervisor starts it.
+"""A part of the service in a process of its own, and how it tells that it lives.
+
+Whether something that takes long still moves: a start is given up for stillness, not time.
+
+How long a first start takes hangs on the machine and on what else it does: a minute of
+compiling alone, many beside busy neighbours. What is compiled is kept function by function.
+
+Telling systemd how the service is: ready, alive, and what it said last.
+
+The protocol is one datagram per message to the socket that systemd names in the environment
+(sd_notify(3)). Elsewhere, and on Windows, nothing is sent.
 
 Two one-way pipes join them: the part tells each step of its start and that it moves, that it is
 ready, failed, or has something to say; when the other pipe ends, by a stop or because the
 supervisor is gone, the part stops.
 """
 
+import contextlib
+import os
 import signal
+import socket
 import sys
 import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from multiprocessing.connection import Connection
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from frictus.errors import FrictusError
 from frictus.messages import FaultKind
 from frictus_hardware.errors import HardwareError
 from frictus_service.config import Config
-from frictus_service.daemon.heartbeat import Heartbeat
-from frictus_service.daemon.progress import compiling_told
 from frictus_service.errors import ServiceError
+from frictus_service.processes import Heartbeat
+
+PATIENCE_S: Final = 60.0
+"""A start in which nothing moves for so long has failed."""
+
+
+class StartProgress:
+    """When something last moved, and what it said it was doing.
+
+    Parameters
+    ----------
+    now_s : callable
+        Monotonic seconds.
+    """
+
+    def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
+        self._now_s = now_s
+        self.begin()
+
+    def begin(self) -> None:
+        """Start anew; seconds count from here."""
+        self._began_s = self._moved_s = self._now_s()
+        self.step = "starting"
+
+    def move(self, step: str = "") -> float:
+        """Note that something moved; return the seconds since it began.
+
+        Parameters
+        ----------
+        step : str
+            What is done from now on; empty for the same as before.
+        """
+        self._moved_s = self._now_s()
+        self.step = step or self.step
+        return self._moved_s - self._began_s
+
+    def left_s(self, patience_s: float) -> float:
+        """Return how much longer it may stand still; 0 or less: it has for too long."""
+        return self._moved_s + patience_s - self._now_s()
+
+
+@contextmanager
+def compiling_told(
+    on_function: Callable[[str], None], on_pass: Callable[[], None]
+) -> Iterator[None]:
+    """Tell of what this process compiles meanwhile; what comes from the cache is not told.
+
+    Parameters
+    ----------
+    on_function : callable
+        Called with the name of each function as its compilation begins.
+    on_pass : callable
+        Called as each pass of the compiler begins, some hundred for a function.
+    """
+    from numba.core import event  # late: a supervisor does without
+
+    class Told(event.Listener):
+        def on_start(self, event: event.Event) -> None:
+            if event.kind == "numba:compile":
+                on_function(event.data["dispatcher"].py_func.__name__)
+            else:
+                on_pass()
+
+        def on_end(self, event: event.Event) -> None:
+            """Do nothing: the next beginning says enough."""
+
+    with (
+        event.install_listener("numba:compile", Told()),
+        event.install_listener("numba:run_pass", Told()),
+    ):
+        yield
+
+
+KEEP_ALIVES: Final = 4
+"""Sent so often within the time after which systemd would act."""
+STEP_US: Final = 120_000_000
+"""What systemd grants from each line of the start on: it must not end one that gets on."""
+
+
+class ServiceManager:
+    """Whoever started this process and waits to hear from it.
+
+    Parameters
+    ----------
+    environment : mapping
+        With `NOTIFY_SOCKET` and `WATCHDOG_USEC` where systemd asks for them.
+    monotonic_s : callable
+        Monotonic clock, s.
+    """
+
+    def __init__(
+        self,
+        environment: Mapping[str, str] = os.environ,
+        monotonic_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        address = environment.get("NOTIFY_SOCKET", "")
+        # A leading @ stands for the zero byte of Linux's abstract names.
+        self._address = f"\0{address[1:]}" if address.startswith("@") else address
+        self._every_s = 1e-6 * int(environment.get("WATCHDOG_USEC", "0")) / KEEP_ALIVES
+        self._monotonic_s = monotonic_s
+        self._due_s = 0.0
+        self._started = False
+
+    def ready(self) -> None:
+        """Say that the service has started."""
+        self._started = True
+        self._send("READY=1")
+
+    def stopping(self) -> None:
+        """Say that the service is about to end."""
+        self._send("STOPPING=1")
+
+    def status(self, line: str) -> None:
+        """Show a line in `systemctl status`; during the start it also asks for more time."""
+        more_time = "" if self._started else f"\nEXTEND_TIMEOUT_USEC={STEP_US}"
+        self._send(f"STATUS={line.splitlines()[0] if line else ''}{more_time}")
+
+    def keep_alive(self) -> None:
+        """Say that all is well, if it is time to; silence has systemd start the unit again."""
+        now_s = self._monotonic_s()
+        if self._every_s > 0.0 and now_s >= self._due_s:
+            self._due_s = now_s + self._every_s
+            self._send("WATCHDOG=1")
+
+    def _send(self, message: str) -> None:
+        if not self._address:
+            return
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
+            sender.setblocking(False)  # the watch over the rig waits for nobody
+            # Who does not hear us acts on our silence; there is nobody else to tell.
+            with contextlib.suppress(OSError):
+                sender.sendto(message.encode(), self._address)
+
 
 PartName = Literal["rig", "api", "recorder"]
 Word = Literal["ready", "failed", "say", "step", "moved"]

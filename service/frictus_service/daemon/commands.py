@@ -31,10 +31,8 @@ from frictus.messages import (
 from frictus.stream import ticket_of
 from frictus_service.command_validation import CommandValidator
 from frictus_service.config import Limits
-from frictus_service.daemon.client_presence import ClientPresence
-from frictus_service.daemon.command_queue import CommandQueue
-from frictus_service.daemon.control import Control
-from frictus_service.daemon.interlock import Interlock
+from frictus_service.daemon.control import ClientPresence, Control, Interlock
+from frictus_service.daemon.inboxes import CommandQueue
 from frictus_service.daemon.scene_controller import SceneController
 
 ANSWERING: Final = {"pointer": 1, "guidance": 1, "answer": 64}

@@ -1,7 +1,9 @@
-"""Arming, leases and stops: each request becomes one event of the safety machine."""
+"""The safety state that a rig's threads share, and what becomes an event of it."""
 
+import threading
 from collections.abc import Callable
-from typing import Protocol, runtime_checkable
+from dataclasses import dataclass
+from typing import Final, Protocol, runtime_checkable
 
 from frictus.errors import RefusedError
 from frictus.messages import (
@@ -15,17 +17,184 @@ from frictus.messages import (
 from frictus_hardware.base import Backend
 from frictus_hardware.errors import ConfigError, HardwareError
 from frictus_service.config import Limits
-from frictus_service.daemon.interlock import Interlock
 from frictus_service.daemon.safety import (
     Arm,
     ClientVanished,
     Disarm,
     Event,
+    FaultRaised,
+    Refuse,
     Renew,
     Reset,
+    Safety,
     Stop,
+    Tick,
+    Tripped,
     refusal,
+    step,
 )
+
+
+@dataclass(frozen=True, slots=True)
+class EndedLease:
+    """How a lease ended.
+
+    Attributes
+    ----------
+    owner : str
+        Who held it.
+    by : str or None
+        The client whose doing it was; None for a fault or a renewal that did not come.
+    reason : str
+        For people.
+    """
+
+    owner: str
+    by: str | None
+    reason: str
+
+
+def ended_lease(before: Safety, event: Event, after: Safety, now_s: float) -> EndedLease | None:
+    """Return how the owner lost the rig between two states, or None where it did not.
+
+    Parameters
+    ----------
+    before, after : Safety
+        The states around the event.
+    event : Event
+        What happened, of `frictus_service.daemon.safety`.
+    now_s : float
+        Monotonic time of the event.
+    """
+    owner = before.owner
+    if owner is None or after.owner == owner:
+        return None
+    if now_s < before.lease_until_s:
+        match event:
+            case Stop(client):
+                return EndedLease(owner, client or None, "stopped")
+            case Disarm(client):
+                return EndedLease(owner, client, "disarmed")
+            case ClientVanished(client):
+                return EndedLease(owner, None, "the owner's process or its link is gone")
+            case FaultRaised(kind, reason):
+                return EndedLease(owner, None, f"{kind} fault: {reason}")
+    late = f"the lease of {1e3 * before.lease_s:g} ms was not renewed in time"
+    return EndedLease(owner, None, late)
+
+
+class Interlock:
+    """Holds the state; the machine itself is `frictus_service.daemon.safety.step`.
+
+    Parameters
+    ----------
+    initial : Safety
+        Disarmed, with the fault to show if a rig was restarted after one.
+    """
+
+    def __init__(self, initial: Safety | None = None) -> None:
+        self._lock = threading.Lock()
+        self._state = initial or Safety()
+        self._tick = Tick()
+        self.revision = 0
+        """Grows with every announced change."""
+        self.trips = 0
+        self.ended: EndedLease | None = None
+        """How the last lease ended."""
+
+    @property
+    def state(self) -> Safety:
+        """The state now."""
+        return self._state
+
+    def feed(self, event: Event, now_s: float) -> Refuse | None:
+        """Take an event; return the refusal where it was not accepted.
+
+        Parameters
+        ----------
+        event : Event
+            What happened, of `frictus_service.daemon.safety`.
+        now_s : float
+            Monotonic time.
+        """
+        with self._lock:
+            after, effects = step(self._state, event, now_s)
+            # First the reason: whoever sees the new state also sees it.
+            self.ended = ended_lease(self._state, event, after, now_s) or self.ended
+            self._state = after
+            refused = None
+            for effect in effects:
+                if isinstance(effect, Refuse):
+                    refused = effect
+                    continue
+                self.trips += isinstance(effect, Tripped)
+                self.revision += 1
+            return refused
+
+    def tick(self, now_s: float) -> Safety:
+        """Let time pass and return the state."""
+        self.feed(self._tick, now_s)
+        return self._state
+
+
+FALLEN: Final = 4096
+"""Names of clients whose token fell last that are kept."""
+CONFIRM_S: Final = 0.5
+"""A client that arms after its token fell must show it again within this time."""
+
+
+class ClientPresence:
+    """Follows the tokens of clients. Any thread may call it; it never waits for long.
+
+    A request to arm may be decided after its client has died and its token has fallen: such
+    an owner is given `CONFIRM_S` to show a token, not the whole lease.
+
+    Parameters
+    ----------
+    vanish : callable
+        Takes the rig from a client that is gone, if it holds it.
+    """
+
+    def __init__(self, vanish: Callable[[str], object]) -> None:
+        self._vanish = vanish
+        self._lock = threading.Lock()
+        self._fallen: dict[str, None] = {}
+        self._confirming: dict[str, threading.Timer] = {}
+
+    def on_token(self, client: str, present: bool) -> None:
+        """Take note that a client's token stands, or has fallen."""
+        with self._lock:
+            self._fallen.pop(client, None)
+            if not present:
+                if len(self._fallen) == FALLEN:
+                    del self._fallen[next(iter(self._fallen))]
+                self._fallen[client] = None
+        if not present:
+            self._vanish(client)
+
+    def on_armed(self, client: str) -> None:
+        """Take note that a client has armed the rig."""
+        with self._lock:
+            if client not in self._fallen or client in self._confirming:
+                return
+            timer = threading.Timer(CONFIRM_S, self._confirm, (client,))
+            timer.daemon = True
+            self._confirming[client] = timer
+        timer.start()
+
+    def _confirm(self, client: str) -> None:
+        with self._lock:
+            self._confirming.pop(client, None)
+            gone = client in self._fallen
+        if gone:
+            self._vanish(client)
+
+    def close(self) -> None:
+        """End what is still being confirmed."""
+        with self._lock:
+            timers = list(self._confirming.values())
+        for timer in timers:
+            timer.cancel()
 
 
 @runtime_checkable

@@ -13,10 +13,8 @@ from dataclasses import dataclass
 from queue import SimpleQueue
 from typing import Final
 
-import numpy as np
-
 from frictus.messages import FaultKind
-from frictus_hardware.base import Backend, Exchange
+from frictus_hardware.base import Backend
 from frictus_hardware.errors import (
     DeviceLostError,
     HardwareError,
@@ -24,13 +22,10 @@ from frictus_hardware.errors import (
     StreamLostError,
 )
 from frictus_service.config import Config
+from frictus_service.daemon.block_checks import BlockChecks, Lateness, OutputFlags
 from frictus_service.daemon.block_record import BlockRecord
-from frictus_service.daemon.heartbeat import Heartbeat
-from frictus_service.daemon.interlock import Interlock
-from frictus_service.daemon.lateness import Lateness
-from frictus_service.daemon.loop_inbox import LoopInbox, SceneUpdate
-from frictus_service.daemon.monitor import Monitor
-from frictus_service.daemon.output_flags import OutputFlags
+from frictus_service.daemon.control import Interlock
+from frictus_service.daemon.inboxes import LoopInbox, SceneUpdate
 from frictus_service.daemon.safety import (
     Event,
     FaultCleared,
@@ -39,10 +34,10 @@ from frictus_service.daemon.safety import (
     Safety,
 )
 from frictus_service.daemon.timebase import UtcReading
-from frictus_service.synthesis.chain import Chain, RenderedBlock
+from frictus_service.processes import Heartbeat
+from frictus_service.synthesis.compensability import screen_of
 from frictus_service.synthesis.estimator import EstimatorTuning, FingerEstimator
-from frictus_service.synthesis.model_law import screen_of
-from frictus_service.synthesis.renderer import RAMP_S, Renderer
+from frictus_service.synthesis.renderer import RAMP_S, Chain, RenderedBlock, Renderer
 
 HANDOVER_BLOCKS: Final = 64
 """Blocks that the publisher may lag behind: 320 ms."""
@@ -119,8 +114,6 @@ class BlockLoop:
         self._orders = orders
         self._heartbeat = heartbeat
         self._missed_limit = config.limits.missed_deadlines
-        self._tolerance_v = config.limits.monitor_tolerance_v
-        self._force_limit_n = config.limits.force_limit_n
         self._tuning = EstimatorTuning(stale_s=1e-3 * config.limits.finger_stale_ms)
         self._block_samples = config.block_samples
         self._monotonic_ns = monotonic_ns
@@ -128,19 +121,17 @@ class BlockLoop:
         self._sleep = sleep
         self._give_way_s = GIVE_WAY * config.block_samples / backend.info.clock_hz
         self.is_read = True
-        self._monitor = Monitor(backend.info.lead_samples)
+        self._checks = BlockChecks(backend, config.limits, self._feed)
         self._output_flags = OutputFlags(backend.info.lead_samples, config.block_samples)
         self._screen = screen_of(backend.info)
         self._rate_hz = backend.info.sample_rate_hz
         self.run = run
         self._number = 0
         self._energised = False
-        self._arming = 0
-        self._zero_from = 0
+        self._arming = self._zero_from = 0
         self._order: SceneUpdate | None = None
         self._standing: SceneUpdate | None = None
         self._parked: FaultKind | None = None
-        self._sensor_lost = False
         self._broken = False
         self._was_stale = True
         self._estimator = self._new_estimator()
@@ -190,9 +181,10 @@ class BlockLoop:
             reading = UtcReading(returned_ns, self._utc_ns(), self._monotonic_ns())
             self._output_flags.note(step, self._chain.renderer.scene.applied.scaled)
             self._hand_over(step, returned_ns, reading)  # early: readers wait for it
-            self._watch(step)
+            self._checks.check(step.exchange, self._zero_from)
             self._account(step, returned_ns)
-            self._check_health()
+            if self._number % HEALTH_BLOCKS == 0:
+                self._checks.check_health()
             return True
         except HardwareError as error:
             self._on_fault(error)
@@ -331,52 +323,13 @@ class BlockLoop:
         )
         self.handover.put(turn)
 
-    def _watch(self, step: RenderedBlock) -> None:
-        """Trip where the monitor contradicts the drive, or someone leans on the screen."""
-        exchange = step.exchange
-        forces_n = exchange.force_n.ravel()
-        # None is larger than all together, which mostly are within the limit, and soon told.
-        if not math.sqrt(np.dot(forces_n, forces_n)) <= self._force_limit_n:
-            self._watch_force(exchange)
-        apart_v = self._monitor.compare(exchange, self._zero_from)
-        if not apart_v <= self._tolerance_v:  # NaN must trip too
-            self._feed(
-                FaultRaised(
-                    "safety",
-                    f"the monitor is {apart_v:.3g} V rms off the drive at sample "
-                    f"{exchange.first_sample}, {self._tolerance_v:g} V is accepted",
-                )
-            )
-
-    def _watch_force(self, exchange: Exchange) -> None:
-        power_n2 = np.einsum("ij,ij->i", exchange.force_n, exchange.force_n)
-        largest_n = math.sqrt(float(power_n2.max()))
-        if not largest_n <= self._force_limit_n:
-            self._feed(
-                FaultRaised(
-                    "safety",
-                    f"a force of {largest_n:.3g} N at sample {exchange.first_sample}, "
-                    f"{self._force_limit_n:g} N is accepted",
-                )
-            )
-
-    def _check_health(self) -> None:
-        if self._number % HEALTH_BLOCKS:
-            return
-        wrong = self._backend.health()
-        if wrong is not None:
-            self._feed(FaultRaised("sensor", wrong))
-        elif self._sensor_lost:
-            self._feed(FaultCleared("sensor"))
-        self._sensor_lost = wrong is not None
-
     def _on_fault(self, error: HardwareError) -> None:
         kind: FaultKind = error.kind  # type: ignore[assignment]
         if kind in LOST:
             self._parked = kind
             self._feed(FaultRaised(kind, str(error)))
         elif kind == "sensor":
-            self._sensor_lost = True
+            self._checks.sensor_lost = True
             self._feed(FaultRaised(kind, str(error)))
         elif kind == "safety":
             self._feed(FaultRaised(kind, str(error)))
@@ -432,7 +385,7 @@ class BlockLoop:
         self._number = 0
         self._zero_from = 0
         self.lateness.restart()
-        self._monitor.restart()
+        self._checks.restart()
         self._output_flags.restart()
         self._renew_chain()
         return True

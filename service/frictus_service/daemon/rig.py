@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 from frictus.errors import FrameError, TextureError
 from frictus.messages import FaultKind
@@ -18,26 +18,29 @@ from frictus_hardware import open_backend
 from frictus_hardware.physics.screen import Screen
 from frictus_service.config import Config
 from frictus_service.daemon.commands import Commands
-from frictus_service.daemon.control import Control
-from frictus_service.daemon.heartbeat import Heartbeat
-from frictus_service.daemon.interlock import Interlock
+from frictus_service.daemon.control import Control, Interlock
+from frictus_service.daemon.inboxes import LoopInbox, ModelSlot
 from frictus_service.daemon.loop import BlockLoop
-from frictus_service.daemon.loop_inbox import LoopInbox, ModelSlot
-from frictus_service.daemon.publisher import Publisher
-from frictus_service.daemon.real_time import (
+from frictus_service.daemon.preparation import (
     LOOP_PRIORITY,
     PUBLISHER_PRIORITY,
     RealTimeBudget,
     budget_for,
     raise_priority,
+    warm_up,
 )
+from frictus_service.daemon.publisher import Publisher
 from frictus_service.daemon.retry import RetryingBackend
 from frictus_service.daemon.safety import Safety
 from frictus_service.daemon.scene_controller import SceneController, rendered_model
-from frictus_service.daemon.warmup import warm_up
 from frictus_service.errors import ConfigurationError, StartError
-from frictus_service.security.identity import tls_of_rig
-from frictus_service.synthesis.model_law import inverse_of_model, placeholder_model, screen_of
+from frictus_service.processes import Heartbeat, ReadySignal
+from frictus_service.security.members import tls_of_rig
+from frictus_service.synthesis.compensability import (
+    inverse_of_model,
+    placeholder_model,
+    screen_of,
+)
 
 JOIN_S: Final = 5.0
 SWITCH_S: Final = 2e-4
@@ -45,18 +48,10 @@ SWITCH_S: Final = 2e-4
 5 ms are a whole block, for which any thread that computes could hold up the loop."""
 
 
-class Signal(Protocol):
-    """An event: of threading or of multiprocessing."""
-
-    def set(self) -> None:
-        """Set it."""
-        ...
-
-
 def run_rig(
     config: Config,
     heartbeat: Heartbeat,
-    ready: Signal,
+    ready: ReadySignal,
     stop: threading.Event,
     fault: tuple[FaultKind, str] | None = None,
     say: Callable[[str], None] = lambda _line: None,
@@ -70,7 +65,7 @@ def run_rig(
         Of the service.
     heartbeat : Heartbeat
         Counts the loop's turns; 0 until the loop runs.
-    ready : Signal
+    ready : ReadySignal
         Set once the rig is present on the network.
     stop : threading.Event
         Ends the rig.

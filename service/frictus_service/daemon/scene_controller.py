@@ -21,15 +21,19 @@ from frictus.model import Model
 from frictus.stream import StreamFrame
 from frictus.textures import Scene
 from frictus_hardware.physics.screen import Screen
-from frictus_service.daemon.interlock import Interlock
-from frictus_service.daemon.loop_inbox import LoopInbox, ModelUpdate, RenderedModel, SceneUpdate
+from frictus_service.daemon.control import Interlock
+from frictus_service.daemon.inboxes import LoopInbox, ModelUpdate, RenderedModel, SceneUpdate
 from frictus_service.daemon.safety import refusal_to_render
-from frictus_service.etag import etag_of, etag_of_scene
+from frictus_service.json_text import etag_of, etag_of_scene
+from frictus_service.synthesis.compensability import inverse_of_model
 from frictus_service.synthesis.compensation import Inverse
-from frictus_service.synthesis.excitation import compile_excitation
-from frictus_service.synthesis.model_law import inverse_of_model
-from frictus_service.synthesis.scene import MAX_SCENE_BYTES, CompiledScene, compile_scene
-from frictus_service.synthesis.stream import StreamBudget
+from frictus_service.synthesis.scene import (
+    MAX_SCENE_BYTES,
+    CompiledScene,
+    StreamBudget,
+    compile_excitation,
+    compile_scene,
+)
 
 CACHED_SCENES: Final = 4
 """The newest scenes as compiled, by etag: so many, and of no more bytes than the largest."""

@@ -29,12 +29,16 @@ from frictus.session import declare_latest_publisher, open_session
 from frictus_hardware import reset_device
 from frictus_hardware.errors import HardwareError
 from frictus_service.config import Config
-from frictus_service.daemon.child_process import PartName, run_part
-from frictus_service.daemon.notify import ServiceManager
-from frictus_service.daemon.progress import PATIENCE_S, StartProgress
+from frictus_service.daemon.child_process import (
+    PATIENCE_S,
+    PartName,
+    ServiceManager,
+    StartProgress,
+    run_part,
+)
 from frictus_service.daemon.safety import ACTIONS
 from frictus_service.errors import StartError
-from frictus_service.security.identity import tls_of_rig
+from frictus_service.security.members import tls_of_rig
 from frictus_service.security.router import open_secured_router
 
 ALL: Final[tuple[PartName, ...]] = ("rig", "api", "recorder")

@@ -1,4 +1,4 @@
-"""The client of the demo, in a process of its own: it streams a texture and listens."""
+"""The client of the demo, in a process of its own: it streams a texture and is timed."""
 
 import contextlib
 import threading
@@ -16,10 +16,31 @@ from frictus.errors import SilenceError
 from frictus.gaps import BlockFeed
 from frictus.messages import Applied
 from frictus.rig import Rig, StreamName
-from frictus.streaming import TextureStream
+from frictus.stream import TextureStream
 from frictus.textures import Spectrum
-from frictus_hardware.physics.screen import Screen
-from frictus_service.fidelity.change import changed_samples
+from frictus_hardware.physics.screen import Screen, screen_voltage
+
+CHANGED_V: Final = 0.01
+"""Far above the rounding to float32, far below what an update does within a millisecond."""
+
+
+def changed_samples(block: Block, screen: Screen, bias: float) -> NDArray[np.intp]:
+    """Return the samples of a voltage block that are not what the bias alone gives.
+
+    Parameters
+    ----------
+    block : Block
+        Monitor volts.
+    screen : Screen
+        Its peak voltage, carrier and size.
+    bias : float
+        Drive fraction without texture.
+    """
+    voltage_v = block.data[0].astype(float)
+    drive = np.full(voltage_v.size, bias)
+    known_v = screen_voltage(screen, drive, block.first_sample, block.sample_rate_hz)
+    return np.flatnonzero(np.abs(voltage_v - known_v) > CHANGED_V)
+
 
 PERIOD_MM: Final = 32.0
 SAMPLES: Final = 2048

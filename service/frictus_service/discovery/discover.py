@@ -1,6 +1,8 @@
-"""From evidence to what a base model gets wrong, why, and what extending it gains."""
+"""From a study, or from evidence, to what a model gets wrong, why, and the extended model."""
 
-from collections.abc import Sequence
+import secrets
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -9,11 +11,12 @@ from frictus.model import Model
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.discovery.decision.caveats import caveats_on
 from frictus_service.discovery.decision.decision import decide
-from frictus_service.discovery.document import (
-    Discovery,
-    StudyFacts,
+from frictus_service.discovery.document import Discovery, StudyFacts
+from frictus_service.discovery.evidence.evidence_rows import (
+    TrialEvidence,
+    study_evidence,
+    subjects_of,
 )
-from frictus_service.discovery.evidence.evidence_rows import subjects_of
 from frictus_service.discovery.evidence.observation_table import (
     LEAST_UNITS,
     comparable,
@@ -21,14 +24,12 @@ from frictus_service.discovery.evidence.observation_table import (
     units_of,
     used,
 )
-from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 from frictus_service.discovery.inference.significance import signs
-from frictus_service.discovery.problem.base_models import simulator_of
-from frictus_service.discovery.problem.candidates import candidates_of
-from frictus_service.discovery.problem.nuisance import ResponseName
-from frictus_service.discovery.problem.patterns import patterns_of
+from frictus_service.discovery.problem.base_models import ResponseName, base_model, simulator_of
+from frictus_service.discovery.problem.candidates import candidates_of, patterns_of
 from frictus_service.discovery.problem.problem import DiscoveryProblem
 from frictus_service.discovery.report.assembly import Assembly, nothing_tested
+from frictus_service.study.importers import open_study
 
 
 def discover(
@@ -78,3 +79,52 @@ def discover(
     with threadpool_limits(limits=1):
         found = decide(problem, flips)
         return Assembly(problem, units, rows, found, flips, base, study, seed, told).document()
+
+
+def discover_study(
+    path: Path | str,
+    *,
+    response: ResponseName = "friction",
+    base: str = "paper",
+    seed: int | None = None,
+    workers: int | None = None,
+    cache: Path | str | None = None,
+    cluster: str | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> Discovery:
+    """Return what a base model gets wrong in a study, and why.
+
+    Parameters
+    ----------
+    path : Path or str
+        A study file.
+    response : {'friction', 'mobility'}
+    base : str
+        ``paper``, ``constant-cutoff`` or the path of a model.
+    seed : int or None
+        Of everything random; None: a fresh one, which the document holds.
+    workers, cache, cluster, tell
+        As for `identification.pipeline.study.observe_study`.
+
+    Raises
+    ------
+    BaseModelError
+        If there is no such base model.
+    StudyError
+        If the study cannot be read.
+    """
+    tell = tell or (lambda line: None)
+    seed = secrets.randbits(32) if seed is None else seed
+    criticised = base_model(base, response)
+    with open_study(path) as study:
+        mount, trials, sha256 = study.info.mount, study.trials, study.sha256
+    facts = StudyFacts(
+        path=str(path),
+        sha256=sha256,
+        participants=len({trial.participant for trial in trials}),
+        trials=len(trials),
+        trials_used=0,
+    )
+    evidence = study_evidence(path, workers=workers, cache=cache, cluster=cluster, tell=tell)
+    tell("criticising the base model")
+    return discover(evidence, facts, mount, criticised, seed=seed)

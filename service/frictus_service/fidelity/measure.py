@@ -11,9 +11,8 @@ from frictus_hardware.physics.friction import FrictionLaw, cutoff_hz, motion_fad
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.screen import Screen
 from frictus_hardware.physics.twin import Signals, Twin, simulate
-from frictus_service.fidelity.bands import band_power, error_db, rms_db
-from frictus_service.fidelity.path import BLOCK_SAMPLES, Path
-from frictus_service.fidelity.reference import exact_friction
+from frictus_service.fidelity.path import BLOCK_SAMPLES, Path, exact_friction
+from frictus_service.fidelity.preview import band_power, error_db, rms_db
 from frictus_service.synthesis.compensation import Invertible
 from frictus_service.synthesis.components import Components, components_of
 from frictus_service.synthesis.renderer import Renderer

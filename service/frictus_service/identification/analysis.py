@@ -6,6 +6,7 @@ from importlib.metadata import version
 import numpy as np
 
 from frictus_hardware.arrays import BoolArray, FloatArray
+from frictus_service.errors import Exclusion
 from frictus_service.identification.documents import (
     EffectTest,
     Identification,
@@ -22,20 +23,21 @@ from frictus_service.identification.fit.estimates import (
     values_of,
 )
 from frictus_service.identification.inference import effects, mixed_models
-from frictus_service.identification.inference.correlations import correlations_of
-from frictus_service.identification.inference.effects import Centre, number, per_participant
-from frictus_service.identification.inference.outliers import outliers_of
-from frictus_service.identification.inference.post_hoc import pairs_of
-from frictus_service.identification.observation.observations import TrialObservations
-from frictus_service.identification.report.caveats import notes_on
-from frictus_service.identification.report.population import population_of
+from frictus_service.identification.inference.correlations import correlations_of, outliers_of
+from frictus_service.identification.inference.effects import (
+    Centre,
+    number,
+    pairs_of,
+    per_participant,
+)
+from frictus_service.identification.observation.response import TrialObservations
+from frictus_service.identification.report.overview import population_of
+from frictus_service.identification.report.page import account_for, notes_on
 from frictus_service.identification.report.results import (
     conditions_of,
     participants_of,
     sweeps_of,
 )
-from frictus_service.identification.report.trial_accounting import account_for
-from frictus_service.study.errors import Exclusion
 
 
 def identify(

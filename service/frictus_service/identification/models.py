@@ -10,6 +10,7 @@ from frictus.model import (
     Model,
     Validity,
 )
+from frictus_service.errors import NoModelError
 from frictus_service.identification.documents import (
     CovarianceResult,
     Identification,
@@ -18,7 +19,6 @@ from frictus_service.identification.documents import (
     ParticipantResult,
     Population,
 )
-from frictus_service.identification.errors import NoModelError
 
 
 def participant_models(identification: Identification) -> list[Model]:

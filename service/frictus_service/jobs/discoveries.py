@@ -12,13 +12,11 @@ from dataclasses import dataclass
 from typing import Final
 
 from frictus_service.config import Config
-from frictus_service.discovery.errors import DiscoveryStateError, UnknownStudyError
-from frictus_service.discovery.jobs.documents import ACTIVE, DiscoveryJob, DiscoverySpec
-from frictus_service.discovery.jobs.store import DiscoveryStore
-from frictus_service.jobs.job_protocol import DiscoveryOrder, Failed, Found, Looked, Said
-from frictus_service.jobs.process import JobProcess
+from frictus_service.discovery.jobs import ACTIVE, DiscoveryJob, DiscoverySpec, DiscoveryStore
+from frictus_service.errors import DiscoveryStateError, UnknownStudyError
+from frictus_service.jobs.process import DiscoveryOrder, Failed, Found, JobProcess, Looked, Said
 
-DISCOVER: Final = "frictus_service.discovery.jobs.worker:carry_out"
+DISCOVER: Final = "frictus_service.discovery.jobs:carry_out"
 _LOG: Final = logging.getLogger(__name__)
 
 

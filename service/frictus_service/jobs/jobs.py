@@ -12,18 +12,16 @@ from typing import Final
 
 from frictus_service.calibration.job import CalibrationSpec, Progress
 from frictus_service.config import Config
-from frictus_service.jobs.job_protocol import Done, Failed, Moved, Order, Said
-from frictus_service.jobs.process import JobProcess
-from frictus_service.registry.calibrations import RESUMABLE
-from frictus_service.registry.documents import Calibration, CalibrationState, Published
-from frictus_service.registry.errors import (
+from frictus_service.errors import (
     CalibrationStateError,
     RegistryError,
     RegistryUnavailableError,
 )
-from frictus_service.registry.once import Once
-from frictus_service.registry.people import earlier_people
-from frictus_service.registry.store import Registry
+from frictus_service.jobs.process import Done, Failed, JobProcess, Moved, Order, Said
+from frictus_service.registry.calibrations import RESUMABLE
+from frictus_service.registry.database import Once
+from frictus_service.registry.documents import Calibration, CalibrationState, Published
+from frictus_service.registry.store import Registry, earlier_people
 
 RUN: Final = "frictus_service.calibration.run:run_calibration"
 CLOSE_S: Final = 4.0

@@ -16,12 +16,10 @@ from typing import IO, Final
 
 import frictus
 from frictus.errors import FrictusError
-from frictus_service.calibration.errors import CancelledError
 from frictus_service.calibration.job import CalibrationResult, Progress
-from frictus_service.discovery.errors import DiscoveryCancelledError
-from frictus_service.discovery.jobs.documents import DiscoveryProgress, DiscoveryResult
-from frictus_service.errors import ServiceError
-from frictus_service.jobs.job_protocol import (
+from frictus_service.discovery.jobs import DiscoveryProgress, DiscoveryResult
+from frictus_service.errors import CancelledError, DiscoveryCancelledError, ServiceError
+from frictus_service.jobs.process import (
     ORDER,
     AnyOrder,
     DiscoveryOrder,

@@ -13,9 +13,8 @@ from frictus.keys import ACCEL, FORCE, VOLTAGE
 from frictus.messages import RigStatus, TouchState
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.screen import Screen
-from frictus_service.calibration.errors import CaptureError
 from frictus_service.calibration.trial_capture import Stream, TrialCapture
-from frictus_service.recording.errors import ExportError
+from frictus_service.errors import CaptureError, Exclusion, ExportError
 from frictus_service.recording.reader import Ending, Item, RecordingReader, State
 from frictus_service.recording.samples import Samples
 from frictus_service.recording.segments import (
@@ -25,7 +24,6 @@ from frictus_service.recording.segments import (
     declared_segment,
     guided_segments,
 )
-from frictus_service.study.errors import Exclusion
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 from frictus_service.study.writer import StudyWriter
 

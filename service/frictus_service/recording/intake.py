@@ -13,7 +13,7 @@ from frictus.keys import STREAMS, RigKeys, Topic
 from frictus.messages import MAX_COUNT, MESSAGES
 from frictus.reception import Arrival, Declare, Feed
 from frictus.session import declare_reader
-from frictus_service.recording.notes import STREAM_NAMES, GapNote
+from frictus_service.recording.records import STREAM_NAMES, GapNote
 from frictus_service.recording.writer import STATES, RecordingWriter
 
 BLOCK_QUEUE: Final = 2_048

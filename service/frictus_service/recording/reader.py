@@ -19,16 +19,17 @@ from pydantic import ValidationError
 from frictus.errors import FrameError
 from frictus.keys import STREAMS
 from frictus.messages import MESSAGES, Message
-from frictus_service.recording.errors import RecordingError, TornError
-from frictus_service.recording.notes import (
+from frictus_service.errors import RecordingError, TornError
+from frictus_service.recording.records import (
     NOTES,
     EndNote,
     GapNote,
+    Inner,
     Note,
     PresenceNote,
     RecordingInfo,
+    RecordScanner,
 )
-from frictus_service.recording.records import Inner, RecordScanner
 from frictus_service.recording.samples import Samples
 from frictus_service.recording.writer import STATES
 

@@ -24,11 +24,11 @@ from frictus.messages import (
 from frictus.session import declare_latest_publisher
 from frictus_service.command_validation import CommandValidator
 from frictus_service.config import Config
-from frictus_service.recording.errors import NotWrittenError
+from frictus_service.errors import NotWrittenError
+from frictus_service.processes import ReadySignal
 from frictus_service.recording.recording import BEAT_S, SUFFIX, RecordingSession
-from frictus_service.recording.shelf import unfinished
-from frictus_service.security.identity import tls_of_rig
-from frictus_service.signals import ReadySignal
+from frictus_service.recording.summary import unfinished
+from frictus_service.security.members import tls_of_rig
 
 STATE_S: Final = 0.5
 """The state is told this often while something is recorded, and at every change."""

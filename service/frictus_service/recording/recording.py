@@ -14,9 +14,9 @@ import frictus
 from frictus.client import RigName
 from frictus.messages import RecordingState, RecordRequest
 from frictus_service.config import Config
-from frictus_service.recording.errors import NotWrittenError
+from frictus_service.errors import NotWrittenError
 from frictus_service.recording.intake import Intake
-from frictus_service.recording.notes import RecordingInfo
+from frictus_service.recording.records import RecordingInfo
 from frictus_service.recording.writer import RecordingWriter
 
 BEAT_S: Final = 0.05

@@ -1,4 +1,4 @@
-"""The records of an MCAP file, in order, each checked before anything is believed.
+"""The records of an MCAP file, and what a recorder writes down beside what it was sent.
 
 The `mcap` package's own reader takes short reads for whole ones, steps over records whose kind
 it does not know and leaves attachments unchecked; a torn file needs more distrust than that.
@@ -9,15 +9,100 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from io import BytesIO
-from typing import BinaryIO, Final, TypeVar
+from typing import Annotated, BinaryIO, Final, Literal, TypeVar
 
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, DataEnd, Footer, Message, Schema
 from mcap.writer import MCAP0_MAGIC
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
-from frictus_service.recording.errors import TornError
+from frictus.keys import STREAMS
+from frictus_service.errors import TornError
+
+PROFILE: Final = "frictus"
+GAPS: Final = "recording/gaps"
+PRESENCE: Final = "recording/presence"
+END: Final = "recording/end"
+STREAM_NAMES: Final = {
+    number: topic.suffix.removeprefix("stream/") for number, topic in STREAMS.items()
+}
+
+
+class Note(BaseModel):
+    """What all notes share."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    def to_json(self) -> bytes:
+        """Return the note as JSON bytes."""
+        return self.model_dump_json(by_alias=True).encode()
+
+
+class RecordingInfo(Note):
+    """The attachment `recording.json`: what this recording is."""
+
+    schema_: Annotated[Literal["recording/1"], Field(alias="schema")] = "recording/1"
+    name: str
+    site: str
+    rig: str
+    participant: str | None = None
+    notes: str = ""
+    started_utc_ns: int
+    software: str
+    """Name and version of what wrote it."""
+    host: str = ""
+    converter_steps: dict[str, FiniteFloat] = {}
+    """By stream; in these steps counts are stored."""
+
+
+class GapNote(Note):
+    """Something that is missing, written where it would have stood."""
+
+    utc_ns: int
+    """When the recorder saw it."""
+    stream: str
+    """`force`, `accel`, `voltage`, `truth`, or the topic of a state."""
+    run: int = 0
+    """Of the block that follows the gap."""
+    first_missing_sequence: int = 0
+    missing_blocks: int
+    """Or messages, of a state."""
+    missing_samples: int = 0
+    reason: Literal["lost", "overflow", "restart", "overrun", "unreadable"]
+    detail: str = ""
+
+
+class PresenceNote(Note):
+    """The rig was there, appeared or vanished."""
+
+    utc_ns: int
+    present: bool
+
+
+class StreamTotal(Note):
+    """What was written of a stream."""
+
+    blocks: int = 0
+    samples: int = 0
+    lost_blocks: int = 0
+
+
+class EndNote(Note):
+    """The last message of a recording that was ended rather than torn."""
+
+    utc_ns: int
+    reason: str
+    streams: dict[str, StreamTotal]
+
+
+NOTES: Final[dict[str, type[Note]]] = {
+    GAPS: GapNote,
+    PRESENCE: PresenceNote,
+    END: EndNote,
+}
+
 
 HEAD: Final = struct.Struct("<BQ")
 Inner = Schema | Channel | Message

@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 
 from frictus.keys import FORCE
 from frictus.messages import GuidanceState, SceneState
-from frictus_service.recording.errors import ExportError
+from frictus_service.errors import Exclusion, ExportError
 from frictus_service.recording.reader import Item, State
 from frictus_service.recording.samples import Samples
-from frictus_service.study.errors import Exclusion
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from frictus.keys import ACCEL, FORCE, VOLTAGE
 from frictus.messages import RigStatus, TouchState
 from frictus_hardware.replay.tape import Tape, write_tape
-from frictus_service.recording.errors import ExportError
+from frictus_service.errors import ExportError
 from frictus_service.recording.reader import Ending, Item, RecordingReader, State
 from frictus_service.recording.samples import Samples, counts_of
 from frictus_service.recording.segments import Outline, SampleRange

@@ -18,9 +18,8 @@ from frictus.block import Block
 from frictus.keys import STREAMS, Topic, Topics
 from frictus.messages import MESSAGES
 from frictus_service.durable import sync_folder
-from frictus_service.recording.coalescer import Coalescer
-from frictus_service.recording.errors import NotWrittenError
-from frictus_service.recording.notes import (
+from frictus_service.errors import NotWrittenError
+from frictus_service.recording.records import (
     END,
     GAPS,
     NOTES,
@@ -33,7 +32,7 @@ from frictus_service.recording.notes import (
     RecordingInfo,
     StreamTotal,
 )
-from frictus_service.recording.samples import Samples
+from frictus_service.recording.samples import Coalescer, Samples
 
 FLUSH_S: Final = 0.15
 """A chunk is closed and handed to the operating system this often."""

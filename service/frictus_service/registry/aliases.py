@@ -1,15 +1,27 @@
-"""Aliases: names that stand for one version of a model until somebody moves them."""
+"""Aliases stand for one version of a model; activations tell which rig was given which."""
 
 from collections.abc import Callable
 from typing import Any
 
 from sqlalchemy import Connection, Row, insert, select, update
 
+from frictus_service.errors import AliasConflictError, UnknownModelError
 from frictus_service.registry.database import Database
-from frictus_service.registry.documents import Alias, AliasMove
-from frictus_service.registry.errors import AliasConflictError, UnknownModelError
-from frictus_service.registry.names import check_alias, check_name
-from frictus_service.registry.tables import alias_moves, aliases, model_names, models
+from frictus_service.registry.documents import (
+    Activation,
+    Alias,
+    AliasMove,
+    VersionSummary,
+    check_alias,
+    check_name,
+)
+from frictus_service.registry.tables import (
+    activations,
+    alias_moves,
+    aliases,
+    model_names,
+    models,
+)
 
 
 class Aliases:
@@ -151,3 +163,63 @@ def _check_replaced(before: Alias | None, which: str, replaces: str | None) -> N
 
 def _alias(row: Row[Any]) -> Alias:
     return Alias.model_validate(row._mapping)
+
+
+class Activations:
+    """The activations of a registry.
+
+    Parameters
+    ----------
+    database : Database
+        Of the registry.
+    clock_ns : callable
+        UTC, ns.
+    """
+
+    def __init__(self, database: Database, clock_ns: Callable[[], int]) -> None:
+        self._database = database
+        self._clock_ns = clock_ns
+
+    def record(
+        self, version: VersionSummary, *, site: str, rig: str, confirmed: str, by: str
+    ) -> Activation:
+        """Keep that a rig was given a version.
+
+        Parameters
+        ----------
+        version : VersionSummary
+            What was published.
+        site, rig : str
+            Of the rig.
+        confirmed : str
+            Etag of the model that the rig says it applies.
+        by : str
+            Who asked for it.
+        """
+        activation = Activation(
+            site=site,
+            rig=rig,
+            name=version.name,
+            version=version.version,
+            etag=version.etag,
+            confirmed=confirmed,
+            activated_utc_ns=self._clock_ns(),
+            activated_by=by,
+        )
+        with self._database.write() as connection:
+            connection.execute(insert(activations).values(**activation.model_dump()))
+        return activation
+
+    def of(self, name: str, limit: int) -> list[Activation]:
+        """Return the newest activations of a model, newest first.
+
+        Raises
+        ------
+        RegistryNameError
+        """
+        query = select(activations).where(activations.c.name == check_name(name))
+        with self._database.read() as connection:
+            rows = connection.execute(
+                query.order_by(activations.c.id.desc()).limit(limit)
+            ).all()
+        return [Activation.model_validate(row._mapping) for row in rows]

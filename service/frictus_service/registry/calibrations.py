@@ -11,19 +11,18 @@ from sqlalchemy import Connection, Executable, Row, func, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Progress
-from frictus_service.registry.database import Database
+from frictus_service.errors import (
+    CalibrationStateError,
+    RigBusyError,
+    UnknownCalibrationError,
+)
+from frictus_service.registry.database import Database, Once
 from frictus_service.registry.documents import (
     Calibration,
     CalibrationEvent,
     CalibrationPage,
     CalibrationState,
 )
-from frictus_service.registry.errors import (
-    CalibrationStateError,
-    RigBusyError,
-    UnknownCalibrationError,
-)
-from frictus_service.registry.once import Once
 from frictus_service.registry.tables import calibration_events, calibrations, models
 
 ACTIVE: Final = ("queued", "running")

@@ -7,8 +7,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from frictus.model import FirstOrderSpeedLaw, Model, Validity
+from frictus_service.errors import ComparisonError
 from frictus_service.registry.documents import Published, VersionSummary
-from frictus_service.registry.errors import ComparisonError
 
 SPEEDS_MM_S: Final = (20.0, 40.0, 60.0, 80.0, 100.0)
 _Z95: Final = 1.959964

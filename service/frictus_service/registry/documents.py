@@ -1,11 +1,155 @@
-"""What the registry answers with; the REST API and the command line show it as it is."""
+"""What may be published under which name, and what the registry answers with.
 
-from typing import Annotated, Literal
+Names of models, and references to one version of them.
 
+A name has one or two parts: ``population``, ``rig1/P01``. A reference is ``rig1/P01@3`` (a
+version), ``rig1/P01@production`` (an alias) or ``rig1/P01`` (the newest version).
+"""
+
+import io
+import json
+import re
+from dataclasses import dataclass
+from typing import Annotated, Any, Final, Literal
+
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from frictus.model import Model
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Progress
+from frictus_service.errors import ProvenanceError, RegistryNameError
+
+_PART: Final = r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}"
+NAME: Final = rf"{_PART}(/{_PART})?"
+ALIAS: Final = "[a-z][a-z0-9_-]{0,31}"
+_WHICH: Final = "[1-9][0-9]{0,8}"
+REFERENCE: Final = rf"{NAME}(@({_WHICH}|{ALIAS}))?"
+"""Names, aliases and references, as patterns."""
+_NAME: Final = re.compile(NAME, re.ASCII)
+_ALIAS: Final = re.compile(ALIAS, re.ASCII)
+_VERSION: Final = re.compile(_WHICH, re.ASCII)
+RESERVED: Final = frozenset({"aliases", "audit", "compare", "model.json", "model.mat"})
+"""Parts that no name may have: the REST paths below a model's end with them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """Which version is meant.
+
+    Attributes
+    ----------
+    name : str
+        Name of the model.
+    which : int, str or None
+        Version, alias, or None for the newest.
+    """
+
+    name: str
+    which: int | str | None
+
+    def __str__(self) -> str:
+        """Return the reference as people write it."""
+        return self.name if self.which is None else f"{self.name}@{self.which}"
+
+
+def check_name(name: str) -> str:
+    """Return the name of a model.
+
+    Raises
+    ------
+    RegistryNameError
+        If no model can have it.
+    """
+    if not _NAME.fullmatch(name) or RESERVED.intersection(name.split("/")):
+        raise RegistryNameError(
+            f"model name {name[:150]!r}: one or two parts joined by '/' are accepted, such as "
+            "'population' or 'rig1/P01', each 1 to 64 letters, digits, '.', '_' and '-' "
+            f"beginning with a letter or digit; not {', '.join(sorted(RESERVED))}"
+        )
+    return name
+
+
+def check_alias(alias: str) -> str:
+    """Return the name of an alias.
+
+    Raises
+    ------
+    RegistryNameError
+        If no alias can have it.
+    """
+    if not _ALIAS.fullmatch(alias):
+        raise RegistryNameError(
+            f"alias {alias[:80]!r}: 1 to 32 lower-case letters, digits, '_' and '-' beginning "
+            "with a letter are accepted, such as 'production'"
+        )
+    return alias
+
+
+def parse_reference(text: str) -> Reference:
+    """Return what ``NAME``, ``NAME@VERSION`` or ``NAME@ALIAS`` stands for.
+
+    Raises
+    ------
+    RegistryNameError
+        If it is none of them.
+    """
+    name, at, which = text.partition("@")
+    check_name(name)
+    if not at:
+        return Reference(name, None)
+    if _VERSION.fullmatch(which):
+        return Reference(name, int(which))
+    return Reference(name, check_alias(which))
+
+
+_SHA256: Final = re.compile(r"[0-9a-f]{64}", re.ASCII)
+
+
+def check_provenance(model: Model) -> None:
+    """Check that a model says where it comes from.
+
+    One that was identified from a study names the study's hash, the code and its settings; any
+    other names its ``source`` in words. Whom it is of and where it is valid stand in the model.
+
+    Parameters
+    ----------
+    model : Model
+        Its ``provenance`` is looked at: ``study_sha256`` (one or a list), ``code_version``,
+        ``settings`` and, where chance was involved, ``seed``; or ``source``.
+
+    Raises
+    ------
+    ProvenanceError
+        If something is missing, or the model is a placeholder.
+    """
+    if model.placeholder:
+        raise ProvenanceError(
+            "a placeholder is not published: nobody measured it; calibrate, or clear "
+            "`placeholder` and name the `source` in its provenance"
+        )
+    told = model.provenance
+    if "study_sha256" not in told:
+        if not _is_text(told.get("source")):
+            raise ProvenanceError(
+                "provenance needs `study_sha256`, `code_version` and `settings` of the "
+                "analysis, or `source` with a text that says where the model comes from"
+            )
+        return
+    hashes = told["study_sha256"]
+    listed = hashes if isinstance(hashes, list | tuple) else [hashes]
+    if not listed or not all(_is_text(h) and _SHA256.fullmatch(h) for h in listed):
+        raise ProvenanceError(
+            "provenance.study_sha256 must be 64 lower-case hexadecimal digits, or a list of it"
+        )
+    if not _is_text(told.get("code_version")):
+        raise ProvenanceError("provenance.code_version must name the version of the code")
+    if not isinstance(told.get("settings"), dict):
+        raise ProvenanceError("provenance.settings must be an object: what was set")
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str) and bool(value.strip())
+
 
 CalibrationState = Literal["queued", "running", "interrupted", "cancelled", "failed", "done"]
 
@@ -127,3 +271,45 @@ class CalibrationEvent(_Document):
     utc_ns: int
     kind: Literal["state", "progress"]
     data: Annotated[str, Field(description="JSON: the state, or the progress")]
+
+
+def to_mat(published: Published) -> bytes:
+    """Return a MATLAB 5 file of a published model; `docs/registry.md` has its variables.
+
+    Parameters
+    ----------
+    published : Published
+        Numbers become doubles, texts char arrays; the whole document stands in ``document`` as
+        JSON, so that nothing is lost.
+    """
+    from scipy.io import savemat  # seconds, and few ask for it
+
+    model = published.model
+    base = model.base.model_dump(include=set(type(model.base).model_fields) - {"law"})
+    covariance = model.covariance
+    names = covariance.parameters if covariance is not None else []
+    matrix = covariance.matrix if covariance is not None else np.empty((0, 0))
+    variables: dict[str, Any] = {
+        "schema": model.schema_,
+        "name": published.name,
+        "version": float(published.version),
+        "etag": published.etag,
+        "response": model.response,
+        "law": model.base.law,
+        "parameters": {name: float(value) for name, value in base.items()},
+        "hold_s": model.hold_s,
+        "skew_s": model.skew_s,
+        "validity": {
+            name: np.array(getattr(model.validity, name), dtype=np.float64)
+            for name in type(model.validity).model_fields
+        },
+        "covariance": np.asarray(matrix, dtype=np.float64),
+        "covariance_parameters": np.array(names, dtype=object),
+        "participant": model.participant or "",
+        "published_utc": str(np.datetime64(published.published_utc_ns, "ns")) + "Z",
+        "provenance": json.dumps(model.provenance),
+        "document": model.to_json().decode(),
+    }
+    content = io.BytesIO()
+    savemat(content, variables, long_field_names=True, oned_as="row")  # type: ignore[arg-type]
+    return content.getvalue()

@@ -8,16 +8,20 @@ from typing import Any, Final, Literal, Self
 from sqlalchemy import Column, Connection, Row, insert, select
 
 from frictus.model import Model
-from frictus_service.etag import etag_of
-from frictus_service.registry.activations import Activations
-from frictus_service.registry.aliases import Aliases
+from frictus_service.errors import UnknownCalibrationError, UnknownModelError
+from frictus_service.json_text import etag_of
+from frictus_service.registry.aliases import Activations, Aliases
 from frictus_service.registry.calibrations import Calibrations
-from frictus_service.registry.database import Database, insert_or
-from frictus_service.registry.documents import Published, VersionPage, VersionSummary
-from frictus_service.registry.errors import UnknownCalibrationError, UnknownModelError
-from frictus_service.registry.names import Reference, check_name, parse_reference
-from frictus_service.registry.once import Once
-from frictus_service.registry.provenance import check_provenance
+from frictus_service.registry.database import Database, Once, insert_or
+from frictus_service.registry.documents import (
+    Published,
+    Reference,
+    VersionPage,
+    VersionSummary,
+    check_name,
+    check_provenance,
+    parse_reference,
+)
 from frictus_service.registry.tables import aliases, calibrations, model_names, models
 
 _SUMMARY: Final[list[Column[Any]]] = [models.c[field] for field in VersionSummary.model_fields]
@@ -257,3 +261,36 @@ def _summary(row: Row[*tuple[Any, ...]]) -> VersionSummary:
 def _published(row: Row[Any]) -> Published:
     model = Model.model_validate_json(row.document)
     return Published.model_validate({**row._mapping, "model": model})
+
+
+MOST: Final = 200
+_LAW: Final = frozenset({"gain_n", "cutoff_0_hz", "slope_hz_per_mm_s"})
+
+
+def earlier_people(registry: Registry, besides: str) -> tuple[Model, ...]:
+    """Return the newest published friction model of each participant, newest first.
+
+    Models without a covariance of their law are left out: nothing can be learned from them.
+
+    Parameters
+    ----------
+    registry : Registry
+        Of published models.
+    besides : str
+        Pseudonym of a participant whose own models are left out.
+    """
+    found: dict[str, Model] = {}
+    after = 0
+    while len(found) < MOST:
+        page = registry.find(population=False, response="friction", newest=True, after=after)
+        for summary in page.models:
+            person = summary.participant
+            if person is None or person == besides or person in found:
+                continue
+            model = registry.get(summary.reference).model
+            if model.covariance is not None and _LAW <= set(model.covariance.parameters):
+                found[person] = model
+        if page.next is None:
+            break
+        after = page.next
+    return tuple(found.values())

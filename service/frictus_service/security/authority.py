@@ -16,7 +16,7 @@ from cryptography.hazmat.primitives.serialization import (
 )
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from frictus_service.security.errors import MemberNameError
+from frictus_service.errors import MemberNameError
 from frictus_service.security.members import Member
 
 BACKDATED: Final = datetime.timedelta(minutes=5)

@@ -12,12 +12,12 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import NameOID
 
-from frictus_service.security.authority import Issued
-from frictus_service.security.errors import (
+from frictus_service.errors import (
     CertificateFileError,
     MemberNameError,
     WouldOverwriteError,
 )
+from frictus_service.security.authority import Issued
 from frictus_service.security.members import Member
 
 AUTHORITY: Final = "ca"

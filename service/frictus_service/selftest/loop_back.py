@@ -8,8 +8,15 @@ from numpy.typing import NDArray
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.selftest.playing import PEAK_V, Played
-from frictus_service.selftest.report import Finding, Measure, Outcome, beyond, judged, lost
-from frictus_service.selftest.spread import mean_and_half
+from frictus_service.selftest.report import (
+    Finding,
+    Measure,
+    Outcome,
+    beyond,
+    judged,
+    lost,
+    mean_and_half,
+)
 
 TEST: Final = "loop-back"
 PERIODS: Final = 20

@@ -8,8 +8,16 @@ import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.selftest.playing import Played
-from frictus_service.selftest.report import Finding, Measure, Outcome, beyond, judged, lost
-from frictus_service.selftest.spread import half_width, mean_and_half
+from frictus_service.selftest.report import (
+    Finding,
+    Measure,
+    Outcome,
+    beyond,
+    half_width,
+    judged,
+    lost,
+    mean_and_half,
+)
 
 TEST: Final = "noise floor"
 SECONDS: Final = 4.0

@@ -7,10 +7,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from frictus_hardware.arrays import FloatArray
-from frictus_hardware.sensors.orientation_check import Orientation, check_orientation
-from frictus_hardware.sensors.rotation import AXES
-from frictus_service.selftest.report import Finding, Measure, Outcome, judged
-from frictus_service.selftest.spread import half_width
+from frictus_hardware.sensors.rotation import AXES, Orientation, check_orientation
+from frictus_service.selftest.report import Finding, Measure, Outcome, half_width, judged
 
 SECONDS: Final = 4.0
 HOW: Final = {

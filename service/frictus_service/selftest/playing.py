@@ -1,6 +1,10 @@
-"""Playing a drive on a rig and taking down what it senses, sample by sample."""
+"""Playing a drive on a rig and taking down what it senses, closed whole also on Ctrl-C."""
 
+import signal
+import threading
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Final
 
@@ -10,7 +14,31 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Backend, Exchange
 from frictus_service.daemon.retry import RetryingBackend
 from frictus_service.errors import ServiceError
-from frictus_service.selftest.interrupt import interrupt_put_off
+
+
+@contextmanager
+def interrupt_put_off() -> Iterator[Callable[[], bool]]:
+    """Yield a function that says whether Ctrl-C was pressed; nothing is torn by it meanwhile.
+
+    Outside of the main thread, which alone hears Ctrl-C, it changes nothing.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        At the end, if it was pressed and nothing else is raised.
+    """
+    pressed = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield pressed.is_set
+        return
+    former = signal.signal(signal.SIGINT, lambda _number, _frame: pressed.set())
+    try:
+        yield pressed.is_set
+    finally:
+        signal.signal(signal.SIGINT, former)
+    if pressed.is_set():
+        raise KeyboardInterrupt
+
 
 PEAK_V: Final = 5.0
 """No test drives the screen beyond this; the rig itself would allow up to 75 V."""

@@ -1,8 +1,32 @@
 """What a test found: figures with unit and uncertainty, a verdict, and what to do."""
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
+
+import numpy as np
+from scipy.special import stdtrit
+
+from frictus_hardware.arrays import FloatArray
+
+
+def mean_and_half(values: FloatArray) -> tuple[float, float]:
+    """Return the mean of independent estimates and half of its 95 % interval.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n_estimates,)
+        Two or more.
+    """
+    spread = float(np.std(values, ddof=1))
+    return float(np.mean(values)), half_width(spread / math.sqrt(values.size), values.size - 1)
+
+
+def half_width(standard_error: float, degrees_of_freedom: int) -> float:
+    """Return half of the 95 % interval of Student's t."""
+    return standard_error * float(stdtrit(degrees_of_freedom, 0.975))
+
 
 Verdict = Literal["ok", "warn", "fail", "skip"]
 WORSE: Final[tuple[Verdict, ...]] = ("skip", "ok", "warn", "fail")

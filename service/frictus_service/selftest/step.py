@@ -9,8 +9,14 @@ from numpy.typing import NDArray
 from frictus_hardware.arrays import FloatArray
 from frictus_service.selftest.loop_back import DELAY_SAMPLES, EARLY_SAMPLES
 from frictus_service.selftest.playing import PEAK_V, Played
-from frictus_service.selftest.report import Finding, Measure, Outcome, beyond, judged
-from frictus_service.selftest.spread import mean_and_half
+from frictus_service.selftest.report import (
+    Finding,
+    Measure,
+    Outcome,
+    beyond,
+    judged,
+    mean_and_half,
+)
 
 TEST: Final = "step latency"
 STEPS: Final = 60

@@ -10,13 +10,12 @@ from typing import Any, Self
 
 import h5py
 
-from frictus_service.study import attributes
-from frictus_service.study.errors import Exclusion, FieldError, StudyError, TrialError
+from frictus_service.errors import Exclusion, FieldError, StudyError, TrialError
+from frictus_service.study import hdf5
 from frictus_service.study.hdf5 import attributes_of, group_in, names_in, open_file
 from frictus_service.study.layout import ROOT, SCHEMA
-from frictus_service.study.mount import parse_mount
 from frictus_service.study.plausible import check_asked, check_measured, check_study
-from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
+from frictus_service.study.trial import StudyInfo, Trial, TrialInfo, parse_mount
 from frictus_service.study.trial_group import count_samples, read_asked, read_trial
 
 
@@ -147,14 +146,14 @@ class StudyReader:
 
 
 def _read_info(held: Mapping[str, Any]) -> StudyInfo:
-    schema = attributes.text(held, "schema")
+    schema = hdf5.text(held, "schema")
     if schema != SCHEMA:
         raise FieldError("schema", f"is {schema!r}; accepted: {SCHEMA!r}")
-    mount_json = attributes.text(held, "mount") if "mount" in held else None
+    mount_json = hdf5.text(held, "mount") if "mount" in held else None
     info = StudyInfo(
-        rig=attributes.text(held, "rig"),
-        carrier_hz=attributes.number(held, "carrier_hz"),
-        screen_peak_v=attributes.number(held, "screen_peak_v"),
+        rig=hdf5.text(held, "rig"),
+        carrier_hz=hdf5.number(held, "carrier_hz"),
+        screen_peak_v=hdf5.number(held, "screen_peak_v"),
         mount=None if mount_json is None else parse_mount(mount_json),
         mount_json=mount_json,
         extras=_extras(held),
@@ -166,7 +165,7 @@ def _read_info(held: Mapping[str, Any]) -> StudyInfo:
 def _extras(held: Mapping[str, Any]) -> dict[str, str | int | float]:
     extras: dict[str, str | int | float] = {}
     for name in sorted(set(held) - set(ROOT)):
-        value = attributes.plain(held[name])
+        value = hdf5.plain(held[name])
         if isinstance(value, tuple):
             extras[name] = json.dumps(value)
         elif value is not None:

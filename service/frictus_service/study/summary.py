@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from frictus_service.study.errors import Exclusion
+from frictus_service.errors import Exclusion
+from frictus_service.study.importers import Study, read_all
 from frictus_service.study.layout import NAMES
-from frictus_service.study.study import Study, read_all
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 
 

@@ -1,10 +1,15 @@
 """One trial, and what holds for all trials of a study. `docs/study.md` is the format."""
 
+import json
+import math
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
+
+import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.linear import TransferFunction
+from frictus_service.errors import FieldError
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,3 +113,106 @@ class Trial:
     skin_skew_s: float = 0.0
     voltage_source: Literal["command", "monitor"] = "command"
     sha256: str = ""
+
+
+def row_of(trial: Trial) -> dict[str, Any]:
+    """Return names and plain values.
+
+    As in the study file, but the targets are `target_speed_mm_s` and `target_force_n`, apart
+    from the force that was measured, and the tones a list, empty where there was no drive.
+    """
+    info = trial.info
+    return {
+        "id": info.id,
+        "participant": info.participant,
+        "session": info.session,
+        "order": info.order,
+        "target_speed_mm_s": info.speed_mm_s,
+        "target_force_n": info.force_n,
+        "tone_hz": list(info.tones_hz),
+        "drive_vpp": info.drive_vpp,
+        "sample_rate_hz": info.sample_rate_hz,
+        "started_utc": info.started_utc,
+        "voltage_source": trial.voltage_source,
+        "force_skew_s": trial.force_skew_s,
+        "skin_skew_s": trial.skin_skew_s,
+        "sha256": trial.sha256,
+    }
+
+
+ACCEPTED = (
+    'accepted: JSON {"lateral": {"numerator": [...], "denominator": [...]}}, polynomials in s, '
+    "highest power first, rad/s; leave the attribute away where there is no mount"
+)
+GAIN_AT_REST = (0.1, 10.0)
+
+
+def parse_mount(document: str) -> TransferFunction | None:
+    """Return the lateral response of the mount, force to force; None if it names none.
+
+    Parameters
+    ----------
+    document : str
+        The attribute's text.
+
+    Raises
+    ------
+    FieldError
+        If it is not JSON, or `lateral` is not a proper, stable transfer function whose gain at
+        rest is 0.1 to 10.
+    """
+    try:
+        parsed = json.loads(document)
+    except (ValueError, RecursionError) as error:
+        raise FieldError("mount", f"is not JSON ({error}); {ACCEPTED}") from error
+    if not isinstance(parsed, dict):
+        raise FieldError("mount", f"is not a JSON object; {ACCEPTED}")
+    lateral = parsed.get("lateral")
+    if lateral is None:
+        return None
+    if not isinstance(lateral, dict):
+        raise FieldError("mount", f"its lateral is not an object; {ACCEPTED}")
+    transfer = TransferFunction(
+        _polynomial(lateral, "numerator"), _polynomial(lateral, "denominator")
+    )
+    _check(transfer)
+    return transfer
+
+
+def mount_text(info: StudyInfo) -> str | None:
+    """Return the attribute of a study, which `parse_mount` reads; None: no mount."""
+    if info.mount_json is not None or info.mount is None:
+        return info.mount_json
+    lateral = {
+        "numerator": list(info.mount.numerator),
+        "denominator": list(info.mount.denominator),
+    }
+    return json.dumps({"lateral": lateral})
+
+
+def _polynomial(lateral: dict[str, Any], name: str) -> tuple[float, ...]:
+    found = lateral.get(name)
+    if not isinstance(found, list) or not found:
+        raise FieldError("mount", f"lateral.{name} is {found!r}; {ACCEPTED}")
+    numeric = all(
+        isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        for value in found
+    )
+    if not numeric:
+        raise FieldError("mount", f"lateral.{name} holds other than numbers; {ACCEPTED}")
+    return tuple(float(value) for value in found)
+
+
+def _check(transfer: TransferFunction) -> None:
+    if len(transfer.numerator) > len(transfer.denominator) or transfer.denominator[0] == 0.0:
+        raise FieldError("mount", f"lateral is not a proper transfer function; {ACCEPTED}")
+    if not np.all(np.roots(transfer.denominator).real < 0.0):
+        raise FieldError("mount", f"lateral is not stable; {ACCEPTED}")
+    at_rest = transfer.denominator[-1]
+    gain = transfer.numerator[-1] / at_rest
+    if not GAIN_AT_REST[0] <= gain <= GAIN_AT_REST[1]:
+        raise FieldError(
+            "mount",
+            f"lateral has a gain of {gain:.3g} at rest; accepted: {GAIN_AT_REST[0]:g} to "
+            f"{GAIN_AT_REST[1]:g}, newton to newton; highest power first, rad/s",
+        )

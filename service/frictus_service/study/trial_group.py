@@ -8,16 +8,16 @@ import h5py
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
-from frictus_service.study import attributes
-from frictus_service.study.digest import digest
-from frictus_service.study.encoding import ConverterStep
-from frictus_service.study.errors import FieldError
+from frictus_service.errors import FieldError
+from frictus_service.study import hdf5
 from frictus_service.study.hdf5 import Stored, attributes_of, data_sets_in
 from frictus_service.study.layout import (
     DATA_SETS,
     MAX_VALUES,
     NAMES,
+    ConverterStep,
     DataSet,
+    digest,
     is_shape_of,
     shape_hint,
 )
@@ -78,18 +78,18 @@ def read_trial(trial_id: str, group: h5py.Group) -> Trial:
 
 
 def _asked(trial_id: str, held: Mapping[str, Any]) -> TrialInfo:
-    tones = attributes.numbers(held, "tone_hz")
+    tones = hdf5.numbers(held, "tone_hz")
     return TrialInfo(
         id=trial_id,
-        participant=attributes.text(held, "participant"),
-        session=attributes.whole(held, "session"),
-        order=attributes.whole(held, "order"),
-        speed_mm_s=attributes.number(held, "speed_mm_s"),
-        force_n=attributes.number(held, "force_n"),
+        participant=hdf5.text(held, "participant"),
+        session=hdf5.whole(held, "session"),
+        order=hdf5.whole(held, "order"),
+        speed_mm_s=hdf5.number(held, "speed_mm_s"),
+        force_n=hdf5.number(held, "force_n"),
         tones_hz=tuple(map(float, tones)) if any(tones) else (),
-        drive_vpp=attributes.number(held, "drive_vpp"),
-        sample_rate_hz=attributes.number(held, "sample_rate_hz"),
-        started_utc=attributes.text(held, "started_utc"),
+        drive_vpp=hdf5.number(held, "drive_vpp"),
+        sample_rate_hz=hdf5.number(held, "sample_rate_hz"),
+        started_utc=hdf5.text(held, "started_utc"),
     )
 
 
@@ -151,7 +151,7 @@ def _per_column(stored: Stored, key: str, columns: int) -> tuple[float, ...]:
             stored.name,
             f"holds integers without the attribute {key}; value = raw * scale + offset",
         )
-    found = attributes.numbers(stored.attributes, key)
+    found = hdf5.numbers(stored.attributes, key)
     usable = len(found) in (1, columns) and bool(np.all(np.isfinite(found)))
     if not usable or (key == "scale" and 0.0 in found):
         raise FieldError(
@@ -163,13 +163,13 @@ def _per_column(stored: Stored, key: str, columns: int) -> tuple[float, ...]:
 def _skew(stored: Stored | None) -> float:
     if stored is None:
         return 0.0
-    return attributes.number(stored.attributes, "skew_s", default=0.0)
+    return hdf5.number(stored.attributes, "skew_s", default=0.0)
 
 
 def _source(stored: Stored | None) -> Literal["command", "monitor"]:
     if stored is None or "source" not in stored.attributes:
         return "command"
-    source = attributes.text(stored.attributes, "source")
+    source = hdf5.text(stored.attributes, "source")
     if source not in ("command", "monitor"):
         raise FieldError(
             "voltage_v", f"has source = {source!r}; accepted: 'command' or 'monitor'"
@@ -178,7 +178,7 @@ def _source(stored: Stored | None) -> Literal["command", "monitor"]:
 
 
 def _check_hash(held: Mapping[str, Any], found: str) -> None:
-    if "sha256" in held and attributes.text(held, "sha256") != found:
+    if "sha256" in held and hdf5.text(held, "sha256") != found:
         raise FieldError(
             "sha256",
             "the content does not match it: the file is damaged, or was edited; restore it, or "

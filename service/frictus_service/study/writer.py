@@ -10,12 +10,18 @@ import h5py
 import numpy as np
 
 from frictus_service.durable import put_in_place
-from frictus_service.study.digest import digest
-from frictus_service.study.encoding import ConverterStep, Encoded, encode
-from frictus_service.study.errors import FieldError, StudyError
-from frictus_service.study.layout import DATA_SETS, SCHEMA, is_shape_of, shape_hint
-from frictus_service.study.mount import mount_text
-from frictus_service.study.trial import StudyInfo, Trial
+from frictus_service.errors import FieldError, StudyError
+from frictus_service.study.layout import (
+    DATA_SETS,
+    SCHEMA,
+    ConverterStep,
+    Encoded,
+    digest,
+    encode,
+    is_shape_of,
+    shape_hint,
+)
+from frictus_service.study.trial import StudyInfo, Trial, mount_text
 
 MAX_CHUNK_ROWS: Final = 1 << 20
 

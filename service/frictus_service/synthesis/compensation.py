@@ -6,8 +6,7 @@ from typing import Final
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
-from frictus_hardware.physics.friction import FrictionLaw
-from frictus_hardware.physics.rolloff import pole_zero_pairs
+from frictus_hardware.physics.friction import FrictionLaw, pole_zero_pairs
 from frictus_hardware.physics.schedule import Schedule, SlidingConditions
 from frictus_service.synthesis.tables import TOP_HZ
 

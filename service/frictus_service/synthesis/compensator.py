@@ -1,13 +1,136 @@
-"""Plays an inverse block by block: the state that undoing a law with effects needs."""
+"""Plays an inverse block by block, compiled: what undoing a law with effects needs.
+
+The compiled inner loop for a law with effects: what `kernel.invert` alone cannot undo.
+
+Pure functions on arrays, as in `kernel`: they allocate nothing and cannot raise. A state is
+carried by the caller.
+"""
 
 import numpy as np
+from numba import njit
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.schedule import SlidingConditions
-from frictus_service.synthesis import compensation_kernels, kernel
+from frictus_service.synthesis import kernel
 from frictus_service.synthesis.compensation import FORGET_HZ, Inverse
 from frictus_service.synthesis.estimator import PredictedMotion
+
+
+@njit(cache=True, nogil=True)
+def invert_scheduled(gain_n, cutoff_hz, motion, speed_range, sample_rate_hz, friction_n, out):  # type: ignore[no-untyped-def]
+    """Write the drive at a gain and a cutoff of their own in each sample; return extrapolated.
+
+    As `invert`, but the drive is neither clipped nor counted: more may have to be undone.
+
+    Parameters
+    ----------
+    gain_n, cutoff_hz : tuple of float
+        At the first sample and at the one after the last; linear in between.
+    motion : Motion
+        Of the finger during the block.
+    speed_range : tuple of float
+        Slowest and fastest, mm/s, for the count alone.
+    sample_rate_hz : float
+        Samples per second of the device's clock.
+    friction_n : ndarray, shape (n_samples + 1,)
+        Target at each sample and at the one after the last, N.
+    out : ndarray, shape (n_samples,)
+    """
+    n_samples = out.size
+    extrapolated = 0
+    for n in range(n_samples):
+        share = n / n_samples
+        speed = motion.speed_0 + share * (motion.speed_1 - motion.speed_0)
+        if not speed_range[0] <= speed <= speed_range[1]:
+            extrapolated += 1
+        gain = gain_n[0] + share * (gain_n[1] - gain_n[0])
+        cutoff = cutoff_hz[0] + share * (cutoff_hz[1] - cutoff_hz[0])
+        decay = np.exp(-2.0 * np.pi * cutoff / sample_rate_hz)
+        out[n] = (friction_n[n + 1] - decay * friction_n[n]) / ((1.0 - decay) * gain)
+    return extrapolated
+
+
+@njit(cache=True, nogil=True)
+def swap_pairs(zeros, poles, cutoff_hz, sample_rate_hz, state, before, friction_n):  # type: ignore[no-untyped-def]
+    """Undo a cascade of pole-zero pairs on a target, in place.
+
+    Each pair ``(1 + s / z) / (1 + s / p)`` becomes ``(1 + s / p) / (1 + s / z)``, which is
+    stable as well: ``z / p`` of the input and ``1 - z / p`` of its low-pass at z, whose input
+    runs straight from sample to sample.
+
+    Parameters
+    ----------
+    zeros, poles : ndarray, shape (n_pairs,)
+        As multiples of the cutoff.
+    cutoff_hz : tuple of float
+        At the first sample and at the one after the last; linear in between.
+    sample_rate_hz : float
+        Samples per second of the device's clock.
+    state, before : ndarray, shape (n_pairs,)
+        The low-passes and their inputs at the first sample; left as they are at the one after
+        the last.
+    friction_n : ndarray, shape (n_samples + 1,)
+    """
+    n_samples = friction_n.size - 1
+    for n in range(n_samples + 1):
+        cutoff = cutoff_hz[0] + n / n_samples * (cutoff_hz[1] - cutoff_hz[0])
+        value = friction_n[n]
+        for k in range(zeros.size):
+            if n > 0:
+                turned = 2.0 * np.pi * cutoff * zeros[k] / sample_rate_hz
+                passed = -np.expm1(-turned)
+                rise = value - before[k]
+                state[k] += passed * (before[k] - state[k]) + (1.0 - passed / turned) * rise
+                before[k] = value
+            share = zeros[k] / poles[k]
+            value = share * value + (1.0 - share) * state[k]
+        friction_n[n] = value
+
+
+@njit(cache=True, nogil=True)
+def refill(leak, forget, bias, state, drive):  # type: ignore[no-untyped-def]
+    """Add to a drive, in place, what a high-pass takes from it, except bias and slow changes.
+
+    ``1 + w_l s / (s + w_k)^2`` against ``s / (s + w_l)``: the integral of the drive about its
+    bias, forgotten below w_k, without which what is constant would ask for ever more.
+
+    Parameters
+    ----------
+    leak, forget : float
+        w_l / fs and w_k / fs.
+    bias : tuple of float
+        At the first sample and at the one after the last; linear in between.
+    state : ndarray, shape (2,)
+        The slow part of the drive about its bias, and the integral of the rest.
+    drive : ndarray, shape (n_samples,)
+    """
+    for n in range(drive.size):
+        rest = drive[n] - (bias[0] + n / drive.size * (bias[1] - bias[0])) - state[0]
+        drive[n] += leak * state[1]
+        state[0] += forget * rest
+        state[1] += rest - forget * state[1]
+
+
+@njit(cache=True, nogil=True)
+def bound(drive):  # type: ignore[no-untyped-def]
+    """Bring a drive into [0, 1] in place; return how many samples were not."""
+    clipped = 0
+    for n in range(drive.size):
+        if not 0.0 <= drive[n] <= 1.0:
+            clipped += 1
+            drive[n] = 1.0 if drive[n] > 1.0 else 0.0  # NaN becomes 0
+    return clipped
+
+
+@njit(cache=True, nogil=True)
+def look_up(table, drive):  # type: ignore[no-untyped-def]
+    """Replace a drive in [0, 1] by what a table, even over [0, 1], says of it."""
+    steps = table.size - 1
+    for n in range(drive.size):
+        at = max(min(int(drive[n] * steps), steps - 1), 0)  # NaN is cast to what it may be
+        drive[n] = table[at] + (drive[n] * steps - at) * (table[at + 1] - table[at])
+
 
 Ends = tuple[float, float]
 
@@ -88,7 +211,7 @@ class Inverter:
             self._slow[:] = 0.0
         wanted = self._wanted
         wanted[:] = target_n
-        compensation_kernels.swap_pairs(
+        swap_pairs(
             self._zeros,
             self._poles,
             cutoff_hz,
@@ -97,7 +220,7 @@ class Inverter:
             self._before,
             wanted,
         )
-        extrapolated = compensation_kernels.invert_scheduled(
+        extrapolated = invert_scheduled(
             gain_n,
             cutoff_hz,
             course.motion,
@@ -114,12 +237,12 @@ class Inverter:
         inverse = self.inverse
         if inverse.leak_hz > 0.0:
             per_sample = 2.0 * np.pi / self._rate_hz
-            compensation_kernels.refill(
+            refill(
                 inverse.leak_hz * per_sample, FORGET_HZ * per_sample, bias, self._slow, drive
             )
-        clipped: int = compensation_kernels.bound(drive)
+        clipped: int = bound(drive)
         if inverse.drive_table.size:
-            compensation_kernels.look_up(inverse.drive_table, drive)
+            look_up(inverse.drive_table, drive)
         # A target that is not finite would stay in the states for good.
         self._settled = bool(np.isfinite(self._passed.sum() + self._slow.sum()))
         return clipped

@@ -21,7 +21,7 @@ from tests.blind.generator.recursion import RATE_HZ
 from tests.blind.generator.transfer import mount
 from tests.blind.generator.trial import CARRIER_HZ, PEAK_V, Contact, Samples, Sensors, run
 
-from frictus_service.study.encoding import ConverterStep
+from frictus_service.study.layout import ConverterStep
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 from frictus_service.study.writer import StudyWriter
 

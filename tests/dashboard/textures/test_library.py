@@ -9,7 +9,7 @@ from tests.dashboard.lab import Lab
 from tests.dashboard.textures.view import choose, figure, links, names, part, told_gain
 
 import frictus
-from frictus_service.fidelity.bands import NOMINAL_HZ
+from frictus_service.fidelity.preview import NOMINAL_HZ
 
 pytestmark = pytest.mark.browser
 

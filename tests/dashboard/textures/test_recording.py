@@ -11,7 +11,7 @@ from tests.dashboard.textures.view import SPEED_MM_S, drop, names, part, wav
 
 import frictus
 from frictus_hardware.arrays import FloatArray
-from frictus_service.fidelity.bands import NOMINAL_HZ, band_power, windows
+from frictus_service.fidelity.preview import NOMINAL_HZ, band_power, windows
 
 pytestmark = pytest.mark.browser
 

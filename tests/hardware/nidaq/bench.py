@@ -12,7 +12,7 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import TouchReport
 from frictus_hardware.nidaq.backend import NiRig
 from frictus_hardware.nidaq.config import Inputs, NiConfig
-from frictus_hardware.nidaq.conversion import Sensed
+from frictus_hardware.nidaq.sensing import Sensed
 from frictus_hardware.physics.twin import Signals
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.motion import Finger

@@ -10,7 +10,7 @@ from typing import Self
 
 from tests.hardware.sensors.frames import DOWN, ENABLED, MODE_SET, MOVE, UP, touch_frame
 
-from frictus_hardware.sensors.tick_clock import TICKS_PER_S, WRAP
+from frictus_hardware.sensors.timing import TICKS_PER_S, WRAP
 
 FAKE_HID = Path(__file__).with_name("fake_hid")
 ADDRESS = "FRICTUS_FAKE_TOUCH"

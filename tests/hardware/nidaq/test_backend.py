@@ -18,7 +18,7 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Exchange
 from frictus_hardware.errors import DriverMissingError, SensorError
 from frictus_hardware.nidaq.backend import NiRig
-from frictus_hardware.nidaq.conversion import Sensed
+from frictus_hardware.nidaq.sensing import Sensed
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.rig import SimulatedRig
 
@@ -222,7 +222,7 @@ def test_the_conversion_is_told_how_far_the_channels_are_apart(
 
 def test_nothing_of_the_vendor_is_loaded_before_opening() -> None:
     code = (
-        "import sys; from frictus_hardware.nidaq import backend, config, conversion, faults; "
+        "import sys; from frictus_hardware.nidaq import assembly, backend, sensing, settings; "
         "sys.exit(bool({'nidaqmx', 'grpc', 'google.protobuf'} & set(sys.modules)))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

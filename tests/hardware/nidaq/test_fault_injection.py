@@ -23,7 +23,7 @@ from frictus_hardware.errors import (
 )
 from frictus_hardware.nidaq.backend import NiRig, reset
 from frictus_hardware.nidaq.config import Inputs
-from frictus_hardware.nidaq.faults import UnlistedFaultError
+from frictus_hardware.nidaq.driver import UnlistedFaultError
 
 READ, WRITE, COUNT = "ReadAnalogF64", "WriteAnalogF64", "GetReadAttributeUInt64"
 LOST: list[tuple[int, type[HardwareError]]] = [

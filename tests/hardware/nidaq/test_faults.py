@@ -10,7 +10,7 @@ from frictus_hardware.errors import (
     StreamLostError,
     TransientError,
 )
-from frictus_hardware.nidaq.faults import UnlistedFaultError, fault_of_code, fault_of_status
+from frictus_hardware.nidaq.driver import UnlistedFaultError, fault_of_code, fault_of_status
 
 ROWS: list[tuple[type[HardwareError], list[int]]] = [
     (ConfigError, [-200220, -200561]),

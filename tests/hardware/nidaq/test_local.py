@@ -13,7 +13,7 @@ from frictus_hardware.errors import (
     TransientError,
 )
 from frictus_hardware.nidaq.backend import NiRig
-from frictus_hardware.nidaq.faults import UnlistedFaultError
+from frictus_hardware.nidaq.driver import UnlistedFaultError
 
 
 def run(rig: NiRig, rng: np.random.Generator) -> None:

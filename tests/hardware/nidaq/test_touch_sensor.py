@@ -9,10 +9,10 @@ import pytest
 from tests.hardware.sensors.frames import BOOT, DOWN, ENABLED, MODE_SET, MOVE, UP, touch
 
 from frictus_hardware.errors import DeviceLostError
-from frictus_hardware.nidaq.touch_sensor import TouchSensorSource
+from frictus_hardware.nidaq.touch import TouchSensorSource
+from frictus_hardware.sensors.hid import TouchLink
 from frictus_hardware.sensors.neonode import Touchpad
-from frictus_hardware.sensors.tick_clock import TICKS_PER_S, WRAP
-from frictus_hardware.sensors.touch_link import TouchLink
+from frictus_hardware.sensors.timing import TICKS_PER_S, WRAP
 
 RATE_HZ = 20_000.0
 LATENCY_S = 0.016

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from frictus_hardware.arrays import ComplexArray, FloatArray
-from frictus_hardware.physics.mount import Mount
-from frictus_hardware.physics.prediction import Prediction, Probe
+from frictus_hardware.physics.linear import Mount
 from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.screen import Screen, drive_fraction_of, screen_voltage
-from frictus_hardware.physics.simulator import Simulator
+from frictus_hardware.physics.simulator import Prediction, Probe, Simulator
 from frictus_hardware.physics.stages import Decimate
 from frictus_hardware.physics.twin import Signals, Twin, simulate
 

@@ -8,8 +8,7 @@ import pytest
 from frictus_hardware.physics.compiled import Converter, OnePass, compiled
 from frictus_hardware.physics.effects import EFFECTS, extended
 from frictus_hardware.physics.friction import FrictionLaw
-from frictus_hardware.physics.mobility import Mobility
-from frictus_hardware.physics.mount import Mount
+from frictus_hardware.physics.linear import Mobility, Mount
 from frictus_hardware.physics.screen import Screen
 from frictus_hardware.physics.simulator import Simulator
 from frictus_hardware.physics.stages import FrictionResponse, Quantisation, SensorNoise

@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from frictus_hardware.physics import linear
-from frictus_hardware.physics.linear import TransferFunction
-from frictus_hardware.physics.mobility import Mobility
-from frictus_hardware.physics.mount import Mount, with_moved_resonance
+from frictus_hardware.physics.linear import (
+    Mobility,
+    Mount,
+    TransferFunction,
+    with_moved_resonance,
+)
 
 BAND_HZ = np.geomspace(30.0, 2000.0, 15)
 
@@ -95,8 +98,8 @@ def test_sampling_loads_no_half_of_scipy() -> None:
     # Every rig samples at its start; `scipy.signal` alone took a third of that.
     program = (
         "import sys\n"
-        "from frictus_hardware.physics import linear, mount\n"
-        "linear.sample(mount.Mount().lateral, 20_000.0)\n"
+        "from frictus_hardware.physics import linear, linear\n"
+        "linear.sample(linear.Mount().lateral, 20_000.0)\n"
         "print(*({'scipy.signal', 'scipy.stats', 'scipy.optimize'} & sys.modules.keys()))"
     )
     loaded = subprocess.run(

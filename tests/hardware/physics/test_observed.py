@@ -4,15 +4,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus_hardware.physics.effects import extended
-from frictus_hardware.physics.prediction import Probe, predict
 from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.screen import Screen, screen_voltage
-from frictus_hardware.physics.simulator import Simulator
+from frictus_hardware.physics.simulator import Probe, Simulator, predict
 from frictus_hardware.physics.twin import Signals, simulate
-from frictus_hardware.simulated.normal_force import Press
+from frictus_hardware.simulated.motion import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
-from frictus_service.identification.observation.observations import ResponseRows
 from frictus_service.identification.observation.observe import observe
+from frictus_service.identification.observation.response import ResponseRows
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 
 RATE_HZ = 20_000.0

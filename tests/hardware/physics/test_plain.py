@@ -8,12 +8,12 @@ from tests.plain import compared, few
 
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.errors import ConfigError
-from frictus_hardware.physics import compiled, friction, rolloff, skin
+from frictus_hardware.physics import compiled, friction, skin
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.simulated import kernels
 from frictus_hardware.simulated.clock import VirtualClock
+from frictus_hardware.simulated.config import Participant, ParticipantEffect
 from frictus_hardware.simulated.human import HumanStrokes
-from frictus_hardware.simulated.participants import Participant, ParticipantEffect
 from frictus_hardware.simulated.rig import SimulatedRig
 
 pytestmark = pytest.mark.compiled
@@ -47,7 +47,7 @@ def test_what_a_simulated_rig_senses(person: Participant, seed: int, drive_seed:
         clock="virtual", finger=HumanStrokes(), participant=person, seed=seed
     )
     rng = np.random.default_rng(drive_seed)
-    with compared(compiled, friction, rolloff, skin, kernels) as watched:
+    with compared(compiled, friction, skin, kernels) as watched:
         try:
             rig = SimulatedRig(config, clock=VirtualClock())
         except ConfigError:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from frictus_hardware.physics.rolloff import modes, pole_zero_pairs
+from frictus_hardware.physics.friction import modes, pole_zero_pairs
 from frictus_hardware.physics.skin import damping_of
 
 pytestmark = pytest.mark.compiled

@@ -15,9 +15,8 @@ from tests.hardware.physics.sliding import (
 )
 
 from frictus_hardware.physics.effects import EFFECTS, extended
-from frictus_hardware.physics.prediction import predict
 from frictus_hardware.physics.screen import Screen
-from frictus_hardware.physics.simulator import Simulator
+from frictus_hardware.physics.simulator import Simulator, predict
 from frictus_hardware.physics.stages import Quantisation, SensorNoise, standard_twin
 from frictus_hardware.physics.twin import simulate
 

@@ -5,7 +5,7 @@ import pytest
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
-from frictus_hardware.physics.mobility import Mobility
+from frictus_hardware.physics.linear import Mobility
 from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.skin import NonlinearSkin, SkinLaw
 from frictus_hardware.physics.twin import Signals

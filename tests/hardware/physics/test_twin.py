@@ -9,8 +9,7 @@ import pytest
 from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_hardware.physics import friction
 from frictus_hardware.physics.friction import FrictionLaw
-from frictus_hardware.physics.mobility import Mobility
-from frictus_hardware.physics.mount import Mount
+from frictus_hardware.physics.linear import Mobility, Mount
 from frictus_hardware.physics.screen import Screen, drive_fraction_of, screen_voltage
 from frictus_hardware.physics.stages import (
     Contact,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from frictus_hardware.sensors.alignment import LARGEST_SKEW, Alignment, aligned
+from frictus_hardware.sensors.timing import LARGEST_SKEW, Alignment, aligned
 
 RATE_HZ = 20_000.0
 BLOCK = 100

@@ -9,8 +9,8 @@ from tests.hardware.sensors.calibration_file import CalibrationFile, gauge_matri
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError
 from frictus_hardware.sensors.ati import parse_calibration
-from frictus_hardware.sensors.deskew import Deskew, deskew, turn_offsets_s
 from frictus_hardware.sensors.force import wrench
+from frictus_hardware.sensors.timing import Deskew, deskew, turn_offsets_s
 
 RATE_HZ = 20_000.0
 OFFSETS_S = turn_offsets_s(10, 200_000.0)

@@ -8,9 +8,8 @@ import pytest
 from tests.hardware.sensors.frames import DOWN, MOVE, touch
 
 from frictus_hardware.errors import ClosedError, DeviceLostError, DriverMissingError
-from frictus_hardware.sensors.hid import PRODUCT_ID, REPORT_BYTES, VENDOR_ID, HidPort
+from frictus_hardware.sensors.hid import PRODUCT_ID, REPORT_BYTES, VENDOR_ID, HidPort, TouchLink
 from frictus_hardware.sensors.neonode import FingerLost, NeonodeReport, Touchpad
-from frictus_hardware.sensors.touch_link import TouchLink
 from frictus_hardware.sensors.zforce import DETECTION_MODE, ENABLE, REQUEST, RESPONSE
 
 

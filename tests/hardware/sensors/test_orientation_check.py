@@ -7,8 +7,12 @@ from hypothesis import strategies as st
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import SensorError
-from frictus_hardware.sensors.orientation_check import check_orientation, tap_direction
-from frictus_hardware.sensors.rotation import angle_deg, in_turn
+from frictus_hardware.sensors.rotation import (
+    angle_deg,
+    check_orientation,
+    in_turn,
+    tap_direction,
+)
 
 RATE_HZ = 20_000.0
 GRAVITY = np.array([0.0, 0.0, 9.81])

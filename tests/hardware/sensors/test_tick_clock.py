@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from frictus_hardware.sensors.tick_clock import TICKS_PER_S, WRAP, Instant, unwrapped
+from frictus_hardware.sensors.timing import TICKS_PER_S, WRAP, Instant, unwrapped
 
 gaps_s = st.lists(st.floats(0.001, 30.0), min_size=1, max_size=30)
 jitters_s = st.lists(st.floats(0.0, 0.1), min_size=31, max_size=31)

@@ -10,7 +10,7 @@ import pytest
 from frictus_hardware import SimulatedConfig, SimulatedDeviceConfig, reset_device
 from frictus_hardware.errors import ConfigError, DeviceLostError, LinkLostError
 from frictus_hardware.simulated.device_rig import SimulatedDeviceRig, recent_output
-from frictus_hardware.simulated.pointer import ClientFinger
+from frictus_hardware.simulated.guided import ClientFinger
 
 DYING_CLIENT = """
 import os, sys

@@ -12,9 +12,9 @@ from tests.plain import plain
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError
-from frictus_hardware.simulated.fingers import FingerConfig
+from frictus_hardware.simulated.config import FingerConfig
+from frictus_hardware.simulated.guided import ClientFinger, PointerFinger
 from frictus_hardware.simulated.human import (
-    LIFT_RAMP_S,
     LOOP_S,
     MIDDLE_MM,
     PAUSE_PROBABILITY,
@@ -26,10 +26,8 @@ from frictus_hardware.simulated.human import (
     HumanStrokes,
     draw_strokes,
 )
-from frictus_hardware.simulated.kernels import add_sinusoids
-from frictus_hardware.simulated.motion import Finger, Wander
-from frictus_hardware.simulated.normal_force import Press
-from frictus_hardware.simulated.pointer import ClientFinger, PointerFinger
+from frictus_hardware.simulated.kernels import LIFT_RAMP_S, add_sinusoids
+from frictus_hardware.simulated.motion import Finger, Press, Wander
 from frictus_hardware.simulated.strokes import SinusoidalStrokes, SteadyStrokes
 
 SCREEN_MM = (70.0, 35.0)

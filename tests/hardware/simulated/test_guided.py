@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 
 from frictus_hardware import SimulatedConfig, open_backend
 from frictus_hardware.errors import ConfigError
-from frictus_hardware.simulated.fingers import FingerConfig
+from frictus_hardware.simulated.config import FingerConfig
 from frictus_hardware.simulated.guided import FASTEST_MM_S, GuidedFinger, GuidedStrokes
 from frictus_hardware.simulated.motion import FingerMotion
 from frictus_hardware.simulated.rig import SimulatedRig

@@ -5,8 +5,12 @@ import pytest
 
 from frictus_hardware.errors import ConfigError
 from frictus_hardware.physics.screen import Screen, screen_voltage
-from frictus_hardware.simulated.config import SimulatedConfig
-from frictus_hardware.simulated.participants import SPREAD, Participant, draw_participant
+from frictus_hardware.simulated.config import (
+    SPREAD,
+    Participant,
+    SimulatedConfig,
+    draw_participant,
+)
 from frictus_hardware.simulated.rig import SimulatedRig
 from frictus_hardware.simulated.strokes import SteadyStrokes
 

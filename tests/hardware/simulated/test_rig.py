@@ -12,9 +12,9 @@ from frictus_hardware.physics import friction
 from frictus_hardware.physics.screen import Screen, drive_fraction_of, screen_voltage
 from frictus_hardware.physics.twin import Signals, Twin
 from frictus_hardware.simulated.clock import VirtualClock
+from frictus_hardware.simulated.config import Participant
+from frictus_hardware.simulated.guided import ClientFinger
 from frictus_hardware.simulated.human import HumanStrokes
-from frictus_hardware.simulated.participants import Participant
-from frictus_hardware.simulated.pointer import ClientFinger
 from frictus_hardware.simulated.rig import SimulatedRig, make_twin
 
 VIRTUAL = SimulatedConfig(clock="virtual")

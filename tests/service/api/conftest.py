@@ -31,11 +31,11 @@ from frictus.messages import (
 from frictus.model import FirstOrderSpeedLaw, Model
 from frictus.session import open_router, open_session
 from frictus.textures import Component, Region, Scene, Spectrum
-from frictus_service.api.app import build_app
+from frictus_service.api.server import build_app
 from frictus_service.config import ApiConfig, Config, RegistryConfig, RouterConfig, Token
 from frictus_service.jobs.discoveries import DISCOVER
 from frictus_service.jobs.jobs import RUN
-from frictus_service.ports import free_endpoint
+from frictus_service.processes import free_endpoint
 
 SITE = "lab"
 APPLIED = Applied(

@@ -16,13 +16,13 @@ import pytest
 from fastapi.testclient import TestClient
 
 from frictus_service.config import ApiConfig, Config, RegistryConfig, RouterConfig
-from frictus_service.ports import free_port
+from frictus_service.processes import free_port
 
 STEPWISE = Path(__file__).parents[1] / "jobs" / "stepwise.py"
 RUN = "stepwise:run"
 SERVER = """
 import sys, uvicorn
-from frictus_service.api.app import build_app
+from frictus_service.api.server import build_app
 from frictus_service.config import Config
 config = Config.model_validate_json(sys.argv[1])
 uvicorn.run(build_app(config, sys.argv[2]), port=config.api.port, log_level="warning")

@@ -12,10 +12,9 @@ from fastapi.testclient import TestClient
 from tests.service.api.conftest import configuration
 from tests.service.jobs import stepwise_discovery
 
-from frictus_service.api.app import build_app
+from frictus_service.api.server import build_app
 from frictus_service.discovery.document import Discovery
-from frictus_service.discovery.jobs.documents import DiscoverySpec
-from frictus_service.discovery.jobs.store import DiscoveryStore
+from frictus_service.discovery.jobs import DiscoverySpec, DiscoveryStore
 
 RUN = "tests.service.jobs.stepwise_discovery:run"
 ROOT = Path(__file__).parents[3]

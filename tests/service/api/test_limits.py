@@ -16,11 +16,11 @@ from fastapi.testclient import TestClient
 from tests.service.api.test_server import configuration, get
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from frictus_service.api import bodies, connections, event_stream, limits
+from frictus_service.api import event_stream, limits, requests
 from frictus_service.api.problems import BusyError, GoneError
-from frictus_service.api.rig_connection import RigConnection
 from frictus_service.api.server import run_api
-from frictus_service.ports import free_port
+from frictus_service.api.services import RigConnection
+from frictus_service.processes import free_port
 
 HALF_BODY = (
     b"POST /v1/calibrations HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\n"
@@ -31,9 +31,9 @@ HALF_BODY = (
 @pytest.fixture
 def port(router: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """A real server that is quickly impatient."""
-    monkeypatch.setattr(connections, "HEAD_S", 0.5)
-    monkeypatch.setattr(connections, "TAKE_S", 0.5)
-    monkeypatch.setattr(bodies, "BODY_S", 0.5)
+    monkeypatch.setattr(limits, "HEAD_S", 0.5)
+    monkeypatch.setattr(limits, "TAKE_S", 0.5)
+    monkeypatch.setattr(requests, "BODY_S", 0.5)
     stop, ready = threading.Event(), threading.Event()
     port = free_port()
     thread = threading.Thread(
@@ -96,8 +96,8 @@ def test_who_leaves_within_a_body_leaves_no_fault(
         left.release()
         return GoneError(text)
 
-    monkeypatch.setattr(bodies, "GoneError", gone)
-    monkeypatch.setattr(bodies, "BODY_S", 60.0)
+    monkeypatch.setattr(requests, "GoneError", gone)
+    monkeypatch.setattr(requests, "BODY_S", 60.0)
     with ExitStack() as opened:
         for _ in range(20):
             opened.enter_context(connected(port, HALF_BODY))
@@ -112,13 +112,13 @@ def test_who_does_not_take_its_answers_is_cut(
     port: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cut = threading.Event()
-    lost = connections.PatientProtocol.connection_lost
+    lost = limits.PatientProtocol.connection_lost
 
-    def noted(self: connections.PatientProtocol, error: Exception | None) -> None:
+    def noted(self: limits.PatientProtocol, error: Exception | None) -> None:
         cut.set()
         lost(self, error)
 
-    monkeypatch.setattr(connections.PatientProtocol, "connection_lost", noted)
+    monkeypatch.setattr(limits.PatientProtocol, "connection_lost", noted)
     asked = b"GET /openapi.json HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n" * 400
     with connected(port, asked):  # and nothing is read
         assert cut.wait(30.0)
@@ -143,14 +143,14 @@ def test_nothing_is_done_for_who_does_not_take_its_answers(
         completed.append(self)
         complete(self)
 
-    lost = connections.PatientProtocol.connection_lost
+    lost = limits.PatientProtocol.connection_lost
 
-    def note_lost(self: connections.PatientProtocol, error: Exception | None) -> None:
+    def note_lost(self: limits.PatientProtocol, error: Exception | None) -> None:
         cut.set()
         lost(self, error)
 
     monkeypatch.setattr(H11Protocol, "on_response_complete", note_complete)
-    monkeypatch.setattr(connections.PatientProtocol, "connection_lost", note_lost)
+    monkeypatch.setattr(limits.PatientProtocol, "connection_lost", note_lost)
     asked = b"GET /openapi.json HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n" * 400
     with connected(port, asked):
         assert cut.wait(30.0)
@@ -161,16 +161,16 @@ def test_nothing_is_done_for_who_does_not_take_its_answers(
 def test_who_takes_its_answers_late_gets_all(
     port: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(connections, "TAKE_S", 60.0)
-    monkeypatch.setattr(connections, "HEAD_S", 60.0)
+    monkeypatch.setattr(limits, "TAKE_S", 60.0)
+    monkeypatch.setattr(limits, "HEAD_S", 60.0)
     full = threading.Event()
-    pause = connections.PatientProtocol.pause_writing
+    pause = limits.PatientProtocol.pause_writing
 
-    def noted(self: connections.PatientProtocol) -> None:
+    def noted(self: limits.PatientProtocol) -> None:
         pause(self)
         full.set()
 
-    monkeypatch.setattr(connections.PatientProtocol, "pause_writing", noted)
+    monkeypatch.setattr(limits.PatientProtocol, "pause_writing", noted)
     head = b"GET /openapi.json HTTP/1.1\r\nHost: 127.0.0.1\r\n"
     asked = (head + b"\r\n") * 99 + head + b"Connection: close\r\n\r\n"
     with connected(port, asked) as opened:
@@ -211,7 +211,7 @@ def test_health_does_not_wait_for_a_thread(port: int, monkeypatch: pytest.Monkey
 def test_what_would_fill_the_memory_is_not_parsed(
     api: TestClient, body: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bodies, "from_json", lambda _: pytest.fail("it was parsed"))
+    monkeypatch.setattr(requests, "from_json", lambda _: pytest.fail("it was parsed"))
     said = put(api, body)
     assert said.status_code in (413, 422)
     assert said.json()["code"] in ("too_large", "bad_request")
@@ -227,7 +227,7 @@ def test_of_a_list_of_faults_the_first_is_named(api: TestClient) -> None:
 def test_more_faults_than_a_list_should_have_are_counted(
     api: TestClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bodies, "MAX_FAULTS", 2)
+    monkeypatch.setattr(requests, "MAX_FAULTS", 2)
     component = b'{"amplitude_n":-1,"cycles_per_mm":-1,"phase_rad":"x"}'
     said = put(api, b'{"kind":"spectrum","components":[' + component + b"]}")
     assert said.status_code == 422

@@ -8,7 +8,7 @@ from tests.service.api.conftest import TOKENS, FakeRig, Serve
 from frictus.textures import Region, Scene, Spectrum
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
-from frictus_service.fidelity.bands import CENTRES_HZ
+from frictus_service.fidelity.preview import CENTRES_HZ
 from frictus_service.synthesis.scene import compile_scene
 
 

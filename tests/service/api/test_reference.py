@@ -9,7 +9,7 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 from tests.service.api.conftest import FakeRig
 
-from frictus_service.api import reference
+import frictus_service.api.server as application
 
 REFERENCE = "/v1/models/{reference}"
 
@@ -22,21 +22,21 @@ def page(api: TestClient) -> Any:
 def test_it_is_encoded_once(api: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
     first = api.get("/openapi.json")
     assert first.headers["content-type"] == "application/json"
-    monkeypatch.setattr(reference, "_encoded", lambda _: pytest.fail("encoded again"))
+    monkeypatch.setattr(application, "_encoded", lambda _: pytest.fail("encoded again"))
     assert api.get("/openapi.json").json() == first.json()
 
 
 def test_many_who_ask_first_wait_for_one_encoding(
     api: TestClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    encode = reference._encoded
+    encode = application._encoded
     begun = []
 
     def noted(app: FastAPI) -> bytes:
         begun.append(app)
         return encode(app)
 
-    monkeypatch.setattr(reference, "_encoded", noted)
+    monkeypatch.setattr(application, "_encoded", noted)
     with ThreadPoolExecutor(20) as threads:
         answers = list(threads.map(lambda _: api.get("/openapi.json").content, range(20)))
     assert len(set(answers)) == 1

@@ -14,7 +14,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from frictus_service.api.server import listen, run_api
 from frictus_service.config import ApiConfig, Config, RegistryConfig, RouterConfig
 from frictus_service.errors import StartError
-from frictus_service.ports import free_port
+from frictus_service.processes import free_port
 
 
 def configuration(router: str, folder: Path, port: int) -> Config:

@@ -6,8 +6,8 @@ import pytest
 from frictus.messages import Excitation
 from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import design
-from frictus_service.calibration.errors import ExcitationDesignError
-from frictus_service.calibration.prior import Prior
+from frictus_service.calibration.coordinates import Prior
+from frictus_service.errors import ExcitationDesignError
 
 RATE = 20_000.0
 

@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from frictus_service.calibration.errors import FolderError
 from frictus_service.calibration.folder import CalibrationFolder
 from frictus_service.calibration.job import CalibrationSpec
-from frictus_service.study.errors import Exclusion
+from frictus_service.errors import Exclusion, FolderError
 from frictus_service.study.reader import StudyReader
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 

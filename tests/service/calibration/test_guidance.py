@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frictus.messages import FingerState
-from frictus_service.calibration.guidance import Cue, colour_of, guide, reference_x_mm, span_of
+from frictus_service.calibration.session import Cue, colour_of, guide, reference_x_mm, span_of
 
 SPAN_MM = (5.0, 65.0)
 CUE = Cue(trial=3, trials=10, speed_mm_s=40.0, force_n=0.4, span_mm=SPAN_MM)

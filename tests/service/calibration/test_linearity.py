@@ -7,7 +7,7 @@ from frictus_hardware.physics.friction import FrictionLaw
 from frictus_service.calibration import design
 from frictus_service.calibration.linearity import linearity_of, stretches_of
 from frictus_service.study.trial import Trial, TrialInfo
-from frictus_service.synthesis.excitation import compile_excitation
+from frictus_service.synthesis.scene import compile_excitation
 
 RATE_HZ = 20_000.0
 SWEEP_S, SWEEPS = 1.2, 4

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frictus_hardware.physics.friction import FrictionLaw
+from frictus_service.calibration.coordinates import Prior
 from frictus_service.calibration.job import PaperProtocol, QuickProtocol
 from frictus_service.calibration.plan import (
     Ask,
@@ -16,8 +17,7 @@ from frictus_service.calibration.plan import (
     QuickPlan,
     RecordedTrial,
 )
-from frictus_service.calibration.prior import Prior
-from frictus_service.synthesis.excitation import compile_excitation
+from frictus_service.synthesis.scene import compile_excitation
 
 SMALL = PaperProtocol(
     tones_hz=(100.0, 400.0), speeds_mm_s=(40.0, 80.0), forces_n=(0.3, 0.5), max_repeats=2

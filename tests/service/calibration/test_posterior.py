@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from frictus.model import Covariance, Validity
 from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates, design
-from frictus_service.calibration.errors import EstimateError
+from frictus_service.calibration.coordinates import Prior
 from frictus_service.calibration.plan import Ask
 from frictus_service.calibration.posterior import Posterior, estimate
 from frictus_service.calibration.precision import Variation, draw, quick_asks
-from frictus_service.calibration.prior import Prior
-from frictus_service.identification.observation.observations import TrialObservations
+from frictus_service.errors import EstimateError
+from frictus_service.identification.observation.response import TrialObservations
 
 SPEEDS = np.array([20.0, 60.0, 100.0])
 SILENT = Variation(

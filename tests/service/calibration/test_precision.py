@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from frictus.model import Validity
 from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates, design
+from frictus_service.calibration.coordinates import Prior
 from frictus_service.calibration.posterior import estimate
 from frictus_service.calibration.precision import (
     FORCES_N,
@@ -17,7 +18,6 @@ from frictus_service.calibration.precision import (
     paper_asks,
     quick_asks,
 )
-from frictus_service.calibration.prior import Prior
 
 TRUTH = Prior.weak().mean
 SPEEDS = np.array([20.0, 40.0, 60.0, 80.0, 100.0])

@@ -6,8 +6,8 @@ import pytest
 from frictus.model import Covariance, FirstOrderSpeedLaw, MassSpringDamper, Model
 from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates
-from frictus_service.calibration.errors import PriorError
-from frictus_service.calibration.prior import FAR, FEWEST, Prior
+from frictus_service.calibration.coordinates import FAR, FEWEST, Prior
+from frictus_service.errors import PriorError
 
 MEAN = np.array([6.5, 7.4, -0.9, 30e-6])
 BETWEEN = np.diag([0.2, 0.15, 0.3, 5e-6]) ** 2

@@ -17,14 +17,13 @@ from frictus.messages import GuidanceState
 from frictus.recordings import texture_of
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.physics.friction import FrictionLaw, cutoff_hz
-from frictus_hardware.physics.mount import Mount
+from frictus_hardware.physics.linear import Mount
 from frictus_hardware.physics.screen import Screen
 from frictus_hardware.physics.stages import standard_twin
+from frictus_hardware.simulated.config import Participant
 from frictus_hardware.simulated.guided import GuidedStrokes
-from frictus_hardware.simulated.normal_force import Press
-from frictus_hardware.simulated.participants import Participant
+from frictus_hardware.simulated.motion import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
-from frictus_service.calibration.errors import CalibrationError, CancelledError, FolderError
 from frictus_service.calibration.job import (
     CalibrationResult,
     CalibrationSpec,
@@ -36,6 +35,7 @@ from frictus_service.calibration.run import run_calibration
 from frictus_service.cli.app import app
 from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
 from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.errors import CalibrationError, CancelledError, FolderError
 from frictus_service.fidelity.measure import (
     compare,
     feel,
@@ -46,9 +46,9 @@ from frictus_service.fidelity.measure import (
 from frictus_service.fidelity.path import walk
 from frictus_service.identification.observation.validity import REVERSAL_S
 from frictus_service.library import SHIPPED
-from frictus_service.ports import free_endpoint
+from frictus_service.processes import free_endpoint
 from frictus_service.study.reader import StudyReader
-from frictus_service.synthesis.model_law import law_of, placeholder_model
+from frictus_service.synthesis.compensability import law_of, placeholder_model
 
 FASTER = 6.0
 STRANGER = Participant(cutoff_0_hz=0.6 * 385.68, slope_hz_per_mm_s=0.6 * 13.811)

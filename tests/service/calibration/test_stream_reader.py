@@ -9,7 +9,7 @@ import pytest
 
 import frictus
 from frictus.block import Block, Flag
-from frictus_service.calibration.stream_reader import StreamReader
+from frictus_service.calibration.trial_capture import StreamReader
 
 N = 200
 LEAD = 600

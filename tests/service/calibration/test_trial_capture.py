@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 
 from frictus.block import Block, Flag
 from frictus.messages import TouchState
-from frictus_service.calibration.errors import CaptureError
 from frictus_service.calibration.trial_capture import CHANNELS, Stream, TrialCapture
+from frictus_service.errors import CaptureError
 from frictus_service.study.trial import TrialInfo
 
 RATE_HZ = 20_000.0

@@ -26,7 +26,7 @@ from frictus.messages import (
     SceneState,
 )
 from frictus.session import open_router, open_session
-from frictus_service.ports import free_endpoint
+from frictus_service.processes import free_endpoint
 
 RATE_HZ = 20_000.0
 BLOCK = 400

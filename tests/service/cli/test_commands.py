@@ -15,7 +15,7 @@ import pytest
 from typer.testing import CliRunner
 
 from frictus_service.cli.app import app
-from frictus_service.cli.exits import Exit
+from frictus_service.cli.options import Exit
 from frictus_service.config import Config
 
 SINE = {"kind": "spectrum", "components": [{"amplitude_n": 0.1, "cycles_per_mm": 2.0}]}

@@ -18,12 +18,12 @@ from typer.testing import CliRunner
 from frictus_hardware import NiRigConfig, SimulatedConfig
 from frictus_hardware.nidaq.settings import NeonodeSettings
 from frictus_hardware.sensors import hid
-from frictus_service.cli import bytecode, checks
+from frictus_service.cli import checks, doctor
 from frictus_service.cli.app import app
-from frictus_service.cli.checks.device import device_checks, ni_device
-from frictus_service.cli.checks.utc import Kept, leap_of
+from frictus_service.cli.checks.machine import Kept, leap_of
+from frictus_service.cli.checks.service import device_checks, ni_device
 from frictus_service.config import parse
-from frictus_service.daemon import warmup
+from frictus_service.daemon import preparation
 
 
 @pytest.fixture
@@ -104,8 +104,8 @@ def test_warm_tells_each_function_it_compiles(
     def twice(value):  # type: ignore[no-untyped-def]
         return 2.0 * value
 
-    monkeypatch.setattr(warmup, "warm_up", lambda *_: twice(1.0))
-    monkeypatch.setattr(bytecode, "keep_bytecode", lambda modules: len([*modules][:3]))
+    monkeypatch.setattr(preparation, "warm_up", lambda *_: twice(1.0))
+    monkeypatch.setattr(doctor, "keep_bytecode", lambda modules: len([*modules][:3]))
     arguments = ["doctor", "--warm", "-c", str(tmp_path / "none.toml")]
     arguments += ["--router", "tcp/127.0.0.1:1"]
     told = CliRunner().invoke(app, [*arguments, "--json"]).stdout.splitlines()

@@ -8,8 +8,7 @@ import pytest
 from rich.console import Console
 
 from frictus_service.cli import checks
-from frictus_service.cli.felt import RigSnapshot, band_rms
-from frictus_service.cli.screen import table_of
+from frictus_service.cli.felt import RigSnapshot, band_rms, table_of
 
 RATE_HZ = 20_000.0
 NOTHING = RigSnapshot(None, None, None, None, None, {"force": 0}, {"force": 0}, {}, 5.0)

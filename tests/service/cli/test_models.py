@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from frictus.model import Model
 from frictus_service.cli.app import app
-from frictus_service.cli.exits import Exit
+from frictus_service.cli.options import Exit
 from frictus_service.discovery.document import (
     Discovery,
     Gain,

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from frictus_hardware.arrays import FloatArray
 from frictus_service.cli import selftest
 from frictus_service.cli.app import app
-from frictus_service.cli.exits import Exit
+from frictus_service.cli.options import Exit
 from frictus_service.selftest.playing import PEAK_V
 from frictus_service.selftest.report import Measure, Outcome
 

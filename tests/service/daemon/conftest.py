@@ -18,13 +18,13 @@ from frictus_hardware.simulated.rig import SimulatedRig
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.config import Config, Limits
 from frictus_service.daemon.block_record import BlockRecord
-from frictus_service.daemon.interlock import Interlock
+from frictus_service.daemon.control import Interlock
+from frictus_service.daemon.inboxes import LoopInbox, ModelSlot, SceneUpdate
 from frictus_service.daemon.loop import BlockLoop
-from frictus_service.daemon.loop_inbox import LoopInbox, ModelSlot, SceneUpdate
 from frictus_service.daemon.retry import RetryingBackend
 from frictus_service.daemon.safety import Arm, Event
 from frictus_service.daemon.scene_controller import rendered_model
-from frictus_service.synthesis.model_law import placeholder_model
+from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.synthesis.scene import compile_scene
 
 UTC_NS = 1_795_000_000_000_000_000

@@ -11,11 +11,10 @@ from frictus.stream import StreamFrame
 from frictus_hardware.physics.screen import Screen
 from frictus_service.config import Limits
 from frictus_service.daemon.commands import RENDERING_CALLS, Commands, IncomingCommand
-from frictus_service.daemon.control import Control
-from frictus_service.daemon.interlock import Interlock
-from frictus_service.daemon.loop_inbox import LoopInbox, ModelSlot, ModelUpdate
+from frictus_service.daemon.control import Control, Interlock
+from frictus_service.daemon.inboxes import LoopInbox, ModelSlot, ModelUpdate
 from frictus_service.daemon.scene_controller import SceneController, rendered_model
-from frictus_service.synthesis.model_law import placeholder_model
+from frictus_service.synthesis.compensability import placeholder_model
 
 UTC_NS = 1_795_000_000_000_000_000
 WAVE = (0.05 * np.sin(2.0 * np.pi * np.arange(64) / 64.0)).astype(np.float32)

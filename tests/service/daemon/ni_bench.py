@@ -16,17 +16,17 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import TouchReport
 from frictus_hardware.errors import SensorError
 from frictus_hardware.nidaq.backend import NiRig
-from frictus_hardware.nidaq.conversion import Sensed
+from frictus_hardware.nidaq.sensing import Sensed
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.config import Config
 from frictus_service.daemon.block_record import BlockRecord
-from frictus_service.daemon.interlock import Interlock
+from frictus_service.daemon.control import Interlock
+from frictus_service.daemon.inboxes import LoopInbox, SceneUpdate
 from frictus_service.daemon.loop import BlockLoop
-from frictus_service.daemon.loop_inbox import LoopInbox, SceneUpdate
 from frictus_service.daemon.retry import RetryingBackend
 from frictus_service.daemon.safety import Arm, Reset
-from frictus_service.synthesis.model_law import placeholder_model, screen_of
+from frictus_service.synthesis.compensability import placeholder_model, screen_of
 from frictus_service.synthesis.scene import compile_scene
 
 from .conftest import UTC_NS, Heartbeat, NoWaiting, orders_of

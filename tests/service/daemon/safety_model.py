@@ -21,15 +21,14 @@ from frictus.messages import Excitation
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.arguments import ramp_samples, require_drive
 from frictus_hardware.arrays import FloatArray
-from frictus_hardware.base import Exchange, RigInfo, TouchReport
-from frictus_hardware.context import Opened
+from frictus_hardware.base import Exchange, Opened, RigInfo, TouchReport
 from frictus_hardware.errors import HardwareError
 from frictus_hardware.output import RETURN_S, OutputQueue
 from frictus_hardware.simulated.faults import ERRORS
 from frictus_service.config import Config, Limits
-from frictus_service.daemon.interlock import Interlock
+from frictus_service.daemon.control import Interlock
+from frictus_service.daemon.inboxes import SceneUpdate
 from frictus_service.daemon.loop import LOST, BlockLoop
-from frictus_service.daemon.loop_inbox import SceneUpdate
 from frictus_service.daemon.safety import (
     Arm,
     ClientVanished,
@@ -39,9 +38,9 @@ from frictus_service.daemon.safety import (
     Reset,
     Stop,
 )
-from frictus_service.synthesis.excitation import compile_excitation
-from frictus_service.synthesis.model_law import placeholder_model
+from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.synthesis.renderer import RAMP_S
+from frictus_service.synthesis.scene import compile_excitation
 
 from .conftest import Heartbeat, orders_of
 
@@ -426,7 +425,7 @@ class World:
         return bool(0.5 * rms_v > CONFIG.limits.monitor_tolerance_v)
 
     def _unknown(self, n_samples: int) -> NDArray[np.bool_]:
-        return np.isnan(self.loop._monitor._told_v.read(self.device.now, n_samples))
+        return np.isnan(self.loop._checks._monitor._told_v.read(self.device.now, n_samples))
 
     def _judge(self, began: int, volts: FloatArray) -> None:
         device, rights, loop = self.device, self.rights, self.loop
@@ -451,7 +450,11 @@ class World:
             self.wrong.append(f"a step of {np.max(rises):.1f} V")
         self.last_v = float(volts[-1]) if volts.size else self.last_v
         self._look_at_finger()
-        if loop._sensor_lost is False and device.wrong is None and not self._sensor_lasts():
+        if (
+            loop._checks.sensor_lost is False
+            and device.wrong is None
+            and not self._sensor_lasts()
+        ):
             rights.lost.pop("sensors", None)
         if loop.parked:
             self.last_v = 0.0
@@ -486,7 +489,7 @@ class World:
             loop._energised,
             max(loop._zero_from - loop._sensed_end(), 0) if not loop.parked else 0,
             loop._parked,
-            loop._sensor_lost,
+            loop._checks.sensor_lost,
             loop._broken,
             loop._chain.renderer._level,
             loop._estimator.in_contact,
@@ -538,7 +541,7 @@ def search(
     """Visit the states that events lead to in any order, nearest first."""
     with (
         patch("frictus_service.daemon.loop.HEALTH_BLOCKS", 1),
-        patch("frictus_service.daemon.monitor.RING_SAMPLES", 1 << 9),
+        patch("frictus_service.daemon.block_checks.RING_SAMPLES", 1 << 9),
     ):
         first = World(block_samples)
         paths: dict[tuple[object, ...], tuple[str, ...]] = {first.key(): ()}

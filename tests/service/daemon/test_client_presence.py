@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from frictus_service.daemon.client_presence import FALLEN, ClientPresence
+from frictus_service.daemon.control import FALLEN, ClientPresence
 
 
 def test_the_owner_is_found_among_a_thousand_fallen_tokens() -> None:
@@ -22,7 +22,7 @@ def test_the_owner_is_found_among_a_thousand_fallen_tokens() -> None:
 def test_who_arms_with_a_fallen_token_must_show_it_again(
     back: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("frictus_service.daemon.client_presence.CONFIRM_S", 0.01)
+    monkeypatch.setattr("frictus_service.daemon.control.CONFIRM_S", 0.01)
     vanished: list[str] = []
     twice = threading.Semaphore(0)
 

@@ -2,7 +2,7 @@
 
 import threading
 
-from frictus_service.daemon.command_queue import SENDERS, CommandQueue
+from frictus_service.daemon.inboxes import SENDERS, CommandQueue
 
 
 def test_the_urgent_are_served_first_and_what_is_lost_is_counted() -> None:

@@ -15,9 +15,9 @@ from frictus_service import command_validation
 from frictus_service.command_validation import MAX_DIGITS, MAX_MEMBERS, MAX_VALUES
 from frictus_service.config import Limits
 from frictus_service.daemon.commands import SHORT_BYTES
-from frictus_service.daemon.loop_inbox import ModelSlot
+from frictus_service.daemon.inboxes import ModelSlot
 from frictus_service.daemon.safety import FaultRaised, OutputQuiet
-from frictus_service.synthesis.model_law import placeholder_model
+from frictus_service.synthesis.compensability import placeholder_model
 
 from .desk import SCENE, TEXTURE, WAVE, Desk, Finger, Info, TakenAtTheLastMoment
 

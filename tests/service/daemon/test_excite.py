@@ -10,9 +10,9 @@ from frictus.textures import Scene
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.simulated.faults import LostSamples, SilentTouch
-from frictus_service.daemon.loop_inbox import SceneUpdate
+from frictus_service.daemon.inboxes import SceneUpdate
 from frictus_service.daemon.safety import ClientVanished, Disarm, FaultRaised, Reset, Stop
-from frictus_service.synthesis.excitation import compile_excitation
+from frictus_service.synthesis.scene import compile_excitation
 
 HZ = (30.0, 123.4, 700.0, 1_999.0)
 SAFE = 0.5 / len(HZ)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from frictus_service.daemon.interlock import EndedLease, Interlock
+from frictus_service.daemon.control import EndedLease, Interlock
 from frictus_service.daemon.safety import (
     Arm,
     ClientVanished,

@@ -31,20 +31,18 @@ from frictus_hardware.simulated.faults import (
     SilentTouch,
 )
 from frictus_service.config import Limits
+from frictus_service.daemon.block_record import blocks_of, flags_of
+from frictus_service.daemon.inboxes import ModelUpdate, SceneUpdate
 from frictus_service.daemon.loop import HANDOVER_BLOCKS
-from frictus_service.daemon.loop_inbox import ModelUpdate, SceneUpdate
 from frictus_service.daemon.retry import RetryingBackend
 from frictus_service.daemon.safety import ClientVanished, Disarm, FaultRaised, Reset, Stop
 from frictus_service.daemon.scene_controller import SceneController, rendered_model
 from frictus_service.daemon.timebase import Stamp
-from frictus_service.daemon.wire_messages import blocks_of, flags_of
-from frictus_service.etag import etag_of
+from frictus_service.json_text import etag_of
+from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.synthesis.compensator import Inverter
-from frictus_service.synthesis.excitation import compile_excitation
-from frictus_service.synthesis.model_law import placeholder_model
 from frictus_service.synthesis.renderer import RAMP_S, Rendered, Renderer
-from frictus_service.synthesis.scene import compile_scene
-from frictus_service.synthesis.stream import StreamBudget
+from frictus_service.synthesis.scene import StreamBudget, compile_excitation, compile_scene
 
 SETTLED_S = 0.5
 PERIOD = 20
@@ -155,7 +153,7 @@ def test_a_single_force_beyond_the_limit_trips(
     force_n[:, 2] = pressing_n
     force_n[70, 2] = once_n
     exchange = replace(turn.step.exchange, force_n=force_n)
-    bench.loop._watch(replace(turn.step, exchange=exchange))
+    bench.loop._checks.check(exchange, bench.loop._zero_from)
     assert bench.interlock.state.state == ("tripped" if trips else "disarmed")
 
 

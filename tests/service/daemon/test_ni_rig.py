@@ -28,18 +28,17 @@ from frictus.keys import Topics
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import cutoff_hz
 from frictus_hardware.physics.twin import Signals, Twin
-from frictus_hardware.simulated.config import SimulatedConfig
+from frictus_hardware.simulated.config import Participant, SimulatedConfig
 from frictus_hardware.simulated.guided import GuidedFinger, GuidedStrokes
-from frictus_hardware.simulated.participants import Participant
 from frictus_hardware.simulated.rig import SimulatedRig, make_twin
 from frictus_service.calibration.job import CalibrationSpec, Progress, QuickProtocol
 from frictus_service.calibration.run import run_calibration
 from frictus_service.config import Config, parse
 from frictus_service.daemon.supervisor import Supervisor
-from frictus_service.ports import free_endpoint
+from frictus_service.processes import free_endpoint
 from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.samples import Samples
-from frictus_service.synthesis.model_law import law_of
+from frictus_service.synthesis.compensability import law_of
 
 KEEPING_UP = """deadline_s = 20.0
 lead_ms = 100.0

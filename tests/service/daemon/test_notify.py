@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from frictus_service.daemon.notify import ServiceManager
-from frictus_service.ports import free_endpoint
+from frictus_service.daemon.child_process import ServiceManager
+from frictus_service.processes import free_endpoint
 
 pytestmark = pytest.mark.skipif(
     sys.platform == "win32", reason="systemd and its sockets are not on Windows"

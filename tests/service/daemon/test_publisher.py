@@ -14,12 +14,12 @@ from tests.service.daemon.desk import Desk
 from frictus.block import Block
 from frictus.keys import RigKeys, Topics
 from frictus.session import open_router, open_session
-from frictus_service.benchmarks.neighbour import await_subscriber
-from frictus_service.daemon.interlock import Interlock
+from frictus_laboratory.benchmarks.neighbour import await_subscriber
+from frictus_service.daemon.control import Interlock
 from frictus_service.daemon.publisher import UNREAD_BLOCKS, UNREAD_S, Publisher
 from frictus_service.daemon.safety import Disarm, Safety
 from frictus_service.daemon.timebase import BIN_BLOCKS
-from frictus_service.ports import free_endpoint
+from frictus_service.processes import free_endpoint
 
 KEYS = RigKeys("lab", "rig")
 

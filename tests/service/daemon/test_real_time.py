@@ -7,17 +7,17 @@ from pathlib import Path
 import pytest
 
 from frictus_hardware import SimulatedConfig
-from frictus_service.benchmarks.occupancy import _Beats
+from frictus_laboratory.benchmarks.occupancy import _Beats
 from frictus_service.config import Config, RouterConfig
-from frictus_service.daemon.real_time import (
+from frictus_service.daemon.preparation import (
     RealTimeBudget,
     budget_for,
     raise_priority,
     taken_by_others,
+    warm_up,
 )
 from frictus_service.daemon.rig import run_rig
-from frictus_service.daemon.warmup import warm_up
-from frictus_service.ports import free_endpoint
+from frictus_service.processes import free_endpoint
 from frictus_service.security.router import open_secured_router
 
 UPTIME_S = 1_000.0

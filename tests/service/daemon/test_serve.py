@@ -23,7 +23,7 @@ from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
 from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.errors import StartError
-from frictus_service.ports import free_endpoint
+from frictus_service.processes import free_endpoint
 
 posix_signals = pytest.mark.skipif(
     sys.platform == "win32", reason="Windows has neither SIGSTOP nor SIGKILL for others"

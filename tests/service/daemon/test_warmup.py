@@ -7,7 +7,7 @@ from pathlib import Path
 
 FIRST_START = """
 from numba.core import event
-from frictus_service.daemon.warmup import warm_up
+from frictus_service.daemon.preparation import warm_up
 
 class Listed(event.Listener):
     def on_start(self, event):

@@ -38,7 +38,7 @@ def _lose_sensor(bench: Bench) -> None:
 
 
 def _press_hard(bench: Bench) -> None:
-    bench.loop._force_limit_n = 0.01
+    bench.loop._checks._force_limit_n = 0.01
 
 
 def _contradict(bench: Bench) -> None:

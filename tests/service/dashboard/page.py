@@ -13,7 +13,7 @@ from websockets.sync.client import ClientConnection, connect
 from frictus_service.api.dashboard.frames import Frame
 from frictus_service.api.server import run_api
 from frictus_service.config import ApiConfig, Config, RegistryConfig, RouterConfig, Token
-from frictus_service.ports import free_port
+from frictus_service.processes import free_port
 
 TOKENS = {
     "read": ("read",),

@@ -18,11 +18,11 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 import frictus
 from frictus.keys import STREAMS
 from frictus_hardware import SimulatedConfig
-from frictus_hardware.simulated.pointer import ClientFinger
+from frictus_hardware.simulated.guided import ClientFinger
 from frictus_service.api.dashboard.frames import Frame, Kind
 from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
 from frictus_service.daemon.supervisor import Supervisor
-from frictus_service.ports import free_endpoint
+from frictus_service.processes import free_endpoint
 
 DOCS = Path(__file__).parents[3] / "docs" / "live.md"
 NAMES = {topic.suffix.removeprefix("stream/"): number for number, topic in STREAMS.items()}

@@ -5,8 +5,15 @@ from typing import Any
 
 import pytest
 
-from frictus_service.api.dashboard.messages import MAX_BYTES, Hello, Point, Watch, read
-from frictus_service.api.dashboard.refusal import BAD_DATA, RefusedViewerError
+from frictus_service.api.dashboard.messages import (
+    BAD_DATA,
+    MAX_BYTES,
+    Hello,
+    Point,
+    RefusedViewerError,
+    Watch,
+    read,
+)
 
 
 def asked(**fields: Any) -> Any:

@@ -19,7 +19,7 @@ from frictus.session import (
     open_router,
     open_session,
 )
-from frictus_service.ports import free_endpoint
+from frictus_service.processes import free_endpoint
 
 KEYS = RigKeys("lab", "rig1")
 Publish = Callable[[], None]

@@ -13,18 +13,15 @@ from threadpoolctl import threadpool_limits
 from frictus.model import Model
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effects import extended
-from frictus_hardware.physics.linear import TransferFunction
-from frictus_hardware.physics.mobility import Mobility
-from frictus_hardware.physics.mount import Mount
-from frictus_hardware.physics.prediction import Prediction, Probe, predict
+from frictus_hardware.physics.linear import Mobility, Mount, TransferFunction
 from frictus_hardware.physics.schedule import SlidingConditions
-from frictus_hardware.physics.simulator import Simulator
+from frictus_hardware.physics.simulator import Prediction, Probe, Simulator, predict
 from frictus_service.discovery.discover import discover
 from frictus_service.discovery.document import Discovery, NamedCause, StudyFacts
+from frictus_service.discovery.evidence.evidence_rows import TrialEvidence
 from frictus_service.discovery.evidence.spectra import HarmonicResponse, Stretches
-from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 from frictus_service.discovery.problem.base_models import base_model, simulator_of
-from frictus_service.identification.observation.observations import (
+from frictus_service.identification.observation.response import (
     ResponseRows,
     TrialObservations,
 )

@@ -23,14 +23,13 @@ from tests.service.discovery.made import (
 
 from frictus.model import Model
 from frictus_hardware.physics.effects import EFFECTS, extended
-from frictus_hardware.physics.linear import TransferFunction
-from frictus_hardware.physics.mount import Mount
+from frictus_hardware.physics.linear import Mount, TransferFunction
 from frictus_service.discovery.document import Discovery
+from frictus_service.discovery.evidence.evidence_rows import TrialEvidence
 from frictus_service.discovery.evidence.observation_table import LEAST_UNITS
 from frictus_service.discovery.evidence.spectra import HarmonicResponse, Stretches
-from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 from frictus_service.discovery.problem.base_models import base_model, simulator_of
-from frictus_service.identification.observation.observations import ResponseRows
+from frictus_service.identification.observation.response import ResponseRows
 
 NULLS = 8
 UNCLEAN = 4

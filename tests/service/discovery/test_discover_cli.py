@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from frictus_service.cli.app import app
 from frictus_service.discovery.document import Discovery
-from frictus_service.study.errors import StudyError
+from frictus_service.errors import StudyError
 
 
 @pytest.fixture
@@ -28,7 +28,7 @@ def asked(rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch) -> dict[str
             raise StudyError("bad.h5: no trial can be read")
         return discovery(rng)
 
-    stand_in = ModuleType("frictus_service.discovery.run")
+    stand_in = ModuleType("frictus_service.discovery.discover")
     stand_in.discover_study = discover_study  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, stand_in.__name__, stand_in)
     return calls

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from tests.service.discovery.found import discovery, gain, left, pair
 
 from frictus_service.discovery.document import CannotTell, Discovery, Gain, Unexplained
-from frictus_service.discovery.report.files import write
+from frictus_service.discovery.report.page import write
 
 KEYS = {
     "schema",

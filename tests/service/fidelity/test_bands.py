@@ -5,9 +5,10 @@ import pytest
 from scipy import signal
 
 from frictus_hardware.arrays import FloatArray
-from frictus_hardware.physics.linear import TransferFunction
-from frictus_hardware.physics.mount import Mount
-from frictus_service.fidelity.bands import (
+from frictus_hardware.physics.linear import Mount, TransferFunction
+from frictus_service.fidelity.measure import waveform_error
+from frictus_service.fidelity.path import exact_friction
+from frictus_service.fidelity.preview import (
     CENTRES_HZ,
     EDGES_HZ,
     FLOOR_DB,
@@ -17,8 +18,6 @@ from frictus_service.fidelity.bands import (
     rms_db,
     windows,
 )
-from frictus_service.fidelity.measure import waveform_error
-from frictus_service.fidelity.reference import exact_friction
 from frictus_service.synthesis.components import Components
 
 pytestmark = pytest.mark.compiled

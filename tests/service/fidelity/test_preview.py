@@ -5,18 +5,20 @@ import pytest
 
 from frictus.textures import Beta, Component, Map, Profile, Region, Scene, Slope, Spectrum
 from frictus_hardware.physics.screen import Screen
-from frictus_service.fidelity.bands import CENTRES_HZ, EDGES_HZ, band_power
+from frictus_service.fidelity.path import exact_friction
 from frictus_service.fidelity.preview import (
+    CENTRES_HZ,
+    EDGES_HZ,
     LENGTH,
     POINTS,
+    band_power,
     feasible,
     stretch_of,
     sums_of,
     third_octaves_n,
 )
-from frictus_service.fidelity.reference import exact_friction
+from frictus_service.synthesis.compensability import inverse_of_model, placeholder_model
 from frictus_service.synthesis.components import components_of
-from frictus_service.synthesis.model_law import inverse_of_model, placeholder_model
 from frictus_service.synthesis.scene import compile_scene
 
 RATE_HZ = 20_000.0

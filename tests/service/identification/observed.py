@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus_hardware.arrays import FloatArray
-from frictus_service.identification.observation.observations import (
+from frictus_service.identification.observation.response import (
     ResponseRows,
     TrialObservations,
 )

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from tests.service.identification.observed import Bench, Finger, observations
 
+from frictus_service.errors import Exclusion, NothingToIdentifyError
 from frictus_service.identification.analysis import identify
 from frictus_service.identification.documents import Identification, Settings
-from frictus_service.identification.errors import NothingToIdentifyError
-from frictus_service.identification.observation.observations import TrialObservations
-from frictus_service.study.errors import Exclusion
+from frictus_service.identification.observation.response import TrialObservations
 
 SMALL = Bench(
     tones_hz=(30.0, 90.0, 220.0, 450.0, 700.0, 2000.0),

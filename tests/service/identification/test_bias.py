@@ -11,13 +11,18 @@ import pytest
 from tests.service.identification.paper_literal import literal_cutoffs
 
 from frictus_hardware.arrays import FloatArray
+from frictus_laboratory.reproduction.plan import (
+    StudyConditions,
+    TrialPlan,
+    log_tones,
+    plan_study,
+)
+from frictus_laboratory.reproduction.population import draw_people
+from frictus_laboratory.reproduction.simulate import simulate_trial, study_info
 from frictus_service.identification.analysis import identify
 from frictus_service.identification.documents import Settings
-from frictus_service.identification.observation.observations import TrialObservations
 from frictus_service.identification.observation.observe import observe
-from frictus_service.reproduction.plan import StudyConditions, TrialPlan, log_tones, plan_study
-from frictus_service.reproduction.population import draw_people
-from frictus_service.reproduction.simulate import simulate_trial, study_info
+from frictus_service.identification.observation.response import TrialObservations
 from frictus_service.study.trial import Trial
 
 Condition = tuple[str, float, float]

@@ -10,10 +10,10 @@ import pytest
 from typer.testing import CliRunner
 
 from frictus.model import Model
+from frictus_laboratory.reproduction.plan import StudyConditions, plan_study
+from frictus_laboratory.reproduction.population import draw_people
+from frictus_laboratory.reproduction.reproduce import record_study
 from frictus_service.cli.app import app
-from frictus_service.reproduction.plan import StudyConditions, plan_study
-from frictus_service.reproduction.population import draw_people
-from frictus_service.reproduction.record import record_study
 
 DESIGN = StudyConditions(
     tones_hz=(60.0, 150.0, 300.0, 600.0, 1200.0),

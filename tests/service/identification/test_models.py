@@ -5,11 +5,11 @@ import pytest
 from tests.service.identification.observed import Bench, Finger, observations
 
 from frictus.model import FirstOrderSpeedLaw, Model
+from frictus_service.errors import NoModelError
 from frictus_service.identification.analysis import identify
 from frictus_service.identification.documents import Identification, Settings
-from frictus_service.identification.errors import NoModelError
 from frictus_service.identification.models import participant_models, population_model
-from frictus_service.registry.provenance import check_provenance
+from frictus_service.registry.documents import check_provenance
 
 SMALL = Bench(
     tones_hz=(30.0, 120.0, 450.0, 2000.0),

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.plain import compared, few
 
-from frictus_service.identification.observation import blocks, clipping, least_squares
+from frictus_service.identification.observation import blocks, least_squares, validity
 from frictus_service.identification.observation.blocks import BLOCK
 from frictus_service.identification.observation.tones import Tones, fit
 
@@ -42,6 +42,6 @@ def test_what_is_fitted(
 
 @given(st.lists(sample, min_size=1, max_size=50))
 def test_what_is_clipped(samples: list[float]) -> None:
-    with compared(clipping) as watched:
-        clipping.inspect(np.array(samples)[:, np.newaxis])
+    with compared(validity) as watched:
+        validity.inspect(np.array(samples)[:, np.newaxis])
     assert watched["_ends"].calls == 1

@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw, frequency_response
-from frictus_hardware.physics.mobility import Mobility
-from frictus_hardware.physics.mount import Mount
+from frictus_hardware.physics.linear import Mobility, Mount
 from frictus_hardware.physics.screen import Screen, screen_voltage
 from frictus_hardware.physics.stages import SensorNoise, standard_twin
 from frictus_hardware.physics.twin import Signals, simulate
-from frictus_hardware.simulated.normal_force import Press
+from frictus_hardware.simulated.motion import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 

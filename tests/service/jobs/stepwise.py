@@ -10,8 +10,8 @@ from pathlib import Path
 
 import frictus
 from frictus.model import FirstOrderSpeedLaw, Model
-from frictus_service.calibration.errors import CalibrationError, CancelledError
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Progress
+from frictus_service.errors import CalibrationError, CancelledError
 
 TRIALS = 3
 

@@ -11,15 +11,14 @@ from pathlib import Path
 import numpy as np
 from tests.service.discovery.found import discovery
 
-from frictus_service.discovery.errors import DiscoveryCancelledError
-from frictus_service.discovery.jobs.documents import (
+from frictus_service.discovery.jobs import (
     DiscoveryProgress,
     DiscoveryResult,
     DiscoverySpec,
 )
-from frictus_service.discovery.report.files import write
-from frictus_service.discovery.report.phrasing import verdict_sentence
-from frictus_service.study.errors import StudyError
+from frictus_service.discovery.report.findings import verdict_sentence
+from frictus_service.discovery.report.page import write
+from frictus_service.errors import DiscoveryCancelledError, StudyError
 
 STEPS = 3
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from frictus.block import Block, Flag
 from frictus.keys import Topics
 from frictus.messages import TouchState
-from frictus_service.recording.notes import RecordingInfo
+from frictus_service.recording.records import RecordingInfo
 from frictus_service.recording.writer import RecordingWriter
 
 RATE_HZ = 20_000.0

@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from frictus_service.recording.errors import RecordingError
+from frictus_service.errors import RecordingError
 from frictus_service.recording.reader import RecordingReader
-from frictus_service.recording.recover import recover
-from frictus_service.recording.summary import summarise
+from frictus_service.recording.summary import recover, summarise
 
 SCRIPT = Path(__file__).with_name("known.py")
 AT_ONCE = 4

@@ -20,10 +20,10 @@ from frictus.messages import (
     TouchState,
 )
 from frictus.textures import Scene
-from frictus_hardware.physics.mount import Mount
-from frictus_service.recording.errors import ExportError
+from frictus_hardware.physics.linear import Mount
+from frictus_service.errors import ExportError
 from frictus_service.recording.export import Exported, export_study
-from frictus_service.recording.notes import GapNote
+from frictus_service.recording.records import GapNote
 from frictus_service.recording.segments import TrialDeclaration
 from frictus_service.recording.writer import RecordingWriter
 from frictus_service.study.reader import StudyReader

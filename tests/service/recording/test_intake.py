@@ -11,11 +11,11 @@ import zenoh
 
 from frictus.keys import RigKeys, Topics
 from frictus.session import open_router, open_session
-from frictus_service.ports import free_endpoint
+from frictus_service.processes import free_endpoint
 from frictus_service.recording import intake as intake_module
 from frictus_service.recording.intake import Intake
-from frictus_service.recording.notes import GapNote
 from frictus_service.recording.reader import RecordingReader, State
+from frictus_service.recording.records import GapNote
 from frictus_service.recording.samples import Samples
 from frictus_service.recording.writer import RecordingWriter
 

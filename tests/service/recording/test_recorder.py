@@ -24,14 +24,14 @@ from frictus_hardware import ReplayConfig, SimulatedConfig
 from frictus_hardware.replay.rig import ReplayRig
 from frictus_hardware.replay.tape import read_tape
 from frictus_hardware.simulated.strokes import SteadyStrokes
-from frictus_service.api.app import build_app
+from frictus_service.api.server import build_app
 from frictus_service.cli.app import app
 from frictus_service.config import ApiConfig, Config, Limits, RegistryConfig, RouterConfig
 from frictus_service.daemon.supervisor import Supervisor
-from frictus_service.ports import free_endpoint
-from frictus_service.recording.notes import PresenceNote
+from frictus_service.processes import free_endpoint
 from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.recording import RecordingSession
+from frictus_service.recording.records import PresenceNote
 from frictus_service.recording.samples import INT16, Samples
 from frictus_service.recording.summary import RecordingSummary, summarise
 from frictus_service.recording.tape import export_tape

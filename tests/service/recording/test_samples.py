@@ -6,9 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frictus.block import Block, Flag
-from frictus_service.recording.coalescer import MESSAGE_S, Coalescer
-from frictus_service.recording.errors import RecordingError
-from frictus_service.recording.samples import HEADER, Samples
+from frictus_service.errors import RecordingError
+from frictus_service.recording.samples import HEADER, MESSAGE_S, Coalescer, Samples
 
 RATE_HZ = 20_000.0
 

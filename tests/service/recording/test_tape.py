@@ -24,22 +24,21 @@ from frictus_hardware.replay.tape import Tape, read_tape
 from frictus_hardware.simulated.clock import VirtualClock
 from frictus_hardware.simulated.rig import SimulatedRig
 from frictus_service.cli.app import app
-from frictus_service.cli.exits import Exit
+from frictus_service.cli.options import Exit
 from frictus_service.config import Config, parse
-from frictus_service.daemon.block_record import BlockRecord
-from frictus_service.daemon.interlock import Interlock
+from frictus_service.daemon.block_record import BlockRecord, blocks_of, flags_of, touch_of
+from frictus_service.daemon.control import Interlock
+from frictus_service.daemon.inboxes import LoopInbox, ModelSlot, SceneUpdate
 from frictus_service.daemon.loop import BlockLoop
-from frictus_service.daemon.loop_inbox import LoopInbox, ModelSlot, SceneUpdate
 from frictus_service.daemon.retry import RetryingBackend
 from frictus_service.daemon.safety import Arm
 from frictus_service.daemon.scene_controller import rendered_model
 from frictus_service.daemon.timebase import Stamp
-from frictus_service.daemon.wire_messages import blocks_of, flags_of, touch_of
-from frictus_service.recording.errors import ExportError, NotWrittenError
-from frictus_service.recording.notes import RecordingInfo
+from frictus_service.errors import ExportError, NotWrittenError
+from frictus_service.recording.records import RecordingInfo
 from frictus_service.recording.tape import Taped, export_tape
 from frictus_service.recording.writer import RecordingWriter
-from frictus_service.synthesis.model_law import placeholder_model, screen_of
+from frictus_service.synthesis.compensability import placeholder_model, screen_of
 from frictus_service.synthesis.scene import compile_scene
 
 RATE_HZ, BLOCK = 20_000.0, 100

@@ -11,11 +11,10 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from frictus_service.recording.errors import NotWrittenError
-from frictus_service.recording.notes import GapNote
+from frictus_service.errors import NotWrittenError
 from frictus_service.recording.reader import RecordingReader
-from frictus_service.recording.shelf import shelved, unfinished
-from frictus_service.recording.summary import RecordingSummary, summarise
+from frictus_service.recording.records import GapNote
+from frictus_service.recording.summary import RecordingSummary, shelved, summarise, unfinished
 from frictus_service.recording.writer import FLUSH_S, SYNC_S, RecordingWriter
 
 GAP = {"utc_ns": 1, "stream": "force", "run": 5, "reason": "lost"}

@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from frictus_service.ports import free_port
+from frictus_service.processes import free_port
 
 INSTALL_S = 100.0
 USER = "postgres"

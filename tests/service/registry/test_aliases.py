@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from frictus.model import Model
-from frictus_service.registry.errors import (
+from frictus_service.errors import (
     AliasConflictError,
     RegistryNameError,
     UnknownModelError,

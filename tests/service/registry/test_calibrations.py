@@ -10,15 +10,14 @@ from sqlalchemy.exc import IntegrityError
 
 from frictus.model import Model
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Progress
-from frictus_service.registry.errors import (
+from frictus_service.errors import (
     CalibrationStateError,
     KeyReusedError,
     RigBusyError,
     UnknownCalibrationError,
 )
-from frictus_service.registry.once import Once
-from frictus_service.registry.people import earlier_people
-from frictus_service.registry.store import Registry
+from frictus_service.registry.database import Once
+from frictus_service.registry.store import Registry, earlier_people
 
 MakeModel = Callable[..., Model]
 

@@ -12,10 +12,9 @@ import pytest
 from scipy.io import loadmat
 
 from frictus.model import Covariance, Effect, FirstOrderSpeedLaw, MassSpringDamper, Model
+from frictus_service.errors import ComparisonError
 from frictus_service.registry.comparison import compare
-from frictus_service.registry.documents import Published
-from frictus_service.registry.errors import ComparisonError
-from frictus_service.registry.matlab import to_mat
+from frictus_service.registry.documents import Published, to_mat
 from frictus_service.registry.store import Registry
 
 MakeModel = Callable[..., Model]

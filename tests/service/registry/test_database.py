@@ -10,7 +10,7 @@ from alembic.migration import MigrationContext
 from sqlalchemy import text
 
 from frictus.model import Model
-from frictus_service.registry.errors import RegistryUnavailableError
+from frictus_service.errors import RegistryUnavailableError
 from frictus_service.registry.store import Registry
 from frictus_service.registry.tables import metadata
 

@@ -5,10 +5,14 @@ from collections.abc import Callable
 import pytest
 
 from frictus.model import Model
-from frictus_service.registry.errors import ProvenanceError, RegistryNameError
-from frictus_service.registry.names import Reference, check_name, parse_reference
-from frictus_service.registry.once import Once
-from frictus_service.registry.provenance import check_provenance
+from frictus_service.errors import ProvenanceError, RegistryNameError
+from frictus_service.registry.database import Once
+from frictus_service.registry.documents import (
+    Reference,
+    check_name,
+    check_provenance,
+    parse_reference,
+)
 
 
 @pytest.mark.parametrize("name", ["a", "population", "rig1/P01", "R.2_b-c/0", "x" * 64])

@@ -10,9 +10,7 @@ from sqlalchemy import text
 from sqlalchemy.exc import IntegrityError
 
 from frictus.model import FirstOrderSpeedLaw, MassSpringDamper, Model
-from frictus_service.etag import etag_of
-from frictus_service.registry import tables
-from frictus_service.registry.errors import (
+from frictus_service.errors import (
     KeyReusedError,
     ProvenanceError,
     RegistryNameError,
@@ -20,7 +18,9 @@ from frictus_service.registry.errors import (
     UnknownCalibrationError,
     UnknownModelError,
 )
-from frictus_service.registry.once import Once
+from frictus_service.json_text import etag_of
+from frictus_service.registry import tables
+from frictus_service.registry.database import Once
 from frictus_service.registry.store import Registry
 
 MakeModel = Callable[..., Model]

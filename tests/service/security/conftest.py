@@ -17,11 +17,11 @@ from frictus.keys import CALLS, RigKeys, Topic, Topics
 from frictus.messages import Reply
 from frictus.session import declare_latest_publisher, open_router, open_session
 from frictus.tls import Tls
-from frictus_service.ports import free_port
-from frictus_service.security.access import access_control
+from frictus_service.processes import free_port
 from frictus_service.security.authority import Issued, issue, make_authority
 from frictus_service.security.files import AUTHORITY, members_in, write
 from frictus_service.security.members import Member
+from frictus_service.security.router import access_control
 
 DAY = datetime.timedelta(days=1)
 WAIT_S = 10.0

@@ -11,8 +11,8 @@ from frictus.keys import (
     Topics,
     any_rig_alive,
 )
-from frictus_service.security.access import access_control
 from frictus_service.security.members import Member
+from frictus_service.security.router import access_control
 
 KEYS = RigKeys("lab", "rig1")
 OTHER = RigKeys("lab", "rig2")

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from cryptography import x509
 
-from frictus_service.security.authority import issue, make_authority
-from frictus_service.security.errors import (
+from frictus_service.errors import (
     CertificateFileError,
     MemberNameError,
     WouldOverwriteError,
 )
+from frictus_service.security.authority import issue, make_authority
 from frictus_service.security.files import members_in, read_authority, show, write
 from frictus_service.security.members import ROLES, Member, Role
 

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from frictus_service.cli.app import app
-from frictus_service.cli.exits import Exit
+from frictus_service.cli.options import Exit
 
 from .conftest import DAY, Authority
 

@@ -13,7 +13,7 @@ import frictus
 from frictus.keys import RigKeys
 from frictus.session import open_router
 from frictus.tls import Tls, why_refused
-from frictus_service.ports import free_endpoint, free_port
+from frictus_service.processes import free_endpoint, free_port
 
 from .conftest import WAIT_S, Authority, Lab
 

@@ -7,7 +7,7 @@ import pytest
 import frictus
 import frictus.errors
 from frictus.keys import Topics
-from frictus_service.api.app import build_app
+from frictus_service.api.server import build_app
 from frictus_service.config import (
     Config,
     RegistryConfig,
@@ -18,8 +18,8 @@ from frictus_service.config import (
 )
 from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.errors import ConfigurationError
-from frictus_service.ports import free_endpoint
-from frictus_service.security.identity import tls_of_rig
+from frictus_service.processes import free_endpoint
+from frictus_service.security.members import tls_of_rig
 from frictus_service.security.router import open_secured_router
 
 from .conftest import WAIT_S, Authority

@@ -11,7 +11,7 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Backend, Exchange, RigInfo
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.faults import Fault
-from frictus_hardware.simulated.pointer import ClientFinger
+from frictus_hardware.simulated.guided import ClientFinger
 from frictus_hardware.simulated.rig import SimulatedRig
 
 Spoil = Callable[[Exchange], Exchange]

@@ -7,7 +7,7 @@ from frictus_hardware.arrays import FloatArray
 from frictus_service.selftest.loop_back import PERIODS, PeriodicTones, compare, tones
 from frictus_service.selftest.noise import noise_of
 from frictus_service.selftest.playing import PEAK_V
-from frictus_service.selftest.spread import mean_and_half
+from frictus_service.selftest.report import mean_and_half
 from frictus_service.selftest.step import moved_after, staircase
 
 RATE_HZ = 20_000.0

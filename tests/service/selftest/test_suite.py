@@ -32,7 +32,7 @@ from frictus_hardware.base import Exchange
 from frictus_hardware.errors import SensorError
 from frictus_hardware.nidaq.backend import NiRig
 from frictus_hardware.simulated.faults import EmptyOutput, LateBlock, LostSamples, Raised
-from frictus_hardware.simulated.pointer import ClientFinger
+from frictus_hardware.simulated.guided import ClientFinger
 from frictus_service.selftest.playing import PEAK_V, TooStrongError, play
 from frictus_service.selftest.report import Outcome
 from frictus_service.selftest.suite import (

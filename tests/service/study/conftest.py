@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from frictus_hardware.physics.mount import Mount
+from frictus_hardware.physics.linear import Mount
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 from frictus_service.study.writer import StudyWriter
 

@@ -10,10 +10,9 @@ import h5py
 import numpy as np
 import pytest
 
-from frictus_service.study.errors import Exclusion, StudyError, TrialError
-from frictus_service.study.importers import open_study
+from frictus_service.errors import Exclusion, StudyError, TrialError
+from frictus_service.study.importers import open_study, read_all
 from frictus_service.study.reader import StudyReader
-from frictus_service.study.study import read_all
 from frictus_service.study.summary import missing_samples
 from frictus_service.study.trial import Trial
 

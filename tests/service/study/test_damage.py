@@ -8,11 +8,10 @@ import h5py
 import numpy as np
 import pytest
 
-from frictus_service.study.digest import digest
-from frictus_service.study.errors import Exclusion, StudyError
-from frictus_service.study.importers import open_study
+from frictus_service.errors import Exclusion, StudyError
+from frictus_service.study.importers import open_study, read_all
+from frictus_service.study.layout import digest
 from frictus_service.study.reader import StudyReader
-from frictus_service.study.study import read_all
 from frictus_service.study.trial import Trial
 
 MakeTrial = Callable[..., Trial]

@@ -10,10 +10,10 @@ import h5py
 import numpy as np
 import pytest
 
-from frictus_service.study.digest import digest
-from frictus_service.study.errors import Exclusion
+from frictus_service.errors import Exclusion
+from frictus_service.study.importers import read_all
+from frictus_service.study.layout import digest
 from frictus_service.study.reader import StudyReader
-from frictus_service.study.study import read_all
 from frictus_service.study.trial import Trial
 
 PAGE = (Path(__file__).parents[3] / "docs" / "study.md").read_text(encoding="utf-8")

@@ -10,11 +10,10 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.io import loadmat
 
-from frictus_service.study.errors import Exclusion, StudyError
-from frictus_service.study.matlab import export_matlab
-from frictus_service.study.parquet import export_parquet
+from frictus_service.errors import Exclusion, StudyError
+from frictus_service.study.export import export_matlab, export_parquet
+from frictus_service.study.importers import Study
 from frictus_service.study.reader import StudyReader
-from frictus_service.study.study import Study
 from frictus_service.study.trial import Trial
 
 MakeTrial = Callable[..., Trial]

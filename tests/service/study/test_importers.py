@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from frictus_service.study.errors import StudyError
-from frictus_service.study.fabricslide import FabricSlide, sample_rate_hz
-from frictus_service.study.importers import importers, open_study
+from frictus_service.errors import StudyError
+from frictus_service.study.importers import FabricSlide, importers, open_study, sample_rate_hz
 from frictus_service.study.trial import Trial
 
 ROOT = Path(__file__).parents[3]

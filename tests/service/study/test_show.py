@@ -13,7 +13,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from frictus_service.cli.app import app
-from frictus_service.cli.exits import Exit
+from frictus_service.cli.options import Exit
 from frictus_service.cli.study import print_summary
 from frictus_service.study.reader import StudyReader
 from frictus_service.study.summary import summarise

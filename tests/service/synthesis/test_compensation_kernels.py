@@ -5,7 +5,7 @@ import pytest
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
-from frictus_service.synthesis import compensation_kernels, kernel
+from frictus_service.synthesis import compensator, kernel
 from frictus_service.synthesis.compensator import law_tuple
 from frictus_service.synthesis.kernel import BlockMotion
 
@@ -29,7 +29,7 @@ def test_the_drive_follows_gain_and_cutoff_through_the_block(rng: np.random.Gene
         for n in range(n_samples):
             friction[n + 1] = decays[n] * friction[n] + (1.0 - decays[n]) * gains[n] * drive[n]
         found = np.empty(n_samples)
-        compensation_kernels.invert_scheduled(
+        compensator.invert_scheduled(
             tuple(gain_n), tuple(cutoff_hz), STILL, RANGE, RATE, friction, found
         )
         np.testing.assert_allclose(found, drive, atol=1e-9)
@@ -41,10 +41,10 @@ def test_a_constant_schedule_is_the_plain_inverse(rng: np.random.Generator) -> N
     target = 0.15 + 0.01 * rng.standard_normal(301)
     plain, scheduled = np.empty(300), np.empty(300)
     clipped, _ = kernel.invert(law_tuple(law), STILL, RATE, target[:-1], target[-1], plain)
-    extrapolated = compensation_kernels.invert_scheduled(
+    extrapolated = compensator.invert_scheduled(
         (law.gain_n, law.gain_n), (cutoff, cutoff), STILL, RANGE, RATE, target, scheduled
     )
-    assert compensation_kernels.bound(scheduled) == clipped
+    assert compensator.bound(scheduled) == clipped
     assert extrapolated == 0
     np.testing.assert_allclose(scheduled, plain, atol=1e-12)
 
@@ -55,7 +55,7 @@ def test_samples_beside_the_measured_speeds_are_counted(
 ) -> None:
     motion = STILL._replace(speed_0=speeds[0], speed_1=speeds[1])
     target, drive = np.full(101, 0.1), np.empty(100)
-    found = compensation_kernels.invert_scheduled(
+    found = compensator.invert_scheduled(
         (1.0, 1.0), (500.0, 500.0), motion, RANGE, RATE, target, drive
     )
     assert found == outside
@@ -69,9 +69,7 @@ def swapped(
     out = np.empty(signal.size - 1)
     for at in range(0, out.size, size):
         block = signal[at : at + size + 1].copy()
-        compensation_kernels.swap_pairs(
-            zeros, poles, (cutoff_hz,) * 2, RATE, state, before, block
-        )
+        compensator.swap_pairs(zeros, poles, (cutoff_hz,) * 2, RATE, state, before, block)
         out[at : at + size] = block[:-1]
     return out
 
@@ -111,7 +109,7 @@ def test_what_leaks_away_is_refilled_in_the_tactile_band(rng: np.random.Generato
     for tone in (31.5, 100.0, 1_000.0):
         wave = 0.3 * np.cos(2.0 * np.pi * tone * time_s + rng.uniform(0.0, 6.0))
         drive = 0.5 + wave
-        compensation_kernels.refill(leak, forget, (0.5, 0.5), np.zeros(2), drive)
+        compensator.refill(leak, forget, (0.5, 0.5), np.zeros(2), drive)
         felt = np.empty_like(drive)
         held = 0.5  # the charge that opposes the drive
         for n, given in enumerate(drive):
@@ -127,13 +125,13 @@ def test_what_leaks_away_is_refilled_in_the_tactile_band(rng: np.random.Generato
 def test_the_bias_is_not_refilled() -> None:
     drive = np.linspace(0.2, 0.4, 40_000, endpoint=False)
     before = drive.copy()
-    compensation_kernels.refill(1e-3, 1e-4, (0.2, 0.4), np.zeros(2), drive)
+    compensator.refill(1e-3, 1e-4, (0.2, 0.4), np.zeros(2), drive)
     np.testing.assert_allclose(drive, before, atol=1e-12)
 
 
 def test_out_of_range_and_nan_are_clipped_and_counted() -> None:
     drive = np.array([-0.1, 0.0, 0.5, 1.0, 1.2, np.nan, np.inf, -np.inf])
-    assert compensation_kernels.bound(drive) == 5
+    assert compensator.bound(drive) == 5
     np.testing.assert_array_equal(drive, [0.0, 0.0, 0.5, 1.0, 1.0, 0.0, 1.0, 0.0])
 
 
@@ -141,5 +139,5 @@ def test_a_table_is_read_between_its_points(rng: np.random.Generator) -> None:
     table = np.sort(rng.uniform(0.0, 1.0, 17))
     drive = np.concatenate([[0.0, 1.0], rng.uniform(0.0, 1.0, 50)])
     expected = np.interp(drive, np.linspace(0.0, 1.0, 17), table)
-    compensation_kernels.look_up(table, drive)
+    compensator.look_up(table, drive)
     np.testing.assert_allclose(drive, expected, atol=1e-12)

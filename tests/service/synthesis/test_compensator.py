@@ -14,11 +14,9 @@ from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis.compensability import inverse_of
 from frictus_service.synthesis.compensation import Inverse
 from frictus_service.synthesis.estimator import FingerEstimator, PredictedMotion
-from frictus_service.synthesis.excitation import compile_excitation
 from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.renderer import Renderer
-from frictus_service.synthesis.scene import compile_scene
-from frictus_service.synthesis.stream import StreamBudget
+from frictus_service.synthesis.scene import StreamBudget, compile_excitation, compile_scene
 
 RATE = 20_000.0
 LAW = FrictionLaw()

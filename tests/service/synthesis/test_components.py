@@ -6,7 +6,7 @@ from scipy import stats
 
 from frictus.errors import TextureError
 from frictus.textures import BAND_HZ, Beta, Component, Profile, Slope, Spectrum
-from frictus_service.fidelity.reference import exact_friction
+from frictus_service.fidelity.path import exact_friction
 from frictus_service.synthesis.components import Components, components_of
 
 

@@ -7,10 +7,10 @@ import pytest
 
 from frictus.textures import Profile, Region, Scene
 from frictus_hardware.physics.screen import Screen
+from frictus_service.synthesis.compensability import inverse_of_model, placeholder_model
 from frictus_service.synthesis.components import Components
 from frictus_service.synthesis.drive_range import _table_reach
 from frictus_service.synthesis.layers import single_table
-from frictus_service.synthesis.model_law import inverse_of_model, placeholder_model
 from frictus_service.synthesis.scene import compile_scene
 from frictus_service.synthesis.tables import BAND_EDGE_HZ, build_table
 

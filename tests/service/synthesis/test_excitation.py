@@ -13,10 +13,9 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis.estimator import PredictedMotion
-from frictus_service.synthesis.excitation import MAX_FREE_TONES, compile_excitation
 from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.renderer import Playable, Renderer
-from frictus_service.synthesis.scene import compile_scene
+from frictus_service.synthesis.scene import MAX_FREE_TONES, compile_excitation, compile_scene
 
 LAW, SCREEN, RATE, BLOCK = FrictionLaw(), Screen(), 20_000.0, 100
 

@@ -9,11 +9,11 @@ from tests.service.synthesis.strategies import coordinate, region
 from frictus.errors import TextureError
 from frictus.textures import Region, Scene
 from frictus_hardware.physics.screen import Screen
-from frictus_service.synthesis import compensation_kernels
+from frictus_service.synthesis import compensator
+from frictus_service.synthesis.compensability import inverse_of_model, placeholder_model
 from frictus_service.synthesis.components import Components
 from frictus_service.synthesis.estimator import PredictedMotion
 from frictus_service.synthesis.kernel import BlockMotion
-from frictus_service.synthesis.model_law import inverse_of_model, placeholder_model
 from frictus_service.synthesis.renderer import Renderer
 from frictus_service.synthesis.scene import compile_scene
 from frictus_service.synthesis.tables import build_table
@@ -65,5 +65,5 @@ def test_a_component_far_below_the_others_is_in_the_last_row() -> None:
 def test_a_drive_beyond_the_table_is_looked_up_within_it(drive: float) -> None:
     table = np.linspace(0.0, 1.0, 9)
     found = np.array([0.5, drive])
-    compensation_kernels.look_up(table, found)
+    compensator.look_up(table, found)
     assert found[0] == pytest.approx(0.5)

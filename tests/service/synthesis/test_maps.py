@@ -17,7 +17,7 @@ from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis import kernel
 from frictus_service.synthesis.kernel import BlockMotion
-from frictus_service.synthesis.maps import build_pyramid, decode
+from frictus_service.synthesis.layers import build_pyramid, decode
 from frictus_service.synthesis.scene import compile_scene
 
 RATE = 20_000.0

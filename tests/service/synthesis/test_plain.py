@@ -18,18 +18,17 @@ from frictus_hardware.base import TouchReport
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis import (
-    compensation_kernels,
+    compensator,
     drive_range,
     estimator,
     kernel,
     tables,
 )
+from frictus_service.synthesis.compensability import inverse_of_model, placeholder_model
 from frictus_service.synthesis.estimator import FingerEstimator, PredictedMotion
-from frictus_service.synthesis.excitation import compile_excitation
 from frictus_service.synthesis.kernel import BlockMotion
-from frictus_service.synthesis.model_law import inverse_of_model, placeholder_model
 from frictus_service.synthesis.renderer import Renderer
-from frictus_service.synthesis.scene import compile_scene
+from frictus_service.synthesis.scene import compile_excitation, compile_scene
 
 pytestmark = pytest.mark.compiled
 
@@ -67,7 +66,7 @@ def test_what_is_rendered(
     except TextureError:
         return
     course = PredictedMotion(BlockMotion._make((*motion, abs(motion[2]), abs(motion[4]))))
-    with compared(kernel, compensation_kernels) as watched:
+    with compared(kernel, compensator) as watched:
         renderer = Renderer(inverse, SCREEN, RATE_HZ, BLOCK, scene)
         for block in range(3):
             renderer.render(first_sample + block * BLOCK, course, True)
@@ -95,7 +94,7 @@ def test_what_is_excited(tones: list[Tone], period_s: float | None, first_sample
     except (ValueError, TextureError):
         return
     course = PredictedMotion(BlockMotion(5.0, 17.0, 60.0, 0.0, 60.0, 0.0, 60.0, 60.0))
-    with compared(kernel, compensation_kernels) as watched:
+    with compared(kernel, compensator) as watched:
         renderer = Renderer(law, SCREEN, RATE_HZ, BLOCK, playable)
         for block in range(3):
             renderer.render(first_sample + block * BLOCK, course, True)

@@ -14,8 +14,7 @@ from frictus_service.synthesis import kernel
 from frictus_service.synthesis.estimator import PredictedMotion
 from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.renderer import Rendered, Renderer
-from frictus_service.synthesis.scene import CompiledScene, compile_scene
-from frictus_service.synthesis.stream import StreamBudget
+from frictus_service.synthesis.scene import CompiledScene, StreamBudget, compile_scene
 
 pytestmark = pytest.mark.compiled
 

@@ -11,8 +11,7 @@ from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis.estimator import PredictedMotion
 from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.renderer import Renderer
-from frictus_service.synthesis.scene import CompiledScene
-from frictus_service.synthesis.stream import StreamBudget
+from frictus_service.synthesis.scene import CompiledScene, StreamBudget
 
 RATE = 20_000.0
 BLOCK = 100

@@ -5,8 +5,7 @@ from dataclasses import replace
 
 from frictus_hardware.physics.disturbances import Hum
 from frictus_hardware.physics.effect import EffectDefinition, Parameter, Values
-from frictus_hardware.physics.linear import TransferFunction
-from frictus_hardware.physics.mount import with_moved_resonance
+from frictus_hardware.physics.linear import TransferFunction, with_moved_resonance
 from frictus_hardware.physics.simulator import Simulator
 
 MAINS_HZ = 50.0

@@ -23,8 +23,8 @@ from frictus.lease import Lease
 from frictus.messages import RigStatus
 from frictus.reception import Feed
 from frictus_service.api.dashboard.channels import Channel, Value, open_channel
-from frictus_service.api.dashboard.refusal import TRY_LATER, RefusedViewerError
-from frictus_service.api.rig_connection import RigConnection
+from frictus_service.api.dashboard.messages import TRY_LATER, RefusedViewerError
+from frictus_service.api.services import RigConnection
 
 TEND_S: Final = 0.25
 """How often the link is looked at."""

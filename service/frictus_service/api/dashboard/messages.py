@@ -1,4 +1,4 @@
-"""The JSON messages of the live connection. What a page sends is read strictly."""
+"""The JSON messages of the live connection, and why a viewer is refused something."""
 
 from typing import Annotated, Final, Literal
 
@@ -14,7 +14,7 @@ from pydantic import (
 
 from frictus.messages import ClientName, Message
 from frictus.rig import StreamName
-from frictus_service.api.dashboard.refusal import BAD_DATA, RefusedViewerError
+from frictus_service.errors import ServiceError
 
 VERSION: Final = 1
 MAX_BYTES: Final = 65_536
@@ -189,3 +189,30 @@ def told(op: str, rig: str, message: Message) -> str:
         As the rig published it.
     """
     return f'{{"op":"{op}","rig":"{rig}","{op}":{message.to_json().decode()}}}'
+
+
+BAD_DATA: Final = 1003
+NOT_ALLOWED: Final = 1008
+TRY_LATER: Final = 1013
+
+
+class RefusedViewerError(ServiceError, PermissionError):
+    """What a viewer sent is malformed or not allowed.
+
+    Parameters
+    ----------
+    what : str
+        What it was about, such as ``hello`` or ``point``.
+    code : str
+        Stable word for programs.
+    message : str
+        For people: what was wrong, what is accepted, what to do.
+    close : int or None
+        Code that the connection is closed with; None: it stays.
+    """
+
+    def __init__(self, what: str, code: str, message: str, close: int | None) -> None:
+        super().__init__(message)
+        self.what = what
+        self.code = code
+        self.close = close

@@ -4,23 +4,23 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from frictus_service.cli.checks.check import Check
-from frictus_service.cli.checks.device import device_checks
-from frictus_service.cli.checks.disk import disk_rate
-from frictus_service.cli.checks.installation import (
+from frictus_service.cli.checks.machine import (
+    clock_resolution,
+    clock_synchronised,
+    disk_rate,
+    real_time_priority,
+    timer_lateness,
+)
+from frictus_service.cli.checks.service import (
     compiler_cache,
     configuration,
+    device_checks,
     library_folder,
     packages,
     python_version,
     rig_files,
+    router_and_rigs,
 )
-from frictus_service.cli.checks.network import router_and_rigs
-from frictus_service.cli.checks.timing import (
-    clock_resolution,
-    real_time_priority,
-    timer_lateness,
-)
-from frictus_service.cli.checks.utc import clock_synchronised
 from frictus_service.config import Config
 
 __all__ = [

@@ -8,13 +8,16 @@ from typing import Final, Literal
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
-from frictus_service.discovery.decision.alternative_forms import (
+from frictus_service.discovery.decision.caveats import (
     explained_by,
     other_forms,
     place_of,
     with_forms,
 )
-from frictus_service.discovery.decision.unexplained import UnexplainedPattern, find_unexplained
+from frictus_service.discovery.decision.prediction_gain import (
+    UnexplainedPattern,
+    find_unexplained,
+)
 from frictus_service.discovery.evidence.observation_table import LEAST_UNITS
 from frictus_service.discovery.inference.linear_model import (
     Unit,
@@ -32,7 +35,7 @@ from frictus_service.discovery.inference.linearisation import (
 )
 from frictus_service.discovery.inference.selection import select
 from frictus_service.discovery.inference.significance import Significance
-from frictus_service.discovery.problem.patterns import Place, places_of
+from frictus_service.discovery.problem.candidates import Place, places_of
 from frictus_service.discovery.problem.problem import DiscoveryProblem
 
 NAMING: Final = 0.05

@@ -23,10 +23,13 @@ from frictus_hardware.arrays import BoolArray, ComplexArray, FloatArray, IntArra
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.discovery.evidence.spectra import NO_HARMONICS, NOTHING, HarmonicResponse
 from frictus_service.identification.observation.blocks import BLOCK
-from frictus_service.identification.observation.drive_message import drive_fraction
-from frictus_service.identification.observation.observations import ResponseRows
 from frictus_service.identification.observation.observe import FingerTrajectory
-from frictus_service.identification.observation.response import NO_ROWS, Instrument
+from frictus_service.identification.observation.response import (
+    NO_ROWS,
+    Instrument,
+    ResponseRows,
+    drive_fraction,
+)
 from frictus_service.identification.observation.sweeps import SweepThird
 from frictus_service.study.trial import StudyInfo, Trial
 

@@ -1,15 +1,140 @@
-"""Evidence of each unit - a participant, or a block of their trials - as the model sees it."""
+"""What a trial says about the model, and what a unit of trials says, as rows."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Final
+from pathlib import Path
+from typing import Final, Self
 
 import numpy as np
 from scipy import stats
 
 from frictus_hardware.arrays import BoolArray, FloatArray, IntArray
-from frictus_hardware.physics.prediction import Probe
 from frictus_hardware.physics.schedule import SlidingConditions
+from frictus_hardware.physics.simulator import Probe
+from frictus_service.discovery.evidence.broadband import broadband
 from frictus_service.discovery.evidence.residuals import Compared, Layout, lay_out
+from frictus_service.discovery.evidence.spectra import (
+    NO_HARMONICS,
+    NO_STRETCHES,
+    HarmonicResponse,
+    Stretches,
+    spectra_of,
+)
+from frictus_service.identification.observation.observe import course_of, observe_along
+from frictus_service.identification.observation.response import TrialObservations
+from frictus_service.identification.pipeline.structured_columns import columns_of, table_of
+from frictus_service.identification.pipeline.study import read_study
+from frictus_service.identification.pipeline.workers import Reader, Reading
+from frictus_service.study.trial import StudyInfo, Trial
+
+NOTHING_READ: Final = {
+    "harmonics": table_of(NO_HARMONICS),
+    "stretches": table_of(NO_STRETCHES),
+}
+"""Of a trial that could not be read."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrialEvidence:
+    """Evidence of one trial.
+
+    Attributes
+    ----------
+    observed : TrialObservations
+        Responses, and whether the trial may be used.
+    harmonics : HarmonicResponse
+        One entry per row of `observed.rows`.
+    stretches : Stretches
+        One entry per third of a sweep, with or without drive.
+    """
+
+    observed: TrialObservations
+    harmonics: HarmonicResponse
+    stretches: Stretches
+
+    @classmethod
+    def of(cls, reading: Reading) -> Self:
+        """Return the evidence that workers or the cache give; empty of an unreadable trial."""
+        more = reading.more or NOTHING_READ
+        return cls(
+            reading.observed,
+            columns_of(HarmonicResponse, more["harmonics"]),
+            columns_of(Stretches, more["stretches"]),
+        )
+
+
+def evidence_of(trial: Trial, study: StudyInfo) -> TrialEvidence:
+    """Return the evidence of a trial; of one that names no tones, from its whole spectrum.
+
+    Parameters
+    ----------
+    trial : Trial
+        As it was recorded.
+    study : StudyInfo
+        Its mount, its carrier and its screen voltage are used.
+    """
+    course = course_of(trial)
+    observed = observe_along(course, trial, study)
+    harmonics, stretches = spectra_of(trial, study, course, observed.rows)
+    if trial.info.tones_hz:
+        return TrialEvidence(observed, harmonics, stretches)
+    found = broadband(trial, study, course)
+    notes = (*observed.notes, *found.notes)
+    observed = replace(observed, rows=found.rows, notes=notes)
+    return TrialEvidence(observed, found.harmonics, stretches)
+
+
+def read_evidence(trial: Trial, study: StudyInfo) -> Reading:
+    """Return the evidence of a trial as workers hand it on."""
+    found = evidence_of(trial, study)
+    more = {"harmonics": table_of(found.harmonics), "stretches": table_of(found.stretches)}
+    return Reading(found.observed, more)
+
+
+EVIDENCE: Final = Reader(
+    "evidence",
+    read_evidence,
+    (
+        "frictus_service.discovery.evidence.spectra",
+        "frictus_service.discovery.evidence.broadband",
+        "frictus_service.discovery.evidence.evidence_rows",
+        "frictus_service.discovery.evidence.spectra",
+        "frictus_service.discovery.evidence.spectra",
+    ),
+)
+
+
+def study_evidence(
+    path: Path | str,
+    *,
+    workers: int | None = None,
+    cache: Path | str | None = None,
+    cluster: str | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> list[TrialEvidence]:
+    """Return the evidence of all trials of a study, in the order of its trials.
+
+    Parameters
+    ----------
+    path : Path or str
+        Of the file.
+    workers, cache, cluster, tell
+        As for `observe_study` of identification; the cache may be the same.
+
+    Raises
+    ------
+    StudyError
+        If the study cannot be read.
+    WorkerError
+        If worker processes do not start, or fail.
+    ClusterError
+        If the cluster cannot be used.
+    """
+    readings = read_study(
+        path, EVIDENCE, workers=workers, cache=cache, cluster=cluster, tell=tell
+    )
+    return [TrialEvidence.of(reading) for reading in readings]
+
 
 QUIET: Final = 0.1
 """Share of the trials that are quieter than that."""

@@ -11,14 +11,13 @@ from typing import Final
 import numpy as np
 
 from frictus_hardware.arrays import ComplexArray, FloatArray, IntArray
-from frictus_service.discovery.evidence.background import Backdrop, low_power
-from frictus_service.discovery.evidence.spectral_lines import Lines, lines_of
+from frictus_service.discovery.evidence.background import Backdrop, Lines, lines_of, low_power
 from frictus_service.identification.observation.blocks import BLOCK, BlockSums
 from frictus_service.identification.observation.least_squares import noise_reach
-from frictus_service.identification.observation.observations import ResponseRows
 from frictus_service.identification.observation.observe import FingerTrajectory
 from frictus_service.identification.observation.response import (
     Instrument,
+    ResponseRows,
     WholeBlocks,
     channels_of,
     projections,

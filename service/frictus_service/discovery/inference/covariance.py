@@ -15,7 +15,7 @@ import numpy as np
 from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.evidence.residuals import Layout, huber, scatters
 from frictus_service.discovery.inference.linear_model import LEAST_SHARE, orthonormal
-from frictus_service.discovery.inference.random_effects import (
+from frictus_service.discovery.inference.significance import (
     RandomEffects,
     estimate_random_effects,
 )

@@ -17,8 +17,8 @@ from frictus_service.discovery.inference.linear_model import (
     mean_of_known,
     orthonormal,
 )
-from frictus_service.discovery.problem.nuisance import NUISANCE
-from frictus_service.discovery.problem.patterns import Pattern
+from frictus_service.discovery.problem.base_models import NUISANCE
+from frictus_service.discovery.problem.candidates import Pattern
 from frictus_service.discovery.problem.problem import (
     DiscoveryProblem,
     UnwhitenedUnit,

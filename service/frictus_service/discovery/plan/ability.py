@@ -15,9 +15,9 @@ from frictus_service.discovery.inference.linear_model import (
 )
 from frictus_service.discovery.inference.significance import signs, standard_error
 from frictus_service.discovery.plan.assumptions import Assumptions
-from frictus_service.discovery.plan.expected import expected, units_of_people
+from frictus_service.discovery.plan.documents import Setup
 from frictus_service.discovery.plan.programme import Programme
-from frictus_service.discovery.plan.setup import Setup
+from frictus_service.discovery.plan.rows import expected, units_of_people
 from frictus_service.discovery.report.assembly import POWER
 
 DRAWS: Final = 15

@@ -12,17 +12,16 @@ from frictus_service.discovery.catalogue.causes import cause_of, separating_expe
 from frictus_service.discovery.evidence.observation_table import LEAST_TRIALS, LEAST_UNITS
 from frictus_service.discovery.plan.ability import Ability, ability_of, unit_count
 from frictus_service.discovery.plan.assumptions import Assumptions
-from frictus_service.discovery.plan.document import (
+from frictus_service.discovery.plan.documents import (
     Addition,
     Plan,
     PlannedEffect,
     PlannedPair,
+    Setup,
     Shown,
 )
-from frictus_service.discovery.plan.programme import Programme
+from frictus_service.discovery.plan.programme import Programme, stretches_of, tones_in
 from frictus_service.discovery.plan.search import Shortcoming, Tried, remedies
-from frictus_service.discovery.plan.setup import Setup
-from frictus_service.discovery.plan.strokes import stretches_of, tones_in
 from frictus_service.discovery.problem.candidates import Candidate
 
 WEAK: Final = 0.7
@@ -50,7 +49,7 @@ def plan(
     assumptions : Assumptions
         How readings scatter and people differ.
     wanted : mapping of str to float
-        Size of each effect that shall be shown, from `sizes.wanted_sizes`.
+        Size of each effect that shall be shown, from `documents.wanted_sizes`.
     source : str
         What the programme was made from, for people.
     seed : int

@@ -8,30 +8,28 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from frictus_hardware.physics.linear import TransferFunction
-from frictus_hardware.physics.mount import Mount
-from frictus_service.discovery.errors import DesignError
-from frictus_service.discovery.evidence.evidence_rows import EvidenceRows, subjects_of
+from frictus_hardware.physics.linear import Mount, TransferFunction
+from frictus_service.discovery.evidence.evidence_rows import (
+    EvidenceRows,
+    TrialEvidence,
+    study_evidence,
+    subjects_of,
+)
 from frictus_service.discovery.evidence.observation_table import (
     comparable,
     rows_of,
     units_of,
     used,
 )
-from frictus_service.discovery.evidence.trial_evidence import TrialEvidence, study_evidence
-from frictus_service.discovery.plan.assumptions import Assumptions, assumed
-from frictus_service.discovery.plan.design import read_design
-from frictus_service.discovery.plan.document import Plan
-from frictus_service.discovery.plan.estimated import estimated
+from frictus_service.discovery.plan.assumptions import Assumptions, assumed, estimated
+from frictus_service.discovery.plan.documents import Plan, Setup, read_design, wanted_sizes
 from frictus_service.discovery.plan.plan import plan
 from frictus_service.discovery.plan.programme import PlannedTrial, Programme, programme_of
 from frictus_service.discovery.plan.rows import strength
-from frictus_service.discovery.plan.setup import Setup
-from frictus_service.discovery.plan.sizes import wanted_sizes
-from frictus_service.discovery.problem.base_models import base_model, simulator_of
+from frictus_service.discovery.problem.base_models import ResponseName, base_model, simulator_of
 from frictus_service.discovery.problem.candidates import candidates_of
-from frictus_service.discovery.problem.nuisance import ResponseName
 from frictus_service.discovery.problem.problem import DiscoveryProblem
+from frictus_service.errors import DesignError
 from frictus_service.study.importers import open_study
 
 ORDINARY_S = 20.0

@@ -1,18 +1,72 @@
-"""Base models by name, and simulators of models."""
+"""Base models by name, and what every finger has of its own that is no error of a model."""
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
+import numpy as np
 from pydantic import ValidationError
 
 from frictus.model import FirstOrderSpeedLaw, MassSpringDamper, Model
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effects import extended
 from frictus_hardware.physics.friction import FrictionLaw
-from frictus_hardware.physics.linear import TransferFunction
-from frictus_hardware.physics.mobility import Mobility
+from frictus_hardware.physics.linear import Mobility, TransferFunction
 from frictus_hardware.physics.simulator import Simulator
-from frictus_service.discovery.errors import BaseModelError
-from frictus_service.discovery.problem.nuisance import ResponseName
+from frictus_service.errors import BaseModelError
+
+ResponseName = Literal["friction", "mobility"]
+
+NUISANCE: Final[dict[ResponseName, tuple[str, ...]]] = {
+    "friction": ("gain_n", "cutoff_hz", "quiet_n2"),
+    "mobility": ("mass_kg", "damping_n_s_m", "stiffness_n_m"),
+}
+"""What everybody has of their own, as a multiple of the base model's."""
+
+QUIET: Final = 2
+"""Which of a friction response's is the power from 4 to 30 Hz that is there anyway."""
+
+RANDOM_EFFECTS: Final = frozenset(
+    {
+        "speed_dependent_gain",
+        "speed_dependent_cutoff",
+        "force_dependent_gain",
+        "force_dependent_cutoff",
+        "speed_dependent_mass",
+        "speed_dependent_stiffness",
+    }
+)
+"""Effects in which people differ by chance, whether or not they have some of them in common:
+nobody's gain and cutoff follow speed and force quite as others' do."""
+
+DEVIATING: Final[dict[ResponseName, int]] = {"friction": 2, "mobility": 3}
+"""How many of these, from the first, deviate from condition to condition."""
+
+
+def _own_friction(base: Simulator, own: FloatArray) -> Simulator:
+    gain, cutoff = np.exp(own[:QUIET])
+    law = replace(
+        base.law,
+        gain_n=base.law.gain_n * gain,
+        cutoff_0_hz=base.law.cutoff_0_hz * cutoff,
+        slope_hz_per_mm_s=base.law.slope_hz_per_mm_s * cutoff,
+    )
+    return replace(base, law=law)
+
+
+def _own_skin(base: Simulator, own: FloatArray) -> Simulator:
+    mass, damping, stiffness = np.exp(own)
+    skin = base.mobility
+    return replace(
+        base,
+        mobility=Mobility(
+            skin.mass_kg * mass, skin.damping_n_s_m * damping, skin.stiffness_n_m * stiffness
+        ),
+    )
+
+
+NUISANCE_SCALED: Final = {"friction": _own_friction, "mobility": _own_skin}
+
 
 SPEEDS_MM_S: Final = (1.0, 200.0)
 """Where laws are taken at their word. Half of the strokes at a target of 20 or 100 mm/s are

@@ -1,18 +1,176 @@
-"""Which parameters of which effects are tried: all of the catalogue that the base has not."""
+"""Which parameters of which effects are tried, and patterns that have no cause."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from itertools import product
+from typing import Final, Literal
 
 import numpy as np
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effect import EffectDefinition
 from frictus_hardware.physics.effects import EFFECTS
-from frictus_hardware.physics.prediction import Probe, predict
 from frictus_hardware.physics.schedule import SlidingConditions
-from frictus_hardware.physics.simulator import Simulator
-from frictus_service.discovery.evidence.spectral_lines import MAINS_HZ
-from frictus_service.discovery.problem.nuisance import ResponseName
+from frictus_hardware.physics.simulator import Probe, Simulator, predict
+from frictus_service.discovery.evidence.background import MAINS_HZ
+from frictus_service.discovery.evidence.evidence_rows import Subject
+from frictus_service.discovery.evidence.residuals import Compared
+from frictus_service.discovery.problem.base_models import ResponseName
+
+Channel = Literal["size", "phase", "second", "third", "line50", "line60", "low"]
+Covariate = Literal[
+    "none", "speed", "force", "speed x force", "minutes", "direction", "position"
+]
+
+MOST_BANDS: Final = 8
+"""More tones than this are taken together with their neighbours."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pattern:
+    """A misfit that is the same at some tones and follows one covariate.
+
+    Attributes
+    ----------
+    channel : str
+        What it is a misfit of.
+    tones : tuple of int
+        Numbers of the tones; empty where the channel has none.
+    covariate : str
+        What it follows.
+    form : int
+        Which function of the covariate.
+    imaginary : bool
+        Of a harmonic.
+    """
+
+    channel: Channel
+    tones: tuple[int, ...]
+    covariate: Covariate
+    form: int = 0
+    imaginary: bool = False
+
+    def of(self, subject: Subject) -> Compared:
+        """Return the pattern, of size one at the ends of the covariate's range.
+
+        Parameters
+        ----------
+        subject : Subject
+            The evidence of one unit.
+        """
+        probe = subject.trials if self.channel in ("line50", "line60", "low") else subject.rows
+        shape = _shape(self, probe.circumstances)
+        nothing = Compared.zeros(subject.tone.size, subject.measured.line50.size)
+        if self.channel in ("line50", "line60", "low"):
+            return replace(nothing, **{self.channel: shape})
+        shape = shape * np.isin(subject.tone, self.tones)
+        if self.channel in ("size", "phase"):
+            return replace(nothing, **{self.channel: shape})
+        zero = np.zeros_like(shape)
+        pair = np.column_stack([zero, shape] if self.imaginary else [shape, zero])
+        return replace(nothing, **{self.channel: pair})
+
+
+FORMS: Final[dict[Covariate, int]] = {
+    "none": 1,
+    "speed": 2,
+    "force": 2,
+    "speed x force": 1,
+    "minutes": 3,
+    "direction": 1,
+    "position": 2,
+}
+
+
+def scaled(covariate: Covariate, at: SlidingConditions) -> FloatArray:
+    """Return a covariate on a scale from about -1 to 1.
+
+    Parameters
+    ----------
+    covariate : str
+        One with values of its own: speed, force, minutes, direction, position.
+    at : SlidingConditions
+        Of each row.
+    """
+    if covariate == "speed":
+        return (at.speed_mm_s - 60.0) / 40.0
+    if covariate == "force":
+        force: FloatArray = np.log(np.maximum(at.normal_force_n, 1e-3) / 0.4) / np.log(1.5)
+        return force
+    if covariate == "minutes":
+        last = max(float(np.max(at.minutes, initial=0.0)), 1e-9)
+        return 2.0 * at.minutes / last - 1.0
+    if covariate == "position":
+        return (at.position_mm - 35.0) / 25.0
+    return at.direction
+
+
+def _shape(pattern: Pattern, at: SlidingConditions) -> FloatArray:
+    speed, force, time = (scaled(name, at) for name in ("speed", "force", "minutes"))
+    position = scaled("position", at)
+    shapes: dict[Covariate, tuple[FloatArray, ...]] = {
+        "none": (np.ones_like(speed),),
+        "speed": (speed, speed**2),
+        "force": (force, force**2),
+        "speed x force": (speed * force,),
+        "minutes": (time, time**2, np.sign(time) - 1.5 * time),
+        "direction": (scaled("direction", at),),
+        "position": (position, position**2),
+    }
+    return shapes[pattern.covariate][pattern.form]
+
+
+def patterns_of(n_tones: int, *, skin: bool) -> list[Pattern]:
+    """Return the patterns in which a misfit is looked for.
+
+    Parameters
+    ----------
+    n_tones : int
+        Of the study.
+    skin : bool
+        Of the mobility: no harmonics, lines or low frequencies.
+    """
+    found = [
+        Pattern(channel, tones, covariate, form)
+        for channel in ("size", "phase")
+        for covariate, forms in FORMS.items()
+        for form in range(forms)
+        for tones in _bands(n_tones)
+    ]
+    return found if skin else [*found, *_elsewhere(n_tones)]
+
+
+def _elsewhere(n_tones: int) -> Iterator[Pattern]:
+    every = tuple(range(n_tones))
+    harmonics: tuple[Channel, ...] = ("second", "third")
+    covariates: tuple[Covariate, ...] = ("none", "speed", "force", "minutes")
+    for channel, covariate, imaginary in product(harmonics, covariates, (False, True)):
+        yield Pattern(channel, every, covariate, 0, imaginary)
+    yield Pattern("line50", (), "none")
+    yield Pattern("line60", (), "none")
+    yield Pattern("low", (), "speed", 1)
+    yield Pattern("low", (), "minutes", 0)
+
+
+def _bands(n_tones: int) -> list[tuple[int, ...]]:
+    """Return single tones or neighbours, both halves, and all."""
+    every = np.arange(n_tones)
+    groups = np.array_split(every, min(n_tones, MOST_BANDS))
+    halves = np.array_split(every, 2) if n_tones > 3 else []
+    bands = [tuple(group.tolist()) for group in [*groups, *halves, every]]
+    return list(dict.fromkeys(bands))
+
+
+Place = tuple[str, Covariate]
+"""Kind of channel, and covariate."""
+
+
+def places_of(patterns: Sequence[Pattern]) -> list[Place]:
+    """Return what each pattern has in common with others."""
+    kinds = {"size": "response", "phase": "response", "second": "harmonics"}
+    kinds |= {"third": "harmonics", "line50": "lines", "line60": "lines", "low": "low"}
+    return [(kinds[pattern.channel], pattern.covariate) for pattern in patterns]
+
 
 MODE_HZ: Final = tuple(float(round(f)) for f in np.geomspace(80.0, 800.0, 13))
 """Where a further mode of the skin is looked for."""

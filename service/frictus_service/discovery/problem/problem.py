@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from frictus_hardware.arrays import BoolArray, FloatArray
 from frictus_hardware.physics.linear import TransferFunction
-from frictus_hardware.physics.prediction import predict
-from frictus_hardware.physics.simulator import Simulator
+from frictus_hardware.physics.simulator import Simulator, predict
+from frictus_service.discovery.evidence.background import MAINS_HZ
 from frictus_service.discovery.evidence.evidence_rows import Subject, within
 from frictus_service.discovery.evidence.residuals import (
     Compared,
@@ -21,16 +21,14 @@ from frictus_service.discovery.evidence.residuals import (
     reduce,
     trials_of,
 )
-from frictus_service.discovery.evidence.spectral_lines import MAINS_HZ
-from frictus_service.discovery.problem.candidates import Candidate
-from frictus_service.discovery.problem.nuisance import (
+from frictus_service.discovery.problem.base_models import (
     DEVIATING,
     NUISANCE_SCALED,
     QUIET,
     RANDOM_EFFECTS,
     ResponseName,
 )
-from frictus_service.discovery.problem.patterns import Pattern
+from frictus_service.discovery.problem.candidates import Candidate, Pattern
 
 NUISANCE_STEP: Final = 1e-3
 

@@ -12,8 +12,11 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_service.discovery.catalogue.causes import CAUSES, cause_of, separating_experiment
 from frictus_service.discovery.decision.decision import CauseDecision, Decision
-from frictus_service.discovery.decision.prediction_gain import gain_of, unseen
-from frictus_service.discovery.decision.unexplained import UnexplainedPattern
+from frictus_service.discovery.decision.prediction_gain import (
+    UnexplainedPattern,
+    gain_of,
+    unseen,
+)
 from frictus_service.discovery.document import (
     Alternative,
     CannotTell,
@@ -33,9 +36,9 @@ from frictus_service.discovery.evidence.observation_table import (
 )
 from frictus_service.discovery.inference.linear_model import joint_gain, project_out
 from frictus_service.discovery.inference.linearisation import Linearised, linearise
-from frictus_service.discovery.inference.nuisance_refit import with_refitted_nuisance
+from frictus_service.discovery.inference.selection import with_refitted_nuisance
+from frictus_service.discovery.problem.base_models import NUISANCE
 from frictus_service.discovery.problem.candidates import Candidate
-from frictus_service.discovery.problem.nuisance import NUISANCE
 from frictus_service.discovery.problem.problem import DiscoveryProblem
 from frictus_service.discovery.report.figures import level_bins, residual_bins, rests_of
 

@@ -1,6 +1,9 @@
-"""The page: figures and tables of a discovery in one HTML file."""
+"""The page of a discovery in one HTML file, and what else a discovery leaves behind."""
 
+import json
 from importlib import resources
+from pathlib import Path
+from typing import Final
 
 from matplotlib.figure import Figure
 
@@ -8,16 +11,45 @@ from frictus.model import Model
 from frictus_service.discovery.catalogue.cause import title
 from frictus_service.discovery.catalogue.causes import CAUSES
 from frictus_service.discovery.document import Discovery
-from frictus_service.discovery.report.parameters import parameters
-from frictus_service.discovery.report.phrasing import (
+from frictus_service.discovery.report.findings import (
+    by_relevance,
     gain_sentence,
+    levels,
+    parameters,
     place_of,
+    places,
+    residual_bode,
     shown,
     verdict_sentence,
 )
-from frictus_service.discovery.report.places import levels, places
-from frictus_service.discovery.report.residuals import by_relevance, residual_bode
+from frictus_service.durable import replace_file
 from frictus_service.identification.report.html import fill, number, picture
+
+REPORT: Final = "report.html"
+DOCUMENT: Final = "report.json"
+MODEL: Final = "extended_model.json"
+
+
+def write(found: Discovery, folder: Path) -> list[Path]:
+    """Write report, document and extended model, over what stands there; return their paths.
+
+    Parameters
+    ----------
+    found : Discovery
+        The document of a discovery.
+    folder : Path
+        Made where it is missing.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    model = json.dumps(json.loads(found.extended_model.to_json()), indent=2)
+    contents = {
+        folder / REPORT: render(found).encode(),
+        folder / DOCUMENT: found.to_json(),
+        folder / MODEL: model.encode(),
+    }
+    for path, content in contents.items():
+        replace_file(path, content)
+    return list(contents)
 
 
 def render(found: Discovery) -> str:

@@ -7,8 +7,8 @@ from typing import Literal
 import numpy as np
 
 from frictus_hardware.arrays import BoolArray, ComplexArray, FloatArray, IntArray
-from frictus_service.identification.errors import NothingToIdentifyError
-from frictus_service.identification.observation.observations import TrialObservations
+from frictus_service.errors import NothingToIdentifyError
+from frictus_service.identification.observation.response import TrialObservations
 
 LEAST_RELATIVE = 1e-4
 """No response is known better than this share of its size."""

@@ -8,7 +8,7 @@ from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_service.identification.fit import joint_fit
 from frictus_service.identification.fit.conditions import Sample
 from frictus_service.identification.fit.friction_fit import averages
-from frictus_service.identification.fit.joint_fit import JointFit, JointFitProblem, Spreads
+from frictus_service.identification.fit.joint_fit import JointFit, JointFitProblem
 
 MASS, DAMPING, STIFFNESS = 0, 1, 2
 """Columns of the logarithms: kg, N s/m, N/m."""
@@ -46,14 +46,6 @@ def fit_mobility(sample: Sample, n_people: int) -> JointFit:
     """
     problem = JointFitProblem(sample, mass_spring_damper, LOWEST, HIGHEST)
     return joint_fit.fit(problem, *_start(sample, n_people))
-
-
-def refit_mobility(
-    sample: Sample, begin: FloatArray, delay_s: FloatArray, spreads: Spreads
-) -> JointFit:
-    """Fit parts of conditions; as `friction_fit.refit_friction`."""
-    problem = JointFitProblem(sample, mass_spring_damper, LOWEST, HIGHEST, fit_delay=False)
-    return joint_fit.fit(problem, begin, delay_s, spreads)
 
 
 def _start(sample: Sample, n_people: int) -> tuple[FloatArray, FloatArray]:

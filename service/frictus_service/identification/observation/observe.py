@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.identification.observation.blocks import BLOCK
-from frictus_service.identification.observation.observations import TrialObservations
-from frictus_service.identification.observation.response import rows_of
+from frictus_service.identification.observation.response import TrialObservations, rows_of
 from frictus_service.identification.observation.sweeps import (
     Sweep,
     SweepThird,

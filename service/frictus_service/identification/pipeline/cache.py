@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 
 from frictus_service.durable import replace_file
-from frictus_service.identification.observation.observations import (
+from frictus_service.identification.observation.response import (
     ResponseRows,
     TrialObservations,
 )
@@ -25,16 +25,16 @@ from frictus_service.identification.pipeline.structured_columns import (
     columns_of,
     table_of,
 )
-from frictus_service.identification.pipeline.trial_reader import Reader, Reading, version_of
+from frictus_service.identification.pipeline.workers import Reader, Reading, version_of
 from frictus_service.study.trial import StudyInfo, TrialInfo
 
 _ESTIMATOR: Final = (
     "frictus_hardware.physics.linear",
     "frictus_service.identification.observation.blocks",
-    "frictus_service.identification.observation.clipping",
+    "frictus_service.identification.observation.validity",
     "frictus_service.identification.observation.least_squares",
-    "frictus_service.identification.observation.drive_message",
-    "frictus_service.identification.observation.observations",
+    "frictus_service.identification.observation.response",
+    "frictus_service.identification.observation.response",
     "frictus_service.identification.observation.observe",
     "frictus_service.identification.observation.response",
     "frictus_service.identification.observation.sweeps",

@@ -9,16 +9,13 @@ from typing import Final
 
 import numpy as np
 
-from frictus_service.identification.observation.observations import TrialObservations
+from frictus_service.errors import TrialError
 from frictus_service.identification.observation.observe import observe
-from frictus_service.identification.observation.response import NO_ROWS
+from frictus_service.identification.observation.response import NO_ROWS, TrialObservations
 from frictus_service.identification.pipeline.cache import Cache, state_of
-from frictus_service.identification.pipeline.trial_reader import Reader, Reading
-from frictus_service.identification.pipeline.workers import Crash, work_through
-from frictus_service.study.digest import duplicates
-from frictus_service.study.errors import TrialError
-from frictus_service.study.importers import open_study
-from frictus_service.study.study import Study
+from frictus_service.identification.pipeline.workers import Crash, Reader, Reading, work_through
+from frictus_service.study.importers import Study, open_study
+from frictus_service.study.layout import duplicates
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 
 TRIALS_PER_WORKER: Final = 30

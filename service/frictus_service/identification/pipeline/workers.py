@@ -1,23 +1,87 @@
-"""The same work on many tasks, in processes of their own, of which none may take work with it.
+"""The same work on many tasks, in processes of their own: what is read from one trial, by whom.
 
 A worker holds one task at a time, so that it is known which task a dead worker had: it is given
 to another, and a task that keeps killing its workers is told as such. Workers are spawned, with
 one thread each for linear algebra: more would only be in each other's way.
 """
 
+import hashlib
 import multiprocessing
 import os
 import signal
 import traceback
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
+from importlib import import_module
 from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 from typing import Any, Final, Generic, TypeVar
 
 from frictus_service.errors import ServiceError
+from frictus_service.identification.observation.response import TrialObservations
+from frictus_service.identification.pipeline.structured_columns import Table
+from frictus_service.study.trial import StudyInfo, Trial
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What was read from a trial.
+
+    Attributes
+    ----------
+    observed : TrialObservations
+        Responses, and whether the trial may be used.
+    more : mapping of str to ndarray
+        What the reader adds to the observations, as structured arrays by name; empty where a
+        trial could not be read.
+    """
+
+    observed: TrialObservations
+    more: Mapping[str, Table] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Reader:
+    """A pure function of a trial, known by its name and its source.
+
+    Attributes
+    ----------
+    name : str
+        Of what it reads; files in the cache end in it.
+    read : callable
+        Of a module, so that a worker can import it.
+    sources : tuple of str
+        Modules, besides those of the observations, on which the result depends.
+    """
+
+    name: str
+    read: Callable[[Trial, StudyInfo], Reading]
+    sources: tuple[str, ...] = ()
+
+    @property
+    def version(self) -> str:
+        """Hash of the source of its modules."""
+        return version_of(self.sources)
+
+
+@lru_cache(maxsize=8)
+def version_of(modules: tuple[str, ...]) -> str:
+    """Return the hash of the source of modules.
+
+    Parameters
+    ----------
+    modules : tuple of str
+        Their full names.
+    """
+    hashed = hashlib.sha256()
+    for name in modules:
+        hashed.update(Path(str(import_module(name).__file__)).read_bytes())
+    return hashed.hexdigest()
+
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")

@@ -16,8 +16,8 @@ from frictus_service.identification.documents import ConditionResult, Participan
 from frictus_service.identification.fit.friction_fit import FirstOrder
 from frictus_service.identification.fit.joint_fit import Law
 from frictus_service.identification.fit.mobility_fit import mass_spring_damper
-from frictus_service.identification.observation.observations import TrialObservations
-from frictus_service.identification.report.style import FIT, GRID, ORDER
+from frictus_service.identification.observation.response import TrialObservations
+from frictus_service.identification.report.html import FIT, GRID, ORDER
 
 MOST_SHOWN = 12
 """Sweeps beyond share the last colour."""

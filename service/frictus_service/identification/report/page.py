@@ -1,25 +1,206 @@
-"""The page: figures and tables of an identification in one HTML file."""
+"""The page of an identification in one HTML file, and what else it leaves behind."""
 
+import json
+import re
+from collections import Counter
 from collections.abc import Sequence
 from importlib import resources
+from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from frictus.model import Model
+from frictus_service.durable import replace_file
+from frictus_service.errors import Exclusion
 from frictus_service.identification.documents import (
     PARAMETERS,
     ConditionResult,
     Estimate,
+    Excluded,
     Identification,
+    ParticipantResult,
+    StudySummary,
+    TrialCount,
+    TrialNote,
 )
-from frictus_service.identification.observation.observations import TrialObservations
+from frictus_service.identification.fit.conditions import ObservationTable
+from frictus_service.identification.inference.effects import Centre
+from frictus_service.identification.inference.statistics import LEAST_FOR_FLIPS
+from frictus_service.identification.models import (
+    participant_models,
+    population_model,
+    why_no_population,
+)
+from frictus_service.identification.observation.response import TrialObservations
 from frictus_service.identification.report.bode import bode, points_of
 from frictus_service.identification.report.html import fill, number, picture
-from frictus_service.identification.report.overview import (
-    boxes,
-    correlation,
-    effects,
-    laws,
-)
+from frictus_service.identification.report.overview import boxes, correlation, effects, laws
+
+NO_ROWS = "no response at its tones could be measured"
+
+
+def account_for(
+    observations: Sequence[TrialObservations],
+    table: ObservationTable,
+    path: str,
+    sha256: str,
+    unreadable: Sequence[Exclusion],
+) -> StudySummary:
+    """Return what is used of a study; a trial without a drive is counted, not excluded.
+
+    Parameters
+    ----------
+    observations : sequence of TrialObservations
+        Of all trials.
+    table : ObservationTable
+        What is used.
+    path, sha256 : str
+        Of the study.
+    unreadable : sequence of Exclusion
+        Trials of which there are no observations.
+    """
+    excluded = [
+        Excluded(trial=item.trial, reasons=(f"{item.field}: {item.reason}",))
+        for item in unreadable
+    ]
+    excluded += [
+        Excluded(
+            trial=item.info.id,
+            participant=item.info.participant,
+            speed_mm_s=item.info.speed_mm_s,
+            force_n=item.info.force_n,
+            tones_hz=item.info.tones_hz,
+            reasons=item.reasons or (NO_ROWS,),
+        )
+        for item in observations
+        if not item.valid or (item.info.tones_hz and not item.rows.tone_hz.size)
+    ]
+    return StudySummary(
+        path=path,
+        sha256=sha256,
+        participants=len({item.info.participant for item in observations}),
+        trials=len(observations) + len(unreadable),
+        trials_used=len(table.trials),
+        counts=_counts(observations, table),
+        excluded=tuple(excluded),
+        notes=tuple(
+            TrialNote(trial=item.info.id, notes=item.notes)
+            for item in table.trials
+            if item.notes
+        ),
+    )
+
+
+def _counts(
+    observations: Sequence[TrialObservations], table: ObservationTable
+) -> tuple[TrialCount, ...]:
+    every = Counter(item.info.participant for item in observations)
+    used = Counter(item.info.participant for item in table.trials)
+    blank = Counter(item.info.participant for item in observations if not item.info.tones_hz)
+    return tuple(
+        TrialCount(
+            participant=name, trials=every[name], used=used[name], without_drive=blank[name]
+        )
+        for name in sorted(every)
+    )
+
+
+MANY_LEFT_OUT = 0.2
+
+
+def notes_on(
+    study: StudySummary,
+    conditions: Sequence[ConditionResult],
+    participants: Sequence[ParticipantResult],
+    centre: Centre,
+) -> tuple[str, ...]:
+    """Return sentences, the gravest first.
+
+    Parameters
+    ----------
+    study : StudySummary
+        Path, hash and counts.
+    conditions : sequence of ConditionResult
+        One entry each.
+    participants : sequence of ParticipantResult
+        One entry each.
+    centre : Centre
+        Speed and force at which effects are evaluated.
+    """
+    return tuple(
+        [
+            *_on_speeds(participants, centre),
+            *_on_people(study, participants),
+            *_on_conditions(study, conditions),
+            *_on_laws(participants),
+        ]
+    )
+
+
+def _on_speeds(participants: Sequence[ParticipantResult], centre: Centre) -> list[str]:
+    if "speed" not in centre.effects:
+        return [
+            f"One speed only ({centre.speed_mm_s:g} mm/s): there is no speed law. Gain and "
+            "cutoff hold at this speed; measure at two speeds at least for a law."
+        ]
+    one = [p.participant for p in participants if p.friction and p.friction.law is None]
+    return [f"No speed law of {', '.join(one)}: one speed only."] if one else []
+
+
+def _on_people(study: StudySummary, participants: Sequence[ParticipantResult]) -> list[str]:
+    out = []
+    lost = sorted({c.participant for c in study.counts} - {p.participant for p in participants})
+    if lost:
+        out.append(f"Nothing of {', '.join(lost)} can be used: no valid trial.")
+    n = len(participants)
+    if n == 1:
+        out.append(
+            "One participant: intervals are of this person, from repeats; nothing is said of "
+            "people in general."
+        )
+    elif n < LEAST_FOR_FLIPS:
+        out.append(
+            f"{n} participants: exact sign-flip tests need {LEAST_FOR_FLIPS} (with "
+            f"{n} the smallest possible p is 1/{2 ** (n - 1)}); only t tests are given."
+        )
+    return out
+
+
+def _on_conditions(study: StudySummary, conditions: Sequence[ConditionResult]) -> list[str]:
+    out = []
+    left_out = sum(bool(trial.tones_hz) for trial in study.excluded)
+    driven = study.trials - sum(count.without_drive for count in study.counts)
+    if driven and left_out > MANY_LEFT_OUT * driven:
+        out.append(f"{left_out} of {driven} driven trials are not used.")
+    if all(c.mobility is None for c in conditions):
+        out.append("No mobility: nothing measured the skin at enough tones up to its limit.")
+    if all(c.friction is None for c in conditions):
+        out.append("No friction response: no condition has enough tones.")
+    short = sum(1 for c in conditions if c.missing)
+    if short:
+        out.append(f"{short} of {len(conditions)} conditions lack a fit; reasons stand there.")
+    far = sum(1 for c in conditions if c.outlier)
+    if far:
+        out.append(
+            f"{far} of {len(conditions)} conditions lie far from their participant's others; "
+            "they are used, and estimates without them stand beside."
+        )
+    return out
+
+
+def _on_laws(participants: Sequence[ParticipantResult]) -> list[str]:
+    negative = [
+        p.participant
+        for p in participants
+        if p.friction and p.friction.law and p.friction.law.cutoff_0_hz.value <= 0.0
+    ]
+    if not negative:
+        return []
+    return [
+        f"The cutoff of {', '.join(negative)}, continued to rest, is not positive: their laws "
+        "hold between the measured speeds and cannot be stored as models."
+    ]
+
 
 EXAMPLE_SPEED_MM_S, EXAMPLE_FORCE_N = 40.0, 0.2
 """The paper's example; of each participant the condition next to it is drawn."""
@@ -99,3 +280,61 @@ def interval(estimate: Estimate | None, factor: float = 1.0) -> str:
         return value
     low, high = (number(factor * end) for end in estimate.ci95)
     return f"{value} [{low}, {high}]"
+
+
+REPORT, DOCUMENT, MODELS = "report.html", "identification.json", "models"
+
+
+def write(
+    found: Identification, observations: Sequence[TrialObservations], folder: Path
+) -> list[Path]:
+    """Write report, document and models, over what stands there; return their paths.
+
+    Parameters
+    ----------
+    found : Identification
+        The document of an identification.
+    observations : sequence of TrialObservations
+        From which it was identified.
+    folder : Path
+        Made where it is missing.
+    """
+    models = folder / MODELS
+    models.mkdir(parents=True, exist_ok=True)
+    contents = {
+        folder / REPORT: render(found, observations).encode(),
+        folder / DOCUMENT: found.to_json(),
+    }
+    for name, model in named_models(found):
+        contents[models / f"{name}.json"] = _readable(model)
+    for stale in models.glob("*.json"):
+        if stale not in contents:
+            stale.unlink()  # of an earlier run: its participant is no longer in the study
+    for path, content in contents.items():
+        replace_file(path, content)
+    return list(contents)
+
+
+def named_models(found: Identification) -> list[tuple[str, Model]]:
+    """Return all models, each with a plain name of its own; pseudonyms may be anything.
+
+    Parameters
+    ----------
+    found : Identification
+        The document of an identification.
+    """
+    out: list[tuple[str, Model]] = []
+    if why_no_population(found) is None:
+        out.append(("population-friction", population_model(found)))
+    for model in participant_models(found):
+        plain = re.sub(r"[^A-Za-z0-9._-]", "_", model.participant or "")
+        name, again = f"participant-{plain}-{model.response}", 2
+        while any(name == other for other, _ in out):
+            name = f"participant-{plain}-{again}-{model.response}"
+            again += 1
+        out.append((name, model))
+    return out
+
+
+def _readable(model: Model) -> bytes:
+    return json.dumps(json.loads(model.to_json()), indent=2).encode()

@@ -19,7 +19,6 @@ from frictus_service.identification.documents import (
     Settings,
     SweepResult,
 )
-from frictus_service.identification.fit.across_conditions import Combination, levels
 from frictus_service.identification.fit.conditions import ObservationTable, select
 from frictus_service.identification.fit.estimates import (
     Fitted,
@@ -29,7 +28,7 @@ from frictus_service.identification.fit.estimates import (
 )
 from frictus_service.identification.fit.friction_fit import CUTOFF, GAIN, refit_friction
 from frictus_service.identification.fit.joint_fit import JointFit
-from frictus_service.identification.fit.speed_law import NAMES, SpeedLaw
+from frictus_service.identification.fit.speed_law import NAMES, Combination, SpeedLaw, levels
 
 MOBILITY_NAMES = ("mass_kg", "damping_n_s_m", "stiffness_n_m", "skew_s")
 _NORMAL_975 = float(stats.norm.ppf(0.975))

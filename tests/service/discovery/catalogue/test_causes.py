@@ -12,7 +12,7 @@ from frictus_service.discovery.catalogue.causes import (
     separating_experiment,
 )
 from frictus_service.discovery.catalogue.page import catalogue
-from frictus_service.discovery.errors import UnknownCauseError
+from frictus_service.errors import UnknownCauseError
 
 REQUIRED_PAIRS = (
     ("fractional_rolloff", "channel_delay"),

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 from tests.service.discovery.made import MOUNT, PAPER, Design, made
 
-from frictus_service.discovery.decision.alternative_forms import place_of
+from frictus_service.discovery.decision.caveats import place_of
 from frictus_service.discovery.evidence.evidence_rows import subjects_of
 from frictus_service.discovery.evidence.observation_table import rows_of, units_of, used
 from frictus_service.discovery.inference.linearisation import linearise
-from frictus_service.discovery.problem.candidates import candidates_of
-from frictus_service.discovery.problem.patterns import patterns_of
+from frictus_service.discovery.problem.candidates import candidates_of, patterns_of
 from frictus_service.discovery.problem.problem import DiscoveryProblem
 
 CANDIDATES = tuple(candidates_of("friction"))

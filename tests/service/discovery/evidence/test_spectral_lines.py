@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from frictus_service.discovery.evidence.spectral_lines import Lines, lines_of
+from frictus_service.discovery.evidence.background import Lines, lines_of
 
 
 def lines(*tones_hz: float) -> Lines:

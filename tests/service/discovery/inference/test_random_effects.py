@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from frictus_hardware.arrays import FloatArray
-from frictus_service.discovery.inference.random_effects import estimate_random_effects
+from frictus_service.discovery.inference.significance import estimate_random_effects
 
 N = 300
 

@@ -10,8 +10,12 @@ from typer.testing import CliRunner
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.cli.app import app
-from frictus_service.discovery.mount.impact_test import ImpactRecordingError, read_impacts
-from frictus_service.discovery.mount.ring_down import RingDownError, estimate_ring_down
+from frictus_service.discovery.ring_down import (
+    ImpactRecordingError,
+    RingDownError,
+    estimate_ring_down,
+    read_impacts,
+)
 
 REAL = Path(__file__).parents[5] / "shared" / "data" / "mount_impacts" / "lateral_data.mat"
 RATE_HZ = 50_000.0

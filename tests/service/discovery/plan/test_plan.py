@@ -11,20 +11,24 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 from frictus_hardware.physics.effects import EFFECTS
-from frictus_hardware.physics.mount import Mount
+from frictus_hardware.physics.linear import Mount
 from frictus_service.discovery.catalogue.causes import cause_of
 from frictus_service.discovery.plan.ability import Ability, ability_of
 from frictus_service.discovery.plan.assumptions import assumed
-from frictus_service.discovery.plan.design import FactorialDesign
-from frictus_service.discovery.plan.document import Plan, PlannedEffect, PlannedPair
-from frictus_service.discovery.plan.extras import EXTRAS
+from frictus_service.discovery.plan.documents import (
+    WANTED,
+    FactorialDesign,
+    Plan,
+    PlannedEffect,
+    PlannedPair,
+    Setup,
+    wanted_sizes,
+)
 from frictus_service.discovery.plan.plan import plan
 from frictus_service.discovery.plan.programme import Programme, programme_of
-from frictus_service.discovery.plan.setup import Setup
-from frictus_service.discovery.plan.sizes import WANTED, wanted_sizes
-from frictus_service.discovery.problem.base_models import base_model, simulator_of
+from frictus_service.discovery.plan.search import EXTRAS
+from frictus_service.discovery.problem.base_models import ResponseName, base_model, simulator_of
 from frictus_service.discovery.problem.candidates import candidates_of
-from frictus_service.discovery.problem.nuisance import ResponseName
 
 SPEED_EFFECTS = {"speed_dependent_cutoff", "speed_dependent_gain"}
 FORCE_EFFECTS = {"force_dependent_cutoff", "force_dependent_gain"}

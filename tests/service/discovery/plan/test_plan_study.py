@@ -12,21 +12,22 @@ from threadpoolctl import threadpool_limits
 from typer.testing import CliRunner
 
 from frictus_service.cli.app import app
-from frictus_service.cli.exits import Exit
-from frictus_service.discovery.evidence.evidence_rows import subjects_of
+from frictus_service.cli.options import Exit
+from frictus_service.discovery.evidence.evidence_rows import (
+    TrialEvidence,
+    study_evidence,
+    subjects_of,
+)
 from frictus_service.discovery.evidence.observation_table import rows_of, units_of, used
-from frictus_service.discovery.evidence.trial_evidence import TrialEvidence, study_evidence
 from frictus_service.discovery.inference.linear_model import ProjectedUnits, project_out
 from frictus_service.discovery.inference.linearisation import linearise
 from frictus_service.discovery.inference.significance import standard_error
 from frictus_service.discovery.plan.ability import ability_of
 from frictus_service.discovery.plan.assumptions import assumed
-from frictus_service.discovery.plan.design import FactorialDesign, read_design
-from frictus_service.discovery.plan.document import Plan
-from frictus_service.discovery.plan.expected import expected
+from frictus_service.discovery.plan.documents import FactorialDesign, Plan, Setup, read_design
 from frictus_service.discovery.plan.programme import programme_of
+from frictus_service.discovery.plan.rows import expected
 from frictus_service.discovery.plan.run import of_study
-from frictus_service.discovery.plan.setup import Setup
 from frictus_service.discovery.problem.base_models import base_model, simulator_of
 from frictus_service.discovery.problem.candidates import candidates_of
 from frictus_service.discovery.problem.problem import DiscoveryProblem

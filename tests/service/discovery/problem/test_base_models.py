@@ -11,16 +11,14 @@ from frictus.model import Effect, Model
 from frictus_hardware.errors import UnknownEffectError
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.physics.friction import FrictionLaw
-from frictus_hardware.physics.prediction import Probe, predict
 from frictus_hardware.physics.schedule import SlidingConditions
-from frictus_hardware.physics.simulator import Simulator
-from frictus_service.discovery.errors import BaseModelError
+from frictus_hardware.physics.simulator import Probe, Simulator, predict
 from frictus_service.discovery.problem.base_models import (
     MIDDLE_SPEED_MM_S,
     base_model,
     simulator_of,
 )
-from frictus_service.errors import ServiceError
+from frictus_service.errors import BaseModelError, ServiceError
 
 TONES_HZ = np.array([30.0, 300.0, 2000.0])
 

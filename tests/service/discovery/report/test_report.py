@@ -14,11 +14,16 @@ from frictus_service.cli.discover import show, summary
 from frictus_service.discovery.catalogue.cause import title
 from frictus_service.discovery.catalogue.causes import CAUSES
 from frictus_service.discovery.document import Discovery, ResidualBin
+from frictus_service.discovery.report.findings import (
+    by_relevance,
+    gain_sentence,
+    parameters,
+    place_of,
+    places,
+    residual_bode,
+    verdict_sentence,
+)
 from frictus_service.discovery.report.page import render
-from frictus_service.discovery.report.parameters import parameters
-from frictus_service.discovery.report.phrasing import gain_sentence, place_of, verdict_sentence
-from frictus_service.discovery.report.places import places
-from frictus_service.discovery.report.residuals import by_relevance, residual_bode
 
 
 class Page(HTMLParser):

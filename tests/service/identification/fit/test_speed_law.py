@@ -8,11 +8,10 @@ from tests.service.identification.observed import Bench, Finger, observations, t
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.identification.documents import Settings
-from frictus_service.identification.fit.across_conditions import ConditionEvidence
 from frictus_service.identification.fit.conditions import ObservationTable
 from frictus_service.identification.fit.estimates import Measured, friction_of, law_of
-from frictus_service.identification.fit.speed_law import SpeedLaw, estimate
-from frictus_service.identification.observation.observations import TrialObservations
+from frictus_service.identification.fit.speed_law import ConditionEvidence, SpeedLaw, estimate
+from frictus_service.identification.observation.response import TrialObservations
 
 SMALL = Bench(
     tones_hz=(30.0, 90.0, 220.0, 450.0, 750.0, 2000.0),

@@ -16,11 +16,11 @@ from tests.service.identification.trials import (
 )
 
 from frictus_hardware.arrays import ComplexArray, FloatArray
-from frictus_service.identification.observation.observations import (
+from frictus_service.identification.observation.observe import observe
+from frictus_service.identification.observation.response import (
     ResponseRows,
     TrialObservations,
 )
-from frictus_service.identification.observation.observe import observe
 from frictus_service.study.reader import StudyReader
 
 EXAMPLE = Path(__file__).parents[5] / "shared" / "data" / "study_example" / "study.h5"

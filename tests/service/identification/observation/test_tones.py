@@ -8,7 +8,7 @@ from tests.service.identification.trials import PAPER_TONES_HZ, RATE_HZ, message
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.identification.observation.blocks import BLOCK
-from frictus_service.identification.observation.drive_message import drive_fraction
+from frictus_service.identification.observation.response import drive_fraction
 from frictus_service.identification.observation.tones import (
     LEAST_BLOCKS,
     MOST_MISSING,

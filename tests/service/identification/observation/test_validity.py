@@ -10,9 +10,9 @@ from tests.service.identification.trials import RATE_HZ, STUDY, Made, message, t
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.stages import Quantisation
-from frictus_service.identification.observation.clipping import inspect
-from frictus_service.identification.observation.observations import TrialObservations
 from frictus_service.identification.observation.observe import observe
+from frictus_service.identification.observation.response import TrialObservations
+from frictus_service.identification.observation.validity import inspect
 from frictus_service.study.trial import Trial
 
 pytestmark = pytest.mark.compiled

@@ -8,15 +8,15 @@ import pytest
 from tests.service.identification.trials import STUDY, Made, trial
 
 from frictus_hardware.physics.linear import TransferFunction
-from frictus_service.identification.observation.observations import (
+from frictus_service.identification.observation.observe import observe
+from frictus_service.identification.observation.response import (
     ResponseRows,
     TrialObservations,
 )
-from frictus_service.identification.observation.observe import observe
 from frictus_service.identification.pipeline import cache as caching
 from frictus_service.identification.pipeline.cache import Cache, state_of
 from frictus_service.identification.pipeline.study import OBSERVER
-from frictus_service.identification.pipeline.trial_reader import Reader, Reading
+from frictus_service.identification.pipeline.workers import Reader, Reading
 
 
 @pytest.fixture

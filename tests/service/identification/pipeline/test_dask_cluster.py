@@ -14,7 +14,7 @@ from tests.service.identification.trials import STUDY, Made, numbered, trial
 from frictus_service.identification.pipeline.dask_cluster import ClusterError, work_on_cluster
 from frictus_service.identification.pipeline.study import observe_study
 from frictus_service.identification.pipeline.workers import Crash
-from frictus_service.ports import free_port
+from frictus_service.processes import free_port
 from frictus_service.study.writer import StudyWriter
 
 dask: Any = pytest.importorskip("dask")

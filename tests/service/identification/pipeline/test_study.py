@@ -11,15 +11,14 @@ import numpy as np
 import pytest
 from tests.service.identification.trials import STUDY, Made, numbered, trial
 
-from frictus_service.identification.observation.observations import (
+from frictus_service.identification.observation.observe import observe
+from frictus_service.identification.observation.response import (
     ResponseRows,
     TrialObservations,
 )
-from frictus_service.identification.observation.observe import observe
 from frictus_service.identification.pipeline import study as study_pipeline
 from frictus_service.identification.pipeline.study import Task, observe_study
-from frictus_service.identification.pipeline.trial_reader import Reading
-from frictus_service.identification.pipeline.workers import Crash
+from frictus_service.identification.pipeline.workers import Crash, Reading
 from frictus_service.study.reader import StudyReader
 from frictus_service.study.trial import Trial
 from frictus_service.study.writer import StudyWriter

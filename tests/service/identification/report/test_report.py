@@ -13,9 +13,8 @@ from tests.service.identification.observed import Bench, Finger, observations
 
 from frictus_service.identification.analysis import identify
 from frictus_service.identification.documents import Identification, Settings
-from frictus_service.identification.observation.observations import TrialObservations
-from frictus_service.identification.report.files import named_models, write
-from frictus_service.identification.report.page import render
+from frictus_service.identification.observation.response import TrialObservations
+from frictus_service.identification.report.page import named_models, render, write
 
 BENCH = Bench(
     tones_hz=(30.0, 120.0, 450.0, 2000.0), speeds=(20.0, 100.0), forces=(0.3, 0.5), seconds=1.0

@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Final
 
 from frictus_service.discovery.catalogue.cause import Cause
-from frictus_service.discovery.errors import UnknownCauseError
+from frictus_service.errors import UnknownCauseError
 
 
 def _found() -> dict[str, Cause]:

@@ -1,0 +1,1 @@
+"""What makes tables and figures of frictus: benchmarks, and the paper simulated."""

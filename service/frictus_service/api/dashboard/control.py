@@ -1,0 +1,219 @@
+"""What one page does to a rig: what it has armed, and the points of its pointer."""
+
+import asyncio
+import contextlib
+import time
+from collections.abc import Awaitable, Callable, Sequence
+from typing import Final
+
+import zenoh
+from fastapi.concurrency import run_in_threadpool
+
+import frictus
+from frictus.errors import FrictusError, NoRigError, OutcomeUnknownError, RefusedError
+from frictus.lease import Lease
+from frictus_service.api.dashboard.hub import Hub
+from frictus_service.api.dashboard.messages import Armed, Disarmed, Point, RefusedViewerError
+
+SILENT_S: Final = 3.0
+"""A page that says nothing for so long may be frozen: it keeps no screen driven."""
+LOOK_S: Final = 0.1
+_FAULTS: Final = (FrictusError, zenoh.ZError)
+
+
+class Arming:
+    """Holds the lease of one page on at most one rig.
+
+    Parameters
+    ----------
+    hub : Hub
+        Arms rigs.
+    client : str
+        The page, as rigs know it.
+    tell : callable
+        Sends a message to the page.
+    """
+
+    def __init__(self, hub: Hub, client: str, tell: Callable[[str], Awaitable[None]]) -> None:
+        self._hub = hub
+        self._client = client
+        self._tell = tell
+        self._rig = ""
+        # A task of its own: what a worker thread has armed is known even if nobody waits.
+        self._arming: asyncio.Task[Lease] | None = None
+        self._changing = asyncio.Lock()
+        self._heard_s = time.monotonic()
+
+    def hear(self) -> None:
+        """Take note that the page is there."""
+        self._heard_s = time.monotonic()
+
+    async def arm(self, rig: str, share_with: Sequence[str]) -> None:
+        """Arm a rig for the page and tell it.
+
+        Parameters
+        ----------
+        rig : str
+            Its name.
+        share_with : sequence of str
+            Others who may change what is rendered meanwhile.
+
+        Raises
+        ------
+        RefusedViewerError
+            If it has one already, or the rig refuses.
+        """
+        async with self._changing:
+            if self._arming is not None:
+                message = f"this page holds rig {self._rig!r}: disarm it first"
+                raise RefusedViewerError("arm", "conflict", message, None)
+            self._rig = rig
+            arming = run_in_threadpool(self._hub.arm, rig, self._client, share_with)
+            self._arming = asyncio.create_task(arming)
+            try:
+                await asyncio.shield(self._arming)
+            except _FAULTS as error:
+                self._arming = None
+                raise RefusedViewerError("arm", _code(error), str(error), None) from error
+            self.hear()
+            await self._tell(Armed(rig=rig).model_dump_json())
+
+    async def disarm(self, rig: str) -> None:
+        """Give a rig back and tell the page.
+
+        Raises
+        ------
+        RefusedViewerError
+            If it does not hold this rig.
+        """
+        if self._arming is None or rig != self._rig:
+            message = f"this page does not hold rig {rig!r}"
+            raise RefusedViewerError("disarm", "not_owner", message, None)
+        await self._give_back("")
+
+    async def run(self) -> None:
+        """Watch the lease and the page, for ever."""
+        while True:
+            await asyncio.sleep(LOOK_S)
+            lease = self._held()
+            if lease is None:
+                continue
+            if lease.lost:
+                await self._give_back(lease.reason)
+            elif time.monotonic() - self._heard_s > SILENT_S:
+                await self._give_back(f"the page said nothing for {SILENT_S:g} s")
+
+    async def close(self) -> None:
+        """Give back what is held, or about to be."""
+        if self._arming is not None:
+            try:
+                with contextlib.suppress(*_FAULTS):  # then it was never armed
+                    await self._end(await self._arming)
+            finally:
+                self._arming = None
+
+    def _held(self) -> Lease | None:
+        if self._arming is None or not self._arming.done():
+            return None
+        return self._arming.result()
+
+    async def _give_back(self, reason: str) -> None:
+        async with self._changing:
+            lease = self._held()
+            if lease is None:
+                return
+            await self._end(lease)
+            self._arming = None
+            await self._tell(Disarmed(rig=self._rig, reason=reason).model_dump_json())
+
+    @staticmethod
+    async def _end(lease: Lease) -> None:
+        # Renewals end in any case, and with them the output.
+        with contextlib.suppress(*_FAULTS):
+            await run_in_threadpool(lease.disarm)
+
+
+def _code(error: Exception) -> str:
+    if isinstance(error, RefusedError):
+        return error.code
+    if isinstance(error, OutcomeUnknownError):
+        return "outcome_unknown"
+    return "no_rig" if isinstance(error, NoRigError) else "no_link"
+
+
+class Pointing:
+    """Publishes points in a worker thread, for publishing may block.
+
+    Parameters
+    ----------
+    hub : Hub
+        Knows the rigs.
+    client : str
+        The page, as rigs know it.
+    """
+
+    def __init__(self, hub: Hub, client: str) -> None:
+        self._hub = hub
+        self._client = client
+        self._moved: tuple[frictus.Rig, frictus.Rig] | None = None
+        self._newest: tuple[frictus.Rig, Point] | None = None
+        self._pressed = False
+        self._publishing: asyncio.Task[None] | None = None
+        self._given = asyncio.Event()
+
+    def point(self, rig: str | None, point: Point) -> None:
+        """Take a point; one that is not yet on its way is forgotten.
+
+        Parameters
+        ----------
+        rig : str or None
+            Name of the rig that the viewer watches.
+        point : Point
+            Where to.
+
+        Raises
+        ------
+        RefusedViewerError
+            If that rig's finger cannot be moved now.
+        """
+        if rig is None:
+            raise RefusedViewerError("point", "no_rig", "watch a rig to point at it", None)
+        self._newest = (self._hub.movable(rig, self._client), point)
+        self._given.set()
+
+    async def run(self) -> None:
+        """Publish points as they come, for ever."""
+        while True:
+            await self._given.wait()
+            self._given.clear()
+            assert self._newest is not None
+            await self._publish(*self._newest)
+
+    async def lift(self) -> None:
+        """Take the finger off the screen, if this viewer left it there."""
+        if self._publishing is not None:
+            await self._publishing  # or it would come after
+        if self._pressed and self._newest is not None:
+            rig, point = self._newest
+            await self._publish(rig, point.model_copy(update={"in_contact": False}))
+        await self._leave()
+
+    async def _publish(self, rig: frictus.Rig, point: Point) -> None:
+        if self._moved is None or self._moved[0] is not rig:
+            await self._leave()
+            self._moved = rig, rig.on_behalf_of(self._client)
+        self._pressed = point.in_contact
+        published = run_in_threadpool(
+            self._moved[1].point,
+            point.x_mm,
+            point.y_mm,
+            in_contact=point.in_contact,
+            normal_force_n=point.normal_force_n,
+        )
+        self._publishing = asyncio.create_task(published)
+        await asyncio.shield(self._publishing)
+
+    async def _leave(self) -> None:
+        moved, self._moved = self._moved, None
+        if moved is not None:
+            await run_in_threadpool(moved[1].close)

@@ -1,0 +1,208 @@
+"""What is installed and configured, and whether router, rigs and device answer."""
+
+import importlib.metadata
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import frictus
+from frictus.errors import CertificateError, LinkError
+from frictus_hardware import BackendConfig, NiRigConfig
+from frictus_hardware.errors import DriverMissingError, HardwareError
+from frictus_hardware.nidaq.assembly import conversion_of
+from frictus_hardware.nidaq.devices import INSTALL, mismatches, survey
+from frictus_hardware.nidaq.settings import NeonodeSettings
+from frictus_hardware.sensors.hid import HidPort
+from frictus_service.cli.checks.check import Check
+from frictus_service.config import Config, SecurityConfig, load
+from frictus_service.errors import ConfigurationError
+
+NEEDED: Final = (
+    "eclipse-zenoh",
+    "numpy",
+    "pydantic",
+    "fastapi",
+    "uvicorn",
+    "numba",
+    "scipy",
+    "prometheus-client",
+    "rich",
+    "typer",
+)
+
+
+def python_version() -> Check:
+    """Look at the interpreter."""
+    return Check("python", "ok", f"{sys.version.split()[0]} on {sys.platform}")
+
+
+def packages(needed: tuple[str, ...] = NEEDED) -> Check:
+    """Look for the packages that the service needs."""
+    missing = []
+    for name in needed:
+        try:
+            importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            missing.append(name)
+    if missing:
+        to_do = "pip install 'frictus[service]'"
+        return Check("packages", "fail", f"missing: {', '.join(missing)}", to_do)
+    return Check("packages", "ok", f"all {len(needed)} are installed")
+
+
+def compiler_cache() -> Check:
+    """See whether compiled code can be kept: without, every start takes seconds longer."""
+    from frictus_service.synthesis.kernel import target_friction
+
+    folder = Path(str(target_friction.stats.cache_path))
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        to_do = "set NUMBA_CACHE_DIR to a folder that can be written"
+        return Check("compiled code", "warn", f"{folder} cannot be written: {error}", to_do)
+    return Check("compiled code", "ok", f"is kept in {folder}")
+
+
+def configuration(path: Path | None) -> tuple[Config | None, Check]:
+    """Read the configuration; None if it cannot be used."""
+    try:
+        config = load(path)
+    except ConfigurationError as error:
+        return None, Check("configuration", "fail", str(error), "correct the lines named")
+    where = path or "frictus.toml or the defaults"
+    return config, Check("configuration", "ok", f"{where}: rig {config.rig} at {config.site}")
+
+
+def rig_files(config: Config) -> Iterator[Check]:
+    """See whether the files are here that the rig is made from, where it runs here."""
+    for key, file in config.rig_files.items():
+        if not file.is_file():
+            dotted = ".".join(map(str, key))
+            to_do = "put it there, or correct the key, where the rig runs on this machine"
+            yield Check("rig files", "warn", f"{dotted}: there is no file {file}", to_do)
+
+
+def library_folder(folder: Path) -> Check:
+    """See whether the texture library can be read, file by file."""
+    from frictus_service.library import DamagedTextureError, TextureLibrary
+
+    library = TextureLibrary(folder)
+    damaged = []
+    names = library.names()
+    for name in names:
+        try:
+            library.get(name)
+        except DamagedTextureError:
+            damaged.append(name)
+    if damaged:
+        found = f"{len(damaged)} of {len(names)} files are damaged: {', '.join(damaged)}"
+        return Check("textures", "warn", found, f"replace or delete them in {folder}")
+    return Check("textures", "ok", f"{len(names)} in the library, those shipped among them")
+
+
+ANSWER_S: Final = 1.0
+
+
+def router_and_rigs(endpoint: str, security: SecurityConfig | None = None) -> Iterator[Check]:
+    """Look for the router, and for rigs behind it."""
+    try:
+        tls = None if security is None else security.of("client")
+        with frictus.connect(endpoint, timeout_s=ANSWER_S, tls=tls) as client:
+            yield Check("router", "ok", f"answers at {endpoint}")
+            rigs = client.rigs()
+            for rig in rigs:
+                yield _rig(client, rig)
+    except (CertificateError, ConfigurationError) as error:
+        yield Check("router", "fail", str(error), "see docs/security.md")
+        return
+    except LinkError as error:
+        yield Check("router", "warn", str(error), "start `frictus serve`, or name its --router")
+        return
+    if not rigs:
+        to_do = "start `frictus serve` or `frictus rig`"
+        yield Check("rigs", "warn", "none is present", to_do)
+
+
+def _rig(client: frictus.Client, which: frictus.RigName) -> Check:
+    name = f"rig {which.name} at {which.site}"
+    try:
+        status = client.rig(which.name, which.site).status()
+    except (frictus.FrictusError, OSError) as error:
+        return Check(name, "fail", str(error), "look at the output of its `frictus serve`")
+    found = f"{status.state}, {status.backend}, version {status.version}"
+    if status.fault is not None:
+        return Check(name, "fail", f"{found}: {status.fault.reason}", status.fault.action)
+    if status.model_placeholder:
+        to_do = "measure and set a model; until then friction is not true to scale"
+        return Check(name, "warn", f"{found}, with a placeholder model", to_do)
+    return Check(name, "ok", found)
+
+
+def device_checks(backend: BackendConfig) -> Iterator[Check]:
+    """Look at driver, device and touch sensor, if the rig is on an NI device; drive nothing."""
+    if not isinstance(backend, NiRigConfig):
+        return
+    yield from ni_device(backend)
+    yield sensors(backend)
+    if isinstance(backend.touch, NeonodeSettings):
+        yield touch_sensor(backend.touch)
+
+
+def ni_device(backend: NiRigConfig) -> Iterator[Check]:
+    """Compare what the driver says of its devices with the configuration."""
+    try:
+        package = importlib.metadata.version("nidaqmx")
+        found = survey(backend.wiring)
+    except (importlib.metadata.PackageNotFoundError, DriverMissingError) as error:
+        to_do = f"{INSTALL}, and the NI-DAQmx driver from ni.com, or an address"
+        yield Check("driver", "fail", str(error), to_do)
+        return
+    except HardwareError as error:
+        yield Check("driver", "fail", str(error), "see backend.address and the device server")
+        return
+    where = "on this machine" if backend.address is None else f"at {backend.address}"
+    told = f"NI-DAQmx {found.driver} {where}, package nidaqmx {package}"
+    yield Check("driver", "ok", told)
+    present = ", ".join(found.devices) or "none"
+    if found.facts is None:
+        text = f"backend.device = {backend.device!r} is not there; present: {present}"
+        to_do = "correct backend.device, or see the device in NI MAX"
+        yield Check("device", "fail", text, to_do)
+        return
+    yield Check(
+        "device", "ok", f"{backend.device} is a {found.facts.product}; present: {present}"
+    )
+    faults = mismatches(backend.wiring, found.facts)
+    if faults:
+        text = "; ".join(f"backend.{fault}" for fault in faults)
+        yield Check("wiring", "fail", text, "correct these lines of the configuration")
+        return
+    text = f"{len(backend.wiring.channels)} inputs and {backend.output} fit the device"
+    yield Check("wiring", "ok", text)
+
+
+def sensors(backend: NiRigConfig) -> Check:
+    """See whether the calibration can be read and the sensors fit their channels."""
+    try:
+        conversion_of(backend)
+    except HardwareError as error:
+        return Check("sensors", "fail", str(error), "correct backend.force or backend.accel")
+    found = f"{backend.force.calibration.name} is a calibration, and the channels fit it"
+    return Check("sensors", "ok", found)
+
+
+def touch_sensor(touch: NeonodeSettings) -> Check:
+    """See whether the touch sensor is plugged in and may be opened."""
+    port = HidPort(serial_number=touch.serial_number)
+    try:
+        port.open()
+    except DriverMissingError as error:
+        return Check("touch sensor", "fail", str(error), "install the package named")
+    except HardwareError as error:
+        return Check("touch sensor", "fail", str(error), "see what the reason names")
+    port.close()
+    return Check("touch sensor", "ok", "is plugged in and can be opened")

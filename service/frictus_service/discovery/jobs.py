@@ -1,0 +1,382 @@
+"""Discoveries as jobs: what is asked, how far it is, and the folder that keeps each.
+
+The discoveries of a folder of studies: one folder each, with job, events and report.
+
+``studies/discoveries/ID/`` holds `job.json`, where the discovery stands; `events.jsonl`, what
+it told; and, once it is done, what `report.page` writes. A `job.json` that cannot be read
+is set aside as `job.json.damaged`, with a warning in the log, and the others are served.
+"""
+
+import contextlib
+import json
+import logging
+import os
+import re
+import secrets
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from frictus.model import Model
+from frictus_service.discovery.document import Response, Verdict
+from frictus_service.durable import replace_file
+from frictus_service.errors import (
+    DiscoveryCancelledError,
+    DiscoveryStateError,
+    UnknownDiscoveryError,
+    UnknownStudyError,
+)
+
+State = Literal["queued", "running", "interrupted", "cancelled", "failed", "done"]
+ACTIVE: tuple[State, ...] = ("queued", "running")
+STUDY_NAME: Final = r"^\w[\w.-]*(/\w[\w.-]*)*$"
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class DiscoverySpec(_Strict):
+    """One discovery."""
+
+    study: Annotated[
+        str,
+        Field(
+            max_length=200,
+            pattern=STUDY_NAME,
+            description="File below the folder of studies, such as visit1.h5",
+        ),
+    ]
+    response: Response = "friction"
+    base: Annotated[
+        Literal["paper", "constant-cutoff"] | Model,
+        Field(description="What is criticised; a `model/1` document may stand here"),
+    ] = "paper"
+    seed: Annotated[int | None, Field(ge=0, description="Of random draws; null: fresh")] = None
+
+
+class DiscoveryProgress(_Strict):
+    """What a discovery is at."""
+
+    message: str
+
+
+class DiscoveryResult(_Strict):
+    """What came of it; the report has all."""
+
+    verdict: Verdict | None
+    sentence: str
+    """The verdict in words."""
+    causes: tuple[str, ...]
+    """Named."""
+
+
+class DiscoveryJob(_Strict):
+    """A discovery and where it stands."""
+
+    id: str
+    state: State
+    created_utc_ns: int
+    created_by: str
+    updated_utc_ns: int
+    spec: DiscoverySpec
+    progress: DiscoveryProgress | None = None
+    result: DiscoveryResult | None = None
+    failure: str | None = None
+
+
+class DiscoveryJobs(_Strict):
+    """All discoveries of this machine, newest first."""
+
+    discoveries: list[DiscoveryJob]
+
+
+class DiscoveryEvent(_Strict):
+    """One thing that a discovery told; numbered from 1 without gaps."""
+
+    number: int
+    kind: Literal["state", "progress"]
+    data: str
+    """JSON: the state, or the progress."""
+
+
+BASE: Final = "base_model.json"
+OBSERVATIONS: Final = "observations"
+"""Beside the folders of all discoveries: by content, so that each trial is read once."""
+
+
+def carry_out(
+    spec: DiscoverySpec,
+    study: Path,
+    folder: Path,
+    tell: Callable[[DiscoveryProgress], None],
+    cancelled: Callable[[], bool],
+) -> DiscoveryResult:
+    """Carry out a discovery; its report lies in `folder` then.
+
+    Parameters
+    ----------
+    spec : DiscoverySpec
+        What the discovery was asked for.
+    study : Path
+        The file that it names.
+    folder : Path
+        Of this discovery alone.
+    tell : callable
+        Told what it is at.
+    cancelled : callable
+        Asked whenever something is told.
+
+    Raises
+    ------
+    DiscoveryCancelledError
+    """
+    from frictus_service.discovery.discover import discover_study
+    from frictus_service.discovery.report import page
+    from frictus_service.discovery.report.findings import verdict_sentence
+
+    def told(line: str) -> None:
+        if cancelled():
+            raise DiscoveryCancelledError("cancelled; there is no report")
+        tell(DiscoveryProgress(message=line))
+
+    found = discover_study(
+        study,
+        response=spec.response,
+        base=_base(spec, folder),
+        seed=spec.seed,
+        cache=folder.parent / OBSERVATIONS,
+        tell=told,
+    )
+    told("writing the report")
+    page.write(found, folder)
+    return DiscoveryResult(
+        verdict=found.verdict,
+        sentence=verdict_sentence(found),
+        causes=tuple(cause.id for cause in found.causes),
+    )
+
+
+def _base(spec: DiscoverySpec, folder: Path) -> str:
+    if isinstance(spec.base, str):
+        return spec.base
+    kept = folder / BASE
+    replace_file(kept, spec.base.to_json())
+    return str(kept)
+
+
+FOLDER: Final = "discoveries"
+JOB: Final = "job.json"
+EVENTS: Final = "events.jsonl"
+DAMAGED: Final = ".damaged"
+_ID: Final = re.compile(r"[0-9a-f-]{1,64}")
+_NAME: Final = re.compile(STUDY_NAME)
+_MOST_LISTED: Final = 20
+_LOG: Final = logging.getLogger(__name__)
+
+
+class DiscoveryStore:
+    """Keeps discoveries; one process per folder writes it, from any of its threads.
+
+    Parameters
+    ----------
+    studies : Path
+        The folder of studies.
+    clock_ns : callable
+        UTC, ns.
+    """
+
+    def __init__(self, studies: Path, clock_ns: Callable[[], int] = time.time_ns) -> None:
+        self._studies = studies
+        self._clock_ns = clock_ns
+        self._lock = threading.Lock()
+
+    def study(self, name: str) -> Path:
+        """Return the absolute path of a study.
+
+        Raises
+        ------
+        UnknownStudyError
+        """
+        folder = self._studies.resolve()
+        path = (folder / name).resolve()
+        if path.is_relative_to(folder) and path.exists():
+            return path
+        known = sorted(self.studies())
+        listed = ", ".join(known[:_MOST_LISTED]) or "none"
+        more = f" and {len(known) - _MOST_LISTED} more" if len(known) > _MOST_LISTED else ""
+        raise UnknownStudyError(
+            f"no study {name!r} in the folder of studies; there: {listed}{more}"
+        )
+
+    def studies(self) -> dict[str, Path]:
+        """Return the studies that a discovery can name, and their absolute paths."""
+        folder = self._studies.resolve()
+        found = {}
+        for path in (*folder.glob("*.h5"), *folder.glob("*/study.h5")):
+            name = path.relative_to(folder).as_posix()
+            if _NAME.fullmatch(name) and path.resolve().is_relative_to(folder):
+                found[name] = path
+        return found
+
+    def folder(self, discovery: str) -> Path:
+        """Return the absolute path of a discovery's folder."""
+        return self._studies.absolute() / FOLDER / discovery
+
+    def create(self, spec: DiscoverySpec, by: str) -> DiscoveryJob:
+        """Queue a discovery.
+
+        Raises
+        ------
+        UnknownStudyError
+        """
+        self.study(spec.study)
+        now_ns = self._clock_ns()
+        began = time.strftime("%Y%m%d-%H%M%S", time.gmtime(now_ns / 1e9))
+        job = DiscoveryJob(
+            id=f"{began}-{secrets.token_hex(4)}",
+            state="queued",
+            created_utc_ns=now_ns,
+            created_by=by,
+            updated_utc_ns=now_ns,
+            spec=spec,
+        )
+        with self._lock:
+            self.folder(job.id).mkdir(parents=True)
+            self._tell(job, "state", json.dumps(job.state))
+        return job
+
+    def get(self, discovery: str) -> DiscoveryJob:
+        """Return where a discovery stands.
+
+        Raises
+        ------
+        UnknownDiscoveryError
+        """
+        with self._lock:
+            return self._read(discovery)
+
+    def all(self) -> list[DiscoveryJob]:
+        """Return all discoveries, newest first."""
+        with self._lock:
+            kept = (self._studies / FOLDER).glob(f"*/{JOB}")
+            jobs = []
+            for path in list(kept):
+                with contextlib.suppress(UnknownDiscoveryError):  # set aside, and said
+                    jobs.append(self._read(path.parent.name))
+        return sorted(jobs, key=lambda job: (job.created_utc_ns, job.id), reverse=True)
+
+    def change(
+        self,
+        discovery: str,
+        to: State,
+        *,
+        of: tuple[State, ...],
+        result: DiscoveryResult | None = None,
+        failure: str | None = None,
+    ) -> DiscoveryJob:
+        """Put a discovery into another state, and return it.
+
+        Parameters
+        ----------
+        discovery : str
+            Its id.
+        to : str
+            The new state.
+        of : tuple of str
+            States that it may be in now.
+        result : DiscoveryResult or None
+            With ``done``.
+        failure : str or None
+            With ``failed``.
+
+        Raises
+        ------
+        UnknownDiscoveryError, DiscoveryStateError
+        """
+        with self._lock:
+            job = self._read(discovery)
+            if job.state not in of:
+                raise DiscoveryStateError(
+                    f"discovery {discovery} is {job.state}: this is for one that is "
+                    f"{' or '.join(of)}"
+                )
+            changed = job.model_copy(
+                update={
+                    "state": to,
+                    "updated_utc_ns": self._clock_ns(),
+                    "result": result,
+                    "failure": failure,
+                }
+            )
+            self._tell(changed, "state", json.dumps(to))
+        return changed
+
+    def progress(self, discovery: str, progress: DiscoveryProgress) -> None:
+        """Keep what a running discovery is at."""
+        with self._lock:
+            job = self._read(discovery)
+            update = {"progress": progress, "updated_utc_ns": self._clock_ns()}
+            moved = job.model_copy(update=update)
+            self._tell(moved, "progress", progress.model_dump_json())
+
+    def interrupt(self) -> None:
+        """Note that whatever ran, or waited, does so no more."""
+        for job in self.all():
+            if job.state in ACTIVE:
+                try:
+                    self.change(job.id, "interrupted", of=ACTIVE)
+                except OSError as error:  # what can be read is served nevertheless
+                    _LOG.warning("discovery %s cannot be kept: %s", job.id, error)
+
+    def events(self, discovery: str, after: int) -> list[DiscoveryEvent]:
+        """Return what a discovery told after an event, in order.
+
+        Parameters
+        ----------
+        discovery : str
+            Its id.
+        after : int
+            Number of the last event that is known; 0: from the beginning.
+        """
+        with self._lock:
+            told = _whole_lines(self.folder(discovery) / EVENTS).splitlines()
+        return [DiscoveryEvent.model_validate_json(line) for line in told[after:]]
+
+    def _read(self, discovery: str) -> DiscoveryJob:
+        path = self.folder(discovery) / JOB
+        if not _ID.fullmatch(discovery) or not path.is_file():
+            raise UnknownDiscoveryError(f"no discovery {discovery[:80]!r}")
+        try:
+            return DiscoveryJob.model_validate_json(path.read_bytes())
+        except (ValidationError, OSError) as error:
+            reason = error.strerror if isinstance(error, OSError) else "it is torn or not a job"
+            told = f"{path} cannot be read ({reason})"
+            if isinstance(error, ValidationError):
+                with contextlib.suppress(OSError):  # of a folder that is read-only
+                    os.replace(path, path.with_name(path.name + DAMAGED))
+                    told += f" and was set aside as {path.name}{DAMAGED}"
+            _LOG.warning("%s: the other discoveries are served", told)
+            raise UnknownDiscoveryError(told) from error
+
+    def _tell(self, job: DiscoveryJob, kind: str, data: str) -> None:
+        # The event first: whoever sees that a job has ended finds its last event.
+        folder = self.folder(job.id)
+        before = _whole_lines(folder / EVENTS)
+        event = {"number": 1 + before.count(b"\n"), "kind": kind, "data": data}
+        with (folder / EVENTS).open("ab") as told:
+            told.truncate(len(before))
+            told.write(json.dumps(event).encode() + b"\n")
+            told.flush()
+            os.fsync(told.fileno())
+        replace_file(folder / JOB, job.model_dump_json(by_alias=True, indent=2).encode())
+
+
+def _whole_lines(path: Path) -> bytes:
+    """Return a file up to its last whole line: a crash may have cut one off."""
+    content = path.read_bytes() if path.exists() else b""
+    return content[: content.rfind(b"\n") + 1]

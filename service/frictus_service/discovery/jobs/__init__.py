@@ -1,1 +1,0 @@
-"""Discoveries as jobs of a service: specification, worker and store."""

@@ -1,1 +1,0 @@
-"""The mount of a screen: resonances from a hammer (impact) test."""

@@ -1,0 +1,328 @@
+"""The findings of a discovery: parameters of causes, what is left where, and the sentences."""
+
+from collections.abc import Sequence
+from itertools import groupby
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
+
+from frictus_service.discovery.catalogue.cause import NO_UNIT, title
+from frictus_service.discovery.document import (
+    COVARIATES,
+    Covariate,
+    Discovery,
+    Gain,
+    LevelBin,
+    NamedCause,
+    ParameterEstimate,
+    ResidualBin,
+    Unexplained,
+)
+from frictus_service.identification.report.html import FIT, GRID, ordered
+
+
+def verdict_sentence(found: Discovery) -> str:
+    """Return the answer: what the base model gets wrong, and why.
+
+    Parameters
+    ----------
+    found : Discovery
+        The document of a discovery.
+    """
+    if found.verdict is None:
+        return "Nothing could be tested, so nothing is said of the base model."
+    if found.verdict == "clean":
+        return "The base model explains these data: nothing that it gets wrong is reproducible."
+    if found.verdict == "unexplained":
+        return f"The base model is wrong, and no known cause explains it{_where(found)}."
+    named = ", ".join(_named(cause) for cause in found.causes)
+    unsure = "; ".join(
+        f"either {title(a)} or {title(b)}"
+        for a, b in (one.between for one in found.cannot_tell)
+    )
+    what = "; ".join(part for part in (named, unsure) if part)
+    if found.verdict == "explained":
+        return f"The base model is wrong, and the data say why: {what}. Nothing else is left."
+    why = "the data say partly why" if found.causes else "the data leave open why"
+    more = f" More is left{_where(found)}." if found.unexplained else ""
+    return f"The base model is wrong, and {why}: {what}.{more}"
+
+
+def _named(cause: NamedCause) -> str:
+    shape = "" if cause.verdict == "confirmed" else ", in another shape than the catalogue's"
+    return f"{title(cause.id)}{shape}"
+
+
+def _where(found: Discovery) -> str:
+    if not found.unexplained:
+        return ""
+    strongest = min(found.unexplained, key=lambda one: one.p_value)
+    return f", most clearly in {place_of(strongest)}"
+
+
+def place_of(one: Unexplained) -> str:
+    """Return where something unexplained is."""
+    low, high = one.band_hz
+    where = f"{one.channel}, {low:.4g} to {high:.4g} Hz"
+    if one.covariate is None:
+        return f"{where}, in all conditions"
+    return f"{where}, by {one.covariate}"
+
+
+def gain_sentence(gain: Gain) -> str:
+    """Return by how much data are predicted better that were not used to fit."""
+    span = "" if gain.ci95 is None else f" [{gain.ci95[0]:.3g}, {gain.ci95[1]:.3g}]"
+    (db, less_db), (deg, less_deg) = gain.residual_db, gain.residual_deg
+    return (
+        f"Log-likelihood of held-out data {gain.heldout_loglik:+.3g}{span} nats; what is left "
+        f"there: {db:.2g} dB and {deg:.2g}° before, {less_db:.2g} dB and {less_deg:.2g}° after."
+    )
+
+
+def shown(estimate: ParameterEstimate) -> str:
+    """Return a parameter with interval and unit."""
+    value = f"{estimate.value:.4g}"
+    if estimate.ci95 is not None:
+        value += f" [{estimate.ci95[0]:.4g}, {estimate.ci95[1]:.4g}]"
+    return value if estimate.unit == NO_UNIT else f"{value} {estimate.unit}"
+
+
+ROW_IN = 0.22
+"""Height of one participant."""
+_NORMAL_95 = 1.96
+
+
+def parameters(found: Discovery) -> Figure | None:
+    """Draw the parameters of all named causes; None where none is named.
+
+    Grey: participants, estimated alone, with 95 % bars. Red: across participants with the 95 %
+    interval. The line at zero is the base model.
+
+    Parameters
+    ----------
+    found : Discovery
+        The document of a discovery.
+    """
+    panels = [
+        (_name(cause, parameter), estimate)
+        for cause in found.causes
+        for parameter, estimate in cause.parameters.items()
+    ]
+    if not panels:
+        return None
+    rows = [1 + len(estimate.per_participant) for _, estimate in panels]
+    figure = Figure(figsize=(9.5, sum(ROW_IN * n + 0.75 for n in rows)), layout="constrained")
+    drawn = figure.subplots(len(panels), 1, squeeze=False, height_ratios=[n + 1 for n in rows])
+    for axes, (name, estimate) in zip(drawn[:, 0], panels, strict=True):
+        _forest(axes, estimate)
+        axes.set_title(name, loc="left", fontsize="medium")
+        axes.set_xlabel("share or exponent" if estimate.unit == NO_UNIT else estimate.unit)
+    return figure
+
+
+def _name(cause: NamedCause, parameter: str) -> str:
+    if len(cause.parameters) == 1:
+        return title(cause.id)
+    return f"{title(cause.id)}: {parameter.replace('_', ' ')}"
+
+
+def _forest(axes: Axes, estimate: ParameterEstimate) -> None:
+    people = estimate.per_participant
+    for place, one in enumerate(people):
+        half = _NORMAL_95 * (one.standard_error or 0.0)
+        axes.errorbar(one.value, place, xerr=half, fmt="o", ms=4, lw=1.0, color="0.45")
+    last = len(people)
+    axes.plot(estimate.value, last, "D", ms=6, color=FIT)
+    if estimate.ci95 is not None:
+        axes.plot(estimate.ci95, (last, last), color=FIT, lw=2.5)
+    axes.axvline(0.0, color="k", lw=0.8, ls="--")
+    axes.set_yticks(range(last + 1), [*(one.participant for one in people), "all"])
+    axes.set_ylim(last + 0.6, -0.6)
+    axes.grid(axis="x", **GRID)
+
+
+CHANNELS = {
+    "second": "at twice the tone",
+    "third": "at three times the tone",
+    "line": "at the mains' line",
+    "low": "4 to 30 Hz",
+}
+_SPAN_HZ = (20.0, 2_500.0)
+"""Drawn at least, so that one look tells low from high."""
+_BROADENED = 1.03
+"""A single tone is drawn as a band of this ratio to either side."""
+
+
+def places(found: Discovery) -> Figure | None:
+    """Draw the bands in which something is left, by channel and covariate; None where none is.
+
+    Parameters
+    ----------
+    found : Discovery
+        The document of a discovery.
+    """
+    if not found.unexplained:
+        return None
+    left = sorted(found.unexplained, key=lambda one: one.p_value)
+    figure = Figure(figsize=(9.5, 0.9 + 0.32 * len(left)), layout="constrained")
+    axes = figure.subplots()
+    for place, one in enumerate(left):
+        low, high = one.band_hz
+        low, high = low / _BROADENED, high * _BROADENED
+        axes.barh(place, high - low, left=low, height=0.55, color=FIT)
+    axes.set_yticks(
+        range(len(left)),
+        [f"{one.channel}, {one.covariate or 'all conditions'}" for one in left],
+    )
+    axes.invert_yaxis()
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.xaxis.set_minor_locator(NullLocator())
+    ends = [end for one in left for end in one.band_hz if end > 0.0]
+    axes.set_xlim(min(_SPAN_HZ[0], *ends), max(_SPAN_HZ[1], *ends))
+    axes.set_xlabel("frequency, Hz")
+    axes.grid(axis="x", **GRID)
+    return figure
+
+
+def levels(found: Discovery) -> Figure | None:
+    """Draw harmonics, mains line and low-frequency power over a covariate; None without any.
+
+    Parameters
+    ----------
+    found : Discovery
+        The document of a discovery.
+    """
+    panels = [
+        (key, list(bins))
+        for key, bins in groupby(
+            sorted(found.levels, key=_panel_of), key=lambda one: (one.channel, one.covariate)
+        )
+    ]
+    if not panels:
+        return None
+    columns = min(3, len(panels))
+    rows = -(-len(panels) // columns)
+    figure = Figure(figsize=(3.15 * columns, 2.6 * rows), layout="constrained")
+    drawn = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes, ((channel, covariate), bins) in zip(drawn, panels, strict=False):
+        at = [one.level for one in bins]
+        measured, errors = zip(
+            *((one.measured, one.standard_error) for one in bins), strict=True
+        )
+        axes.errorbar(at, measured, errors, fmt="ko", ms=3.5, lw=1.0, label="measured")
+        axes.plot(at, [one.before for one in bins], "--", color="0.45", label="base")
+        axes.plot(at, [one.after for one in bins], color=FIT, label="extended")
+        axes.set_title(CHANNELS[channel], loc="left", fontsize="medium")
+        axes.set_xlabel(f"{covariate}, {COVARIATES[covariate]}")
+        axes.set_ylabel(bins[0].unit)
+        axes.grid(**GRID)
+    for axes in drawn[len(panels) :]:
+        axes.set_axis_off()
+    drawn[0].legend(frameon=False, fontsize="small")
+    return figure
+
+
+def _panel_of(one: LevelBin) -> tuple[int, int, float]:
+    order: tuple[Sequence[str], Sequence[str]] = (list(CHANNELS), list(COVARIATES))
+    return order[0].index(one.channel), order[1].index(one.covariate), one.level
+
+
+PARTS = (("size, dB", "db"), ("phase, °", "deg"))
+STAGES = (("before", "base model"), ("after", "extended model"))
+
+
+def by_relevance(found: Discovery) -> list[Covariate]:
+    """Return the covariates that can be drawn, first the one whose picture changes most.
+
+    Parameters
+    ----------
+    found : Discovery
+        The document of a discovery.
+    """
+    drawn: list[Covariate] = [
+        name for name in COVARIATES if any(one.covariate == name for one in found.residuals)
+    ]
+    return sorted(drawn, key=lambda name: -_spread(found.residuals, name))
+
+
+def residual_bode(found: Discovery, covariate: Covariate) -> Figure:
+    """Draw the residual Bode plot by a covariate: size over phase, before beside after.
+
+    A model that is right leaves all levels on the line at zero, within their bars of one
+    standard error.
+
+    Parameters
+    ----------
+    found : Discovery
+        With residuals over `covariate`.
+    covariate : str
+        What it follows.
+    """
+    bins = [one for one in found.residuals if one.covariate == covariate]
+    levels = sorted({one.level for one in bins})
+    figure = Figure(figsize=(9.5, 4.8), layout="constrained")
+    panels = figure.subplots(2, 2, sharex=True, sharey="row")
+    for row, (label, part) in zip(panels, PARTS, strict=True):
+        row[0].set_ylabel(label)
+        for axes, (stage, _) in zip(row, STAGES, strict=True):
+            for level, colour in zip(levels, ordered(len(levels)), strict=True):
+                _line(axes, [b for b in bins if b.level == level], stage, part, colour)
+            _dress(axes)
+    for axes, (_, model) in zip(panels[0], STAGES, strict=True):
+        axes.set_title(model, loc="left")
+    for axes in panels[1]:
+        axes.set_xlabel("frequency, Hz")
+    lines, _ = panels[0, 0].get_legend_handles_labels()
+    figure.legend(
+        lines,
+        [f"{level:.4g}" for level in levels],
+        title=f"{covariate}, {COVARIATES[covariate]}",
+        loc="outside right upper",
+        frameon=False,
+        fontsize="small",
+    )
+    return figure
+
+
+def _line(
+    axes: Axes,
+    bins: Sequence[ResidualBin],
+    stage: str,
+    part: str,
+    colour: tuple[float, float, float, float],
+) -> None:
+    tones = sorted(bins, key=lambda one: one.tone_hz)
+    axes.errorbar(
+        [one.tone_hz for one in tones],
+        [getattr(one, f"{stage}_{part}") for one in tones],
+        [getattr(one, f"error_{part}") for one in tones],
+        fmt="o-",
+        ms=3.5,
+        lw=1.0,
+        color=colour,
+        label="level",
+    )
+
+
+def _dress(axes: Axes) -> None:
+    axes.axhline(0.0, color="k", lw=0.8)
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.grid(**GRID)
+
+
+def _spread(bins: Sequence[ResidualBin], covariate: Covariate) -> float:
+    """Return how far the base model is off over a covariate, in standard errors (RMS)."""
+    own = [one for one in bins if one.covariate == covariate]
+    values = np.array([(one.before_db, one.before_deg) for one in own])
+    errors = np.array([(one.error_db, one.error_deg) for one in own])
+    known = errors > 0.0
+    if not known.any():
+        return float(np.sqrt(np.mean(values**2)))
+    return float(np.sqrt(np.mean((values[known] / errors[known]) ** 2)))

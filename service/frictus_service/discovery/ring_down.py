@@ -1,0 +1,318 @@
+"""Resonances of a mount from how it rings down after a hammer's blows.
+
+After a blow the sensor reports decaying sinusoids. Their poles follow from the shift between
+the rows of the signal subspace (ESPRIT: Roy and Kailath 1989), which all blows share: Hankel
+matrices of all of them are taken together. Intervals come from leaving out one blow at a time.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from frictus_hardware.arrays import ComplexArray, FloatArray
+from frictus_service.errors import ServiceError
+
+RATES: Final = ("sample_rate_hz", "rate_hz", "sr", "fs", "Fs")
+"""Names under which a MATLAB file may hold its sample rate."""
+ACCEPTED: Final = "accepted: .mat (level 5) or .npy with one channel of samples"
+
+
+class ImpactRecordingError(ServiceError, ValueError):
+    """The recording cannot be used; the text says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class ImpactRecording:
+    """A recording.
+
+    Attributes
+    ----------
+    samples : ndarray, shape (n_samples,)
+    rate_hz : float
+        Samples per second.
+    """
+
+    samples: FloatArray
+    rate_hz: float
+
+
+def read_impacts(path: Path, rate_hz: float | None = None) -> ImpactRecording:
+    """Return a recording of blows: the longest variable of a file is the channel.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+    rate_hz : float or None
+        Instead of the file's own.
+
+    Raises
+    ------
+    FileNotFoundError
+    ImpactRecordingError
+        If the file is of another kind, holds no single channel, or nobody says its rate.
+    """
+    held = _variables(path)
+    arrays = {name: value for name, value in held.items() if _is_channel(value)}
+    if not arrays:
+        raise ImpactRecordingError(f"{path} holds no channel of samples; {ACCEPTED}")
+    samples = max(arrays.values(), key=np.size)
+    said = rate_hz or next((_number(held[name]) for name in RATES if name in held), None)
+    if said is None or not 0.0 < said < np.inf:
+        raise ImpactRecordingError(
+            f"{path} does not say its sample rate ({', '.join(RATES)}): give it with --rate, Hz"
+        )
+    return ImpactRecording(samples.ravel().astype(np.float64), said)
+
+
+def _variables(path: Path) -> dict[str, Any]:
+    if path.suffix not in (".mat", ".npy"):
+        raise ImpactRecordingError(
+            f"{path} is a {path.suffix or 'file without ending'}; {ACCEPTED}"
+        )
+    try:
+        if path.suffix == ".npy":
+            return {"samples": np.load(path, allow_pickle=False)}
+        from scipy.io import loadmat
+
+        read: dict[str, Any] = loadmat(path)
+        return read
+    except (ValueError, IndexError, NotImplementedError) as error:
+        raise ImpactRecordingError(f"{path} cannot be read ({error}); {ACCEPTED}") from error
+
+
+def _is_channel(value: Any) -> bool:
+    return (
+        isinstance(value, np.ndarray)
+        and value.dtype.kind in "fiu"
+        and value.size == max(value.shape, default=0) > 1
+    )
+
+
+def _number(value: Any) -> float | None:
+    array = np.asarray(value)
+    return float(array.item()) if array.size == 1 and array.dtype.kind in "fiu" else None
+
+
+LEAST_BLOWS: Final = 3
+STARTS_AT: Final = 0.1
+"""A blow begins where the envelope passes this share of its highest value,"""
+ABOVE_NOISE: Final = 20.0
+"""and so many times its median."""
+ENVELOPE_S: Final = 1e-3
+APART_S: Final = 0.1
+"""What follows sooner is the same blow, or a bounce of the hammer."""
+SETTLE_PERIODS: Final = 3.0
+"""Of the lowest frequency of the band, left out after a blow: hammer and filter still act."""
+LAST_PERIODS: Final = 16.0
+"""Of the lowest frequency, that are looked at."""
+SMALLEST: Final = 1e-3
+"""Share of the strongest direction's amplitude; below lies what the model does not describe."""
+NOISE_DIRECTION: Final = 2.0
+"""Largest power of noise in one direction over its power per sample and the length of a blow:
+(1 + sqrt(1/2))² of the columns, which are two thirds of the length."""
+OVERSAMPLED: Final = 2.5
+"""Sample rate over the band's upper end, once reduced."""
+MOST_DAMPED: Final = 0.3
+SAME: Final = 0.03
+"""Relative distance within which a pole without one blow is the same resonance."""
+LEAST_DB: Final = -26.0
+"""Of a peak over the highest: weaker ones depend on the band and on where a blow begins."""
+
+
+class RingDownError(ServiceError, ValueError):
+    """The recording shows no resonances; the text says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Resonance:
+    """One resonance, 95 % intervals.
+
+    Attributes
+    ----------
+    frequency_hz : float
+        Natural frequency.
+    frequency_ci_hz : tuple of float
+        Low and high end.
+    damping_ratio : float
+        Of critical damping.
+    damping_ratio_ci : tuple of float
+        Low and high end.
+    level_db : float
+        Height of its peak in the answer to a blow over that of the highest, the mean of all
+        blows.
+    """
+
+    frequency_hz: float
+    frequency_ci_hz: tuple[float, float]
+    damping_ratio: float
+    damping_ratio_ci: tuple[float, float]
+    level_db: float
+
+
+def estimate_ring_down(
+    samples: FloatArray, rate_hz: float, band_hz: tuple[float, float]
+) -> list[Resonance]:
+    """Return the resonances within a band, by rising frequency, down to -26 dB.
+
+    Only those that stay whichever blow is left out, with a damping that is above zero. Close
+    ones are told apart where their decays are long enough for it. The intervals are those of
+    the blows: what another band or place of the hammer would change is not in them.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n_samples,)
+        Of any unit, blow after blow.
+    rate_hz : float
+        Samples per second.
+    band_hz : tuple of float
+        From above zero to below half the sample rate.
+
+    Raises
+    ------
+    RingDownError
+        If the band is none, samples are missing, there are fewer than three blows, or nothing
+        rings.
+    """
+    low, high = band_hz
+    if not 0.0 < low < high <= 0.45 * rate_hz:
+        raise RingDownError(
+            f"the band is {low:g} to {high:g} Hz; accepted: rising, from above 0 to "
+            f"{0.45 * rate_hz:g} Hz (0.45 of the sample rate)"
+        )
+    if not np.isfinite(samples).all():
+        raise RingDownError("samples are missing or infinite; cut them out")
+    reduced, rate_hz = _reduced(samples, rate_hz, band_hz)
+    blows, noise = _blows(reduced, rate_hz, low)
+    if len(blows) < LEAST_BLOWS:
+        raise RingDownError(
+            f"{len(blows)} blows are found; accepted: {LEAST_BLOWS} at least, each "
+            f"{ABOVE_NOISE:g} times as strong as the noise and {APART_S:g} s from the next"
+        )
+    grams = np.stack([_gram(blow) for blow in blows])
+    floor = sum(
+        NOISE_DIRECTION * noise**2 * blow.size / np.square(blow).sum() for blow in blows
+    )
+    poles = _poles(grams.sum(axis=0), floor, rate_hz, band_hz)
+    without = [_poles(grams.sum(axis=0) - gram, floor, rate_hz, band_hz) for gram in grams]
+    found = list(_resonances(poles, without, blows, rate_hz))
+    if not found:
+        raise RingDownError(f"nothing rings from {low:g} to {high:g} Hz in {len(blows)} blows")
+    highest = max(each.level_db for each in found)
+    levelled = [replace(each, level_db=each.level_db - highest) for each in found]
+    return [each for each in levelled if each.level_db >= LEAST_DB]
+
+
+def _reduced(
+    samples: FloatArray, rate_hz: float, band_hz: tuple[float, float]
+) -> tuple[FloatArray, float]:
+    """Return the band alone at a lower rate, and that rate; without shift in time."""
+    from scipy import signal
+
+    sections = signal.butter(4, band_hz, "bandpass", fs=rate_hz, output="sos")
+    banded = signal.sosfiltfilt(sections, samples - samples.mean())
+    factor = max(int(rate_hz / (OVERSAMPLED * band_hz[1])), 1)
+    return banded[::factor], rate_hz / factor
+
+
+def _blows(
+    samples: FloatArray, rate_hz: float, lowest_hz: float
+) -> tuple[list[FloatArray], float]:
+    """Return what follows each blow, all of the same length, and the noise between blows."""
+    width = max(round(ENVELOPE_S * rate_hz), 1)
+    envelope = np.sqrt(np.convolve(np.square(samples), np.ones(width) / width, "same"))
+    noise = float(np.median(envelope))
+    least = max(STARTS_AT * envelope.max(), ABOVE_NOISE * noise)
+    above = np.flatnonzero(envelope > least)
+    starts = above[np.diff(above, prepend=-np.inf) > APART_S * rate_hz]
+    settle = round(SETTLE_PERIODS / lowest_hz * rate_hz)
+    length = round(LAST_PERIODS / lowest_hz * rate_hz)
+    blows = []
+    for start in starts.tolist():
+        peak = start + int(np.argmax(envelope[start : start + settle]))
+        rings = samples[peak + settle : peak + settle + length]
+        if rings.size == length:
+            blows.append(rings)
+    return blows, noise
+
+
+def _gram(blow: FloatArray) -> FloatArray:
+    """Return the products of the rows of a blow's Hankel matrix, of equal weight for each."""
+    rows = blow.size // 3
+    hankel = np.lib.stride_tricks.sliding_window_view(blow, blow.size - rows + 1)
+    gram: FloatArray = hankel @ hankel.T / np.square(blow).sum()
+    return gram
+
+
+def _poles(
+    gram: FloatArray, floor: float, rate_hz: float, band_hz: tuple[float, float]
+) -> ComplexArray:
+    """Return the poles within the band, rad/s, upper half plane, by rising frequency."""
+    values, vectors = np.linalg.eigh(gram)
+    signal = vectors[:, values > max(SMALLEST**2 * values[-1], floor)]
+    turned = np.linalg.eigvals(np.linalg.lstsq(signal[:-1], signal[1:])[0])
+    poles = np.log(turned.astype(np.complex128)) * complex(rate_hz)
+    frequency = np.abs(poles) / (2.0 * np.pi)
+    damping = -poles.real / np.abs(poles)
+    kept = (poles.imag > 0.0) & (frequency >= band_hz[0]) & (frequency <= band_hz[1])
+    kept &= (damping > 0.0) & (damping < MOST_DAMPED)
+    rising = np.flatnonzero(kept)[np.argsort(frequency[kept])]
+    return poles[rising]
+
+
+def _resonances(
+    poles: ComplexArray,
+    without: Sequence[ComplexArray],
+    blows: Sequence[FloatArray],
+    rate_hz: float,
+) -> Iterator[Resonance]:
+    """Yield those that stay whichever blow is left out; levels not yet over the highest."""
+    levels = _levels(poles, blows, rate_hz)
+    for pole, level_db in zip(poles, levels, strict=True):
+        again = [_closest(other, pole) for other in without]
+        same = [each for each in again if each is not None]
+        if len(same) < len(again):
+            continue
+        others = np.array(same)
+        frequency_hz = float(abs(pole) / (2.0 * np.pi))
+        damping = float(-pole.real / abs(pole))
+        off_hz = _half_width(np.abs(others) / (2.0 * np.pi))
+        off = _half_width(-others.real / np.abs(others))
+        if off < damping:
+            yield Resonance(
+                frequency_hz,
+                (frequency_hz - off_hz, frequency_hz + off_hz),
+                damping,
+                (damping - off, damping + off),
+                float(level_db),
+            )
+
+
+def _closest(poles: ComplexArray, to: complex) -> complex | None:
+    if not poles.size:
+        return None
+    best = complex(poles[np.argmin(np.abs(poles - to))])
+    return best if abs(best - to) <= SAME * abs(to) else None
+
+
+def _half_width(without: FloatArray) -> float:
+    """Return half the width of the 95 % interval, from values without one blow each."""
+    from scipy import stats
+
+    count = without.size
+    variance = (count - 1) / count * np.square(without - without.mean()).sum()
+    return float(stats.t.ppf(0.975, count - 1) * np.sqrt(variance))
+
+
+def _levels(poles: ComplexArray, blows: Sequence[FloatArray], rate_hz: float) -> FloatArray:
+    """Return the height of each peak: amplitude over decay, mean of all blows, dB."""
+    time_s = np.arange(blows[0].size) / rate_hz
+    modes = np.exp(np.multiply.outer(time_s, poles))
+    basis = np.column_stack([modes.real, -modes.imag])
+    fitted = np.linalg.lstsq(basis, np.column_stack(blows))[0]
+    size = np.hypot(fitted[: poles.size], fitted[poles.size :]) / -poles.real[:, np.newaxis]
+    levels: FloatArray = 20.0 * np.log10(size.mean(axis=1))
+    return levels
