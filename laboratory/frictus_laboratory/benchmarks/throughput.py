@@ -120,7 +120,10 @@ class OneTurn:
             self._turn = BlockRecord(
                 1,
                 len(steps),
-                steps[-1],
+                steps[-1].exchange,
+                steps[-1].in_contact,
+                steps[-1].stale,
+                steps[-1].normal_force_n,
                 True,
                 Flag(0),
                 finger,

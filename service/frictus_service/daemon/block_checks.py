@@ -3,6 +3,7 @@
 import math
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -210,6 +211,21 @@ class OutputFlags:
             if begins < end:
                 flags |= noted
         return Flag(flags)
+
+
+@dataclass(slots=True)
+class LoopCounters:
+    """Counts since the rig started. Each is written by the loop alone."""
+
+    blocks: int = 0
+    deadline_misses: int = 0
+    overruns: int = 0
+    underruns: int = 0
+    clipped_samples: int = 0
+    extrapolated_samples: int = 0
+    stale_touches: int = 0
+    blocks_dropped: int = 0
+    stream_stale: bool = False
 
 
 KEPT_BLOCKS: Final = 1024

@@ -11,7 +11,6 @@ from frictus.keys import ACCEL, AUX, FORCE, STREAMS, TRUTH, VOLTAGE
 from frictus.messages import FingerState, TouchState
 from frictus_hardware.base import Exchange, RigInfo, TouchReport
 from frictus_service.daemon.timebase import Stamp, UtcReading
-from frictus_service.synthesis.renderer import RenderedBlock
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,8 +23,12 @@ class BlockRecord:
         Changes when the device was opened anew; sample and block counts begin again with it.
     number : int
         Counts the blocks of a run from 0; a jump is a block that the queue could not take.
-    step : RenderedBlock
-        What was rendered and sensed.
+    exchange : Exchange
+        What the device took and sensed.
+    in_contact, stale : bool
+        Whether a finger was felt, and whether its reports had stopped coming.
+    normal_force_n : float
+        Mean over the block.
     armed : bool
         Whether the device was armed.
     output : Flag
@@ -42,7 +45,10 @@ class BlockRecord:
 
     run: int
     number: int
-    step: RenderedBlock
+    exchange: Exchange
+    in_contact: bool
+    stale: bool
+    normal_force_n: float
     armed: bool
     output: Flag
     finger: tuple[float, float, float, float]
@@ -53,12 +59,12 @@ class BlockRecord:
 
 def flags_of(turn: BlockRecord, info: RigInfo, placeholder: bool) -> Flag:
     """Return what a reader must know of a block's own samples."""
-    exchange = turn.step.exchange
+    exchange = turn.exchange
     said = (
         (Flag.ARMED, turn.armed),
         (Flag.OVERRUN, exchange.overrun_samples > 0),
         (Flag.SIMULATED, info.simulated),
-        (Flag.STALE_SENSOR, turn.step.stale),
+        (Flag.STALE_SENSOR, turn.stale),
         (Flag.PLACEHOLDER_MODEL, placeholder),
         (Flag.SUBSTITUTE_SENSOR, info.finger_source == "pointer"),
         (Flag.SATURATED, exchange.saturated_samples > 0),
@@ -90,13 +96,13 @@ def blocks_of(
         The streams that are wanted; those that the rig does not have yield nothing.
     """
     for stream in streams:
-        data = _channels(turn.step.exchange, stream)
+        data = _channels(turn.exchange, stream)
         if data is not None:
             yield Block(
                 stream,
                 turn.run,
                 turn.number,
-                turn.step.exchange.first_sample,
+                turn.exchange.first_sample,
                 stamp.utc_ns,
                 stamp.uncertainty_ns,
                 sample_rate_hz,
@@ -125,7 +131,7 @@ def _channels(exchange: Exchange, stream: int) -> NDArray[np.float32] | None:
 
 def finger_of(turn: BlockRecord, stamp: Stamp, info: RigInfo) -> FingerState:
     """Return the finger's state at the end of a turn's sensed samples."""
-    exchange, step = turn.step.exchange, turn.step
+    exchange = turn.exchange
     x_mm, y_mm, vx_mm_s, vy_mm_s = turn.finger
     # Before the first report there is no age; the longest that a message holds says so.
     age_ms = min(1e3 * turn.report_age_s, 1e9)
@@ -138,11 +144,11 @@ def finger_of(turn: BlockRecord, stamp: Stamp, info: RigInfo) -> FingerState:
         y_mm=y_mm,
         vx_mm_s=vx_mm_s,
         vy_mm_s=vy_mm_s,
-        normal_force_n=step.normal_force_n,
-        in_contact=step.in_contact,
+        normal_force_n=turn.normal_force_n,
+        in_contact=turn.in_contact,
         source=info.finger_source,
         age_ms=age_ms,
-        stale=step.stale,
+        stale=turn.stale,
         extrapolated=Flag.EXTRAPOLATED in turn.output,
     )
 

@@ -9,7 +9,6 @@ import math
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from queue import SimpleQueue
 from typing import Final
 
@@ -22,7 +21,7 @@ from frictus_hardware.errors import (
     StreamLostError,
 )
 from frictus_service.config import Config
-from frictus_service.daemon.block_checks import BlockChecks, Lateness, OutputFlags
+from frictus_service.daemon.block_checks import BlockChecks, Lateness, LoopCounters, OutputFlags
 from frictus_service.daemon.block_record import BlockRecord
 from frictus_service.daemon.control import Interlock
 from frictus_service.daemon.inboxes import LoopInbox, SceneUpdate
@@ -51,21 +50,6 @@ GIVE_WAY: Final = 0.05
 publisher gets the interpreter, and Zenoh's threads a core, only after the next block has been
 rendered; there is time enough for that in the rest of the block."""
 LOST: Final = ("stream_lost", "device_lost", "link_lost")
-
-
-@dataclass(slots=True)
-class LoopCounters:
-    """Counts since the rig started. Each is written by the loop alone."""
-
-    blocks: int = 0
-    deadline_misses: int = 0
-    overruns: int = 0
-    underruns: int = 0
-    clipped_samples: int = 0
-    extrapolated_samples: int = 0
-    stale_touches: int = 0
-    blocks_dropped: int = 0
-    stream_stale: bool = False
 
 
 class BlockLoop:
@@ -313,7 +297,10 @@ class BlockLoop:
         turn = BlockRecord(
             self.run,
             number,
-            step,
+            exchange,
+            step.in_contact,
+            step.stale,
+            step.normal_force_n,
             self._energised,
             self._output_flags.over(exchange.first_sample, exchange.voltage_v.size),
             (x, y, vx, vy),

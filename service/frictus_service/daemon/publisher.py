@@ -158,7 +158,7 @@ class Publisher:
         if turn.run != self._run:
             self._run = turn.run
             self._timebase = Timebase(self._info.clock_hz)
-        exchange = turn.step.exchange
+        exchange = turn.exchange
         end = exchange.first_sample + exchange.voltage_v.size
         self._timebase.observe(end, turn.returned_ns, turn.reading)
         if self._read_streams:

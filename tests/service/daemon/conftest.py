@@ -99,7 +99,7 @@ class Bench:
         """What the screen got since the beginning, by device sample."""
         run = self.turns[-1].run
         return np.concatenate(
-            [turn.step.exchange.voltage_v for turn in self.turns if turn.run == run]
+            [turn.exchange.voltage_v for turn in self.turns if turn.run == run]
         )
 
     def last_output_s(self) -> float:

@@ -35,7 +35,7 @@ def excited(bench: Any, lease_s: float = 10.0) -> Any:
     bench.arm(lease_s)
     excite(bench, excitation())
     bench.turn(0.5)
-    assert bench.turns[-1].step.exchange.voltage_v.any()
+    assert bench.turns[-1].exchange.voltage_v.any()
     return bench
 
 
@@ -70,8 +70,8 @@ def test_phases_hang_on_the_devices_samples_across_lost_ones(make_bench: Any) ->
     bench = excited(make_bench())
     bench.rig.faults.add(LostSamples(at_sample=bench.clock.sample() + 500, samples=137))
     bench.turn(0.5)
-    end = bench.turns[-1].step.exchange.first_sample
-    voltage = bench.turns[-1].step.exchange.voltage_v
+    end = bench.turns[-1].exchange.first_sample
+    voltage = bench.turns[-1].exchange.voltage_v
     n_s = np.arange(end, end + voltage.size)
     m = 0.5 + SAFE * sum(np.cos(2.0 * np.pi * f * n_s / bench.rate_hz + f) for f in HZ)
     carrier = np.cos(2.0 * np.pi * (n_s * 7_000.0 % bench.rate_hz) / bench.rate_hz)
@@ -135,8 +135,8 @@ def test_no_drive_without_a_fresh_finger(make_bench: Any) -> None:
 def test_a_scene_ends_an_excitation(make_bench: Any, texture: Scene) -> None:
     bench = excited(make_bench())
     bench.play(texture)
-    turns = bench.turn(0.3)
-    assert np.all(np.isfinite(turns[-1].step.rendered.target_n))
+    bench.turn(0.3)
+    assert np.all(np.isfinite(bench.loop._chain.renderer._target))
 
 
 @pytest.mark.parametrize("late", [False, True])

@@ -5,6 +5,8 @@ import pytest
 from tests.hardware.nidaq.bench import wiring
 
 from frictus.textures import Component, Region, Scene, Spectrum
+from frictus_hardware.arrays import FloatArray
+from frictus_hardware.base import Exchange
 
 from .ni_bench import BLOCK, RATE_HZ, running
 
@@ -19,16 +21,24 @@ def texture(rng: np.random.Generator) -> Scene:
 
 
 @pytest.mark.parametrize("seconds", [3.0, pytest.param(60.0, marks=pytest.mark.campaign)])
-def test_what_is_rendered_is_what_is_played(rng: np.random.Generator, seconds: float) -> None:
+def test_what_is_rendered_is_what_is_played(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch, seconds: float
+) -> None:
     with running() as bench:
         lead = bench.backend.info.lead_samples
         bench.arm()
-        began, rendered = bench.device.now, []
+        began, rendered = bench.device.now, list[FloatArray]()
+        exchange = bench.backend.exchange
+
+        def noted(drive_v: FloatArray) -> Exchange:
+            rendered.append(drive_v.copy())  # the renderer's own, valid until the next
+            return exchange(drive_v)
+
+        monkeypatch.setattr(bench.backend, "exchange", noted)
         for _ in range(round(seconds / SCENE_S)):
             bench.play(texture(rng))
             for _ in range(round(SCENE_S * RATE_HZ) // BLOCK):
-                (turn,) = bench.turn(1)
-                rendered.append(turn.step.rendered.voltage_v.copy())  # valid until the next
+                bench.turn(1)
         played_v = bench.device.played_v[began + lead :]
     rendered_v = np.concatenate(rendered)
     assert rendered_v.size >= (seconds - SCENE_S) * RATE_HZ

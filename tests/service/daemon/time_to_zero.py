@@ -103,9 +103,7 @@ def time_to_zero_ms(cause: str, phase: int) -> float:
         CAUSES[cause](bench)
     bench.turn(0.8)
     (run, *_) = (turn.run for turn in bench.turns)
-    volts = np.concatenate(
-        [turn.step.exchange.voltage_v for turn in bench.turns if turn.run == run]
-    )
+    volts = np.concatenate([turn.exchange.voltage_v for turn in bench.turns if turn.run == run])
     (played,) = np.nonzero(volts)
     assert played[-1] > armed + 0.2 * bench.rate_hz, "nothing was driven"
     return float(1e3 * max(played[-1] + 1 - since, 0) / bench.rate_hz)

@@ -167,12 +167,12 @@ def record(path: Path, turns: Iterable[BlockRecord], info: RigInfo, status: RigS
     attached = {"status.json": status.to_json()}
     with RecordingWriter(path, about, attached, lambda: 0.0) as writer:
         for turn in turns:
-            since_s = turn.run - RUN + turn.step.exchange.first_sample / RATE_HZ
+            since_s = turn.run - RUN + turn.exchange.first_sample / RATE_HZ
             at_ns = UTC_NS + round(1e9 * since_s)
             flags = flags_of(turn, info, True)
             for block in blocks_of(turn, Stamp(at_ns, 1_000), flags, RATE_HZ):
                 writer.block(block)
-            for report in turn.step.exchange.touches:
+            for report in turn.exchange.touches:
                 touch = touch_of(report, turn.run, info)
                 assert touch is not None
                 writer.state(Topics.TOUCH, touch.to_json(), at_ns)
@@ -196,12 +196,12 @@ def taped(tmp_path: Path) -> Make:
 
 
 def joined(turns: list[BlockRecord], name: str) -> NDArray[np.float64]:
-    return np.concatenate([getattr(turn.step.exchange, name) for turn in turns])
+    return np.concatenate([getattr(turn.exchange, name) for turn in turns])
 
 
 def assert_same_senses(now: list[BlockRecord], then: list[BlockRecord]) -> None:
     for one, other in zip(now, then, strict=True):
-        mine, theirs = one.step.exchange, other.step.exchange
+        mine, theirs = one.exchange, other.exchange
         assert mine.first_sample == theirs.first_sample
         np.testing.assert_array_equal(mine.force_n, theirs.force_n)
         np.testing.assert_array_equal(mine.accel_m_s2, theirs.accel_m_s2)
@@ -277,9 +277,9 @@ def test_lost_blocks_play_as_overruns_and_the_end_parks_the_loop(taped: Make) ->
     assert done.missing == 4 * BLOCK
     now, loop = replayed(tape, 196)
     for one, other in zip(now, kept, strict=True):
-        assert one.step.exchange.first_sample == other.step.exchange.first_sample
-        np.testing.assert_array_equal(one.step.exchange.force_n, other.step.exchange.force_n)
-    told = {n: turn.step.exchange.overrun_samples for n, turn in enumerate(now)}
+        assert one.exchange.first_sample == other.exchange.first_sample
+        np.testing.assert_array_equal(one.exchange.force_n, other.exchange.force_n)
+    told = {n: turn.exchange.overrun_samples for n, turn in enumerate(now)}
     assert {n: lost for n, lost in told.items() if lost} == {50: 300, 117: 100}
     assert loop.tally.overruns == 2
     assert loop._interlock.trips == 0
