@@ -179,3 +179,21 @@ class OutputQueue:
         gain[:length] = 1.0 - np.arange(1, length + 1) / max(length, 1)
         self._ring.write(now, queued, gain * self._ring.read(now, queued))
         self._idle_v = self._return_from_v = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class HandedOver:
+    """A drive that was accepted, before what it goes with has been sensed."""
+
+    first_sample: int
+    applied_v: FloatArray
+    play_sample: int
+    clipped_samples: int
+    margin_samples: int
+    underrun_samples: int
+    overrun_samples: int
+
+    @property
+    def end_sample(self) -> int:
+        """The exchange is over once so many samples are."""
+        return self.first_sample + self.applied_v.size

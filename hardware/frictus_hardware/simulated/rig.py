@@ -1,6 +1,5 @@
 """The simulated rig: the twin behind the interface of every rig."""
 
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -14,7 +13,7 @@ from frictus_hardware.errors import (
     HardwareError,
     StreamLostError,
 )
-from frictus_hardware.output import RETURN_S, OutputQueue
+from frictus_hardware.output import RETURN_S, HandedOver, OutputQueue
 from frictus_hardware.physics.compiled import compiled
 from frictus_hardware.physics.stages import Quantisation, SensorNoise
 from frictus_hardware.physics.twin import Signals, Stage, Twin
@@ -33,24 +32,6 @@ from frictus_hardware.simulated.touch import TouchSensor
 
 INPUT_BUFFER_S = 10.0
 """A loop that falls further behind than this has lost the stream."""
-
-
-@dataclass(frozen=True, slots=True)
-class HandedOver:
-    """A drive that was accepted, before what it goes with has been sensed."""
-
-    first_sample: int
-    applied_v: FloatArray
-    play_sample: int
-    clipped_samples: int
-    margin_samples: int
-    underrun_samples: int
-    overrun_samples: int
-
-    @property
-    def end_sample(self) -> int:
-        """The exchange is over once so many samples are."""
-        return self.first_sample + self.applied_v.size
 
 
 Sensed: TypeAlias = tuple[Signals, Truth, tuple[TouchReport, ...]]
