@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -155,3 +156,11 @@ def test_image_is_made_of_files_that_are_there() -> None:
         for source in line.split()[:-1]:
             assert (ROOT / source).exists()
             assert f"!{source}\n" in admitted
+
+
+def test_the_image_is_built_from_every_package() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    packages = project["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
+    image = (ROOT / "deploy" / "compose" / "Dockerfile").read_text(encoding="utf-8")
+    copied = set(re.findall(r"^COPY (\w+) \1$", image, re.MULTILINE))
+    assert {package.split("/")[0] for package in packages} <= copied
