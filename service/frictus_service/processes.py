@@ -1,7 +1,12 @@
-"""What a part of the service is told to stop by, says that it is ready with, listens at."""
+"""What the processes of the service share: signals, heartbeat, priorities, free ports."""
 
 import socket
-from typing import Protocol
+from typing import Final, Protocol
+
+LOOP_PRIORITY: Final = 20
+PUBLISHER_PRIORITY: Final = 10
+"""Real time too: a publisher that is set aside while it holds the interpreter's lock holds up
+the loop, whatever the loop's own priority is."""
 
 
 class StopSignal(Protocol):

@@ -15,8 +15,8 @@ import yaml  # comes with distributed
 from frictus_hardware.nidaq.driver import RESET_S
 from frictus_service.cli.app import app
 from frictus_service.config import Config, load
-from frictus_service.daemon.preparation import LOOP_PRIORITY, PUBLISHER_PRIORITY
 from frictus_service.daemon.supervisor import STOP_S
+from frictus_service.processes import LOOP_PRIORITY, PUBLISHER_PRIORITY
 
 ROOT: Final = Path(__file__).parents[2]
 DEPLOY: Final = ROOT / "deploy"

@@ -17,7 +17,8 @@ from frictus_laboratory.benchmarks.lateness import SUBSCRIBERS, timing_of
 from frictus_laboratory.benchmarks.load import STREAMS, Tally, loaded
 from frictus_laboratory.benchmarks.neighbour import Pipe, neighbour
 from frictus_laboratory.benchmarks.service import RIG, config_of, serving
-from frictus_service.daemon.preparation import LOOP_PRIORITY, budget_for, raise_priority
+from frictus_service.daemon.preparation import budget_for, raise_priority
+from frictus_service.processes import LOOP_PRIORITY
 
 NICENESS: Final = 5
 LARGEST_LOSS: Final = 1e-4

@@ -27,10 +27,6 @@ from frictus_service.synthesis.compensability import inverse_of, law_of, placeho
 from frictus_service.synthesis.renderer import Chain, Playable, Renderer, make_chain
 from frictus_service.synthesis.scene import StreamBudget, compile_excitation, compile_scene
 
-LOOP_PRIORITY: Final = 20
-PUBLISHER_PRIORITY: Final = 10
-"""Real time too: a publisher that is set aside while it holds the interpreter's lock holds up
-the loop, whatever the loop's own priority is."""
 FREE_SHARE: Final = 0.25
 """Of the cores; real-time threads leave it to everything else."""
 WHOLE_OVER_LOOP: Final = 2.5

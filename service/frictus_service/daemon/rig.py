@@ -22,8 +22,6 @@ from frictus_service.daemon.control import Control, Interlock
 from frictus_service.daemon.inboxes import LoopInbox, ModelSlot
 from frictus_service.daemon.loop import BlockLoop
 from frictus_service.daemon.preparation import (
-    LOOP_PRIORITY,
-    PUBLISHER_PRIORITY,
     RealTimeBudget,
     budget_for,
     raise_priority,
@@ -34,7 +32,7 @@ from frictus_service.daemon.retry import RetryingBackend
 from frictus_service.daemon.safety import Safety
 from frictus_service.daemon.scene_controller import SceneController, rendered_model
 from frictus_service.errors import ConfigurationError, StartError
-from frictus_service.processes import Heartbeat, ReadySignal
+from frictus_service.processes import LOOP_PRIORITY, PUBLISHER_PRIORITY, Heartbeat, ReadySignal
 from frictus_service.security.members import tls_of_rig
 from frictus_service.synthesis.compensability import (
     inverse_of_model,

@@ -59,7 +59,7 @@ def timer_lateness(rounds: int = 200, period_s: float = 0.005) -> Check:
 
 def real_time_priority() -> Check:
     """See whether this user may have the priority of the rig's loop."""
-    from frictus_service.daemon.preparation import LOOP_PRIORITY
+    from frictus_service.processes import LOOP_PRIORITY
 
     if not hasattr(os, "sched_setscheduler"):
         return Check("priority", "ok", "this system has no SCHED_FIFO; the loop runs as normal")
