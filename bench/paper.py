@@ -1,4 +1,4 @@
-"""Simulate the paper's study, analyse it blind, write tables: `python bench/table.py --help`.
+"""Simulate the paper's study, analyse it blind, write tables: `python bench/paper.py --help`.
 
 Seeds are fresh each time and written into the document.
 """
@@ -41,7 +41,7 @@ SCATTER = WithinPersonScatter()
 
 INTRODUCTION = """# The paper, reproduced
 
-Made by `uv run python bench/table.py {command}`; the table alone comes from `frictus paper`
+Made by `uv run python bench/paper.py {command}`; the table alone comes from `frictus paper`
 (with `--full`: the paper's size). People are drawn with the paper's values and its spread,
 every trial is simulated as raw 20 kHz samples and written to a study file, and the pipeline
 sees that file alone.

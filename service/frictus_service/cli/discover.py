@@ -118,7 +118,7 @@ def show_plan(found: "Plan", console: "Console") -> None:
     seen = sum(effect.shown == "yes" for effect in found.effects)
     same = sum(pair.separable == "no" for pair in found.pairs)
     console.print(
-        f"{seen} of {len(found.effects)} effects show_plan as small as wanted; "
+        f"{seen} of {len(found.effects)} effects show as small as wanted; "
         f"{same} pair{'' if same == 1 else 's'} cannot be told apart."
     )
     for line in advice(found):

@@ -98,7 +98,7 @@ def test_sampling_loads_no_half_of_scipy() -> None:
     # Every rig samples at its start; `scipy.signal` alone took a third of that.
     program = (
         "import sys\n"
-        "from frictus_hardware.physics import linear, linear\n"
+        "from frictus_hardware.physics import linear\n"
         "linear.sample(linear.Mount().lateral, 20_000.0)\n"
         "print(*({'scipy.signal', 'scipy.stats', 'scipy.optimize'} & sys.modules.keys()))"
     )

@@ -95,10 +95,9 @@ EVIDENCE: Final = Reader(
     "evidence",
     read_evidence,
     (
-        "frictus_service.discovery.evidence.spectra",
+        "frictus_service.discovery.evidence.background",
         "frictus_service.discovery.evidence.broadband",
         "frictus_service.discovery.evidence.evidence_rows",
-        "frictus_service.discovery.evidence.spectra",
         "frictus_service.discovery.evidence.spectra",
     ),
 )

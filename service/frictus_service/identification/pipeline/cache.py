@@ -31,10 +31,7 @@ from frictus_service.study.trial import StudyInfo, TrialInfo
 _ESTIMATOR: Final = (
     "frictus_hardware.physics.linear",
     "frictus_service.identification.observation.blocks",
-    "frictus_service.identification.observation.validity",
     "frictus_service.identification.observation.least_squares",
-    "frictus_service.identification.observation.response",
-    "frictus_service.identification.observation.response",
     "frictus_service.identification.observation.observe",
     "frictus_service.identification.observation.response",
     "frictus_service.identification.observation.sweeps",
