@@ -12,6 +12,7 @@ import time
 from typing import Final
 
 import frictus
+from frictus_laboratory.benchmarks.delivery import BLOCK_S
 from frictus_laboratory.benchmarks.figure import Figure, Target, spread
 from frictus_laboratory.benchmarks.lateness import SUBSCRIBERS, timing_of
 from frictus_laboratory.benchmarks.load import STREAMS, Tally, loaded
@@ -23,7 +24,6 @@ from frictus_service.processes import LOOP_PRIORITY
 NICENESS: Final = 5
 LARGEST_LOSS: Final = 1e-4
 LARGEST_LATENESS_MS: Final = 1.0
-BLOCK_S: Final = 0.005
 
 
 def compute(pipe: Pipe) -> None:

@@ -1,13 +1,10 @@
 """A part of the service in a process of its own, and how it tells that it lives.
 
-Whether something that takes long still moves: a start is given up for stillness, not time.
+A start is given up for stillness, not time: how long a first one takes hangs on the machine and
+on what else it does, a minute of compiling alone, many beside busy neighbours. What is compiled
+is kept function by function.
 
-How long a first start takes hangs on the machine and on what else it does: a minute of
-compiling alone, many beside busy neighbours. What is compiled is kept function by function.
-
-Telling systemd how the service is: ready, alive, and what it said last.
-
-The protocol is one datagram per message to the socket that systemd names in the environment
+systemd is told by one datagram per message, to the socket that it names in the environment
 (sd_notify(3)). Elsewhere, and on Windows, nothing is sent.
 
 Two one-way pipes join them: the part tells each step of its start and that it moves, that it is

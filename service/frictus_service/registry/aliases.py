@@ -1,9 +1,10 @@
 """Aliases stand for one version of a model; activations tell which rig was given which."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
-from sqlalchemy import Connection, Row, insert, select, update
+from pydantic import BaseModel
+from sqlalchemy import Connection, Row, Table, insert, select, update
 
 from frictus_service.errors import AliasConflictError, UnknownModelError
 from frictus_service.registry.database import Database
@@ -22,6 +23,8 @@ from frictus_service.registry.tables import (
     model_names,
     models,
 )
+
+Shown = TypeVar("Shown", bound=BaseModel)
 
 
 class Aliases:
@@ -126,12 +129,7 @@ class Aliases:
         ------
         RegistryNameError
         """
-        query = select(alias_moves).where(alias_moves.c.name == check_name(name))
-        with self._database.read() as connection:
-            rows = connection.execute(
-                query.order_by(alias_moves.c.id.desc()).limit(limit)
-            ).all()
-        return [AliasMove.model_validate(row._mapping) for row in rows]
+        return _newest(self._database, alias_moves, AliasMove, name, limit)
 
 
 def _check_version(connection: Connection, name: str, version: int) -> None:
@@ -217,9 +215,14 @@ class Activations:
         ------
         RegistryNameError
         """
-        query = select(activations).where(activations.c.name == check_name(name))
-        with self._database.read() as connection:
-            rows = connection.execute(
-                query.order_by(activations.c.id.desc()).limit(limit)
-            ).all()
-        return [Activation.model_validate(row._mapping) for row in rows]
+        return _newest(self._database, activations, Activation, name, limit)
+
+
+def _newest(
+    database: Database, table: Table, shown: type[Shown], name: str, limit: int
+) -> list[Shown]:
+    """Return the newest rows of a model in a table, newest first."""
+    query = select(table).where(table.c.name == check_name(name))
+    with database.read() as connection:
+        rows = connection.execute(query.order_by(table.c.id.desc()).limit(limit)).all()
+    return [shown.model_validate(row._mapping) for row in rows]

@@ -222,7 +222,8 @@ def test_the_conversion_is_told_how_far_the_channels_are_apart(
 
 def test_nothing_of_the_vendor_is_loaded_before_opening() -> None:
     code = (
-        "import sys; from frictus_hardware.nidaq import assembly, backend, sensing, settings; "
+        "import sys; from frictus_hardware.nidaq import assembly, backend, config, sensing; "
+        "from frictus_hardware.nidaq import settings; "
         "sys.exit(bool({'nidaqmx', 'grpc', 'google.protobuf'} & set(sys.modules)))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
