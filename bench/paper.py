@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from frictus_hardware.simulated.config import WithinPersonScatter
-from frictus_laboratory.reproduction import table
+from frictus_laboratory.reproduction import paper
 from frictus_laboratory.reproduction.coverage import (
     PEOPLE,
     SMALL,
@@ -22,6 +22,7 @@ from frictus_laboratory.reproduction.coverage import (
     summary,
     tally,
 )
+from frictus_laboratory.reproduction.paper import markdown
 from frictus_laboratory.reproduction.plan import StudyConditions
 from frictus_laboratory.reproduction.population import NULL_FORCE_SD, NULL_SPEED_SD, SLOPE_SD
 from frictus_laboratory.reproduction.reproduce import (
@@ -34,7 +35,6 @@ from frictus_laboratory.reproduction.reproduce import (
     reproduce,
 )
 from frictus_laboratory.reproduction.spread import spread_of
-from frictus_laboratory.reproduction.table import markdown
 
 UNITS = {"gain": "N/V", "cutoff": "Hz", "mass": "kg", "damping": "N s/m", "stiffness": "N/m"}
 SCATTER = WithinPersonScatter()
@@ -75,7 +75,7 @@ intercept, and from these follow both:
   the gain from trial to trial, {SCATTER.cutoff_per_condition:.0%} of the cutoff and
   {SCATTER.skin_per_condition:.0%} of mass, damping and stiffness from condition to condition.
 - Mass and stiffness at 20 mm/s follow from "0.82 %" and "1.11 % per mm/s of the value at the
-  lowest speed": {1000 * table.MASS_20_KG:.3g} g and {table.STIFFNESS_20_N_M:.4g} N/m, which
+  lowest speed": {1000 * paper.MASS_20_KG:.3g} g and {paper.STIFFNESS_20_N_M:.4g} N/m, which
   makes 444 N/m at 40 mm/s, the paper's example (its example's mass, 1.5 g, does not fit its own
   slope). The damping is the example's. The text gives the mass slope as 3.5e-5 and as 3.23e-5
   kg per mm/s; drawn is the first.
@@ -124,7 +124,7 @@ def described(design: StudyConditions, participants: int) -> str:
 def spread_table() -> str:
     """Return the spread behind the paper's likelihoods."""
     lines = ["| parameter | unit | between people | residual |", "|---|---|---|---|"]
-    for name, found in table.LIKELIHOODS.items():
+    for name, found in paper.LIKELIHOODS.items():
         spread = spread_of(found)
         lines.append(
             f"| {name} | {UNITS[name]} | {spread.between:.3g} | {spread.residual:.3g} |"

@@ -11,6 +11,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from frictus_laboratory.reproduction.paper import HEADINGS, markdown
 from frictus_laboratory.reproduction.reproduce import (
     FULL,
     FULL_PARTICIPANTS,
@@ -19,7 +20,6 @@ from frictus_laboratory.reproduction.reproduce import (
     Reproduction,
     reproduce,
 )
-from frictus_laboratory.reproduction.table import HEADINGS, markdown
 from frictus_service.cli.options import wants_lines, write_line
 
 

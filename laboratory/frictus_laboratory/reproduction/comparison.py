@@ -7,10 +7,10 @@ from typing import Final
 import numpy as np
 from scipy import stats
 
-from frictus_laboratory.reproduction import table
+from frictus_laboratory.reproduction import paper
+from frictus_laboratory.reproduction.paper import Row
 from frictus_laboratory.reproduction.plan import TrialPlan
 from frictus_laboratory.reproduction.population import POPULATION, Person
-from frictus_laboratory.reproduction.table import Row
 from frictus_service.identification.documents import (
     PARAMETERS,
     EffectTest,
@@ -23,9 +23,9 @@ PLANES: Final[dict[Parameter, str]] = dict(zip(PARAMETERS, POPULATION, strict=Tr
 """Which of `POPULATION` each parameter of an identification is."""
 
 SLOPES: Final[dict[Parameter, str]] = {
-    "cutoff": f"{table.CUTOFF_SLOPE_HZ_PER_MM_S}",
-    "mass": f"{table.MASS_SLOPE_KG_PER_MM_S} ({table.MASS_SLOPE_ELSEWHERE_KG_PER_MM_S})",
-    "stiffness": f"{table.STIFFNESS_SLOPE_N_M_PER_MM_S}",
+    "cutoff": f"{paper.CUTOFF_SLOPE_HZ_PER_MM_S}",
+    "mass": f"{paper.MASS_SLOPE_KG_PER_MM_S} ({paper.MASS_SLOPE_ELSEWHERE_KG_PER_MM_S})",
+    "stiffness": f"{paper.STIFFNESS_SLOPE_N_M_PER_MM_S}",
 }
 NO_EFFECT: Final = "no effect"
 
@@ -40,11 +40,11 @@ class Level:
 
 
 LEVELS: Final = (
-    Level("gain_n", "gain", f"{table.GAIN_N} ({table.GAIN_N_PER_V} N/V)"),
-    Level("cutoff_0_hz", "cutoff, extrapolated to 0 mm/s", f"{table.CUTOFF_0_HZ}"),
-    Level("slope_hz_per_mm_s", "cutoff, speed law", f"{table.CUTOFF_SLOPE_HZ_PER_MM_S}"),
+    Level("gain_n", "gain", f"{paper.GAIN_N} ({paper.GAIN_N_PER_V} N/V)"),
+    Level("cutoff_0_hz", "cutoff, extrapolated to 0 mm/s", f"{paper.CUTOFF_0_HZ}"),
+    Level("slope_hz_per_mm_s", "cutoff, speed law", f"{paper.CUTOFF_SLOPE_HZ_PER_MM_S}"),
     Level("mass_kg", "mass at 60 mm/s", "0.00567 (from +0.82 % per mm/s)"),
-    Level("damping_n_s_m", "damping", f"{table.DAMPING_N_S_M} (example)"),
+    Level("damping_n_s_m", "damping", f"{paper.DAMPING_N_S_M} (example)"),
     Level("stiffness_n_m", "stiffness at 60 mm/s", "525 (from +1.11 % per mm/s)"),
     Level("skew_s", "delay", "not fitted"),
 )
@@ -124,7 +124,7 @@ def _effect_row(effect: EffectTest, drawn: float) -> Row:
         drawn,
         *_of(effect.value),
         p_value=effect.p,
-        paper_p=table.P_VALUES[effect.parameter, effect.effect],
+        paper_p=paper.P_VALUES[effect.parameter, effect.effect],
     )
 
 
@@ -135,7 +135,7 @@ def _correlations(found: Identification, plans: Sequence[TrialPlan]) -> list[Row
     for item in found.correlations:
         if (item.first, item.second) != ("cutoff", "stiffness"):
             continue
-        told, told_p = f"{table.CUTOFF_STIFFNESS_CORRELATION}", table.CUTOFF_STIFFNESS_P
+        told, told_p = f"{paper.CUTOFF_STIFFNESS_CORRELATION}", paper.CUTOFF_STIFFNESS_P
         # Conditions of one person are not independent: no interval, and p means little.
         r, p = item.pooled.r, item.pooled.p
         rows.append(Row("cutoff and stiffness, pooled", "r", told, pooled, r, None, p, told_p))

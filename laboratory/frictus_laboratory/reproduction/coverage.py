@@ -7,10 +7,10 @@ from typing import Final
 import numpy as np
 
 from frictus_laboratory.reproduction.comparison import compare
+from frictus_laboratory.reproduction.paper import Row
 from frictus_laboratory.reproduction.plan import StudyConditions, plan_study
 from frictus_laboratory.reproduction.population import POPULATION, Person, draw_people
 from frictus_laboratory.reproduction.simulate import simulate_trial, study_info
-from frictus_laboratory.reproduction.table import Row
 from frictus_service.identification.analysis import identify
 from frictus_service.identification.documents import ParticipantResult, Settings
 from frictus_service.identification.observation.observe import observe

@@ -11,7 +11,7 @@ import numpy as np
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import Mobility
 from frictus_hardware.simulated.config import WithinPersonScatter
-from frictus_laboratory.reproduction import table
+from frictus_laboratory.reproduction import paper
 from frictus_laboratory.reproduction.population import Person
 from frictus_service.study.trial import TrialInfo
 
@@ -50,8 +50,8 @@ class StudyConditions:
     """
 
     tones_hz: tuple[float, ...]
-    speeds_mm_s: tuple[float, ...] = table.SPEEDS_MM_S
-    forces_n: tuple[float, ...] = table.FORCES_N
+    speeds_mm_s: tuple[float, ...] = paper.SPEEDS_MM_S
+    forces_n: tuple[float, ...] = paper.FORCES_N
     seconds: float = 10.0
     span_mm: float = 60.0
     bad_share: float = 0.0

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from frictus_hardware.arrays import FloatArray
-from frictus_laboratory.reproduction import table
+from frictus_laboratory.reproduction import paper
 from frictus_laboratory.reproduction.spread import spread_of
 
 MIDDLE_SPEED_MM_S: Final = 60.0
@@ -124,27 +124,27 @@ def _from_lowest(at_20: float, slope: float) -> Plane:
     return Plane(at_20 + (MIDDLE_SPEED_MM_S - 20.0) * slope, slope)
 
 
-_BETWEEN: Final = {name: spread_of(found).between for name, found in table.LIKELIHOODS.items()}
+_BETWEEN: Final = {name: spread_of(found).between for name, found in paper.LIKELIHOODS.items()}
 
 POPULATION: Final = {
     "gain_n": ParameterDistribution(
-        Plane(table.GAIN_N),
-        table.GAIN_N * _BETWEEN["gain"] / table.GAIN_N_PER_V,
+        Plane(paper.GAIN_N),
+        paper.GAIN_N * _BETWEEN["gain"] / paper.GAIN_N_PER_V,
         lognormal=True,
     ),
     "cutoff_hz": ParameterDistribution(
         Plane(
-            table.CUTOFF_0_HZ + MIDDLE_SPEED_MM_S * table.CUTOFF_SLOPE_HZ_PER_MM_S,
-            table.CUTOFF_SLOPE_HZ_PER_MM_S,
+            paper.CUTOFF_0_HZ + MIDDLE_SPEED_MM_S * paper.CUTOFF_SLOPE_HZ_PER_MM_S,
+            paper.CUTOFF_SLOPE_HZ_PER_MM_S,
         ),
         _BETWEEN["cutoff"],
     ),
     "mass_kg": ParameterDistribution(
-        _from_lowest(table.MASS_20_KG, table.MASS_SLOPE_KG_PER_MM_S), _BETWEEN["mass"]
+        _from_lowest(paper.MASS_20_KG, paper.MASS_SLOPE_KG_PER_MM_S), _BETWEEN["mass"]
     ),
-    "damping_n_s_m": ParameterDistribution(Plane(table.DAMPING_N_S_M), _BETWEEN["damping"]),
+    "damping_n_s_m": ParameterDistribution(Plane(paper.DAMPING_N_S_M), _BETWEEN["damping"]),
     "stiffness_n_m": ParameterDistribution(
-        _from_lowest(table.STIFFNESS_20_N_M, table.STIFFNESS_SLOPE_N_M_PER_MM_S),
+        _from_lowest(paper.STIFFNESS_20_N_M, paper.STIFFNESS_SLOPE_N_M_PER_MM_S),
         _BETWEEN["stiffness"],
     ),
 }

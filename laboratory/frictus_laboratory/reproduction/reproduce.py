@@ -7,8 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from frictus_laboratory.reproduction import table
+from frictus_laboratory.reproduction import paper
 from frictus_laboratory.reproduction.comparison import compare
+from frictus_laboratory.reproduction.paper import Row
 from frictus_laboratory.reproduction.plan import (
     StudyConditions,
     TrialPlan,
@@ -17,7 +18,6 @@ from frictus_laboratory.reproduction.plan import (
 )
 from frictus_laboratory.reproduction.population import draw_people
 from frictus_laboratory.reproduction.simulate import STEPS, simulate_trial, study_info
-from frictus_laboratory.reproduction.table import Row
 from frictus_service.identification.analysis import identify
 from frictus_service.identification.documents import Identification
 from frictus_service.identification.pipeline.study import observe_study
@@ -109,7 +109,7 @@ QUICK: Final = StudyConditions(
 )
 """120 trials of 3 s for each person."""
 QUICK_PARTICIPANTS: Final = 8
-FULL_PARTICIPANTS: Final = table.PARTICIPANTS
+FULL_PARTICIPANTS: Final = paper.PARTICIPANTS
 
 
 @dataclass(frozen=True, slots=True)

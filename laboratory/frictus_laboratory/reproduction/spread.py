@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from scipy import optimize
 
-from frictus_laboratory.reproduction.table import CONDITIONS, PARTICIPANTS, Likelihoods
+from frictus_laboratory.reproduction.paper import CONDITIONS, PARTICIPANTS, Likelihoods
 
 
 @dataclass(frozen=True, slots=True)

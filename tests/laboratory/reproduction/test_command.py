@@ -9,8 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from frictus_laboratory.reproduction import command
+from frictus_laboratory.reproduction.paper import HEADINGS
 from frictus_laboratory.reproduction.reproduce import QUICK
-from frictus_laboratory.reproduction.table import HEADINGS
 from frictus_service.cli.app import app
 from frictus_service.cli.options import Exit
 from frictus_service.identification.documents import Identification

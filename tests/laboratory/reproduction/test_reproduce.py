@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from frictus_laboratory.reproduction.paper import HEADINGS, Row, markdown
 from frictus_laboratory.reproduction.plan import StudyConditions
 from frictus_laboratory.reproduction.reproduce import Reproduction, reproduce
-from frictus_laboratory.reproduction.table import HEADINGS, Row, markdown
 from frictus_service.errors import StudyError
 
 TINY = StudyConditions(

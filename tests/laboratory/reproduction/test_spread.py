@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from frictus_laboratory.reproduction.paper import LIKELIHOODS, STIFFNESS_20_N_M, Likelihoods
 from frictus_laboratory.reproduction.spread import MeasurementSpread, likelihoods, spread_of
-from frictus_laboratory.reproduction.table import LIKELIHOODS, STIFFNESS_20_N_M, Likelihoods
 
 
 @pytest.mark.parametrize("name", LIKELIHOODS)
