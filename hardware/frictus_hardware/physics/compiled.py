@@ -50,8 +50,8 @@ def compiled(twin: Twin) -> Twin:
     if fused is None:
         return twin
     match twin.stages[N_STANDARD:]:
-        case (SensorNoise() as noise, Quantisation() as steps):
-            return Twin((fused, Converter(noise, steps)))
+        case (*others, SensorNoise() as noise, Quantisation() as steps):
+            return Twin((fused, *others, Converter(noise, steps)))
         case others:
             return Twin((fused, *others))
 

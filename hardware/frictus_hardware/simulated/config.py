@@ -141,6 +141,32 @@ class WithinPersonScatter:
     skin_per_condition: float = 0.05
 
 
+class NailConfig(StrictModel):
+    """Settings of the accelerometer's place on the nail.
+
+    Attributes
+    ----------
+    stroke_tilt_deg : float
+        By which the nail leans over from one edge of the screen to the other, and gravity with
+        it; 1 degree is 0.17 m/s².
+    wander_tilt_deg : float
+        Standard deviation of what it leans besides, slowly, about both axes.
+    resonance_hz : float or None
+        Of the sensor on its wax; None: the wax is rigid.
+    resonance_damping : float
+        Damping ratio of that.
+    mounted_deg : tuple of float
+        By which the sensor is turned about x, y and z (in this order) against the frame that
+        the rig takes it to be in.
+    """
+
+    stroke_tilt_deg: float = Field(default=2.0, ge=-45.0, le=45.0)
+    wander_tilt_deg: NonNegative = 0.7
+    resonance_hz: float | None = Field(default=None, ge=10.0, le=10_000.0)
+    resonance_damping: float = Field(default=0.05, gt=0.0, le=1.0)
+    mounted_deg: Annotated[tuple[float, float, float], Field(strict=False)] = (0.0, 0.0, 0.0)
+
+
 FingerConfig = Annotated[
     SteadyStrokes | SinusoidalStrokes | HumanStrokes | ClientFinger | GuidedStrokes,
     Field(discriminator="kind"),
@@ -171,6 +197,8 @@ class SimulatedConfig(StrictModel):
         Whose finger it is.
     touch : TouchConfig
         Rate, latency and resolution of the touch sensor.
+    nail : NailConfig
+        How the accelerometer sits on the nail.
     force_noise_n, accel_noise_m_s2 : float
         Standard deviation per sample and axis.
     quantisation : bool
@@ -191,6 +219,7 @@ class SimulatedConfig(StrictModel):
     finger: FingerConfig = HumanStrokes()
     participant: Participant = Participant()
     touch: TouchConfig = TouchConfig()
+    nail: NailConfig = NailConfig()
     force_noise_n: NonNegative = 0.002
     accel_noise_m_s2: NonNegative = 0.05
     quantisation: bool = True

@@ -2,9 +2,10 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Final, Literal, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from frictus_hardware.arguments import StrictModel
@@ -32,6 +33,8 @@ LASTING = (StreamLostError, DeviceLostError, LinkLostError)
 """After one of these every exchange fails until the rig is opened anew."""
 
 FOR_GOOD = 1 << 62
+RANGE: Final = {"force": 18.0, "accel": 200.0}
+"""Ends of the ranges, N (ATI Nano43) and m/s² (ADXL358)."""
 
 
 class _Planned(StrictModel):
@@ -87,6 +90,23 @@ class SilentTouch(_Spell):
     kind: Literal["touch_silent"] = "touch_silent"
 
 
+class SensorFault(_Spell):
+    """Force or acceleration fails in one of the ways in which sensors do.
+
+    Attributes
+    ----------
+    sensor : {"force", "accel"}
+        Which one.
+    becomes : {"dead", "stuck", "saturated", "loose"}
+        Zero; the last value; the end of the range, changing sides; or a tenth of what it was,
+        under the rattle of a sensor that hangs on its cable.
+    """
+
+    kind: Literal["sensor"] = "sensor"
+    sensor: Literal["force", "accel"]
+    becomes: Literal["dead", "stuck", "saturated", "loose"]
+
+
 class MonitorMismatch(_Spell):
     """The monitor reads `factor` times what is output."""
 
@@ -95,11 +115,18 @@ class MonitorMismatch(_Spell):
 
 
 Fault = Annotated[
-    Raised | LostSamples | EmptyOutput | LateBlock | StuckTouch | SilentTouch | MonitorMismatch,
+    Raised
+    | LostSamples
+    | EmptyOutput
+    | LateBlock
+    | StuckTouch
+    | SilentTouch
+    | SensorFault
+    | MonitorMismatch,
     Field(discriminator="kind"),
 ]
 _Momentaries = TypeVar("_Momentaries", LostSamples, EmptyOutput, LateBlock)
-_Spells = TypeVar("_Spells", StuckTouch, SilentTouch, MonitorMismatch)
+_Spells = TypeVar("_Spells", StuckTouch, SilentTouch, SensorFault, MonitorMismatch)
 
 
 class FaultPlan:
@@ -114,6 +141,7 @@ class FaultPlan:
     def __init__(self, faults: Iterable[Fault] = ()) -> None:
         self._faults: tuple[Fault, ...] = tuple(faults)
         self._stuck: TouchReport | None = None
+        self._last: dict[tuple[str, int], FloatArray] = {}
 
     def add(self, fault: Fault) -> None:
         """Plan one more; from any thread."""
@@ -165,6 +193,34 @@ class FaultPlan:
             voltage_v = np.where(wrong, fault.factor * voltage_v, voltage_v)
         return voltage_v
 
+    def sensed(
+        self, sensor: Literal["force", "accel"], values: FloatArray, first: int
+    ) -> FloatArray:
+        """Return what a faulty sensor makes of a block's values, shape (n_samples, 3)."""
+        for fault in self._during(SensorFault, first, values.shape[0]):
+            if fault.sensor != sensor:
+                continue
+            since = np.arange(first, first + values.shape[0]) - fault.at_sample
+            wrong = (since >= 0) & (since < fault.samples)
+            last = values[int(np.argmax(wrong))].copy()
+            stuck = self._last.setdefault((sensor, fault.at_sample), last)
+            faulty = {
+                "dead": np.zeros(3),
+                "stuck": stuck,
+                "saturated": RANGE[sensor]
+                * np.where(since % 60 < 30, 1.0, -1.0)[:, np.newaxis],
+                "loose": 0.1 * values + _rattle(since)[:, np.newaxis],
+            }[fault.becomes]
+            values = np.where(wrong[:, np.newaxis], faulty, values)
+        return values
+
+    def saturates(self, sensor: Literal["force", "accel"], first: int, n_samples: int) -> bool:
+        """Return whether a sensor is at the end of its range during a block."""
+        return any(
+            fault.sensor == sensor and fault.becomes == "saturated"
+            for fault in self._during(SensorFault, first, n_samples)
+        )
+
     def _during(self, kind: type[_Spells], first: int, n_samples: int) -> list[_Spells]:
         if not self._faults:
             return []
@@ -176,3 +232,11 @@ class FaultPlan:
 
     def _forget(self, gone: Fault) -> None:
         self._faults = tuple(fault for fault in self._faults if fault is not gone)
+
+
+def _rattle(since: NDArray[np.int64]) -> FloatArray:
+    """Return m/s² or N of a loose sensor without any rhythm, a function of the sample alone."""
+    rattle: FloatArray = np.sin(0.003 * since) * np.sin(
+        0.2 * since + 3.0 * np.sin(0.0017 * since)
+    )
+    return 4.0 * rattle

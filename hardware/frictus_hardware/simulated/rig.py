@@ -28,10 +28,13 @@ from frictus_hardware.simulated.faults import (
 )
 from frictus_hardware.simulated.guided import GuidedFinger, PointerFinger
 from frictus_hardware.simulated.motion import Finger, FingerMotion
+from frictus_hardware.simulated.nail import NailSensor
 from frictus_hardware.simulated.touch import TouchSensor
 
 INPUT_BUFFER_S = 10.0
 """A loop that falls further behind than this has lost the stream."""
+_NAIL = 1
+"""What is drawn for the nail is not drawn for the finger, which has the same seed."""
 
 
 Sensed: TypeAlias = tuple[Signals, Truth, tuple[TouchReport, ...]]
@@ -221,8 +224,8 @@ class SimulatedRig(Opened):
         self._sensed = handed.end_sample
         return Exchange(
             first_sample=first,
-            force_n=signals.force_n,
-            accel_m_s2=signals.accel_m_s2,
+            force_n=self.faults.sensed("force", signals.force_n, first),
+            accel_m_s2=self.faults.sensed("accel", signals.accel_m_s2, first),
             voltage_v=self.faults.monitored(signals.voltage_v, first),
             touches=self.faults.touches(touches, first, n_samples),
             applied_v=handed.applied_v,
@@ -231,6 +234,7 @@ class SimulatedRig(Opened):
             margin_samples=handed.margin_samples,
             underrun_samples=handed.underrun_samples,
             overrun_samples=handed.overrun_samples,
+            saturated_samples=n_samples * self.faults.saturates("accel", first, n_samples),
             truth=truth,
         )
 
@@ -383,9 +387,11 @@ def make_twin(config: SimulatedConfig, minutes: float = 0.0) -> Twin:
     ConfigError
         If the participant has an effect that is not known or out of its range.
     """
-    sensors: tuple[Stage, ...] = ()
+    nail = np.random.default_rng((config.seed, _NAIL))
+    sensors: tuple[Stage, ...] = (NailSensor.draw(config.nail, config.screen_mm, nail),)
     if config.force_noise_n or config.accel_noise_m_s2:
-        sensors = (SensorNoise(config.force_noise_n, config.accel_noise_m_s2, config.seed),)
+        noise = SensorNoise(config.force_noise_n, config.accel_noise_m_s2, config.seed)
+        sensors = (*sensors, noise)
     if config.quantisation:
         sensors = (*sensors, Quantisation())
     twin = config.participant.simulator.twin(

@@ -15,10 +15,12 @@ from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.motion import Finger
 from frictus_hardware.simulated.rig import SimulatedRig
+from frictus_service.synthesis.compensation import Invertible
 from frictus_service.synthesis.components import Components
 from frictus_service.synthesis.estimator import FingerEstimator, PredictedMotion
 from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.renderer import Chain, Follower, Renderer
+from frictus_service.synthesis.scene import CompiledScene
 
 
 def exact_friction(
@@ -105,11 +107,17 @@ class KnownFinger:
         self._rate_hz = sample_rate_hz
         self.in_contact = True
 
+    def sense(
+        self,
+        first_sample: int,
+        force_n: FloatArray,
+        accel_m_s2: FloatArray,
+        saturated: bool = False,
+    ) -> None:
+        """Ignore what is sensed."""
+
     def observe(self, report: TouchReport) -> None:
         """Ignore a report."""
-
-    def press(self, normal_force_n: float) -> None:
-        """Ignore a measurement."""
 
     def stale(self, sample: float) -> bool:
         """Return False: what is known does not age."""
@@ -170,7 +178,14 @@ class Path:
         return error
 
 
-def walk(config: SimulatedConfig, duration_s: float, known: bool = False) -> Path:
+def walk(
+    config: SimulatedConfig,
+    duration_s: float,
+    known: bool = False,
+    fuses: bool = True,
+    scene: CompiledScene | None = None,
+    law: Invertible = FrictionLaw(),  # noqa: B008 - frozen
+) -> Path:
     """Let the configured finger move for a while, and predict it as the daemon would.
 
     Parameters
@@ -180,18 +195,27 @@ def walk(config: SimulatedConfig, duration_s: float, known: bool = False) -> Pat
     duration_s : float
         How long.
     known : bool
-        Whether the true motion is known, or comes from the touch sensor.
+        Whether the true motion is known, or comes from the sensors.
+    fuses : bool
+        Whether force and acceleration are used, or touch alone.
+    scene : CompiledScene, optional
+        Played meanwhile: the nail shakes with it. None: nothing is.
+    law : FrictionLaw or Inverse
+        What is undone in the scene.
     """
     virtual = config.model_copy(update={"clock": "virtual"})
     rate_hz = config.sample_rate_hz
     with SimulatedRig(virtual) as rig:
         estimator: Follower = (
-            KnownFinger(rig.finger, rate_hz) if known else FingerEstimator(rate_hz)
+            KnownFinger(rig.finger, rate_hz) if known else FingerEstimator(rate_hz, fuses=fuses)
         )
-        renderer = Renderer(FrictionLaw(), virtual.screen, rate_hz, BLOCK_SAMPLES)
+        renderer = Renderer(law, virtual.screen, rate_hz, BLOCK_SAMPLES, scene)
         chain = Chain(rig, estimator, renderer, BLOCK_SAMPLES)
+        if scene is not None:
+            rig.arm()
         steps = [
-            chain.step(allow=False) for _ in range(round(duration_s * rate_hz / BLOCK_SAMPLES))
+            chain.step(allow=scene is not None)
+            for _ in range(round(duration_s * rate_hz / BLOCK_SAMPLES))
         ]
     truths = [step.exchange.truth for step in steps if step.exchange.truth is not None]
     return Path(

@@ -1,21 +1,19 @@
 """Where the finger will be when a sample is played.
 
-The touch sensor reports 60 times a second, in steps of 0.1 mm, tens of milliseconds late, and
-what is rendered now is played a lead later. Two Kalman filters run side by side, one for a
-finger that keeps its speed and one for a finger that changes it, and are weighted by how well
-each foretold the reports (interacting multiple models; Blom and Bar-Shalom 1988). A single
-filter is either noisy on steady strokes or late on free ones.
+What is rendered now is played a lead later, and the touch sensor is tens of milliseconds
+late. Two filters follow the finger: one from touch reports alone, and one from the
+acceleration of the nail as well. The predictions of both are compared with the reports of
+their time when these arrive, and the better filter is used: a sensor that has failed, came
+loose or is mounted in another orientation than configured costs no more than what it added.
 
-The estimate jumps with every report; what is rendered must not, or the drive would need several
-times its range. So the rendered position moves continuously, and small corrections enter as
-velocity. Where the finger did not turn as foretold the rendered position is left behind by more
-than a correction can make good without a false speed: it is then cross-faded to the right one,
-as it is where a contact begins.
-
-The compiled code counts through its few numbers: whole-array expressions of 3 by 3 take the
-compiler ten seconds of a first start, and run no faster.
+The estimate jumps with every report; what is rendered must not, or the drive would need
+several times its range. The rendered position moves continuously, and small corrections enter
+as velocity. Where the finger did not turn as predicted, the rendered position is behind by
+more than a correction can make good without a false speed: it is then cross-faded to the
+right one, as it is where a contact begins, and where one filter replaces the other.
 """
 
+from collections import deque
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -23,37 +21,41 @@ from numba import njit
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import TouchReport
+from frictus_service.synthesis.finger_motion.contact import ContactDetector
+from frictus_service.synthesis.finger_motion.inertial_filter import InertialFilter
+from frictus_service.synthesis.finger_motion.nail_acceleration import (
+    Acceleration,
+    NailAcceleration,
+)
+from frictus_service.synthesis.finger_motion.touch_filter import TouchFilter
 from frictus_service.synthesis.kernel import BlockMotion
 
-STEADY, CHANGING = 0, 1
 USUAL_FORCE_N: Final = 0.4
 """How hard a finger presses until that is measured."""
+JUDGED_S: Final = 0.4
+"""Within which the predictions of both filters are judged."""
+ALIKE_MM: Final = 0.05
+"""Errors of predictions that differ by less are alike."""
+WORSE: Final = 1.5
+"""Mean square error over that of touch alone from which on touch alone is rendered."""
+PREDICTIONS: Final = 512
+"""Kept until the reports of their time come."""
+FASTEST_MM_S: Final = 300.0
+"""A finger that seems to come down faster was put somewhere else."""
+SILENT_S: Final = 0.05
+"""Without acceleration for so long, touch alone predicts better."""
 
 
 class EstimatorTuning(NamedTuple):
-    """What the estimator assumes of fingers and of the sensor."""
+    """How what is rendered follows the estimate."""
 
-    report_sd_mm: float = 0.04
-    """Of a report: 0.1 mm steps and tremor."""
-    steady_sd_mm_s2: float = 20.0
-    """Acceleration of a finger that keeps its speed."""
-    steady_time_s: float = 0.05
-    """How long such an acceleration lasts."""
-    changing_sd_mm_s2: float = 350.0
-    """Acceleration of a finger that starts, stops or turns."""
-    changing_time_s: float = 0.6
-    """How long such an acceleration lasts (Singer 1970)."""
-    turning_hz: float = 0.9
-    """Strokes go back and forth: a changing velocity swings about zero this often."""
-    stay: float = 0.97
-    """Probability that a finger goes on as it did, from report to report."""
-    correct_time_s: float = 0.15
+    correct_time_s: float = 0.06
     """Within which the rendered position closes up on the estimate."""
-    correct_share: float = 0.05
+    correct_share: float = 0.1
     """Largest correction, as a share of the speed."""
     correct_least_mm_s: float = 1.0
     """What a correction may always be."""
-    slip_mm: float = 0.5
+    slip_mm: float = 0.3
     """Error of the rendered position beyond which it is cross-faded to the right one."""
     stale_s: float = 0.1
     """Age of the last report beyond which nothing is rendered."""
@@ -80,39 +82,136 @@ class PredictedMotion(NamedTuple):
     normal_force_n: tuple[float, float] = (USUAL_FORCE_N, USUAL_FORCE_N)
 
 
+class _Judge:
+    """Compares what both filters predicted with the reports of that time."""
+
+    def __init__(self) -> None:
+        # (time; x and y by touch alone; x and y by all), one a block.
+        self._predicted: deque[tuple[float, ...]] = deque(maxlen=PREDICTIONS)
+        self._reported_s = -np.inf
+        self._error_mm2 = [0.0, 0.0]
+        self.better = True
+
+    def restart(self) -> None:
+        """Forget what was predicted: the finger is elsewhere."""
+        self._predicted.clear()
+
+    def predict(self, time_s: float, touch: FloatArray, fused: FloatArray) -> None:
+        """Keep both predictions for a time."""
+        self._predicted.append((time_s, touch[0, 0], touch[1, 0], fused[0, 0], fused[1, 0]))
+
+    def report(self, time_s: float, x_mm: float, y_mm: float) -> None:
+        """Judge by where the finger was."""
+        kept = self._predicted
+        while len(kept) > 1 and kept[1][0] <= time_s:
+            kept.popleft()
+        if len(kept) < 2 or kept[0][0] > time_s:
+            return
+        before, after = kept[0], kept[1]
+        share = (time_s - before[0]) / (after[0] - before[0])
+        forget = min((time_s - self._reported_s) / JUDGED_S, 1.0)
+        self._reported_s = time_s
+        for which in range(2):
+            squared = 0.0
+            for column, true_mm in ((1 + 2 * which, x_mm), (2 + 2 * which, y_mm)):
+                predicted = before[column] + share * (after[column] - before[column])
+                squared += (predicted - true_mm) ** 2
+            self._error_mm2[which] += forget * (squared - self._error_mm2[which])
+        touch, fused = self._error_mm2
+        if self.better:
+            self.better = fused < WORSE * touch + ALIKE_MM**2
+        else:
+            self.better = fused < touch
+
+
 class FingerEstimator:
-    """Follows the reports of a touch sensor and predicts the finger's motion.
+    """Predicts the finger's motion from whatever sensors there are.
 
     Parameters
     ----------
     sample_rate_hz : float
         Samples per second of the device's clock.
     tuning : EstimatorTuning
-        Noise and turning rates of the filters.
+        How what is rendered follows the estimate.
+    fuses : bool
+        Whether acceleration and force are used; else touch alone.
     """
 
-    def __init__(self, sample_rate_hz: float, tuning: EstimatorTuning = DEFAULT_TUNING) -> None:
+    def __init__(
+        self,
+        sample_rate_hz: float,
+        tuning: EstimatorTuning = DEFAULT_TUNING,
+        fuses: bool = True,
+    ) -> None:
         self._rate_hz = sample_rate_hz
         self._tuning = tuning
-        # [model, axis, (position, velocity, acceleration)]; both axes share their covariance.
-        self._mean = np.zeros((2, 2, 3))
-        self._cov = np.zeros((2, 3, 3))
-        self._weight = np.array([0.5, 0.5])
-        self._predicted = np.zeros((2, 2))
-        self._mean_sample = -np.inf  # of the last report in contact
+        self._fuses = fuses
+        self._contact = ContactDetector()
+        self._touch = TouchFilter()
+        self._nail: NailAcceleration | None = None
+        self._inertial: InertialFilter | None = None
+        self._judge = _Judge()
+        self._reports: deque[TouchReport] = deque(maxlen=2)
         self._report_sample = -np.inf
-        # Position and velocity of what is rendered, and the velocity that was foretold a block
+        self._follows = False
+        self._next_sample: int | None = None
+        self._silent_s = np.inf
+        # Position and velocity of what is rendered, and the velocity that was predicted a block
         # ago; each (x, y).
         self._rendered = np.zeros((3, 2))
         self._motions = np.empty((2, 8))
         self._force_n = self._force_before_n = USUAL_FORCE_N
-        self.in_contact = False
 
-    def press(self, normal_force_n: float) -> None:
-        """Take the measured normal force of a block; one without contact is ignored.
+    @property
+    def in_contact(self) -> bool:
+        """Whether the finger touches."""
+        return self._contact.in_contact
 
-        It changes slowly beside the time from measuring to playing, and is not foretold.
+    @property
+    def fused(self) -> bool:
+        """Whether the acceleration of the nail is used."""
+        inertial = self._inertial
+        return (
+            inertial is not None
+            and inertial.follows
+            and self._silent_s < SILENT_S
+            and self._judge.better
+        )
+
+    def sense(
+        self,
+        first_sample: int,
+        force_n: FloatArray,
+        accel_m_s2: FloatArray,
+        saturated: bool = False,
+    ) -> None:
+        """Take the force and acceleration of a block.
+
+        Parameters
+        ----------
+        first_sample : int
+            Device index; where it does not follow the block before, samples are missing.
+        force_n, accel_m_s2 : ndarray, shape (n_samples, 3)
+            Of the finger on the screen, and of its nail.
+        saturated : bool
+            Whether an acceleration was at the end of its range.
         """
+        n_samples = force_n.shape[0]
+        normal_n = force_n[:, 2]
+        end = first_sample + n_samples
+        if self._fuses:
+            block_s = n_samples / self._rate_hz
+            self._contact.sense(normal_n, block_s)
+            acceleration = self._accelerated(first_sample, force_n, accel_m_s2, saturated)
+            self._silent_s = 0.0 if acceleration is not None else self._silent_s + block_s
+            assert self._inertial is not None
+            self._inertial.follow(end / self._rate_hz, acceleration)
+            if not self.in_contact:
+                self._follows = False
+            elif not self._follows and not self.stale(end):
+                self._begin()  # it has come down where it was seen above the screen
+        normal_force_n = float(np.add.reduce(normal_n) / n_samples)
+        # It changes slowly beside the time from measuring to playing, and is not predicted.
         if self.in_contact and 0.0 < normal_force_n < np.inf:
             self._force_n = normal_force_n
 
@@ -123,18 +222,21 @@ class FingerEstimator:
         since_s = (report.measured_sample - self._report_sample) / self._rate_hz
         if since_s <= 0.0:
             return
-        began = report.in_contact and (not self.in_contact or since_s > self._tuning.stale_s)
         self._report_sample = report.measured_sample
-        self.in_contact = report.in_contact
-        if not report.in_contact:
+        self._reports.append(report)
+        self._contact.report(report.in_contact)
+        if not self.in_contact:
+            self._follows = False
+        if not (self.in_contact and report.in_contact):
             return  # what fades out now goes on as it did
-        self._mean_sample = report.measured_sample
-        if began:
-            _begin(report.x_mm, report.y_mm, self._mean, self._cov, self._weight)
+        if not self._follows or since_s > self._tuning.stale_s:
+            self._begin()
             return
-        _observe(
-            self._tuning, report.x_mm, report.y_mm, since_s, self._mean, self._cov, self._weight
-        )
+        time_s = report.measured_sample / self._rate_hz
+        self._judge.report(time_s, report.x_mm, report.y_mm)
+        self._touch.observe(time_s, report.x_mm, report.y_mm)
+        if self._inertial is not None:
+            self._inertial.observe(time_s, report.x_mm, report.y_mm)
 
     def report_age_s(self, sample: float) -> float:
         """Return how old the last report is at a device sample; infinite before the first."""
@@ -146,15 +248,11 @@ class FingerEstimator:
 
     def estimate(self, sample: float) -> FloatArray:
         """Return the prediction for a device sample, shape (2 axes, position and velocity)."""
-        age_s = (sample - self._mean_sample) / self._rate_hz
-        _predict(
-            self._tuning,
-            max(age_s, 0.0) if self._mean_sample > -np.inf else 0.0,
-            self._mean,
-            self._weight,
-            self._predicted,
-        )
-        return self._predicted
+        time_s = sample / self._rate_hz
+        if self.fused:
+            assert self._inertial is not None
+            return self._inertial.predict(time_s)
+        return self._touch.predict(time_s)
 
     def predict(self, first_sample: int, n_samples: int) -> PredictedMotion:
         """Return the rendered motion from `first_sample` on, continuous from block to block.
@@ -166,10 +264,16 @@ class FingerEstimator:
         n_samples : int
             Of the block.
         """
+        end = first_sample + n_samples
+        if self._inertial is not None and self._inertial.follows:
+            time_s = end / self._rate_hz
+            self._judge.predict(
+                time_s, self._touch.predict(time_s), self._inertial.predict(time_s)
+            )
         slipped = _follow(
             self._tuning,
             n_samples / self._rate_hz,
-            self.estimate(first_sample + n_samples),
+            self.estimate(end),
             self._rendered,
             self._motions,
         )
@@ -179,147 +283,54 @@ class FingerEstimator:
         self._force_before_n = self._force_n
         return PredictedMotion(BlockMotion(*rows[0]), left, pressed)
 
+    def _accelerated(
+        self,
+        first_sample: int,
+        force_n: FloatArray,
+        accel_m_s2: FloatArray,
+        saturated: bool,
+    ) -> Acceleration | None:
+        """Return the finger's acceleration; None while the sensor has nothing to say."""
+        n_samples = force_n.shape[0]
+        if self._nail is None:
+            self._nail = NailAcceleration(self._rate_hz, n_samples)
+            self._inertial = InertialFilter(n_samples / self._rate_hz, self._nail.age_s)
+        missing = self._next_sample is not None and first_sample != self._next_sample
+        self._next_sample = first_sample + n_samples
+        if missing or saturated or not _alive(force_n, accel_m_s2):
+            self._nail.restart()
+            return None
+        return self._nail.follow(force_n, accel_m_s2)
 
-@njit(cache=True, nogil=True)
-def _begin(x, y, mean, cov, weight):  # type: ignore[no-untyped-def]
-    mean[:] = 0.0
-    mean[:, 0, 0] = x
-    mean[:, 1, 0] = y
-    cov[:] = 0.0
-    cov[:, 0, 0] = 0.05**2
-    cov[:, 1, 1] = 80.0**2
-    cov[STEADY, 2, 2] = 10.0**2
-    cov[CHANGING, 2, 2] = 500.0**2
-    weight[STEADY] = 0.2
-    weight[CHANGING] = 0.8
-
-
-@njit(cache=True, nogil=True)
-def _model(tuning, model):  # type: ignore[no-untyped-def]
-    if model == STEADY:
-        return tuning.steady_time_s, tuning.steady_sd_mm_s2, 0.0
-    return tuning.changing_time_s, tuning.changing_sd_mm_s2, 2.0 * np.pi * tuning.turning_hz
-
-
-@njit(cache=True, nogil=True)
-def _transition(time_s, turning, step_s):  # type: ignore[no-untyped-def]
-    """Return how position, velocity and acceleration go on over a step, undisturbed.
-
-    ``a' = -a / time - turning^2 v``; the exponential of the matrix by its series, which
-    converges to rounding for steps of a fifth of a second; longer ones
-    are halved, then squared.
-    """
-    halvings = 0
-    while step_s > 0.2:
-        step_s *= 0.5
-        halvings += 1
-    swing, spend = -(turning**2) * step_s, -step_s / time_s
-    move = np.eye(3)
-    term = np.eye(3)
-    for k in range(1, 25):
-        for row in range(3):  # times the rates, of which most are zero
-            velocity, acceleration = term[row, 1], term[row, 2]
-            term[row, 1] = (term[row, 0] * step_s + acceleration * swing) / k
-            term[row, 2] = (velocity * step_s + acceleration * spend) / k
-            term[row, 0] = 0.0
-            for column in range(1, 3):
-                move[row, column] += term[row, column]
-    for _ in range(halvings):
-        move = _product(move, move)
-    return move
+    def _begin(self) -> None:
+        """Begin anew where the finger was last seen, as fast as it was."""
+        last = self._reports[-1]
+        velocity = 0.0, 0.0
+        if len(self._reports) == 2:
+            before = self._reports[0]
+            since_s = (last.measured_sample - before.measured_sample) / self._rate_hz
+            moved = last.x_mm - before.x_mm, last.y_mm - before.y_mm
+            if np.hypot(*moved) < FASTEST_MM_S * since_s < FASTEST_MM_S * self._tuning.stale_s:
+                velocity = moved[0] / since_s, moved[1] / since_s
+        at = last.x_mm, last.y_mm
+        time_s = last.measured_sample / self._rate_hz
+        self._follows = True
+        self._judge.restart()
+        self._touch.begin(time_s, at, velocity)
+        if self._inertial is not None:
+            self._inertial.begin(time_s, at, velocity)
 
 
 @njit(cache=True, nogil=True)
-def _product(left, right):  # type: ignore[no-untyped-def]
-    product = np.zeros((3, 3))
-    for row in range(3):
-        for column in range(3):
-            for k in range(3):
-                product[row, column] += left[row, k] * right[k, column]
-    return product
-
-
-@njit(cache=True, nogil=True)
-def _mix(stay, mean, cov, weight):  # type: ignore[no-untyped-def]
-    """Let each model start from where both, by their weights, may have changed into it."""
-    old_mean, old_cov = mean.copy(), cov.copy()
-    old = weight[0], weight[1]
-    for to in range(2):
-        other = 1 - to
-        total = stay * old[to] + (1.0 - stay) * old[other]
-        kept = stay * old[to] / total
-        left = 1.0 - kept
-        for row in range(3):
-            for axis in range(2):
-                mean[to, axis, row] = (
-                    kept * old_mean[to, axis, row] + left * old_mean[other, axis, row]
-                )
-            for column in range(3):
-                # The axes share a covariance: the spread is the mean over both.
-                spread = 0.0
-                for axis in range(2):
-                    apart = old_mean[to, axis, row] - old_mean[other, axis, row]
-                    beside = old_mean[to, axis, column] - old_mean[other, axis, column]
-                    spread += 0.5 * apart * beside
-                cov[to, row, column] = (
-                    kept * old_cov[to, row, column]
-                    + left * old_cov[other, row, column]
-                    + kept * left * spread
-                )
-        weight[to] = total
-
-
-@njit(cache=True, nogil=True)
-def _observe(tuning, x, y, since_s, mean, cov, weight):  # type: ignore[no-untyped-def]
-    _mix(tuning.stay, mean, cov, weight)
-    report = x, y
-    likelihood = np.zeros(2)
-    for m in range(2):
-        time_s, sd, turning = _model(tuning, m)
-        move = _transition(time_s, turning, since_s)
-        # White jerk that keeps the acceleration at its spread; enough for steps below time_s.
-        noise = 2.0 * sd * sd / time_s / since_s
-        jerked = since_s**3 / 6.0, since_s**2 / 2.0, since_s
-        carried = _product(_product(move, cov[m]), move.T)
-        for row in range(3):
-            for column in range(3):
-                carried[row, column] += noise * jerked[row] * jerked[column]
-        spread = carried[0, 0] + tuning.report_sd_mm**2
-        gain = carried[0, 0] / spread, carried[1, 0] / spread, carried[2, 0] / spread
-        for axis in range(2):
-            was = mean[m, axis, 0], mean[m, axis, 1], mean[m, axis, 2]
-            for row in range(3):
-                mean[m, axis, row] = (
-                    move[row, 0] * was[0] + move[row, 1] * was[1] + move[row, 2] * was[2]
-                )
-            miss = report[axis] - mean[m, axis, 0]
-            for row in range(3):
-                mean[m, axis, row] += gain[row] * miss
-            likelihood[m] -= 0.5 * miss * miss / spread
-        likelihood[m] -= np.log(spread)
-        for row in range(3):  # what the report tells, and both halves alike
-            for column in range(3):
-                told = gain[row] * carried[0, column] + gain[column] * carried[0, row]
-                both = carried[row, column] + carried[column, row]
-                cov[m, row, column] = 0.5 * (both - told)
-    best = max(likelihood[0], likelihood[1])
-    for m in range(2):
-        weight[m] *= np.exp(likelihood[m] - best)
-    total = weight[0] + weight[1]
-    for m in range(2):
-        weight[m] = min(max(weight[m] / total, 1e-3), 1.0 - 1e-3)
-
-
-@njit(cache=True, nogil=True)
-def _predict(tuning, ahead_s, mean, weight, out):  # type: ignore[no-untyped-def]
-    out[:] = 0.0
-    for m in range(2):
-        time_s, _, turning = _model(tuning, m)
-        move = _transition(time_s, turning, ahead_s)
-        for axis in range(2):
-            for row in range(2):
-                for column in range(3):
-                    out[axis, row] += weight[m] * move[row, column] * mean[m, axis, column]
+def _alive(force_n, accel):  # type: ignore[no-untyped-def]
+    """Return whether every number is finite, and the acceleration along the screen changes."""
+    changes = False
+    for n in range(accel.shape[0]):
+        for axis in range(3):
+            if not np.isfinite(accel[n, axis] + force_n[n, axis]):
+                return False
+        changes |= accel[n, 0] != accel[0, 0] or accel[n, 1] != accel[0, 1]
+    return changes
 
 
 @njit(cache=True, nogil=True)

@@ -22,6 +22,8 @@ Playable = CompiledScene | CompiledExcitation
 
 RAMP_S = 0.02
 """At contact, arming and stop."""
+RELEASE_S = 0.005
+"""Where the finger is lifted, and nobody feels it."""
 SCENE_FADE_S = 0.02
 STREAM_FADE_S = 0.005
 """Between updates of a stream, whose bias does not change."""
@@ -113,7 +115,13 @@ class Renderer:
         self._next_scene = scene
         self._share = 0.0
 
-    def render(self, first_sample: int, course: PredictedMotion, allow: bool) -> Rendered:
+    def render(
+        self,
+        first_sample: int,
+        course: PredictedMotion,
+        allow: bool,
+        lifted: bool = False,
+    ) -> Rendered:
         """Render the block that starts to play at `first_sample`.
 
         Nothing is computed while there is no output. What is felt depends on the sample and on
@@ -127,6 +135,8 @@ class Renderer:
             Predicted motion of the block.
         allow : bool
             Whether there may be output; the envelope ramps towards it within 20 ms.
+        lifted : bool
+            Whether there may not because nothing touches; the ramp then takes 5 ms.
         """
         self._before = (
             self._level,
@@ -143,7 +153,7 @@ class Renderer:
         clipped, extrapolated = self._compose(first_sample, course)
         self._go_on_fading()
         # A little steeper, so that rounding does not cost a block more.
-        step = (1.0 + 1e-9) / (RAMP_S * self._rate_hz)
+        step = (1.0 + 1e-9) / ((RELEASE_S if lifted else RAMP_S) * self._rate_hz)
         self._level = kernel.envelope(self._level, 1.0 if allow else 0.0, step, self._drive)
         kernel.modulate(
             self._drive,
@@ -260,14 +270,23 @@ def _one_longer(motion: BlockMotion, n_samples: int) -> BlockMotion:
 class Follower(Protocol):
     """What the chain asks of a finger estimator."""
 
-    in_contact: bool
+    @property
+    def in_contact(self) -> bool:
+        """Whether the finger touches."""
+        ...
 
     def observe(self, report: TouchReport) -> None:
         """Take a report."""
         ...
 
-    def press(self, normal_force_n: float) -> None:
-        """Take a measured normal force."""
+    def sense(
+        self,
+        first_sample: int,
+        force_n: FloatArray,
+        accel_m_s2: FloatArray,
+        saturated: bool = False,
+    ) -> None:
+        """Take the force and acceleration of a block."""
         ...
 
     def stale(self, sample: float) -> bool:
@@ -360,18 +379,25 @@ class Chain:
         course = self.estimator.predict(play_sample, self._block_samples)
         in_contact = self.estimator.in_contact
         stale = self.estimator.stale(play_sample - self.backend.info.lead_samples)
-        rendered = self.renderer.render(play_sample, course, allow and in_contact and not stale)
+        rendered = self.renderer.render(
+            play_sample, course, allow and in_contact and not stale, lifted=not in_contact
+        )
         try:
             exchange = self.backend.exchange(rendered.voltage_v)
         except HardwareError:
             if self.backend.next_play_sample == play_sample:
                 self.renderer.take_back()
             raise
+        self.estimator.sense(
+            exchange.first_sample,
+            exchange.force_n,
+            exchange.accel_m_s2,
+            exchange.saturated_samples > 0,
+        )
         for report in exchange.touches:
             self.estimator.observe(report)
         normal_n = exchange.force_n[:, 2]
         normal_force_n = float(np.add.reduce(normal_n) / normal_n.size)
-        self.estimator.press(normal_force_n)
         return RenderedBlock(exchange, course, rendered, in_contact, stale, normal_force_n)
 
 

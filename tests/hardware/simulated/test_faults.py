@@ -16,6 +16,7 @@ from frictus_hardware.simulated.faults import (
     LostSamples,
     MonitorMismatch,
     Raised,
+    SensorFault,
     SilentTouch,
     StuckTouch,
 )
@@ -177,3 +178,36 @@ def test_a_loop_that_is_far_behind_has_lost_the_stream() -> None:
         clock.advance(250_000)
         with pytest.raises(StreamLostError, match="behind"):
             rig.exchange(np.zeros(N))
+
+
+@pytest.mark.parametrize("sensor", ["force", "accel"])
+@pytest.mark.parametrize("becomes", ["dead", "stuck", "saturated", "loose"])
+def test_a_sensor_fails_for_its_samples_alone(sensor: str, becomes: str) -> None:
+    fault = SensorFault.model_validate(
+        {"at_sample": 250, "samples": 300, "sensor": sensor, "becomes": becomes}
+    )
+    with rig_with() as sound, rig_with(fault) as faulty:
+        right, wrong = (run(rig, 8) for rig in (sound, faulty))
+    field = {"force": "force_n", "accel": "accel_m_s2"}
+    for name in field.values():
+        expected, found = (
+            np.concatenate([getattr(got, name) for got in blocks]) for blocks in (right, wrong)
+        )
+        np.testing.assert_array_equal(found[:250], expected[:250])
+        np.testing.assert_array_equal(found[550:], expected[550:])
+        during = found[250:550]
+        if name != field[sensor]:
+            np.testing.assert_array_equal(during, expected[250:550])
+        elif becomes == "dead":
+            assert not np.any(during)
+        elif becomes == "stuck":
+            assert np.all(during == expected[250])
+        elif becomes == "saturated":
+            assert np.ptp(np.abs(during)) == 0.0
+            assert np.abs(during[0, 0]) > np.abs(expected).max()
+        else:
+            assert np.all(np.isfinite(during))
+            assert not np.array_equal(during, expected[250:550])
+    counted = [got.saturated_samples for got in wrong]
+    ends = becomes == "saturated" and sensor == "accel"
+    assert counted == ([0, 0, N, N, N, N, 0, 0] if ends else [0] * 8)

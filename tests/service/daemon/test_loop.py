@@ -308,8 +308,8 @@ def test_the_blocks_flagged_are_those_whose_samples_did_not_fit(
     render = Renderer.render
     rendered_at: list[int] = []
 
-    def render_one_badly(*arguments: Any) -> Rendered:
-        rendered = render(*arguments)
+    def render_one_badly(*arguments: Any, **named: Any) -> Rendered:
+        rendered = render(*arguments, **named)
         bad = len(rendered_at) == 10
         rendered_at.append(arguments[1])
         counts = {"clipped_samples": 0, "extrapolated_samples": 0, count: int(bad)}
@@ -473,7 +473,7 @@ def test_bug_trips_once_and_a_second_one_ends_the_loop(
 ) -> None:
     bench = driven(make_bench(), texture)
 
-    def broken(*_arguments: object) -> None:
+    def broken(*_arguments: object, **_named: object) -> None:
         raise ZeroDivisionError("a bug")
 
     monkeypatch.setattr("frictus_service.synthesis.renderer.Renderer.render", broken)

@@ -75,7 +75,7 @@ def human(rng: np.random.Generator, **settings: float) -> SimulatedConfig:
 
 def test_live_rendering_is_what_the_offline_measure_renders(rng: np.random.Generator) -> None:
     config = human(rng)
-    path = walk(config, 3.0)
+    path = walk(config, 3.0, scene=scene(), law=LAW)
     signals, clipped = feel(path, scene(), LAW, SCREEN, make_twin(config))
     with SimulatedRig(config) as rig:
         rig.arm()

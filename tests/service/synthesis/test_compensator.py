@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from frictus.messages import Excitation, Tone
 from frictus.textures import Component, Region, Scene, Spectrum
 from frictus_hardware.arrays import FloatArray
+from frictus_hardware.base import TouchReport
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.screen import Screen
@@ -177,12 +178,21 @@ def test_fading_between_scenes_does_not_excite_the_leak() -> None:
 
 def test_the_estimator_tells_the_force_of_a_finger_on_the_screen() -> None:
     estimator = FingerEstimator(RATE)
-    estimator.press(0.1)  # nothing touches
+    blocks = 0
+
+    def press(normal_force_n: float) -> None:
+        nonlocal blocks
+        force = np.zeros((100, 3))
+        force[:, 2] = normal_force_n
+        estimator.sense(100 * blocks, force, np.zeros((100, 3)))
+        blocks += 1
+
+    press(0.1)  # nothing touches
     assert estimator.predict(0, 100).normal_force_n == (0.4, 0.4)
-    estimator.in_contact = True
+    estimator.observe(TouchReport(0.0, 20.0, 17.0, in_contact=True))
     for bad in (np.nan, 0.0, -1.0, np.inf):
-        estimator.press(bad)
+        press(bad)
     assert estimator.predict(100, 100).normal_force_n == (0.4, 0.4)
-    estimator.press(0.55)
-    assert estimator.predict(200, 100).normal_force_n == (0.4, 0.55)
-    assert estimator.predict(300, 100).normal_force_n == (0.55, 0.55)
+    press(0.55)
+    assert estimator.predict(200, 100).normal_force_n == pytest.approx((0.4, 0.55))
+    assert estimator.predict(300, 100).normal_force_n == pytest.approx((0.55, 0.55))

@@ -15,6 +15,8 @@ from frictus_service.fidelity.measure import steady_segments
 from frictus_service.fidelity.path import BLOCK_SAMPLES, Path, walk
 from frictus_service.synthesis import estimator
 from frictus_service.synthesis.estimator import DEFAULT_TUNING, FingerEstimator, PredictedMotion
+from frictus_service.synthesis.finger_motion import touch_filter
+from frictus_service.synthesis.finger_motion.touch_filter import TouchTuning
 from frictus_service.synthesis.kernel import BlockMotion
 
 pytestmark = pytest.mark.compiled
@@ -306,10 +308,10 @@ def test_both_axes_are_followed_alike(angle_deg: float) -> None:
 
 
 @pytest.mark.parametrize("step_s", [0.0, 0.005, 0.07, 0.2, 0.21, 3.0])
-@pytest.mark.parametrize("turning", [0.0, 2.0 * np.pi * DEFAULT_TUNING.turning_hz])
+@pytest.mark.parametrize("turning", [0.0, 2.0 * np.pi * TouchTuning().turning_hz])
 def test_a_transition_is_the_exponential_of_the_rates(step_s: float, turning: float) -> None:
     rates = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, -(turning**2), -1.0 / 0.6]])
-    found = estimator._transition(0.6, turning, step_s)
+    found = touch_filter._transition(0.6, turning, step_s)
     np.testing.assert_allclose(found, expm(step_s * rates), rtol=1e-12, atol=1e-13)
 
 

@@ -26,6 +26,12 @@ from frictus_service.synthesis import (
 )
 from frictus_service.synthesis.compensability import inverse_of_model, placeholder_model
 from frictus_service.synthesis.estimator import FingerEstimator, PredictedMotion
+from frictus_service.synthesis.finger_motion import (
+    inertial_filter,
+    interacting_models,
+    nail_acceleration,
+    touch_filter,
+)
 from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.renderer import Renderer
 from frictus_service.synthesis.scene import compile_excitation, compile_scene
@@ -110,12 +116,29 @@ reports = st.lists(
 @given(reports)
 def test_what_is_estimated(reports: list[tuple[float, float, float, bool]]) -> None:
     fusing, sample = FingerEstimator(RATE_HZ), 0.0
-    with compared(estimator) as watched:
+    with compared(estimator, touch_filter) as watched:
         for later, x_mm, y_mm, in_contact in reports:
             sample += later
             fusing.observe(TouchReport(sample, x_mm, y_mm, in_contact))
             fusing.predict(int(sample) + 400, 100)
     assert "_predict" in called(watched)
+
+
+@FEW
+@given(
+    st.lists(
+        st.tuples(reals(-1e4, 1e4), reals(-20.0, 20.0), coordinate), min_size=4, max_size=12
+    )
+)
+def test_what_is_fused(blocks: list[tuple[float, float, float]]) -> None:
+    fusing = FingerEstimator(RATE_HZ)
+    wave = np.sin(np.arange(40))[:, np.newaxis]
+    with compared(estimator, nail_acceleration, inertial_filter, interacting_models) as watched:
+        for k, (accel, force, x_mm) in enumerate(blocks):
+            fusing.sense(40 * k, (force * wave + 0.4) * np.ones(3), accel * wave * np.ones(3))
+            fusing.observe(TouchReport(40.0 * k - 10.0, x_mm, 17.0, True))
+            fusing.predict(40 * k + 400, 40)
+    assert {"_alive", "_follow", "_predict"} <= called(watched)
 
 
 @FEW

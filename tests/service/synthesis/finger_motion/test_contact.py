@@ -1,0 +1,97 @@
+"""Contact from force within a block, from the touch sensor where the force has failed."""
+
+import numpy as np
+
+from frictus_hardware.arrays import FloatArray
+from frictus_service.synthesis.finger_motion.contact import CONTRADICTED_S, ContactDetector
+
+BLOCK_S = 0.005
+
+
+def pressing(rng: np.random.Generator, force_n: float) -> FloatArray:
+    return force_n + 0.002 * rng.standard_normal(100)
+
+
+def feed(
+    detector: ContactDetector, rng: np.random.Generator, force_n: float, seconds: float
+) -> list[bool]:
+    said = []
+    for _ in range(round(seconds / BLOCK_S)):
+        detector.sense(pressing(rng, force_n), BLOCK_S)
+        said.append(detector.in_contact)
+    return said
+
+
+def test_the_force_is_earlier_than_the_touch_sensor(rng: np.random.Generator) -> None:
+    detector = ContactDetector()
+    detector.report(False)
+    assert not any(feed(detector, rng, 0.0, 1.0))
+    assert feed(detector, rng, 0.2, BLOCK_S) == [True]
+    assert all(feed(detector, rng, 0.2, 0.03))
+    detector.report(True)
+    assert all(feed(detector, rng, 0.2, 1.0))
+    assert feed(detector, rng, 0.0, BLOCK_S) == [False]
+
+
+def test_the_end_of_a_block_decides(rng: np.random.Generator) -> None:
+    detector = ContactDetector()
+    detector.report(False)
+    feed(detector, rng, 0.0, 0.5)
+    landing = pressing(rng, 0.0)
+    landing[-40:] += 0.2
+    detector.sense(landing, BLOCK_S)
+    assert detector.in_contact
+
+
+def test_an_offset_of_the_force_is_no_contact(rng: np.random.Generator) -> None:
+    detector = ContactDetector()
+    detector.report(False)
+    feed(detector, rng, 0.3, 6.0)  # not believed, and learned
+    assert not detector.in_contact
+    detector.report(True)
+    feed(detector, rng, 0.5, 1.0)
+    assert detector.by_force
+    assert feed(detector, rng, 0.3, BLOCK_S) == [False]
+
+
+def test_nobody_touches_before_the_touch_sensor_has_reported(rng: np.random.Generator) -> None:
+    assert not any(feed(ContactDetector(), rng, 0.4, 1.0))
+
+
+def test_a_force_sensor_that_reads_nothing_leaves_the_touch_sensor() -> None:
+    for dead in (np.zeros(100), np.full(100, 0.37), np.full(100, np.nan), np.full(100, np.inf)):
+        detector = ContactDetector()
+        for touches in (True, False, True):
+            detector.report(touches)
+            detector.sense(dead, BLOCK_S)
+            assert detector.in_contact == touches
+            assert not detector.by_force
+
+
+def test_a_contradiction_lasts_no_longer_than_a_report(rng: np.random.Generator) -> None:
+    detector = ContactDetector()
+    detector.report(True)
+    feed(detector, rng, 0.4, 1.0)
+    said = feed(detector, rng, 0.0, 1.0)  # the sensor lost its load, but not the finger
+    assert not said[0]
+    assert all(said[round(CONTRADICTED_S / BLOCK_S) :])
+    assert not detector.by_force
+    feed(detector, rng, 0.4, 1.0)
+    assert detector.by_force
+
+
+def test_taps_leave_the_force_believed_and_a_rattle_does_not(rng: np.random.Generator) -> None:
+    detector = ContactDetector()
+    detector.report(False)
+    feed(detector, rng, 0.0, 1.0)
+    for _ in range(20):  # twice a second, reported 45 ms late
+        for touches, force_n in ((True, 0.3), (False, 0.0)):
+            feed(detector, rng, force_n, 0.045)
+            detector.report(touches)
+            feed(detector, rng, force_n, 0.205)
+            assert detector.by_force
+    detector.report(True)
+    for k in range(200):
+        feed(detector, rng, 3.0 * np.sin(0.7 * k), BLOCK_S)
+    assert not detector.by_force
+    assert detector.in_contact
