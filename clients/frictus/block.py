@@ -40,6 +40,16 @@ class Flag(IntFlag):
     """An acceleration or a further channel was at the end of its range."""
 
 
+class FingerSensor(IntFlag):
+    """What the rendered motion is estimated from; channel `sensors` of the stream `render`."""
+
+    TOUCH = 1
+    ACCELERATION = 1 << 1
+    """Of the nail."""
+    FORCE = 1 << 2
+    """Contact is where the force says so, else where the touch sensor does."""
+
+
 @dataclass(frozen=True, slots=True)
 class Block:
     """Samples of one stream.

@@ -121,13 +121,19 @@ class Topics:
         STREAM,
     )
     AUX = Topic("stream/aux", "Block: as `aux` of the status names them", "as named", STREAM)
+    RENDER = Topic(
+        "stream/render",
+        "Block: x mm, y mm, speed mm/s, target N, drive, sensors",
+        "as named",
+        STREAM,
+    )
     TEXTURE = Topic("cmd/texture", "StreamFrame", "N", COMMAND)
     LEASE = Topic("cmd/lease", "LeaseRenewal", "-", COMMAND)
     POINTER = Topic("cmd/pointer", "PointerState", "mm", COMMAND)
 
 
 TOPICS: Final = tuple(topic for topic in vars(Topics).values() if isinstance(topic, Topic))
-FORCE, ACCEL, VOLTAGE, TRUTH, AUX = range(1, 6)
+FORCE, ACCEL, VOLTAGE, TRUTH, AUX, RENDER = range(1, 7)
 """Stream ids, as they stand in a block's header."""
 
 STREAMS: Final = {
@@ -136,6 +142,7 @@ STREAMS: Final = {
     VOLTAGE: Topics.VOLTAGE,
     TRUTH: Topics.TRUTH,
     AUX: Topics.AUX,
+    RENDER: Topics.RENDER,
 }
 """Stream id in a block's header, to its topic; a rig publishes those that it has."""
 

@@ -77,6 +77,9 @@ class Message(BaseModel):
             raise FrameError(f"not a {cls.__name__}: {explain(error)}") from error
 
 
+SensorName = Literal["touch", "acceleration", "force"]
+
+
 class FingerState(Message):
     """Where the finger is and how it moves, as the sensors say it."""
 
@@ -237,6 +240,8 @@ class RigStatus(Message):
     backend: str
     simulated: bool
     finger_source: Literal["touch", "pointer", "simulated"]
+    finger_sensors: tuple[SensorName, ...] = ()
+    """What the finger's motion is estimated from now."""
     sample_rate_hz: FiniteFloat
     block_samples: Count
     lead_ms: FiniteFloat

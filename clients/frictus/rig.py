@@ -41,7 +41,7 @@ from frictus.session import declare_publisher
 from frictus.stream import TextureStream
 from frictus.textures import Beta, Map, Profile, Region, Scene, Slope, Spectrum, Texture
 
-StreamName = Literal["force", "accel", "voltage", "truth", "aux"]
+StreamName = Literal["force", "accel", "voltage", "truth", "aux", "render"]
 M = TypeVar("M", bound=Message)
 F = TypeVar("F", bound=TextureStream | Feed[Any])
 
@@ -215,8 +215,9 @@ class Rig:
 
         Parameters
         ----------
-        stream : {'force', 'accel', 'voltage', 'truth'}
-            N, m/s^2, V, or what only a simulated rig knows; see `frictus.keys.Topics`.
+        stream : {'force', 'accel', 'voltage', 'truth', 'aux', 'render'}
+            N, m/s^2, V, what only a simulated rig knows, further channels, or what the rig
+            renders, which comes a lead before it plays; see `frictus.keys.Topics`.
         capacity : int
             Blocks held for a slow reader; beyond, the oldest go and show as a `Gap`.
         timeout_s : float or None

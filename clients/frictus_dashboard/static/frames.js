@@ -1,7 +1,7 @@
 /** A binary frame of /v1/live to typed arrays. Pure; docs/live.md has the layout. */
 
 export const HEADER_BYTES = 56;
-export const STREAMS = { 1: "force", 2: "accel", 3: "voltage", 4: "truth", 5: "aux" };
+export const STREAMS = { 1: "force", 2: "accel", 3: "voltage", 4: "truth", 5: "aux", 6: "render" };
 const VERSION = 1;
 const RAW = 0;
 const MIN_MAX = 1;

@@ -13,7 +13,7 @@ from typing import Final
 import zenoh
 from zenoh.handlers import Callback
 
-from frictus.block import Block, Flag
+from frictus.block import Block, FingerSensor, Flag
 from frictus.keys import STREAMS, RigKeys, Topic, Topics
 from frictus.session import open_router, open_session
 from frictus_hardware import SimulatedConfig, open_backend
@@ -126,6 +126,11 @@ class OneTurn:
                 steps[-1].normal_force_n,
                 True,
                 Flag(0),
+                Flag(0),
+                steps[-1].motion,
+                steps[-1].rendered.target_n,
+                steps[-1].rendered.drive,
+                FingerSensor.TOUCH,
                 finger,
                 0.03,
                 self._read[0],

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus.block import Flag
+from frictus.block import FingerSensor, Flag
 from frictus_hardware.base import Backend, Exchange
 from frictus_hardware.output import SampleRing
 from frictus_service.config import Limits
@@ -213,9 +213,12 @@ class OutputFlags:
         return Flag(flags)
 
 
+NO_SENSOR: Final = FingerSensor(0)
+
+
 @dataclass(slots=True)
 class LoopCounters:
-    """Counts since the rig started. Each is written by the loop alone."""
+    """Counts since the rig started, and what holds now. Each is written by the loop alone."""
 
     blocks: int = 0
     deadline_misses: int = 0
@@ -226,6 +229,7 @@ class LoopCounters:
     stale_touches: int = 0
     blocks_dropped: int = 0
     stream_stale: bool = False
+    finger_sensors: FingerSensor = NO_SENSOR
 
 
 KEPT_BLOCKS: Final = 1024

@@ -2,15 +2,17 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus.block import Block, Flag
-from frictus.keys import ACCEL, AUX, FORCE, STREAMS, TRUTH, VOLTAGE
+from frictus.block import Block, FingerSensor, Flag
+from frictus.keys import ACCEL, AUX, FORCE, RENDER, STREAMS, TRUTH, VOLTAGE
 from frictus.messages import FingerState, TouchState
 from frictus_hardware.base import Exchange, RigInfo, TouchReport
 from frictus_service.daemon.timebase import Stamp, UtcReading
+from frictus_service.synthesis.kernel import BlockMotion
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +35,14 @@ class BlockRecord:
         Whether the device was armed.
     output : Flag
         What became of the output that played during the block.
+    planned : Flag
+        The same for what was handed over, from `exchange.play_sample` on.
+    motion : BlockMotion
+        Of the finger, as predicted for what was handed over.
+    target_n, drive : ndarray, shape (n_samples,)
+        Friction that it aims at, NaN where there is no target, and drive fraction.
+    sensors : FingerSensor
+        What the motion was estimated from.
     finger : tuple of float
         Estimate at the end of the sensed samples: x, y in mm and vx, vy in mm/s.
     report_age_s : float
@@ -51,10 +61,26 @@ class BlockRecord:
     normal_force_n: float
     armed: bool
     output: Flag
+    planned: Flag
+    motion: BlockMotion
+    target_n: NDArray[np.float64]
+    drive: NDArray[np.float64]
+    sensors: FingerSensor
     finger: tuple[float, float, float, float]
     report_age_s: float
     returned_ns: int
     reading: UtcReading
+
+
+OF_OUTPUT: Final = (
+    Flag.UNDERRUN
+    | Flag.CLIPPED
+    | Flag.EXTRAPOLATED
+    | Flag.SCALED
+    | Flag.OVERRUN
+    | Flag.SATURATED
+).value
+"""What is said of samples that have been played or sensed."""
 
 
 def flags_of(turn: BlockRecord, info: RigInfo, placeholder: bool) -> Flag:
@@ -95,24 +121,35 @@ def blocks_of(
     streams : iterable of int
         The streams that are wanted; those that the rig does not have yield nothing.
     """
+    exchange = turn.exchange
     for stream in streams:
-        data = _channels(turn.exchange, stream)
-        if data is not None:
-            yield Block(
-                stream,
-                turn.run,
-                turn.number,
-                turn.exchange.first_sample,
-                stamp.utc_ns,
-                stamp.uncertainty_ns,
-                sample_rate_hz,
-                flags,
-                data,
-            )
+        data = _channels(turn, stream, sample_rate_hz)
+        if data is None:
+            continue
+        first_sample, utc_ns, said = exchange.first_sample, stamp.utc_ns, flags
+        if stream == RENDER:  # it has not been played yet
+            first_sample = exchange.play_sample
+            later = first_sample - exchange.first_sample
+            utc_ns += round(1e9 * later / sample_rate_hz)
+            said = Flag(flags.value & ~OF_OUTPUT | turn.planned.value)
+        yield Block(
+            stream,
+            turn.run,
+            turn.number,
+            first_sample,
+            utc_ns,
+            stamp.uncertainty_ns,
+            sample_rate_hz,
+            said,
+            data,
+        )
 
 
-def _channels(exchange: Exchange, stream: int) -> NDArray[np.float32] | None:
+def _channels(
+    turn: BlockRecord, stream: int, sample_rate_hz: float
+) -> NDArray[np.float32] | None:
     """Return what a stream carries, shape (n_channels, n_samples); None where there is none."""
+    exchange = turn.exchange
     rows: NDArray[np.float64] | None = None
     if stream == FORCE:
         rows = exchange.force_n.T
@@ -126,7 +163,23 @@ def _channels(exchange: Exchange, stream: int) -> NDArray[np.float32] | None:
         )
     elif stream == AUX and exchange.aux is not None:
         rows = exchange.aux.T
+    elif stream == RENDER:
+        rows = _rendered(turn, sample_rate_hz)
     return None if rows is None else rows.astype(np.float32, order="C")
+
+
+def _rendered(turn: BlockRecord, sample_rate_hz: float) -> NDArray[np.float64]:
+    """Return position, speed, target, drive and sensors at every sample of what is rendered."""
+    motion, n_samples = turn.motion, turn.drive.size
+    time_s = np.arange(n_samples) / sample_rate_hz
+    share = np.arange(n_samples) / n_samples
+    half = 0.5 * share * time_s
+    rows = np.empty((6, n_samples))
+    rows[0] = motion.x_mm + motion.vx_0 * time_s + (motion.vx_1 - motion.vx_0) * half
+    rows[1] = motion.y_mm + motion.vy_0 * time_s + (motion.vy_1 - motion.vy_0) * half
+    rows[2] = motion.speed_0 + (motion.speed_1 - motion.speed_0) * share
+    rows[3], rows[4], rows[5] = turn.target_n, turn.drive, turn.sensors.value
+    return rows
 
 
 def finger_of(turn: BlockRecord, stamp: Stamp, info: RigInfo) -> FingerState:

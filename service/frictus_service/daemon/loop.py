@@ -293,6 +293,7 @@ class BlockLoop:
         exchange = step.exchange
         end = exchange.first_sample + exchange.voltage_v.size
         estimator = self._estimator
+        self.tally.finger_sensors = sensors = estimator.sensors(end)
         (x, vx), (y, vy) = estimator.estimate(end).tolist()
         turn = BlockRecord(
             self.run,
@@ -303,6 +304,11 @@ class BlockLoop:
             step.normal_force_n,
             self._energised,
             self._output_flags.over(exchange.first_sample, exchange.voltage_v.size),
+            self._output_flags.over(exchange.play_sample, exchange.voltage_v.size),
+            step.motion,
+            step.rendered.target_n.copy(),
+            step.rendered.drive.copy(),
+            sensors,
             (x, y, vx, vy),
             estimator.report_age_s(end),
             returned_ns,

@@ -10,6 +10,7 @@ from typing import Final
 
 import zenoh
 
+from frictus.block import FingerSensor
 from frictus.keys import STREAMS, RigKeys, Topics
 from frictus.messages import (
     AuxChannel,
@@ -20,6 +21,7 @@ from frictus.messages import (
     ModelState,
     RigStatus,
     SceneState,
+    SensorName,
     TimeState,
 )
 from frictus.session import declare_latest_publisher, declare_publisher, is_read
@@ -46,6 +48,11 @@ UNREAD_S: Final = 0.02
 UNREAD_BLOCKS: Final = 4
 """Where nobody reads, what was handed over is taken every so often: waking this thread costs
 more than what it does with a block, most of it the loop's time."""
+SENSORS: Final[tuple[tuple[FingerSensor, SensorName], ...]] = (
+    (FingerSensor.TOUCH, "touch"),
+    (FingerSensor.ACCELERATION, "acceleration"),
+    (FingerSensor.FORCE, "force"),
+)
 LATEST: Final = (Topics.STATUS, Topics.SCENE, Topics.MODEL, Topics.TIME)
 
 
@@ -200,6 +207,7 @@ class Publisher:
             self._interlock.revision,
             self._stage.stream_open,
             self._loop.tally.stream_stale,
+            self._loop.tally.finger_sensors,
             self._run,
             self._timebase.utc_steps,
         )
@@ -244,7 +252,7 @@ class Publisher:
         scene, stream_open = self._stage.scene, self._stage.stream_open
         info, safety, lateness = self._info, self._interlock.state, self._loop.lateness
         median_ms, high_ms = lateness.percentiles_ms()
-        model = self._stage.model
+        model, sensors = self._stage.model, self._loop.tally.finger_sensors
         return RigStatus(
             site=self._keys.site,
             rig=self._keys.rig,
@@ -259,6 +267,7 @@ class Publisher:
             backend=info.backend,
             simulated=info.simulated,
             finger_source=info.finger_source,
+            finger_sensors=tuple(name for sensor, name in SENSORS if sensor in sensors),
             sample_rate_hz=info.sample_rate_hz,
             block_samples=self._block_samples,
             lead_ms=1e3 * info.lead_samples / info.sample_rate_hz,

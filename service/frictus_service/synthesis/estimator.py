@@ -19,6 +19,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numba import njit
 
+from frictus.block import FingerSensor
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import TouchReport
 from frictus_service.synthesis.finger_motion.contact import ContactDetector
@@ -177,6 +178,15 @@ class FingerEstimator:
             and self._silent_s < SILENT_S
             and self._judge.better
         )
+
+    def sensors(self, sample: float) -> FingerSensor:
+        """Return what the estimate comes from at a device sample."""
+        used = 0 if self.stale(sample) else FingerSensor.TOUCH.value
+        if self.fused:
+            used |= FingerSensor.ACCELERATION.value
+        if self._contact.by_force:
+            used |= FingerSensor.FORCE.value
+        return FingerSensor(used)
 
     def sense(
         self,

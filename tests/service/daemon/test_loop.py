@@ -10,7 +10,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from frictus.block import Flag
 from frictus.errors import RefusedError
-from frictus.keys import VOLTAGE
+from frictus.keys import RENDER, TRUTH, VOLTAGE
 from frictus.messages import Excitation, FaultKind, ModelRequest
 from frictus.model import Effect, Model
 from frictus.stream import StreamFrame
@@ -20,7 +20,7 @@ from frictus_hardware.base import Exchange
 from frictus_hardware.errors import StreamLostError, TransientError
 from frictus_hardware.output import RETURN_S
 from frictus_hardware.physics.friction import FrictionLaw
-from frictus_hardware.physics.screen import Screen, drive_fraction_of
+from frictus_hardware.physics.screen import Screen, drive_fraction_of, screen_voltage
 from frictus_hardware.simulated.faults import (
     FOR_GOOD,
     EmptyOutput,
@@ -181,6 +181,38 @@ def envelope_v(bench: Any) -> FloatArray:
                 played[first : first + block.data.shape[1]] = block.data[0]
     largest: FloatArray = np.max(sliding_window_view(np.abs(played), PERIOD), 1)
     return largest
+
+
+@pytest.mark.parametrize("lead_ms", [20.0, 17.3, 5.0])
+def test_what_is_rendered_is_published_for_the_samples_at_which_it_plays(
+    make_bench: Any, texture: Scene, lead_ms: float
+) -> None:
+    bench = driven(make_bench(lead_ms=lead_ms), texture)
+    bench.turns.clear()
+    bench.turn(1.0)
+    streams: dict[int, dict[int, FloatArray]] = {RENDER: {}, VOLTAGE: {}, TRUTH: {}}
+    for turn in bench.turns:
+        flags = flags_of(turn, bench.rig.info, False)
+        for block in blocks_of(turn, Stamp(0, 0), flags, bench.rate_hz):
+            if block.stream in streams:
+                at = range(block.first_sample, block.first_sample + block.data.shape[1])
+                streams[block.stream] |= dict(zip(at, block.data.T, strict=True))
+                later = block.first_sample - turn.exchange.first_sample
+                assert block.utc_ns == round(1e9 * later / bench.rate_hz)
+    rendered, monitored, true = (streams[which] for which in (RENDER, VOLTAGE, TRUTH))
+    both = sorted(rendered.keys() & monitored.keys())
+    assert len(both) > 0.9 * bench.rate_hz
+    drive = np.array([rendered[sample][4] for sample in both], dtype=np.float64)
+    played = screen_voltage(Screen(), drive, both[0], bench.rate_hz)
+    np.testing.assert_allclose(played, [monitored[sample][0] for sample in both], atol=1e-3)
+    felt = [sample for sample in both if sample > both[0] + 10_000]
+    apart = [rendered[sample][0] - true[sample][0] for sample in felt]
+    assert np.sqrt(np.mean(np.square(apart))) < 0.6
+    speeds = np.array([rendered[sample][2] for sample in felt])
+    moved = np.diff([rendered[sample][0] for sample in felt]) * bench.rate_hz
+    assert np.median(np.abs(np.abs(moved) - speeds[:-1])) < 0.1 * np.median(speeds)
+    assert {int(rendered[sample][5]) for sample in felt} == {7}, "touch, acceleration and force"
+    assert all(np.isfinite(rendered[sample][3]) for sample in felt)
 
 
 def steady(bench: Any) -> None:

@@ -162,14 +162,14 @@ def check_contents(path: Path) -> None:
     assert summary.info.participant == "p7"
     assert summary.info.notes == "a note"
     assert summary.gaps == ()
-    assert set(summary.streams) == {"force", "accel", "voltage", "truth"}
+    assert set(summary.streams) == {"force", "accel", "voltage", "truth", "render"}
     for suffix in ("finger", "touch", "status", "scene", "model", "time"):
         assert summary.states[f"state/{suffix}"] > 0, suffix
     with RecordingReader(path) as reader:
         attached = reader.attachments
         forms = {i.stream: i.pack(_step(reader, i))[6] for i in samples_of(reader)}
     # Force and acceleration come from a converter, and take two bytes per sample.
-    assert [forms[stream] == INT16 for stream in sorted(forms)] == [True, True, False, False]
+    assert [forms[stream] == INT16 for stream in sorted(forms)] == [True, True] + 3 * [False]
     assert {"model.json", "scene.json", "status.json", "configuration.json"} <= set(attached)
     assert b"missed_deadlines" in attached["configuration.json"]
     assert SECRET.encode() not in path.read_bytes()
