@@ -7,6 +7,7 @@ const ROWS = [
   ["Late, 99 of 100 blocks", ({ timing }) => `${timing.lateness_p99_ms.toFixed(2)} ms`],
   ["Late, worst since the start", ({ timing }) => `${timing.lateness_max_ms.toFixed(2)} ms`],
   ["Least output left in reserve", ({ timing }) => `${timing.margin_min_ms.toFixed(2)} ms`],
+  ["Finger followed by", ({ finger_sensors: by }) => by?.join(", ") || "nothing"],
   ["Blocks", ({ counters }) => counters.blocks],
   ["Blocks not published", ({ counters }) => counters.blocks_dropped, "worry"],
   ["Deadlines missed", ({ counters }) => counters.deadline_misses, "worry"],

@@ -1,5 +1,6 @@
 """Playing a drive on a rig and taking down what it senses, closed whole also on Ctrl-C."""
 
+import math
 import signal
 import threading
 import time
@@ -44,6 +45,23 @@ PEAK_V: Final = 5.0
 """No test drives the screen beyond this; the rig itself would allow up to 75 V."""
 SETTLE_S: Final = 0.2
 """Zeros before what counts."""
+
+
+LEAST_LEAD_MS: Final = 2.0
+"""Below this a backend has no block to hand over ahead."""
+
+
+def least_lead_ms(lead_ms: float, margin_ms: float) -> float:
+    """Return the lead that a machine needs, with as much to spare as it used, and 1 ms.
+
+    Parameters
+    ----------
+    lead_ms : float
+        From handing a block over to its playing.
+    margin_ms : float
+        The least output that was still queued when a block was handed over.
+    """
+    return max(LEAST_LEAD_MS, float(math.ceil(2.0 * (lead_ms - margin_ms) + 1.0)))
 
 
 class TooStrongError(ServiceError, ValueError):

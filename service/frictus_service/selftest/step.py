@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.selftest.loop_back import DELAY_SAMPLES, EARLY_SAMPLES
-from frictus_service.selftest.playing import PEAK_V, Played
+from frictus_service.selftest.playing import PEAK_V, Played, least_lead_ms
 from frictus_service.selftest.report import (
     Finding,
     Measure,
@@ -137,7 +137,8 @@ def judge_step(played: Played, stairs: Staircase, lead_samples: int, block: int)
         remarks.append(Finding(late, what, "look for a filter in monitor or amplifier"))
     fine = (
         f"a step is on the screen {(lead + mean) * ms:.2f} ± {half * ms:.1g} ms after it was "
-        f"handed over; at least {played.margin_samples * ms:.1f} ms of margin were left"
+        f"handed over; at least {played.margin_samples * ms:.1f} ms of margin were left, "
+        f"so that a lead of {_least_ms(played):g} ms would do"
     )
     return judged(TEST, figures, remarks, fine)
 
@@ -147,10 +148,16 @@ def _counts(played: Played, lead_samples: int) -> list[Measure]:
         Measure("lead promised", lead_samples, "samples"),
         Measure("lead, the longest", played.leads[1], "samples"),
         Measure("margin, the least", played.margin_samples, "samples"),
+        Measure("least lead with as much to spare", _least_ms(played), "ms"),
         Measure("underrun", played.underrun_samples, "samples"),
         Measure("overrun", played.overrun_samples, "samples"),
         Measure("blocks offered again", played.retries, ""),
     ]
+
+
+def _least_ms(played: Played) -> float:
+    ms = 1e3 / played.sample_rate_hz
+    return least_lead_ms(played.leads[1] * ms, played.margin_samples * ms)
 
 
 def _lost(played: Played, lead_samples: int, block: int) -> list[Finding]:

@@ -33,7 +33,7 @@ from frictus_hardware.errors import SensorError
 from frictus_hardware.nidaq.backend import NiRig
 from frictus_hardware.simulated.faults import EmptyOutput, LateBlock, LostSamples, Raised
 from frictus_hardware.simulated.guided import ClientFinger
-from frictus_service.selftest.playing import PEAK_V, TooStrongError, play
+from frictus_service.selftest.playing import PEAK_V, TooStrongError, least_lead_ms, play
 from frictus_service.selftest.report import Outcome
 from frictus_service.selftest.suite import (
     RigUnderTest,
@@ -310,3 +310,19 @@ def test_the_same_tests_run_on_an_ni_device(rng: np.random.Generator) -> None:
         assert "polarity" in outcomes[1].found
         assert np.abs(device.played_v).max() <= PEAK_V / config.amplifier_gain
         assert device.output_v == 0.0
+
+
+@pytest.mark.parametrize(
+    ("lead_ms", "margin_ms", "least_ms"),
+    [
+        (20.0, 20.0, 2.0),
+        (20.0, 18.4, 5.0),
+        (20.0, 8.0, 25.0),
+        (2.0, 1.9, 2.0),
+        (5.0, 0.0, 11.0),
+    ],
+)
+def test_the_least_lead_has_as_much_to_spare_as_was_used(
+    lead_ms: float, margin_ms: float, least_ms: float
+) -> None:
+    assert least_lead_ms(lead_ms, margin_ms) == least_ms

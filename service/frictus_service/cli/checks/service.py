@@ -9,6 +9,7 @@ from typing import Final
 
 import frictus
 from frictus.errors import CertificateError, LinkError
+from frictus.messages import RigStatus
 from frictus_hardware import BackendConfig, NiRigConfig
 from frictus_hardware.errors import DriverMissingError, HardwareError
 from frictus_hardware.nidaq.assembly import conversion_of
@@ -18,6 +19,7 @@ from frictus_hardware.sensors.hid import HidPort
 from frictus_service.cli.checks.check import Check
 from frictus_service.config import Config, SecurityConfig, load
 from frictus_service.errors import ConfigurationError
+from frictus_service.selftest.playing import least_lead_ms
 
 NEEDED: Final = (
     "eclipse-zenoh",
@@ -133,13 +135,21 @@ def _rig(client: frictus.Client, which: frictus.RigName) -> Check:
         status = client.rig(which.name, which.site).status()
     except (frictus.FrictusError, OSError) as error:
         return Check(name, "fail", str(error), "look at the output of its `frictus serve`")
-    found = f"{status.state}, {status.backend}, version {status.version}"
+    found = f"{status.state}, {status.backend}, version {status.version}, {_lead(status)}"
     if status.fault is not None:
         return Check(name, "fail", f"{found}: {status.fault.reason}", status.fault.action)
     if status.model_placeholder:
         to_do = "measure and set a model; until then friction is not true to scale"
         return Check(name, "warn", f"{found}, with a placeholder model", to_do)
     return Check(name, "ok", found)
+
+
+def _lead(status: RigStatus) -> str:
+    """Return how much of its lead a rig has used lately, and which would do."""
+    used_ms = status.lead_ms - status.timing.margin_min_ms
+    said = f"lead {status.lead_ms:g} ms, of which it lately used {used_ms:.1f} at most"
+    would_do_ms = least_lead_ms(status.lead_ms, status.timing.margin_min_ms)
+    return f"{said}: {would_do_ms:g} would do" if would_do_ms < status.lead_ms else said
 
 
 def device_checks(backend: BackendConfig) -> Iterator[Check]:
