@@ -304,7 +304,7 @@ class FingerEstimator:
         n_samples = force_n.shape[0]
         if self._nail is None:
             self._nail = NailAcceleration(self._rate_hz, n_samples)
-            self._inertial = InertialFilter(n_samples / self._rate_hz, self._nail.age_s)
+            self._inertial = InertialFilter(n_samples / self._rate_hz)
         missing = self._next_sample is not None and first_sample != self._next_sample
         self._next_sample = first_sample + n_samples
         if missing or saturated or not _alive(force_n, accel_m_s2):

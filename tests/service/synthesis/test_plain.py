@@ -29,7 +29,7 @@ from frictus_service.synthesis.estimator import FingerEstimator, PredictedMotion
 from frictus_service.synthesis.finger_motion import (
     inertial_filter,
     interacting_models,
-    nail_acceleration,
+    skin_fit,
     touch_filter,
 )
 from frictus_service.synthesis.kernel import BlockMotion
@@ -133,7 +133,7 @@ def test_what_is_estimated(reports: list[tuple[float, float, float, bool]]) -> N
 def test_what_is_fused(blocks: list[tuple[float, float, float]]) -> None:
     fusing = FingerEstimator(RATE_HZ)
     wave = np.sin(np.arange(40))[:, np.newaxis]
-    with compared(estimator, nail_acceleration, inertial_filter, interacting_models) as watched:
+    with compared(estimator, skin_fit, inertial_filter, interacting_models) as watched:
         for k, (accel, force, x_mm) in enumerate(blocks):
             fusing.sense(40 * k, (force * wave + 0.4) * np.ones(3), accel * wave * np.ones(3))
             fusing.observe(TouchReport(40.0 * k - 10.0, x_mm, 17.0, True))

@@ -60,8 +60,6 @@ class InertialFilter:
     ----------
     block_s : float
         Duration of a block.
-    age_s : float
-        How long before the end of a block its acceleration holds.
     tuning : InertialTuning
         What is assumed of fingers and sensors.
 
@@ -71,8 +69,7 @@ class InertialFilter:
         Whether there is a finger to follow.
     """
 
-    def __init__(self, block_s: float, age_s: float, tuning: InertialTuning = DEFAULT) -> None:
-        self._age_s = age_s
+    def __init__(self, block_s: float, tuning: InertialTuning = DEFAULT) -> None:
         self._tuning = tuning
         self._stay = tuning.stay ** (block_s / tuning.stay_s)
         kept = self._kept = ceil(REMEMBERED_S / block_s) + 1
@@ -128,9 +125,10 @@ class InertialFilter:
             None where nothing is known of it.
         """
         row = self._accelerations[self._blocks % self._kept]
-        row[0], row[3:] = end_s - self._age_s, np.inf
+        row[0], row[3:] = end_s, np.inf
         if acceleration is not None:
-            row[1:3], row[3:] = acceleration
+            row[0] -= acceleration.age_s
+            row[1:3], row[3:] = acceleration.mm_s2, acceleration.variance
         self._blocks += 1
         self._oldest = max(self._oldest, self._blocks - self._kept)
         if self.follows:

@@ -18,7 +18,7 @@ NOISE_MM_S2 = 80.0
 
 def measured(accel: FloatArray, rng: np.random.Generator) -> Acceleration:
     noisy = accel + NOISE_MM_S2 * rng.standard_normal(2)
-    return Acceleration(noisy, np.full(2, NOISE_MM_S2**2))
+    return Acceleration(noisy, np.full(2, NOISE_MM_S2**2), AGE_S)
 
 
 def stroking(time_s: float) -> tuple[float, float, float]:
@@ -35,7 +35,7 @@ class Measured:
     """A filter and what it is fed with: reports every 1/60 s, so many seconds late."""
 
     def __init__(self, rng: np.random.Generator, late_s: float, gravity_mm_s2: float = 0.0):
-        self.filter = InertialFilter(BLOCK_S, AGE_S)
+        self.filter = InertialFilter(BLOCK_S)
         self._rng = rng
         self._late_s = late_s
         self._gravity = gravity_mm_s2
@@ -91,7 +91,7 @@ def test_the_order_of_arrival_does_not_matter() -> None:
         measured(np.array([stroking(k * BLOCK_S)[2], 0.0]), rng) for k in range(100)
     ]
     reports = [(k / 60.0 + 0.001, round(stroking(k / 60.0 + 0.001)[0], 1)) for k in range(28)]
-    prompt, late = InertialFilter(BLOCK_S, AGE_S), InertialFilter(BLOCK_S, AGE_S)
+    prompt, late = InertialFilter(BLOCK_S), InertialFilter(BLOCK_S)
     for filter_, delay_s in ((prompt, 0.0), (late, 0.040)):
         waiting = list(reports)
         for k, acceleration in enumerate(accelerations):
@@ -110,7 +110,7 @@ def test_alike_models_are_one_kalman_filter(rng: np.random.Generator) -> None:
     tuning = DEFAULT._replace(
         acceleration_mm_s2=(350.0,) * 3, lasts_s=(0.6,) * 3, swing_hz=(0.9,) * 3
     )
-    ours = InertialFilter(BLOCK_S, AGE_S, tuning)
+    ours = InertialFilter(BLOCK_S, tuning)
     turning = (2.0 * np.pi * 0.9) ** 2
     rates = np.zeros((4, 4))
     rates[0, 1] = rates[1, 2] = 1.0
@@ -133,12 +133,12 @@ def test_alike_models_are_one_kalman_filter(rng: np.random.Generator) -> None:
         mean = mean + gain * (value - row @ mean)
         cov = cov - np.outer(gain, row @ cov)
 
-    ours.follow(0.0 + AGE_S, None)
+    ours.follow(0.0, None)
     ours.begin(0.0, (20.0, 17.0), (0.0, 0.0))
     for k in range(1, 60):
         value = float(rng.normal(0.0, 300.0))
         end_s = k * BLOCK_S
-        acceleration = Acceleration(np.array([value, 0.0]), np.full(2, 100.0**2))
+        acceleration = Acceleration(np.array([value, 0.0]), np.full(2, 100.0**2), AGE_S)
         ours.follow(end_s + AGE_S, acceleration)
         reported = k % 4 == 3
         if reported:

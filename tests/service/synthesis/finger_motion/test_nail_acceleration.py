@@ -52,10 +52,23 @@ def averages(
         part = slice(first, first + block)
         found = nail.follow(force[part], accel[part])
         if found is not None:
-            at_s = (first + block) / RATE - nail.age_s
+            at_s = (first + block) / RATE - found.age_s
             rows.append((at_s, *(1e-3 * found.mm_s2), *(1e-6 * found.variance)))
     table = np.array(rows)
     return table[:, 0], table[:, 1:3], table[:, 3:5]
+
+
+@pytest.mark.parametrize("late_ms", [-1.0, -0.3, 0.3, 1.0])
+def test_a_delay_between_the_sensors_is_found(rng: np.random.Generator, late_ms: float) -> None:
+    skin, force = some_skin(rng), friction(rng)
+    accel = shaken(force, skin) + strokes()
+    late = round(1e-3 * late_ms * RATE)
+    nail = NailAcceleration(RATE, 100)
+    at_s, found, _ = averages(nail, force, np.roll(accel, late, axis=0), 100)
+    assert 1e3 * nail.delay_s == pytest.approx(late_ms, abs=0.06)
+    # What is delayed is the earlier of the two, and the average then holds for as much before.
+    true = 0.8 * np.cos(2.0 * np.pi * (at_s - 1e-3 * max(late_ms, 0.0)))
+    assert np.sqrt(np.mean((found[:, 0] - true)[at_s > 2.0] ** 2)) < 0.3
 
 
 def some_skin(rng: np.random.Generator) -> Mobility:
