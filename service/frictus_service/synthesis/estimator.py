@@ -13,6 +13,7 @@ more than a correction can make good without a false speed: it is then cross-fad
 right one, as it is where a contact begins, and where one filter replaces the other.
 """
 
+import math
 from collections import deque
 from typing import Final, NamedTuple
 
@@ -41,6 +42,8 @@ WORSE: Final = 1.5
 """Mean square error over that of touch alone from which on touch alone is rendered."""
 PREDICTIONS: Final = 512
 """Kept until the reports of their time come."""
+JUMP_MM: Final = 6.0
+"""From where a report was expected; a turn at 300 mm/s leaves less within a report's time."""
 FASTEST_MM_S: Final = 300.0
 """A finger that seems to come down faster was put somewhere else."""
 SILENT_S: Final = 0.05
@@ -239,10 +242,10 @@ class FingerEstimator:
             self._follows = False
         if not (self.in_contact and report.in_contact):
             return  # what fades out now goes on as it did
-        if not self._follows or since_s > self._tuning.stale_s:
+        time_s = report.measured_sample / self._rate_hz
+        if not self._follows or since_s > self._tuning.stale_s or self._elsewhere(report):
             self._begin()
             return
-        time_s = report.measured_sample / self._rate_hz
         self._judge.report(time_s, report.x_mm, report.y_mm)
         self._touch.observe(time_s, report.x_mm, report.y_mm)
         if self._inertial is not None:
@@ -311,6 +314,11 @@ class FingerEstimator:
             self._nail.restart()
             return None
         return self._nail.follow(force_n, accel_m_s2)
+
+    def _elsewhere(self, report: TouchReport) -> bool:
+        """Return whether no finger can have moved there: it was seen somewhere else before."""
+        (x_mm, _), (y_mm, _) = self._touch.predict(report.measured_sample / self._rate_hz)
+        return math.hypot(report.x_mm - x_mm, report.y_mm - y_mm) > JUMP_MM
 
     def _begin(self) -> None:
         """Begin anew where the finger was last seen, as fast as it was."""

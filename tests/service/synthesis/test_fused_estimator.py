@@ -13,6 +13,7 @@ from tests.service.synthesis.test_estimator import assert_continuous
 
 from frictus.recordings import texture_of
 from frictus_hardware.arrays import FloatArray
+from frictus_hardware.base import TouchReport
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
 from frictus_hardware.simulated.config import NailConfig, SimulatedConfig
@@ -196,6 +197,28 @@ def test_contact_is_felt_within_a_block_and_a_lead(rng: np.random.Generator) -> 
         silent = np.flatnonzero(applied[at + lead + 2 * block :] == 0.0)
         assert silent[0] <= block
     assert not np.any(applied[lifted[0] + lead + 3 * block : landed[landed > lifted[0]][0]])
+
+
+def test_a_finger_that_comes_down_elsewhere_begins_anew_with_its_first_report() -> None:
+    """The sensor repeats where a finger was lifted until it sees it again, 30 ms late."""
+    estimator, rng = FingerEstimator(RATE), np.random.default_rng(5)
+    scans = 0
+    for k in range(300):
+        first, end = BLOCK_SAMPLES * k, BLOCK_SAMPLES * (k + 1)
+        force = 0.002 * rng.standard_normal((BLOCK_SAMPLES, 3))
+        touches = end > 1.0 * RATE
+        force[:, 2] += 0.4 * touches
+        estimator.predict(first + 400, BLOCK_SAMPLES)
+        estimator.sense(first, force, 0.05 * rng.standard_normal((BLOCK_SAMPLES, 3)))
+        assert estimator.in_contact == touches
+        while (measured := scans * RATE / 60.0) + 600.0 < end:
+            seen = measured > 1.0 * RATE
+            estimator.observe(TouchReport(measured, 55.0 if seen else 12.0, 17.0, seen))
+            scans += 1
+            if seen:
+                (x_mm, vx_mm_s), (_, vy_mm_s) = estimator.estimate(end).tolist()
+                assert x_mm == pytest.approx(55.0, abs=0.3)
+                assert np.hypot(vx_mm_s, vy_mm_s) < 10.0
 
 
 def test_a_correction_is_bounded(rng: np.random.Generator) -> None:
