@@ -9,7 +9,8 @@
 ...             print(finger.x_mm, finger.vx_mm_s)
 """
 
-from frictus.block import Block, Flag
+from frictus.aligned import AlignedSamples, align
+from frictus.block import Block, FingerSensor, Flag
 from frictus.client import Client, Presence, RigName, connect
 from frictus.errors import (
     ArgumentError,
@@ -62,6 +63,7 @@ from frictus.tls import Tls
 
 __all__ = [
     "DEFAULT_ROUTER",
+    "AlignedSamples",
     "Applied",
     "ArgumentError",
     "Beta",
@@ -73,6 +75,7 @@ __all__ = [
     "Excitation",
     "Fault",
     "Feed",
+    "FingerSensor",
     "FingerState",
     "Flag",
     "FrameError",
@@ -110,6 +113,7 @@ __all__ = [
     "Topic",
     "Topics",
     "TouchState",
+    "align",
     "connect",
     "load_texture",
 ]

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus.errors import FrameError
+from frictus.keys import CHANNELS
 
 MAGIC: Final = b"FRIC"
 VERSION: Final = 1
@@ -83,6 +84,18 @@ class Block:
     sample_rate_hz: float
     flags: Flag
     data: NDArray[np.float32]
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the rows of `data`, with their units; empty for the stream `aux`."""
+        return CHANNELS.get(self.stream, ())
+
+    @property
+    def time_s(self) -> NDArray[np.float64]:
+        """Seconds of the device's clock since its sample 0, shape (n_samples,)."""
+        samples = self.first_sample + np.arange(self.data.shape[1])
+        time_s: NDArray[np.float64] = samples / self.sample_rate_hz
+        return time_s
 
     def pack(self) -> bytes:
         """Return the frame.

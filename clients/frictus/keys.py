@@ -146,6 +146,15 @@ STREAMS: Final = {
 }
 """Stream id in a block's header, to its topic; a rig publishes those that it has."""
 
+CHANNELS: Final[dict[int, tuple[str, ...]]] = {
+    FORCE: ("x_n", "y_n", "z_n"),
+    ACCEL: ("x_m_s2", "y_m_s2", "z_m_s2"),
+    VOLTAGE: ("monitor_v",),
+    TRUTH: ("x_mm", "y_mm", "vx_mm_s", "vy_mm_s", "friction_n"),
+    RENDER: ("x_mm", "y_mm", "speed_mm_s", "target_n", "drive", "sensors"),
+}
+"""Names of a stream's channels, with their units; those of `aux` are in the status."""
+
 CALLS: Final = {
     "arm": "ArmRequest",
     "disarm": "Request",

@@ -233,6 +233,28 @@ def test_streamed_texture_is_felt_until_it_is_stale(observer: frictus.Rig) -> No
         until(observer, lambda status: status.stream_open and not status.stream_stale)
 
 
+def test_what_is_rendered_and_what_is_true_are_read_as_one(observer: frictus.Rig) -> None:
+    with (
+        observer.arm(),
+        observer.blocks("truth", timeout_s=10.0) as truth,
+        observer.blocks("render", timeout_s=10.0) as render,
+        observer.blocks("voltage", timeout_s=10.0) as voltage,
+    ):
+        parts = frictus.align(truth=truth, render=render, voltage=voltage)
+        taken = [part for number, part in zip(range(400), parts, strict=False) if number >= 200]
+    assert sum(part.missing_samples for part in taken) < 2_000, "a busy machine may lose some"
+    joined = {
+        name: np.concatenate([part.data[name] for part in taken], axis=1)
+        for name in ("truth", "render", "voltage")
+    }
+    assert len({samples.shape[1] for samples in joined.values()}) == 1
+    apart_mm = joined["render"][0] - joined["truth"][0]
+    assert np.sqrt(np.mean(np.square(apart_mm))) < 1.0
+    drive = joined["render"][4]
+    largest_v = np.sqrt(drive) * observer.status().screen_peak_v
+    assert np.all(np.abs(joined["voltage"][0]) <= largest_v + 0.1)
+
+
 @posix_signals
 def test_api_that_freezes_and_ends_disturbs_nobody(
     service: Service, observer: frictus.Rig

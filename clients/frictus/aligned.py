@@ -1,0 +1,155 @@
+"""Several streams of a rig as one, sample by sample."""
+
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus.block import Block, Flag
+from frictus.errors import ArgumentError
+from frictus.gaps import Gap
+
+
+@dataclass(frozen=True, slots=True)
+class AlignedSamples:
+    """The same samples of several streams.
+
+    Attributes
+    ----------
+    run : int
+        Changes when the rig starts anew; sample counts begin again with it.
+    first_sample : int
+        Device index of the first sample.
+    utc_ns : int
+        UTC of the first sample.
+    sample_rate_hz : float
+        Nominal rate of the device clock.
+    missing_samples : int
+        Left out before these, because a stream lacks them; 0 where a run begins.
+    flags : Flag
+        What any of the streams says of these samples.
+    data : mapping of str to ndarray of float32, shape (n_channels, n_samples)
+        By the name of the stream; rows as `frictus.keys.CHANNELS` names them.
+    """
+
+    run: int
+    first_sample: int
+    utc_ns: int
+    sample_rate_hz: float
+    missing_samples: int
+    flags: Flag
+    data: Mapping[str, NDArray[np.float32]]
+
+    @property
+    def time_s(self) -> NDArray[np.float64]:
+        """Seconds of the device's clock since its sample 0, shape (n_samples,)."""
+        n_samples = next(iter(self.data.values())).shape[1]
+        time_s: NDArray[np.float64] = (
+            self.first_sample + np.arange(n_samples)
+        ) / self.sample_rate_hz
+        return time_s
+
+
+class _EndedError(Exception):
+    """A stream has no more blocks."""
+
+
+class _Head:
+    """The blocks of one stream that are not used up, read when they are needed."""
+
+    def __init__(self, blocks: Iterator[Block | Gap]) -> None:
+        self._blocks = blocks
+        self._held: deque[Block] = deque()
+        self._used = 0  # samples of the first block
+
+    @property
+    def block(self) -> Block:
+        while not self._held:
+            item = next(self._blocks, None)
+            if item is None:
+                raise _EndedError
+            if isinstance(item, Block) and item.data.shape[1]:
+                self._held.append(item)
+        return self._held[0]
+
+    @property
+    def first(self) -> int:
+        return self.block.first_sample + self._used
+
+    @property
+    def end(self) -> int:
+        return self.block.first_sample + int(self.block.data.shape[1])
+
+    def skip_to(self, sample: int) -> None:
+        """Use up what is before a sample, within the first block."""
+        if sample >= self.end:
+            self._held.popleft()
+            self._used = 0
+        else:
+            self._used = max(sample - self.block.first_sample, 0)
+
+    def cut(self, first: int, end: int) -> NDArray[np.float32]:
+        begin = self.block.first_sample
+        return self.block.data[:, first - begin : end - begin]
+
+
+def align(**streams: Iterable[Block | Gap]) -> Iterator[AlignedSamples]:
+    """Yield the samples that all streams have, in order; what one lacks is left out, counted.
+
+    ``for part in frictus.align(force=rig.blocks("force"), render=rig.blocks("render"))``
+
+    Parameters
+    ----------
+    **streams : iterable of Block or Gap
+        One or more, under the names that their data shall have. Samples are matched by the
+        device's count, whenever a stream sends them.
+
+    Raises
+    ------
+    ArgumentError
+        If there is none.
+    SilenceError, LinkError
+        What the feeds raise.
+    """
+    if not streams:
+        raise ArgumentError("nothing to align: name one stream or more")
+    heads = {name: _Head(iter(blocks)) for name, blocks in streams.items()}
+    run, expected = -1, 0
+    try:
+        while True:
+            newest = max(head.block.run for head in heads.values())
+            older = [head for head in heads.values() if head.block.run < newest]
+            for head in older:
+                head.skip_to(head.end)
+            if older:
+                continue
+            first = max(head.first for head in heads.values())
+            end = min(head.end for head in heads.values())
+            if first < end:
+                missing = first - expected if newest == run else 0
+                yield _aligned(heads, first, end, missing)
+                run, expected = newest, end
+            for head in heads.values():
+                head.skip_to(min(max(first, end), head.end))
+    except _EndedError:
+        return
+
+
+def _aligned(heads: Mapping[str, _Head], first: int, end: int, missing: int) -> AlignedSamples:
+    blocks = [head.block for head in heads.values()]
+    flags = Flag(0)
+    for block in blocks:
+        flags |= block.flags
+    one = blocks[0]
+    later_ns = round(1e9 * (first - one.first_sample) / one.sample_rate_hz)
+    return AlignedSamples(
+        one.run,
+        first,
+        one.utc_ns + later_ns,
+        one.sample_rate_hz,
+        missing,
+        flags,
+        {name: head.cut(first, end) for name, head in heads.items()},
+    )
