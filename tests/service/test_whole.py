@@ -58,16 +58,17 @@ def test_a_shipped_texture_is_felt(path: Path, endpoint: str) -> None:
     played([path.stem], endpoint)
 
 
-def test_the_quick_start_of_the_docs_runs(endpoint: str) -> None:
+@pytest.mark.parametrize(("number", "printed"), [(0, "Block("), (1, " mm")])
+def test_the_quick_start_of_the_docs_runs(endpoint: str, number: int, printed: str) -> None:
     text = (ROOT / "docs" / "run.md").read_text(encoding="utf-8")
-    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    code = re.findall(r"```python\n(.*?)```", text, re.DOTALL)[number]
     assert "tcp/127.0.0.1:7447" in code
     code = code.replace("tcp/127.0.0.1:7447", endpoint)
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
     )
     assert done.returncode == 0, done.stderr
-    assert "Block(" in done.stdout
+    assert printed in done.stdout
 
 
 def test_the_demo_runs_and_compensates(tmp_path: Path) -> None:
