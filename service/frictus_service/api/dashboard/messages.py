@@ -40,7 +40,7 @@ class Watch(_Asked):
     op: Literal["watch"]
     rig: RigName | None
     """Name of the rig; None: nothing."""
-    streams: Annotated[tuple[StreamName, ...], Field(max_length=5)] = ()
+    streams: Annotated[tuple[StreamName, ...], Field(max_length=6)] = ()
     rate_hz: Annotated[FiniteFloat, Field(ge=1.0, le=MAX_RATE_HZ)] = MAX_RATE_HZ
     """Most frames of a stream per second."""
     columns: Annotated[int, Field(ge=16, le=8_192)] = 1_200
