@@ -146,7 +146,7 @@ def test_readers_of_a_block_wait_for_nothing_that_is_done_for_the_next(
         done.clear()
         publisher._publish([published.bench.loop.handover.get()])
         puts = done.count("put")
-        assert puts == 5  # force, acceleration, voltage, truth, finger
+        assert puts == 6  # force, acceleration, voltage, truth, render, finger
         assert done[:puts] == ["put"] * puts
     assert "fit" in done
 
