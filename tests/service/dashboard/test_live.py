@@ -334,7 +334,12 @@ def ask(
 def put_scene(
     port: int, name: str, who: str = "render", page: Page | None = None
 ) -> tuple[int, Any]:
-    return ask(port, "PUT", "scene", who, page, {"name": name})
+    """Put a scene; while the API's link to the router is being made anew, wait for the rig."""
+    until_s = time.monotonic() + 30.0
+    while True:
+        status, answer = ask(port, "PUT", "scene", who, page, {"name": name})
+        if status != 404 or time.monotonic() > until_s:
+            return status, answer
 
 
 def test_only_the_page_that_holds_the_rig_changes_what_is_felt(port: int) -> None:
