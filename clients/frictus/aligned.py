@@ -1,6 +1,5 @@
 """Several streams of a rig as one, sample by sample."""
 
-from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
@@ -57,22 +56,22 @@ class _EndedError(Exception):
 
 
 class _Head:
-    """The blocks of one stream that are not used up, read when they are needed."""
+    """The block of one stream that is not used up; the next is read when it is needed."""
 
     def __init__(self, blocks: Iterator[Block | Gap]) -> None:
         self._blocks = blocks
-        self._held: deque[Block] = deque()
-        self._used = 0  # samples of the first block
+        self._held: Block | None = None
+        self._used = 0  # samples of it
 
     @property
     def block(self) -> Block:
-        while not self._held:
+        while self._held is None:
             item = next(self._blocks, None)
             if item is None:
                 raise _EndedError
             if isinstance(item, Block) and item.data.shape[1]:
-                self._held.append(item)
-        return self._held[0]
+                self._held = item
+        return self._held
 
     @property
     def first(self) -> int:
@@ -83,9 +82,9 @@ class _Head:
         return self.block.first_sample + int(self.block.data.shape[1])
 
     def skip_to(self, sample: int) -> None:
-        """Use up what is before a sample, within the first block."""
+        """Use up what is before a sample, within the block."""
         if sample >= self.end:
-            self._held.popleft()
+            self._held = None
             self._used = 0
         else:
             self._used = max(sample - self.block.first_sample, 0)
