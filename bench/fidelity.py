@@ -17,9 +17,6 @@ from scipy import stats
 
 from frictus.recordings import load_texture, texture_of
 from frictus.textures import Texture
-from frictus_hardware.physics.friction import FrictionLaw
-from frictus_hardware.physics.linear import Mount
-from frictus_hardware.physics.stages import Quantisation, SensorNoise, standard_twin
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.human import HumanStrokes
 from frictus_laboratory.finger_prediction import (
@@ -37,59 +34,18 @@ from frictus_laboratory.finger_prediction import (
     kinematics,
     strokes_at,
 )
+from frictus_laboratory.rendering_error import MODES, judge, whole
 from frictus_service.fidelity.measure import (
     Error,
-    compare,
-    feel,
-    fixed_at,
     full_gain,
     largest_gain,
     steady_segments,
-    target_along,
-    uncompensated,
 )
-from frictus_service.fidelity.path import Path
-from frictus_service.fidelity.preview import JND_DB, windows
+from frictus_service.fidelity.preview import JND_DB
 from frictus_service.library import SHIPPED
 
 SPEEDS_MM_S = (20.0, 40.0, 60.0, 80.0, 100.0)
 RECORDED_AT_MM_S = 40.0
-MODES = ("compensated", "fixed at 60 mm/s", "none")
-
-
-def inverses(law: FrictionLaw) -> dict[str, FrictionLaw]:
-    """Return the laws that the three ways of rendering invert."""
-    return dict(zip(MODES, (law, fixed_at(law, 60.0), uncompensated(law)), strict=True))
-
-
-def judge(
-    path: Path,
-    texture: Texture,
-    law: FrictionLaw,
-    segments: list[slice],
-    modes: tuple[str, ...] = MODES,
-    true_law: FrictionLaw | None = None,
-    noise: bool = True,
-) -> dict[str, Error]:
-    """Render a texture along a path in several ways; `law` is what the service believes."""
-    sensors = (SensorNoise(0.002, 0.05, 1), Quantisation()) if noise else ()
-    twin = standard_twin(screen=SCREEN, law=true_law or law, sensors=sensors)
-    scene = full_gain(texture, law, SCREEN, RATE_HZ)
-    target = target_along(texture, scene, path)
-    errors = {}
-    for mode in modes:
-        signals, clipped = feel(path, scene, inverses(law)[mode], SCREEN, twin)
-        errors[mode] = compare(signals, clipped, target, Mount().lateral, segments)
-    return errors
-
-
-def whole(path: Path) -> list[slice]:
-    """Return windows over all of a path but its first second."""
-    first = round(RATE_HZ)
-    return [
-        slice(part.start + first, part.stop + first)
-        for part in windows(path.position_mm.shape[0] - first, 8192)
-    ]
 
 
 def pooled(errors: list[Error]) -> float:

@@ -12,6 +12,7 @@
 from frictus.aligned import AlignedSamples, align
 from frictus.block import Block, FingerSensor, Flag
 from frictus.client import Client, Presence, RigName, connect
+from frictus.compensation import Compensation
 from frictus.errors import (
     ArgumentError,
     CertificateError,
@@ -71,6 +72,7 @@ __all__ = [
     "BlockFeed",
     "CertificateError",
     "Client",
+    "Compensation",
     "Component",
     "Excitation",
     "Fault",

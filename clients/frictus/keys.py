@@ -165,6 +165,7 @@ CALLS: Final = {
     "close_stream": "Request",
     "model": "ModelRequest",
     "excite": "ExciteRequest",
+    "compensation": "CompensationRequest",
 }
 """Name of each call of a rig below ``@rpc/`` to its request type; every reply is a `Reply`."""
 RECORDER_CALLS: Final = {

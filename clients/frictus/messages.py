@@ -7,6 +7,7 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
+from frictus.compensation import BY_MODEL, Compensation
 from frictus.errors import FrameError, explain
 from frictus.keys import MAX_NAME, of_a_file
 from frictus.model import Model
@@ -200,6 +201,8 @@ class Counters(Message):
     blocks_published: Count = 0
     blocks_dropped: Count = 0
     """Blocks that the publisher's bounded queue could not take."""
+    lead_growths: Count = 0
+    """How often the lead was made longer, at an arming after an underrun."""
     trips: Count = 0
 
 
@@ -245,6 +248,9 @@ class RigStatus(Message):
     sample_rate_hz: FiniteFloat
     block_samples: Count
     lead_ms: FiniteFloat
+    """From handing a drive over to its playing, as it is now."""
+    max_lead_ms: FiniteFloat | None = None
+    """To which it may grow at an arming after an underrun; `lead_ms`: it is fixed."""
     screen_mm: tuple[FiniteFloat, FiniteFloat]
     screen_peak_v: FiniteFloat
     converter_steps: dict[str, Annotated[FiniteFloat, Field(gt=0.0)]] = {}
@@ -256,6 +262,8 @@ class RigStatus(Message):
     model_etag: str
     model_placeholder: bool
     scene_etag: str
+    compensation: Compensation = BY_MODEL
+    """What its holder has chosen; `model` again once the lease has ended."""
     stream_open: bool = False
     stream_stale: bool = False
     counters: Counters = Counters()
@@ -402,6 +410,12 @@ class ExciteRequest(Request):
     excitation: Excitation
 
 
+class CompensationRequest(Request):
+    """Choose the compensation mode until the lease ends; only while armed."""
+
+    compensation: Compensation
+
+
 class RecordRequest(Request):
     """Start a recording."""
 
@@ -439,6 +453,8 @@ class Reply(Message):
     applied: Applied | None = None
     ticket: Count | None = None
     """Of an opened stream; goes into every `StreamFrame`."""
+    compensation: Compensation | None = None
+    """The mode in force, where it was asked for."""
     utc_ns: UtcNs | None = None
     """When the answer was given, by the rig's clock: states from then on include it."""
 
@@ -460,6 +476,7 @@ MESSAGES: Final[dict[str, type[Message]]] = {
         OpenStreamRequest,
         ModelRequest,
         ExciteRequest,
+        CompensationRequest,
         RecordRequest,
         LeaseRenewal,
         PointerState,

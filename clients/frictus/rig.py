@@ -8,6 +8,7 @@ from typing import Any, Final, Literal, TypeVar
 import zenoh
 
 from frictus.calls import Caller, no_recorder, present_rigs
+from frictus.compensation import Compensation, CompensationMode
 from frictus.errors import (
     ArgumentError,
     LeaseLostError,
@@ -349,6 +350,42 @@ class Rig:
             raise LinkError("the rig did not say what it applied: protocol fault")
         self._readings.expect(Topics.SCENE, SceneState, reply)
         return reply.applied
+
+    def compensate(
+        self, mode: CompensationMode, *, speed_mm_s: float | None = None
+    ) -> Compensation:
+        """Choose what the rig inverts, with a cross-fade of one block.
+
+        The rig must be armed by this client, or shared with it. With the lease the mode ends:
+        the rig is back at `model`. Every status says which is in force.
+
+        Parameters
+        ----------
+        mode : {'model', 'fixed', 'none'}
+            The friction model at the finger's predicted speed; the same at `speed_mm_s`,
+            however fast the finger moves; nothing.
+        speed_mm_s : float or None
+            For `fixed` alone: 1 to 1000 mm/s, and where the model holds; refused with code
+            `not_feasible` elsewhere.
+
+        Returns
+        -------
+        Compensation
+            What is in force.
+
+        Raises
+        ------
+        ArgumentError
+            If there is no such mode, or a speed is missing, out of range or not wanted.
+        RefusedError
+            `not_armed`, `not_owner` or `not_feasible`.
+        """
+        asked = {"mode": mode, "speed_mm_s": speed_mm_s}
+        reply = self._caller.call("compensation", compensation=asked)
+        if reply.compensation is None:
+            raise LinkError("the rig did not say what is in force: protocol fault")
+        self._readings.expect_status(reply)
+        return reply.compensation
 
     def set_model(
         self, model: Model, if_match: str | None = None, *, timeout_s: float | None = None

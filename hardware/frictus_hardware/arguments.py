@@ -63,6 +63,74 @@ def require_drive(
     return largest_v
 
 
+DEFAULT_MAX_LEAD_MS: Final = 20.0
+"""To which a shorter lead may grow where nothing else is configured."""
+
+
+def require_max_lead(lead_ms: float, max_lead_ms: float | None) -> None:
+    """Refuse a longest lead that is shorter than the lead.
+
+    Parameters
+    ----------
+    lead_ms : float
+        The lead to begin with.
+    max_lead_ms : float or None
+        To which it may grow; None: see `longest_lead_ms`.
+
+    Raises
+    ------
+    ConfigError
+        If it is shorter.
+    """
+    if max_lead_ms is not None and not max_lead_ms >= lead_ms:
+        raise ConfigError(
+            f"max_lead_ms = {max_lead_ms:g} is less than lead_ms = {lead_ms:g}: at least that "
+            "accepted; the same, and the lead never grows"
+        )
+
+
+def longest_lead_ms(lead_ms: float, max_lead_ms: float | None) -> float:
+    """Return to what a lead may grow: what is configured, else `DEFAULT_MAX_LEAD_MS`.
+
+    Parameters
+    ----------
+    lead_ms : float
+        The lead to begin with, which is never shortened.
+    max_lead_ms : float or None
+        As configured.
+    """
+    return max(lead_ms, DEFAULT_MAX_LEAD_MS if max_lead_ms is None else max_lead_ms)
+
+
+def require_longer_lead(
+    lead_samples: int, present_samples: int, max_samples: int, *, armed: bool
+) -> int:
+    """Refuse a lead that a rig cannot go over to; return by how much it is longer, samples.
+
+    Parameters
+    ----------
+    lead_samples : int
+        What is asked for.
+    present_samples, max_samples : int
+        The lead in force, and the longest.
+    armed : bool
+        Whether there may be output.
+
+    Raises
+    ------
+    ConfigError
+        If it is out of this range, or the output is armed.
+    """
+    if armed:
+        raise ConfigError("the output is armed: stop it, then lengthen the lead")
+    if not present_samples <= lead_samples <= max_samples:
+        raise ConfigError(
+            f"a lead of {lead_samples} samples: {present_samples}, as now, to {max_samples} "
+            "accepted; raise max_lead_ms in the configuration for more"
+        )
+    return lead_samples - present_samples
+
+
 def ramp_samples(ramp_s: float, sample_rate_hz: float) -> int:
     """Return the samples of a ramp to zero, `MAX_BLOCK_S` at most.
 

@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +45,7 @@ class Opened(ABC):
 
 @dataclass(frozen=True, slots=True)
 class RigInfo:
-    """What does not change while a backend is open."""
+    """What does not change while a backend is open, but for a lead that grows."""
 
     backend: str
     simulated: bool
@@ -64,6 +64,9 @@ class RigInfo:
     converter_steps: Mapping[str, float] = field(default_factory=dict)
     """Value of one count of the converter behind `force` (N), `accel` (m/s²) or `voltage` (V);
     absent: not known, or not a whole multiple of one."""
+    max_lead_samples: int = 0
+    """The longest lead that `GrowingLead.lengthen_lead` takes; not above `lead_samples`: the
+    lead is fixed."""
     clock_scale: float = 1.0
     """Device seconds per second of this machine's clock; 1 but on a simulated or replayed rig
     that is told to run slower or faster."""
@@ -239,4 +242,28 @@ class Backend(Protocol):
         traceback: TracebackType | None,
     ) -> None:
         """Close, whatever happened."""
+        ...
+
+
+@runtime_checkable
+class GrowingLead(Protocol):
+    """A backend whose lead may be made longer while nothing is output."""
+
+    def lengthen_lead(self, lead_samples: int) -> None:
+        """Have what is handed over from now on play later; zeros play in between.
+
+        The lead stays that long through closing and opening.
+
+        Parameters
+        ----------
+        lead_samples : int
+            `RigInfo.lead_samples` to `RigInfo.max_lead_samples`.
+
+        Raises
+        ------
+        ConfigError
+            If it is out of this range, or the output is armed.
+        ClosedError
+            If the rig is not open; or the fault that lasts.
+        """
         ...

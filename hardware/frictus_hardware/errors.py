@@ -53,6 +53,10 @@ class StreamLostError(HardwareError, RuntimeError):
     kind = "stream_lost"
 
 
+class UnderrunError(StreamLostError):
+    """The output ran dry, which stopped the device; the streams must be started anew."""
+
+
 class DeviceLostError(HardwareError, OSError):
     """The device is gone or was reset by someone else."""
 

@@ -12,7 +12,7 @@ import json
 import re
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -39,6 +39,8 @@ from frictus_hardware.simulated.clock import scale_of
 from frictus_service.errors import ConfigurationError
 
 Scope = Literal["read", "render", "calibrate", "admin"]
+LOCAL: Final = "local"
+"""Who asks the API where nobody needs a token."""
 Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9._-]+$")]
 DEFAULT_FILE = Path("frictus.toml")
 _SQLITE = "sqlite:///"

@@ -77,6 +77,10 @@ class TrialError(StudyError):
         return (TrialError, (self.path, self.exclusion))
 
 
+class AlignmentError(ServiceError, ValueError):
+    """Strokes do not tell how the sensors lie; the text says what they lack and what to do."""
+
+
 class NothingToIdentifyError(StudyError):
     """No trial of the study can be used; the text says why."""
 

@@ -113,6 +113,14 @@ def draw_model(rng: random.Random) -> Tree:
     return {"schema": "model/1", "base": base, "effects": effects}
 
 
+def draw_compensation(rng: random.Random) -> Tree:
+    """Return a compensation mode, its speed within what the placeholder model holds for."""
+    mode = rng.choice(["model", "fixed", "none"])
+    return {"mode": mode} | (
+        {"speed_mm_s": rng.uniform(20.0, 100.0)} if mode == "fixed" else {}
+    )
+
+
 def _within(low: float, high: float, rng: random.Random) -> float:
     return rng.uniform(max(low, -1e3), min(high, 1e3)) if low < high else low
 
@@ -128,6 +136,7 @@ def _body(message: str, rng: random.Random) -> Tree:
         "OpenStreamRequest": {"peak_n": rng.uniform(0.01, 0.5)},
         "ModelRequest": {"model": draw_model(rng)},
         "ExciteRequest": {"excitation": excitation},
+        "CompensationRequest": {"compensation": draw_compensation(rng)},
         "RecordRequest": {"name": f"drawn-{rng.randint(0, 999)}", "notes": "drawn"},
         "PointerState": {
             "x_mm": rng.uniform(0.0, 70.0),
@@ -180,6 +189,7 @@ def _body(message: str, rng: random.Random) -> Tree:
             "model_etag": "e",
             "model_placeholder": True,
             "scene_etag": "e",
+            "compensation": draw_compensation(rng),
             "counters": {"blocks": 1},
             "timing": {"lateness_p50_ms": 0.1},
         },

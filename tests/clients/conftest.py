@@ -90,12 +90,18 @@ class FakeRig:
 
     def _answer(self, call: str, query: zenoh.Query) -> None:
         assert query.payload is not None
-        self.calls.put((call, MESSAGES[CALLS[call]].from_json(query.payload.to_bytes())))
+        request = MESSAGES[CALLS[call]].from_json(query.payload.to_bytes())
+        self.calls.put((call, request))
         if self.silent:
             self.queries.append(query)  # an unanswered query ends when it is dropped
             return
         reply = self.refusal or Reply(
-            ok=True, state="armed", etag="e2", applied=APPLIED, ticket=7
+            ok=True,
+            state="armed",
+            etag="e2",
+            applied=APPLIED,
+            ticket=7,
+            compensation=getattr(request, "compensation", None),
         )
         with query:
             query.reply(query.key_expr, reply.to_json())

@@ -38,6 +38,7 @@ def play(rig: frictus.Rig, texture: frictus.Texture) -> None:
     assert_type(rig.set_scene(texture), SceneState)
     with rig.arm() as lease:
         assert_type(lease, frictus.Lease)
+        assert_type(rig.compensate("fixed", speed_mm_s=60.0), frictus.Compensation)
         with rig.open_stream(peak_n=0.1) as stream:
             assert_type(stream, frictus.TextureStream)
     assert_type(rig.stop(), SafetyState)

@@ -22,6 +22,7 @@ from frictus_hardware import (
     make_backend,
 )
 from frictus_hardware.arrays import FloatArray
+from frictus_hardware.base import GrowingLead
 from frictus_hardware.errors import (
     ClosedError,
     ConfigError,
@@ -38,10 +39,10 @@ Maker = Callable[[], Backend]
 def configured(name: str, device_address: str) -> BackendConfig:
     # Where time is real the lead is long, so that a busy machine does not spoil a test.
     if name == "virtual":
-        return SimulatedConfig(clock="virtual")
+        return SimulatedConfig(clock="virtual", max_lead_ms=35.0)
     if name == "scaled":
         return SimulatedConfig(clock=2.5, lead_ms=800.0)
-    real = SimulatedConfig(clock="real", lead_ms=200.0)
+    real = SimulatedConfig(clock="real", lead_ms=200.0, max_lead_ms=260.0)
     if name == "real":
         return real
     return SimulatedDeviceConfig(address=device_address, rig=real)
@@ -58,7 +59,7 @@ def make(request: pytest.FixtureRequest) -> Iterator[Maker]:
 
         def make_one() -> Backend:
             if request.param == "nidaqmx":
-                made.append(make_bench(servers).rig)
+                made.append(make_bench(servers, max_lead_ms=50.0).rig)
             elif request.param == "nidaqmx_local":
                 request.getfixturevalue("stub_driver")
                 made.append(make_local_rig())
@@ -254,6 +255,45 @@ def test_stop_ramps_to_zero_within_its_time(rig: Backend) -> None:
     assert ramp <= round(ramp_s * rig.info.sample_rate_hz)
     assert ramp > 0.5 * ramp_s * rig.info.sample_rate_hz
     assert not np.any(after.voltage_v[lead:])
+
+
+def test_the_lead_grows_while_nothing_is_output_and_stays_so(
+    make: Maker, rng: np.random.Generator
+) -> None:
+    backend = make()
+    before, longest = backend.info.lead_samples, backend.info.max_lead_samples
+    if not isinstance(backend, GrowingLead):
+        assert longest <= before
+        return
+    with pytest.raises(ClosedError):
+        backend.lengthen_lead(before)
+    backend.open()
+    heard = [backend.exchange(np.zeros(70))]
+    backend.lengthen_lead(before)
+    for wrong in (before - 1, max(before, longest) + 1):
+        with pytest.raises(ConfigError, match=f"{before}, as now, to {longest}"):
+            backend.lengthen_lead(wrong)
+    lead = (before + longest) // 2
+    backend.lengthen_lead(lead)
+    assert backend.info.lead_samples == lead
+    assert backend.next_play_sample == 70 + lead
+    backend.arm()
+    with pytest.raises(ConfigError, match="armed"):
+        backend.lengthen_lead(longest)
+    drive = random_drive(rng, 200)
+    got = backend.exchange(drive)
+    assert got.play_sample == 70 + lead == got.first_sample + lead
+    heard += [got, backend.exchange(np.zeros(lead)), backend.exchange(np.zeros(100))]
+    assert backend.next_play_sample == heard[-1].first_sample + 100 + lead
+    voltage = np.concatenate([each.voltage_v for each in heard])
+    if not any(each.underrun_samples for each in heard):
+        assert not voltage[: 70 + lead].any()
+        np.testing.assert_array_equal(voltage[70 + lead : 270 + lead], got.applied_v)
+    backend.stop(0.01)
+    backend.close()
+    backend.open()
+    assert backend.info.lead_samples == backend.next_play_sample == lead
+    assert backend.exchange(np.zeros(70)).play_sample == lead
 
 
 def test_stop_is_safe_at_any_time(make: Maker) -> None:

@@ -16,6 +16,7 @@ COMPILER = {"numba", "scipy"}
         "frictus_service.daemon.child_process",
         "frictus_service.recording.recorder",
         "frictus_service.api.server",
+        "frictus_service.cli.demo_page",
     ],
 )
 def test_no_process_but_the_rig_loads_the_compiler(module: str) -> None:

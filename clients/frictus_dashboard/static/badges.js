@@ -1,5 +1,6 @@
 /** What a viewer must know of the data: badges from status, scene, model and block flags. */
 
+import { remark } from "./compensation.js";
 import { FLAGS } from "./frames.js";
 import { element } from "./element.js";
 
@@ -42,13 +43,16 @@ export class Badges {
     };
     const recent = (name) => nowMs - (this.flaggedMs[name] ?? -Infinity) < HOLD_MS;
     const names = Object.keys(MEANINGS).filter((name) => said[name] || recent(name));
-    if (names.join() === this.shown) return;
-    this.shown = names.join();
-    this.root.replaceChildren(...names.map(badge));
+    const badges = names.map((name) => [name, MEANINGS[name]]);
+    const mode = remark(status?.compensation);
+    if (mode !== "") badges.unshift(["compensation", mode]);
+    if (badges.join() === this.shown) return;
+    this.shown = badges.join();
+    this.root.replaceChildren(...badges.map(badge));
   }
 }
 
-function badge(name) {
-  const [word, why] = MEANINGS[name].split(": ");
+function badge([name, meaning]) {
+  const [word, why] = meaning.split(": ");
   return element("li", { class: "badge", "data-badge": name }, element("b", {}, word), ` ${why}`);
 }

@@ -2,7 +2,8 @@
 
 import { element, say } from "./element.js";
 
-const WORDS_MS = 500;
+/** Number, mark and verdict change together, no faster than can be read. */
+const READ_MS = 250;
 
 export class Gauge {
   /**
@@ -18,6 +19,7 @@ export class Gauge {
     this.zone = element("div", { class: "zone" });
     this.mark = element("div", { class: "mark" });
     this.toldMs = -Infinity;
+    this.touched = false;
     root.append(
       element("p", { class: "reading" }, `${what.name} `, this.number, ` ${what.unit}`),
       element("div", { class: "bar", "aria-hidden": "true" }, this.zone, this.mark),
@@ -37,14 +39,16 @@ export class Gauge {
 
   /** @param {number|null} value null: the finger does not touch */
   show(value, nowMs) {
+    const touches = value !== null;
+    if (nowMs - this.toldMs < READ_MS && touches === this.touched) return;
+    this.toldMs = nowMs;
+    this.touched = touches;
     const { digits } = this.what;
     const inside = this.#judge(value);
-    this.mark.hidden = value === null;
-    if (value !== null) this.#place(this.mark, "--at", value);
-    if (nowMs - this.toldMs < WORDS_MS) return; // numbers that can be read
-    this.toldMs = nowMs;
+    this.mark.hidden = !touches;
+    if (touches) this.#place(this.mark, "--at", value);
     this.root.dataset.inside = inside;
-    say(this.number, value === null ? "–" : value.toFixed(digits));
+    say(this.number, touches ? value.toFixed(digits) : "–");
     say(this.words, this.#sentence(inside));
   }
 

@@ -7,6 +7,11 @@ const ROWS = [
   ["Late, 99 of 100 blocks", ({ timing }) => `${timing.lateness_p99_ms.toFixed(2)} ms`],
   ["Late, worst since the start", ({ timing }) => `${timing.lateness_max_ms.toFixed(2)} ms`],
   ["Least output left in reserve", ({ timing }) => `${timing.margin_min_ms.toFixed(2)} ms`],
+  ["Lead", ({ lead_ms: lead, max_lead_ms: longest, counters }) => {
+    const grown = counters.lead_growths ? `, grown ${counters.lead_growths}×` : "";
+    const room = longest > lead ? `, may grow to ${longest.toFixed(1)} ms` : "";
+    return `${lead.toFixed(1)} ms${grown}${room}`;
+  }],
   ["Finger followed by", ({ finger_sensors: by }) => by?.join(", ") || "nothing"],
   ["Blocks", ({ counters }) => counters.blocks],
   ["Blocks not published", ({ counters }) => counters.blocks_dropped, "worry"],

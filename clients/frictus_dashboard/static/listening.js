@@ -79,8 +79,11 @@ export class Listening {
     this.hearing.push(frame);
     const { status, scene } = this.state();
     if (status?.state !== "armed" || scene === null) return;
-    if (scene.etag !== this.etag) this.felt.clear();
-    this.etag = scene.etag;
+    const { mode, speed_mm_s } = status.compensation;
+    // What was felt of another scene, or in another mode, is not averaged with this.
+    const felt = [scene.etag, mode, speed_mm_s].join();
+    if (felt !== this.feltOf) this.felt.clear();
+    this.feltOf = felt;
     const told = untold(scene) === "";
     const { regions } = scene.scene;
     this.felt.push(frame, told ? { regions, gain: scene.applied.gain } : null);

@@ -3,6 +3,7 @@
 import { Arming } from "./arming.js";
 import { Badges } from "./badges.js";
 import { onSchemeChange } from "./colours.js";
+import { Compensation } from "./compensation.js";
 import { at, element, say } from "./element.js";
 import { decode } from "./frames.js";
 import { Gauge } from "./gauge.js";
@@ -34,6 +35,7 @@ export class Live {
     this.badges = new Badges(at("badges"));
     this.health = new Health();
     this.arming = new Arming(link);
+    this.compensation = new Compensation();
     this.pointing = new Pointing(this.surface, (message) => link.send(message));
     this.listening = new Listening(at("spectrum"), () => this.state);
     this.speed = new Gauge(at("speed"), { name: "Speed", unit: "mm/s", digits: 0, least: 120 });
@@ -140,6 +142,9 @@ export class Live {
     this.surface.setScreen(status.screen_mm);
     const scopes = this.link.welcome?.scopes ?? [];
     this.arming.show(this.rig, status, this.trusted ? scopes : []);
+    const may = this.trusted && scopes.includes("render");
+    const model = this.state.model?.model ?? null;
+    this.compensation.show(this.rig, status, may, this.link.welcome?.client, model);
     const pointer = status.finger_source === "pointer";
     const free = status.owner === null || status.owner === this.link.welcome?.client;
     this.pointing.enable(pointer && free && scopes.includes("render"));

@@ -12,7 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from frictus_hardware.arguments import MAX_BLOCK_S, ramp_samples, require_drive
+from frictus_hardware.arguments import (
+    MAX_BLOCK_S,
+    ramp_samples,
+    require_drive,
+    require_longer_lead,
+)
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Exchange, Opened, RigInfo, TouchReport
 from frictus_hardware.errors import (
@@ -72,6 +77,7 @@ class NiRig(Opened):
         self._max_block = round(MAX_BLOCK_S * config.sample_rate_hz)
         self._session: DeviceSession | None = None
         self._fault: HardwareError | None = None
+        self._lead_samples = config.lead_samples
         self._begin()
 
     def _begin(self) -> None:
@@ -81,25 +87,34 @@ class NiRig(Opened):
         self._fault = None
         self._sensed = 0
         self._delivered = 0
-        self._written = config.device_lead_samples
+        self._written = self._device_lead_samples
+        # Zeros beyond the lead, with which the clock starts; what is sensed then is dropped.
+        self._ahead = max(config.start_samples - self._device_lead_samples, 0)
+        self._to_drop = self._ahead
         self._turn: _Turn | None = None
         self._queue = OutputQueue(
-            config.lead_samples + 2 * self._max_block,
+            config.max_lead_samples + 2 * self._max_block,
             holds=False,
             return_samples=ramp_samples(RETURN_S, config.sample_rate_hz),
         )
-        self._queue.write(0, np.zeros(config.lead_samples), 0)
+        self._queue.write(0, np.zeros(self._lead_samples), 0)
+
+    @property
+    def _device_lead_samples(self) -> int:
+        """The part of the lead that is in the device and can no longer be changed."""
+        return self._lead_samples - self.config.reserve_samples
 
     @property
     def info(self) -> RigInfo:
-        """What does not change while the backend is open."""
+        """What does not change while the backend is open, but for the lead."""
         config = self.config
         return RigInfo(
             backend="nidaqmx",
             simulated=False,
             finger_source=self._touch.finger_source,
             sample_rate_hz=config.sample_rate_hz,
-            lead_samples=config.lead_samples,
+            lead_samples=self._lead_samples,
+            max_lead_samples=config.max_lead_samples,
             screen_peak_v=config.screen_peak_v,
             screen_mm=config.screen_mm,
             touch_latency_s=self._touch.latency_s,
@@ -110,7 +125,7 @@ class NiRig(Opened):
     def next_play_sample(self) -> int:
         """Device index at which the next drive handed over will start to play."""
         first = self._sensed if self._turn is None else self._turn.first_sample
-        return first + self.config.lead_samples
+        return first + self._lead_samples
 
     def open(self) -> None:
         """Reset the device and start its clock with the lead prefilled with zeros; disarmed.
@@ -142,7 +157,8 @@ class NiRig(Opened):
         session = _new_session(self.config)
         self._begin()
         try:
-            session.set_up()
+            session.device_lead_samples = self._device_lead_samples
+            session.set_up(self._device_lead_samples + self._ahead)
             self._convert.start(session.conversion_rate_hz)
             session.start()
             if self._convert.delay_samples:
@@ -169,6 +185,7 @@ class NiRig(Opened):
         """Let the force sensor have the volts of a while without load; zeros are played."""
         wanted = self._convert.tare_samples
         session = self._started()
+        self._ahead = self._to_drop = 0  # no block is late here
         try:
             pieces = []
             while self._sensed < wanted:
@@ -210,6 +227,35 @@ class NiRig(Opened):
         """
         self._ready()
         self._armed = True
+
+    def lengthen_lead(self, lead_samples: int) -> None:
+        """Have what is handed over from now on play later; zeros play in between.
+
+        What is longer goes to the device with the next block; the reserve stays as it is.
+
+        Parameters
+        ----------
+        lead_samples : int
+            The lead in force to that of `max_lead_ms`.
+
+        Raises
+        ------
+        ConfigError
+            If it is out of this range, the output is armed, or an exchange that failed is to
+            be offered again.
+        ClosedError
+            If the rig is not open; or the fault that lasts.
+        """
+        session = self._ready()
+        if self._turn is not None:
+            raise ConfigError("an exchange is under way: offer its drive again first")
+        more = require_longer_lead(
+            lead_samples, self._lead_samples, self.config.max_lead_samples, armed=self._armed
+        )
+        if more:
+            self._queue.write(self.next_play_sample, np.zeros(more), 0)
+            self._lead_samples = lead_samples
+            session.device_lead_samples = self._device_lead_samples
 
     def exchange(self, drive_v: FloatArray) -> Exchange:
         """Hand over the next block of output; wait for as many sensed samples.
@@ -284,12 +330,13 @@ class NiRig(Opened):
             with suppress(SensorError):  # the block is lost anyhow; the next one says it again
                 self._convert(under_way.input_v)
             self._turn = None
+        self._drop_start(session)
         config = self.config
         output_v = np.clip(
             drive_v / config.amplifier_gain, -config.peak_output_v, config.peak_output_v
         )
         # Asked before anything is queued: what fails here is tried again as a whole.
-        margin_samples = max(self._written - session.acquired(), 0)
+        margin_samples = max(self._written + self._ahead - session.acquired(), 0)
         self._queue.write(self.next_play_sample, output_v, 0)
         self._turn = _Turn(
             drive_v=drive_v.copy(),
@@ -300,6 +347,23 @@ class NiRig(Opened):
             input_v=np.empty((drive_v.size, len(config.channels))),
         )
         return self._turn
+
+    def _drop_start(self, session: "DeviceSession") -> None:
+        """Drop what was sensed before all that is in the device is the lead, no more.
+
+        Raises
+        ------
+        TransientError
+            If nothing came in time; it may be tried again.
+        """
+        while self._to_drop:
+            n_samples = min(self._to_drop, self.config.block_samples)
+            input_v = session.read(n_samples).T
+            if not len(input_v):
+                raise TransientError("no sample came in time after the clock's start")
+            self._to_drop -= len(input_v)
+            with suppress(SensorError):  # it has a memory, which must not miss a sample
+                self._convert(input_v)
 
     def _follow(self, session: "DeviceSession", turn: _Turn) -> None:
         """Move blocks until an exchange has been sensed to its end."""
@@ -320,7 +384,7 @@ class NiRig(Opened):
         """
         config = self.config
         n_samples = min(n_samples, config.block_samples)
-        until = self._sensed + n_samples + config.device_lead_samples
+        until = self._sensed + n_samples + self._device_lead_samples
         if until > self._written:
             output_v = self._queue.read(self._written, until - self._written)
             self._written += session.write(output_v)
@@ -350,7 +414,7 @@ class NiRig(Opened):
             voltage_v=sensed.voltage_v,
             touches=touches,
             applied_v=turn.applied_v,
-            play_sample=turn.first_sample + self.config.lead_samples,
+            play_sample=turn.first_sample + self._lead_samples,
             clipped_samples=turn.clipped_samples,
             margin_samples=turn.margin_samples,
             overrun_samples=turn.first_sample - since,

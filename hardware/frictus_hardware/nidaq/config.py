@@ -4,8 +4,9 @@ import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Final, Literal, get_args
 
+from frictus_hardware.arguments import longest_lead_ms, require_max_lead
 from frictus_hardware.errors import ConfigError
 from frictus_hardware.sensors.channels import AnalogueChannel
 
@@ -15,6 +16,14 @@ _CHANNEL = re.compile(r"ai\d+")
 _OUTPUT = re.compile(r"ao\d+")
 _LINE = re.compile(r"port\d+/line\d+")
 _ADDRESS = re.compile(r"[^:\s]+:\d{1,5}")
+LONGEST_BLOCK_MS: Final = 5.0
+LONGEST_RESERVE_MS: Final = 10.0
+"""Where nothing else is configured."""
+START_MS: Final = 20.0
+"""The clock runs before the first block comes: a short lead would not hold out so long."""
+LEAST_ON_USB_MS: Final = 5.0
+"""A USB device is fed by requests that the host schedules, in frames of 1 ms, beside all else
+on the bus. Not measured on a device."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,13 +120,18 @@ class NiConfig:
         Width along x, height along y.
     sample_rate_hz : float
         Samples per second of the device's clock.
-    block_ms : float
-        Longest piece that is written or read in one call.
+    block_ms : float or None
+        Longest piece that is written or read in one call; None: 5 ms, or the part of the lead
+        that is in the device, where that is less.
     lead_ms : float
         From handing a drive over to its playing.
-    reserve_ms : float
+    max_lead_ms : float or None
+        To which the lead may grow at an arming after an underrun, from `lead_ms` (never) on;
+        None: to 20 ms, or not at all where `lead_ms` is longer.
+    reserve_ms : float or None
         How much of the lead is kept out of the device, where a stop can still ramp it down;
-        the rest is what a late loop may use up before the output runs dry.
+        the rest is what a late loop may use up before the output runs dry. None: 10 ms, or a
+        third of the lead, where that is less.
     address : str or None
         host:port of NI's gRPC device server; None for the driver of this machine.
     tls : ServerTls or None
@@ -144,9 +158,10 @@ class NiConfig:
     screen_peak_v: float = 75.0
     screen_mm: tuple[float, float] = (70.0, 35.0)
     sample_rate_hz: float = 20_000.0
-    block_ms: float = 5.0
+    block_ms: float | None = None
     lead_ms: float = 30.0
-    reserve_ms: float = 10.0
+    max_lead_ms: float | None = None
+    reserve_ms: float | None = None
     address: str | None = None
     tls: ServerTls | None = None
     interlock: InterlockLine | None = None
@@ -155,7 +170,9 @@ class NiConfig:
     def __post_init__(self) -> None:
         """Refuse what cannot be, field by field."""
         for name, low, high in _RANGES:
-            _require_between(name, getattr(self, name), low, high)
+            if (value := getattr(self, name)) is not None:
+                _require_between(name, value, low, high)
+        require_max_lead(self.lead_ms, self.max_lead_ms)
         for side_mm in self.screen_mm:
             _require_between("screen_mm", side_mm, 1.0, 1_000.0)
         _require_match("device", self.device, re.compile(r"[^/\s,:]+"), "Dev1")
@@ -185,8 +202,9 @@ class NiConfig:
             )
         if not self.device_lead_samples >= self.block_samples:
             raise ConfigError(
-                f"lead_ms = {self.lead_ms:g} less reserve_ms = {self.reserve_ms:g} leaves less "
-                f"than a block of block_ms = {self.block_ms:g} in the device: raise lead_ms"
+                f"{self._in_device}, less than a piece of {self._ms(self.block_samples)} that "
+                "is written at once: raise lead_ms, or lower reserve_ms or transfer_ms "
+                "(block_ms)"
             )
 
     @property
@@ -209,6 +227,9 @@ class NiConfig:
     @property
     def block_samples(self) -> int:
         """The longest piece of one call, in samples."""
+        if self.block_ms is None:
+            longest = round(LONGEST_BLOCK_MS * 1e-3 * self.sample_rate_hz)
+            return max(min(longest, self.device_lead_samples), 1)
         return max(round(self.block_ms * 1e-3 * self.sample_rate_hz), 1)
 
     @property
@@ -217,19 +238,72 @@ class NiConfig:
         return round(self.lead_ms * 1e-3 * self.sample_rate_hz)
 
     @property
+    def max_lead_samples(self) -> int:
+        """The longest lead, in samples."""
+        longest_ms = longest_lead_ms(self.lead_ms, self.max_lead_ms)
+        return round(longest_ms * 1e-3 * self.sample_rate_hz)
+
+    @property
+    def reserve_samples(self) -> int:
+        """The part of the lead that is kept out of the device."""
+        reserve_ms = self.reserve_ms
+        if reserve_ms is None:
+            reserve_ms = min(LONGEST_RESERVE_MS, self.lead_ms / 3.0)
+        return round(reserve_ms * 1e-3 * self.sample_rate_hz)
+
+    @property
     def device_lead_samples(self) -> int:
         """The part of the lead that is in the device and can no longer be changed."""
-        return self.lead_samples - round(self.reserve_ms * 1e-3 * self.sample_rate_hz)
+        return self.lead_samples - self.reserve_samples
+
+    @property
+    def max_device_lead_samples(self) -> int:
+        """The same of the longest lead."""
+        return self.max_lead_samples - self.reserve_samples
+
+    @property
+    def start_samples(self) -> int:
+        """Zeros that are at least in the device when its clock starts."""
+        return round(START_MS * 1e-3 * self.sample_rate_hz)
+
+    @property
+    def buffer_samples(self) -> int:
+        """The output's buffer in the computer: what is written in advance, twice."""
+        longest = max(self.start_samples, self.max_device_lead_samples)
+        return 2 * (longest + self.block_samples)
+
+    @property
+    def too_short_for_usb(self) -> str | None:
+        """What is wrong with the lead on a device on USB; None: nothing."""
+        least = round(LEAST_ON_USB_MS * 1e-3 * self.sample_rate_hz)
+        if self.device_lead_samples >= least:
+            return None
+        return (
+            f"{self._in_device} {self.device!r}, which is on USB: at least "
+            f"{LEAST_ON_USB_MS:g} ms accepted there; raise lead_ms, or lower reserve_ms"
+        )
+
+    @property
+    def _in_device(self) -> str:
+        """Return how much of the lead is in the device, and why."""
+        return (
+            f"lead_ms = {self.lead_ms:g} less reserve_ms = {self._ms(self.reserve_samples)} "
+            f"leaves {self._ms(self.device_lead_samples)} in the device"
+        )
+
+    def _ms(self, n_samples: int) -> str:
+        return f"{1e3 * n_samples / self.sample_rate_hz:.3g} ms"
 
     def _require_fed(self, interlock: InterlockLine) -> None:
         _require_match("interlock.line", interlock.line, _LINE, "port0/line0")
         _require_between("interlock.timeout_ms", interlock.timeout_ms, 10.0, 10_000.0)
         # A call waits for its samples as long as there are any to play.
-        waits_ms = self.lead_ms + self.block_ms
+        longest_ms = longest_lead_ms(self.lead_ms, self.max_lead_ms)
+        waits_ms = longest_ms + 1e3 * self.block_samples / self.sample_rate_hz
         if interlock.timeout_ms <= waits_ms:
             raise ConfigError(
-                f"interlock.timeout_ms = {interlock.timeout_ms:g}: more than lead and block "
-                f"together, {waits_ms:g}, is accepted; it would end what goes well"
+                f"interlock.timeout_ms = {interlock.timeout_ms:g}: more than the longest lead "
+                f"and a block together, {waits_ms:g}, is accepted; it would end what goes well"
             )
 
     def _require_distinct_channels(self) -> None:
@@ -250,7 +324,8 @@ _RANGES = (
     ("screen_peak_v", 1e-3, 75.0),
     ("sample_rate_hz", 1_000.0, 200_000.0),
     ("block_ms", 0.05, 100.0),
-    ("lead_ms", 0.1, 1_000.0),
+    ("lead_ms", 1.0, 1_000.0),
+    ("max_lead_ms", 1.0, 1_000.0),
     ("reserve_ms", 0.0, 1_000.0),
     ("deadline_s", 0.01, 60.0),
 )

@@ -40,6 +40,8 @@ class DeviceFacts:
         Largest of the analogue output.
     simultaneous : bool
         Whether each input has a converter of its own.
+    usb : bool
+        Whether it is on USB, which needs a longer lead.
     """
 
     product: str
@@ -51,6 +53,7 @@ class DeviceFacts:
     input_rate_hz: float
     output_rate_hz: float
     simultaneous: bool
+    usb: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +94,14 @@ def mismatches(config: NiConfig, facts: DeviceFacts) -> tuple[str, ...]:
         *_shared_leads(config, facts),
         *_of_output(config, facts),
         *_of_rate(config, facts),
+        *_of_bus(config, facts),
     )
+
+
+def _of_bus(config: NiConfig, facts: DeviceFacts) -> Iterator[str]:
+    wrong = config.too_short_for_usb
+    if facts.usb and wrong is not None:
+        yield wrong
 
 
 def _of_inputs(name: str, inputs: Inputs, facts: DeviceFacts) -> Iterator[str]:
@@ -229,7 +239,18 @@ def _facts(config: NiConfig, options: Any) -> DeviceFacts:
         input_rate_hz=device.ai_max_multi_chan_rate if inputs else 0.0,
         output_rate_hz=device.ao_max_rate if outputs else 0.0,
         simultaneous=device.ai_simultaneous_sampling_supported if inputs else False,
+        usb=is_on_usb(device),
     )
+
+
+def is_on_usb(device: Any) -> bool:
+    """Return whether a device of nidaqmx is on USB; raises what nidaqmx raises."""
+    from nidaqmx.constants import BusType
+
+    try:
+        return bool(device.bus_type == BusType.USB)
+    except ValueError:  # a bus that the package does not know yet
+        return False
 
 
 def _without_device(names: list[str]) -> tuple[str, ...]:

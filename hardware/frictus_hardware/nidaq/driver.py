@@ -22,6 +22,7 @@ from frictus_hardware.errors import (
     LinkLostError,
     StreamLostError,
     TransientError,
+    UnderrunError,
 )
 from frictus_hardware.nidaq.config import NiConfig, ServerTls
 
@@ -144,12 +145,14 @@ TRANSIENT: Mapping[int, str] = {
     -200284: "the samples did not come in time",
     -200292: "the output buffer was full",
 }
-STREAM_LOST: Mapping[int, str] = {
+UNDERRUN: Mapping[int, str] = {
     -200290: "the output ran dry",
-    -200279: "samples were overwritten before they were read",
-    -200361: "the device's input memory overflowed",
     -200018: "the output's converter ran dry",
     -200621: "the device's output memory ran dry",
+}
+STREAM_LOST: Mapping[int, str] = {
+    -200279: "samples were overwritten before they were read",
+    -200361: "the device's input memory overflowed",
 }
 DEVICE_LOST: Mapping[int, str] = {
     -88709: "the device was removed or reset",
@@ -161,6 +164,7 @@ DEVICE_LOST: Mapping[int, str] = {
 _TABLE: tuple[tuple[type[HardwareError], Mapping[int, str]], ...] = (
     (ConfigError, CONFIG),
     (TransientError, TRANSIENT),
+    (UnderrunError, UNDERRUN),
     (StreamLostError, STREAM_LOST),
     (DeviceLostError, DEVICE_LOST),
 )

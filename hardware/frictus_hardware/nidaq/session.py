@@ -10,11 +10,17 @@ The two tasks of the device: inputs as the clock's master, the output slaved to 
 What driver and link raise leaves it typed.
 """
 
-from typing import Any
+from typing import Any, Final
 
 import nidaqmx
 import numpy as np
-from nidaqmx.constants import AcquisitionType, Level, RegenerationMode, TerminalConfiguration
+from nidaqmx.constants import (
+    AcquisitionType,
+    Level,
+    OutputDataTransferCondition,
+    RegenerationMode,
+    TerminalConfiguration,
+)
 from nidaqmx.errors import DaqReadError, DaqWriteError
 from nidaqmx.stream_readers import AnalogMultiChannelReader
 from nidaqmx.stream_writers import AnalogSingleChannelWriter, DigitalSingleChannelWriter
@@ -24,6 +30,7 @@ from nidaqmx.system.watchdog import DOExpirationState, WatchdogTask
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError, HardwareError, LinkLostError
 from frictus_hardware.nidaq.config import Inputs, InterlockLine, NiConfig, Terminals
+from frictus_hardware.nidaq.devices import is_on_usb
 from frictus_hardware.nidaq.driver import TRANSIENT, Driver
 
 
@@ -86,6 +93,8 @@ class Watchdog:
 INPUT_BUFFER_S = 2.0
 """A loop that falls further behind than this has lost the stream."""
 
+AT_ONCE: Final = OutputDataTransferCondition.ON_BOARD_MEMORY_LESS_THAN_FULL
+
 _TERMINALS: dict[Terminals, TerminalConfiguration] = {
     "default": TerminalConfiguration.DEFAULT,
     "rse": TerminalConfiguration.RSE,
@@ -102,6 +111,11 @@ class DeviceSession:
     ----------
     config : NiConfig
         The device and what is wired to it.
+
+    Attributes
+    ----------
+    device_lead_samples : int
+        The part of the lead in force that is in the device.
     """
 
     def __init__(self, config: NiConfig) -> None:
@@ -113,12 +127,21 @@ class DeviceSession:
         self._watchdog: Watchdog | None = None
         self._reader: Any = None
         self._writer: Any = None
-        self._wait_s = (config.block_samples + config.device_lead_samples) / (
-            config.sample_rate_hz
-        )
+        self.device_lead_samples = config.device_lead_samples
 
-    def set_up(self) -> None:
+    @property
+    def _wait_s(self) -> float:
+        """How long a call waits for samples: as long as there are any to play."""
+        config = self._config
+        return (config.block_samples + self.device_lead_samples) / config.sample_rate_hz
+
+    def set_up(self, zeros: int) -> None:
         """Reset the device, set both tasks up, and prefill the output with zeros.
+
+        Parameters
+        ----------
+        zeros : int
+            How many; what is written before the start.
 
         Raises
         ------
@@ -126,13 +149,13 @@ class DeviceSession:
             Typed by the fault table; what was set up is for `close` to release.
         """
         self.reset()  # frees what a client that died has left behind, and puts out 0 V
+        self._require_bus()
         self._set_up_inputs()
         self._set_up_output()
         self._set_up_interlock()
-        lead = self._config.device_lead_samples
-        if (written := self.write(np.zeros(lead))) < lead:
+        if (written := self.write(np.zeros(zeros))) < zeros:
             raise ConfigError(
-                f"lead_ms = {self._config.lead_ms:g}: the output took {written} of {lead} "
+                f"lead_ms = {self._config.lead_ms:g}: the output took {written} of {zeros} "
                 "samples in advance; lower the lead"
             )
 
@@ -234,6 +257,16 @@ class DeviceSession:
         finally:
             self._driver.close()
 
+    def _require_bus(self) -> None:
+        """Refuse a lead that the device's bus cannot hold."""
+        wrong = self._config.too_short_for_usb
+        if wrong is None:
+            return
+        device = Device(self._config.device, grpc_options=self._driver.options)
+        with self._driver.typed(f"asking for the bus of device = {self._config.device!r}"):
+            if is_on_usb(device):
+                raise ConfigError(wrong)
+
     def _set_up_inputs(self) -> None:
         config = self._config
         self._inputs = self._new_task()
@@ -268,12 +301,12 @@ class DeviceSession:
 
     def _set_up_output(self) -> None:
         config = self._config
-        self._output = self._new_output_task()
+        self._output, channel = self._new_output_task()
         with self._driver.typed(
             f"setting the output's clock, output = {config.output!r}, "
             f"sample_rate_hz = {config.sample_rate_hz:g}"
         ):
-            buffer = 2 * (config.device_lead_samples + config.block_samples)
+            buffer = config.buffer_samples
             self._output.timing.cfg_samp_clk_timing(
                 config.sample_rate_hz,
                 source=f"/{config.device}/ai/SampleClock",
@@ -284,6 +317,19 @@ class DeviceSession:
             self._output.out_stream.output_buf_size = buffer
             self._writer = AnalogSingleChannelWriter(self._output.out_stream, auto_start=False)
             self._writer.verify_array_shape = False
+        self._send_at_once(channel)
+
+    def _send_at_once(self, channel: Any) -> None:
+        """Have what is written moved to the device as soon as there is room.
+
+        Its memory is much larger than a lead: a device that waits until it is empty would run
+        dry. On a bus that knows no such condition the driver moves it in its own way.
+        """
+        try:
+            with self._driver.typed("setting when output is moved to the device"):
+                channel.ao_data_xfer_req_cond = AT_ONCE
+        except ConfigError:
+            pass  # the device does not offer the setting
 
     def _set_up_interlock(self) -> None:
         interlock = self._config.interlock
@@ -295,19 +341,20 @@ class DeviceSession:
             self._watchdog = Watchdog(self._config.device, interlock, self._driver.options)
         self._tasks.append(self._watchdog)  # the last: whatever ends, the interlock opens first
 
-    def _new_output_task(self) -> Any:
+    def _new_output_task(self) -> tuple[Any, Any]:
+        """Return a task and its one channel."""
         config = self._config
         task = self._new_task()
         with self._driver.typed(
             f"output = {config.output!r} on device = {config.device!r}, screen_peak_v = "
             f"{config.screen_peak_v:g} with amplifier_gain = {config.amplifier_gain:g}"
         ):
-            task.ao_channels.add_ao_voltage_chan(
+            channel = task.ao_channels.add_ao_voltage_chan(
                 f"{config.device}/{config.output}",
                 min_val=-config.peak_output_v,
                 max_val=config.peak_output_v,
             )
-        return task
+        return task, channel
 
     def _new_task(self) -> Any:
         with self._driver.typed("creating a task"):
@@ -316,7 +363,7 @@ class DeviceSession:
         return task
 
     def _write_zero(self) -> None:
-        task = self._new_output_task()
+        task, _ = self._new_output_task()
         with self._driver.typed("writing 0 V"):
             writer = AnalogSingleChannelWriter(task.out_stream, auto_start=True)
             writer.write_one_sample(0.0, timeout=self._wait_s)

@@ -207,9 +207,11 @@ class NiRigConfig(StrictModel):
 
     Attributes
     ----------
-    device, output, address, tls, interlock, deadline_s, sample_rate_hz, lead_ms, reserve_ms
+    device, output, address, tls, interlock, deadline_s, sample_rate_hz
         See `frictus_hardware.nidaq.config.NiConfig`.
-    transfer_ms : float
+    lead_ms, max_lead_ms, reserve_ms
+        See `frictus_hardware.nidaq.config.NiConfig`.
+    transfer_ms : float or None
         Longest piece that is written or read in one call; `NiConfig.block_ms`.
     amplifier_gain : float
         Screen volts per volt of the output.
@@ -233,9 +235,10 @@ class NiRigConfig(StrictModel):
     screen_peak_v: float = 75.0
     screen_mm: Annotated[tuple[Positive, Positive], Field(strict=False)] = (70.0, 35.0)
     sample_rate_hz: float = 20_000.0
-    transfer_ms: float = 5.0
+    transfer_ms: float | None = None
     lead_ms: float = 30.0
-    reserve_ms: float = 10.0
+    max_lead_ms: float | None = None
+    reserve_ms: float | None = None
     address: str | None = None
     tls: TlsSettings | None = None
     interlock: InterlockSettings | None = None
@@ -260,6 +263,7 @@ class NiRigConfig(StrictModel):
             sample_rate_hz=self.sample_rate_hz,
             block_ms=self.transfer_ms,
             lead_ms=self.lead_ms,
+            max_lead_ms=self.max_lead_ms,
             reserve_ms=self.reserve_ms,
             address=self.address,
             tls=None if tls is None else ServerTls(tls.authority, tls.certificate),

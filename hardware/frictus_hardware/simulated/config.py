@@ -1,18 +1,26 @@
 """Configuration of the simulated rigs: participants, virtual fingers, sensors and clock."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from frictus_hardware.arguments import NonNegative, Positive, StrictModel
+from frictus_hardware.arguments import (
+    NonNegative,
+    Positive,
+    StrictModel,
+    longest_lead_ms,
+    require_max_lead,
+)
 from frictus_hardware.physics.screen import Screen
+from frictus_hardware.simulated.circles import Circles
 from frictus_hardware.simulated.clock import ClockSetting
 from frictus_hardware.simulated.faults import Fault
 from frictus_hardware.simulated.guided import ClientFinger, GuidedStrokes
 from frictus_hardware.simulated.human import HumanStrokes
 from frictus_hardware.simulated.strokes import SinusoidalStrokes, SteadyStrokes
+from frictus_hardware.simulated.taps import Taps
 from frictus_hardware.simulated.touch import TouchConfig
 
 if TYPE_CHECKING:
@@ -168,7 +176,13 @@ class NailConfig(StrictModel):
 
 
 FingerConfig = Annotated[
-    SteadyStrokes | SinusoidalStrokes | HumanStrokes | ClientFinger | GuidedStrokes,
+    SteadyStrokes
+    | SinusoidalStrokes
+    | HumanStrokes
+    | Circles
+    | Taps
+    | ClientFinger
+    | GuidedStrokes,
     Field(discriminator="kind"),
 ]
 
@@ -182,6 +196,9 @@ class SimulatedConfig(StrictModel):
         Samples per second of the device's clock.
     lead_ms : float
         From handing a drive over to its playing.
+    max_lead_ms : float or None
+        To which the lead may grow at an arming after an underrun, from `lead_ms` (never) on;
+        None: to 20 ms, or not at all where `lead_ms` is longer.
     clock : "real", "virtual" or float
         A number, 0.01 to 100, runs the device that many times faster than real time; the
         virtual clock runs as fast as the rig is asked, and nothing is ever late.
@@ -212,6 +229,7 @@ class SimulatedConfig(StrictModel):
     kind: Literal["simulated"] = "simulated"
     sample_rate_hz: float = Field(default=20_000.0, ge=1_000.0, le=200_000.0)
     lead_ms: float = Field(default=20.0, gt=0.0, le=1_000.0)
+    max_lead_ms: float | None = Field(default=None, gt=0.0, le=1_000.0)
     clock: ClockSetting = "real"
     clock_skew_ppm: float = Field(default=0.0, ge=-1_000.0, le=1_000.0)
     screen_mm: Annotated[tuple[Positive, Positive], Field(strict=False)] = (70.0, 35.0)
@@ -230,6 +248,17 @@ class SimulatedConfig(StrictModel):
     def lead_samples(self) -> int:
         """The lead, in samples of the device."""
         return round(self.lead_ms * 1e-3 * self.sample_rate_hz)
+
+    @property
+    def max_lead_samples(self) -> int:
+        """The longest lead, in samples of the device."""
+        longest_ms = longest_lead_ms(self.lead_ms, self.max_lead_ms)
+        return round(longest_ms * 1e-3 * self.sample_rate_hz)
+
+    @model_validator(mode="after")
+    def _lead_in_order(self) -> Self:
+        require_max_lead(self.lead_ms, self.max_lead_ms)
+        return self
 
     @property
     def screen(self) -> Screen:

@@ -71,6 +71,11 @@ class Device:
         with self._lock:
             self._owned(owner).arm()
 
+    def lengthen_lead(self, owner: object, lead_samples: int) -> None:
+        """Have what is handed over from now on play later."""
+        with self._lock:
+            self._owned(owner).lengthen_lead(lead_samples)
+
     def exchange(self, owner: object, drive_v: FloatArray) -> Exchange:
         """Exchange one block. While it waits, others may stop or reset the device."""
         with self._lock:
@@ -144,7 +149,7 @@ class Device:
         return self._rig.played(round(HISTORY_S * config.sample_rate_hz))[1]
 
 
-OWNERS_CALLS = frozenset({"open", "arm", "exchange", "close"})
+OWNERS_CALLS = frozenset({"open", "arm", "lengthen_lead", "exchange", "close"})
 ANYBODYS_CALLS = frozenset({"stop", "health", "reset", "move_finger", "guide_finger", "output"})
 
 

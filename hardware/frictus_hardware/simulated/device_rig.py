@@ -107,12 +107,13 @@ class SimulatedDeviceRig(Opened):
         # Two links, because one is busy while an exchange waits.
         self._blocks: Link | None = None
         self._control: Link | None = None
-        self._next_play_sample = config.rig.lead_samples
+        self._info = replace(info_of(config.rig), backend=config.kind)
+        self._next_play_sample = self._info.lead_samples
 
     @property
     def info(self) -> RigInfo:
-        """What does not change while the backend is open."""
-        return replace(info_of(self.config.rig), backend=self.config.kind)
+        """What does not change while the backend is open, but for the lead."""
+        return self._info
 
     @property
     def next_play_sample(self) -> int:
@@ -133,25 +134,38 @@ class SimulatedDeviceRig(Opened):
         try:
             control = Link(self.config)
             blocks.call("open", self.config.rig, extra_s=60.0)  # the device may compile first
+            blocks.call("lengthen_lead", self._info.lead_samples)
         except BaseException:
             blocks.close()
             raise
         self._blocks, self._control = blocks, control
-        self._next_play_sample = self.config.rig.lead_samples
+        self._next_play_sample = self._info.lead_samples
 
     def arm(self) -> None:
         """Allow output other than zero."""
         self._linked(self._blocks).call("arm")
 
+    def lengthen_lead(self, lead_samples: int) -> None:
+        """Have what is handed over from now on play later; zeros play in between.
+
+        Parameters
+        ----------
+        lead_samples : int
+            The lead in force to that of `max_lead_ms`.
+        """
+        self._linked(self._blocks).call("lengthen_lead", lead_samples)
+        self._next_play_sample += lead_samples - self._info.lead_samples
+        self._info = replace(self._info, lead_samples=lead_samples)
+
     def exchange(self, drive_v: FloatArray) -> Exchange:
         """Hand over the next block of output; wait for as many sensed samples."""
         drive_v = np.asarray(drive_v, dtype=np.float64)
-        block_s = drive_v.size / self.info.clock_hz
+        block_s = drive_v.size / self._info.clock_hz
         exchange: Exchange = self._linked(self._blocks).call(
             "exchange", drive_v, extra_s=block_s
         )
         end = exchange.first_sample + exchange.applied_v.size
-        self._next_play_sample = end + self.config.rig.lead_samples
+        self._next_play_sample = end + self._info.lead_samples
         return exchange
 
     def stop(self, ramp_s: float) -> None:

@@ -31,6 +31,26 @@ class FingerMotion:
     in_contact: NDArray[np.bool_]
 
 
+def least_jerk(share: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a movement of least jerk from rest to rest (Flash and Hogan 1985).
+
+    Parameters
+    ----------
+    share : ndarray
+        Of its time that is over, 0 to 1.
+
+    Returns
+    -------
+    gone : ndarray
+        Share of the way.
+    pace : ndarray
+        Its derivative by `share`.
+    """
+    gone = share**3 * (10.0 + share * (-15.0 + 6.0 * share))
+    pace = 30.0 * np.square(share * (1.0 - share))
+    return gone, pace
+
+
 class Finger(Protocol):
     """A virtual finger."""
 

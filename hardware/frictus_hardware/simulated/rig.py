@@ -1,10 +1,16 @@
 """The simulated rig: the twin behind the interface of every rig."""
 
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
 
-from frictus_hardware.arguments import MAX_BLOCK_S, ramp_samples, require_drive
+from frictus_hardware.arguments import (
+    MAX_BLOCK_S,
+    ramp_samples,
+    require_drive,
+    require_longer_lead,
+)
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Exchange, Opened, RigInfo, TouchReport, Truth
 from frictus_hardware.errors import (
@@ -94,11 +100,12 @@ class SimulatedRig(Opened):
         """Set everything to what holds at sample 0."""
         config = self.config
         rate = config.sample_rate_hz
-        capacity = config.lead_samples + 2 * self._max_block + round(self._history_s * rate)
+        lead, longest = self._info.lead_samples, config.max_lead_samples
+        capacity = max(lead, longest) + 2 * self._max_block + round(self._history_s * rate)
         self._output = OutputQueue(
             capacity, self._holds_output, ramp_samples(RETURN_S, rate), self._past_v
         )
-        self._output.write(0, np.zeros(config.lead_samples), 0)
+        self._output.write(0, np.zeros(lead), 0)
         self._touch = TouchSensor(config.touch, rate)
         self._finger: Finger = config.finger.start(
             config.screen_mm, np.random.default_rng(config.seed)
@@ -110,7 +117,7 @@ class SimulatedRig(Opened):
 
     @property
     def info(self) -> RigInfo:
-        """What does not change while the backend is open."""
+        """What does not change while the backend is open, but for the lead."""
         return self._info
 
     @property
@@ -121,7 +128,7 @@ class SimulatedRig(Opened):
     @property
     def next_play_sample(self) -> int:
         """Device index at which the next drive handed over will start to play."""
-        return self._sensed + self.config.lead_samples
+        return self._sensed + self._info.lead_samples
 
     @property
     def armed(self) -> bool:
@@ -148,6 +155,23 @@ class SimulatedRig(Opened):
         """
         self._require_open()
         self._armed = True
+
+    def lengthen_lead(self, lead_samples: int) -> None:
+        """Have what is handed over from now on play later; zeros play in between.
+
+        Parameters
+        ----------
+        lead_samples : int
+            The lead in force to that of `max_lead_ms`.
+        """
+        self._require_open()
+        info = self._info
+        more = require_longer_lead(
+            lead_samples, info.lead_samples, info.max_lead_samples, armed=self._armed
+        )
+        if more:
+            self._output.write(self.next_play_sample, np.zeros(more), self._clock.sample())
+            self._info = replace(info, lead_samples=lead_samples)
 
     def exchange(self, drive_v: FloatArray) -> Exchange:
         """Hand over the next block of output; wait for as many sensed samples.
@@ -176,7 +200,7 @@ class SimulatedRig(Opened):
         self._raise_faults(end)
         lost = self.faults.take(LostSamples, end)
         first = self._sensed + lost
-        play = first + self.config.lead_samples
+        play = first + self._info.lead_samples
         now = self._clock.sample() + self.faults.take(LateBlock, end)
         peak = self.config.screen_peak_v
         missed = min(self.faults.take(EmptyOutput, end), drive_v.size)
@@ -360,6 +384,7 @@ def info_of(config: SimulatedConfig) -> RigInfo:
         sample_rate_hz=config.sample_rate_hz,
         clock_scale=scale_of(config.clock),
         lead_samples=config.lead_samples,
+        max_lead_samples=config.max_lead_samples,
         screen_peak_v=config.screen_peak_v,
         screen_mm=config.screen_mm,
         touch_latency_s=config.touch.declared_s,

@@ -9,11 +9,9 @@ from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
 from frictus_service.api.problems import MissingScopeError, UnauthenticatedError
 from frictus_service.api.services import PAGE_HEADER, services
-from frictus_service.config import Scope, Token
+from frictus_service.config import LOCAL, Scope, Token
 
 _BEARER: Final = HTTPBearer(auto_error=False, description="A token of [[api.tokens]]")
-LOCAL: Final = "local"
-"""Who asks where nobody needs a token."""
 _REALM: Final = 'Bearer realm="frictus"'
 
 

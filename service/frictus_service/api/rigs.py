@@ -1,10 +1,11 @@
-"""Paths of the rigs: status, scene, model, time, stop and reset."""
+"""Paths of the rigs: status, scene, compensation, model, time, stop and reset."""
 
 from typing import Annotated, Final
 
 from fastapi import APIRouter, Depends, Path, Request, Response
 from pydantic import BaseModel, Field, TypeAdapter
 
+from frictus.compensation import Compensation
 from frictus.messages import Applied, RigStatus, SafetyState, TimeState
 from frictus.model import Model
 from frictus.textures import Scene
@@ -29,6 +30,7 @@ Given = Annotated[Services, Depends(services)]
 
 _SCENE: Final[TypeAdapter[Scene]] = TypeAdapter(Scene)
 _MODEL: Final[TypeAdapter[Model]] = TypeAdapter(Model)
+_COMPENSATION: Final[TypeAdapter[Compensation]] = TypeAdapter(Compensation)
 _RIG: Final[tuple[type[problems.ApiError], ...]] = (
     problems.UnauthenticatedError,
     problems.MissingScopeError,
@@ -151,6 +153,41 @@ def put_scene(
     state = asked.on_behalf_of(client).set_scene(scene, None if replaces == "*" else replaces)
     response.headers["ETag"] = quoted(state.etag)
     return state.applied
+
+
+@router.get(
+    "/{rig}/compensation",
+    dependencies=[Depends(needs("read"))],
+    responses=problems.documented(*_RIG),
+)
+def get_compensation(rig: RigName, given: Given) -> Compensation:
+    """Return the compensation mode in force: `model`, unless the holder chose another."""
+    return given.link.rig(rig).status().compensation
+
+
+@router.put(
+    "/{rig}/compensation",
+    responses=problems.documented(
+        *_COMMAND, *problems.REFUSALS.values(), problems.UnsupportedMediaError
+    ),
+    openapi_extra=_body("Compensation"),
+)
+def put_compensation(
+    rig: RigName,
+    given: Given,
+    client: Annotated[str, Depends(acts_as("render"))],
+    request: Request,
+    body: Annotated[bytes, Depends(raw_body)],
+) -> Compensation:
+    """Choose the compensation mode until the lease ends, and return what is in force.
+
+    Only while whoever asks holds the rig, or shares it: `not_armed` or `not_owner` otherwise.
+    No If-Match is asked for, since nothing is lost that somebody has composed.
+    """
+    require_media(request, JSON)
+    asked = parse_json(_COMPENSATION, body)
+    found = given.link.rig(rig).on_behalf_of(client)
+    return found.compensate(asked.mode, speed_mm_s=asked.speed_mm_s)
 
 
 @router.get(

@@ -50,7 +50,7 @@ from frictus_service.errors import RegistryUnavailableError, StartError
 from frictus_service.jobs.discoveries import DISCOVER, Discoveries
 from frictus_service.jobs.jobs import RUN, Jobs
 from frictus_service.library import TextureLibrary
-from frictus_service.processes import ReadySignal, StopSignal
+from frictus_service.processes import ReadySignal, StopSignal, existing_objects_frozen
 from frictus_service.registry.store import Registry
 from frictus_service.security.members import tls_of_client
 
@@ -308,4 +308,6 @@ def run_api(config: Config, stop: StopSignal, ready: ReadySignal) -> None:
             ws_max_size=MAX_BYTES,
             ws_per_message_deflate=False,  # samples hardly shrink, and it costs a core
         )
-        _Server(settings, stop, ready, app.state.services.jobs.stop).run(sockets=[listener])
+        server = _Server(settings, stop, ready, app.state.services.jobs.stop)
+        with existing_objects_frozen():
+            server.run(sockets=[listener])

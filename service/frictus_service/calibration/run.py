@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from frictus.session import declare_publisher
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import Mount, TransferFunction
 from frictus_hardware.physics.screen import Screen
+from frictus_service.calibration.alignment import alignment_of
 from frictus_service.calibration.conclusion import conclude, precision_so_far, prior_of
 from frictus_service.calibration.folder import CalibrationFolder
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Phase, Progress
@@ -88,8 +89,9 @@ def run_calibration(
         publisher.put(guidance.to_json())
 
     try:
+        longest_s = 1e-3 * (status.max_lead_ms or status.lead_ms)
         session = TrialSession(
-            rig, 1e-3 * status.lead_ms, spec.participant, show, calibration.tell, cancelled
+            rig, longest_s, spec.participant, show, calibration.tell, cancelled
         )
         calibration.measure(session)
     finally:
@@ -131,6 +133,7 @@ class CalibrationRun:
         self._observed: dict[str, TrialObservations] = {}
         self._earlier = bool(kept.done)
         self._precision: float | None = None
+        self._sensors: tuple[dict[str, Any] | None, tuple[str, ...]] = None, ()
         self._study = StudyInfo(
             rig=spec.rig,
             carrier_hz=Screen().carrier_hz,
@@ -161,6 +164,8 @@ class CalibrationRun:
             trial = self._record(session, ask, cue)
             session.pause("analyse", cue)
             self._keep(trial)
+        declared_s = self._status.touch_latency_s or 0.0
+        self._sensors = alignment_of(list(session.strokes.strokes()), declared_s)
         finished = len(self._kept.done)
         session.pause("done", Cue(finished, finished, 0.0, REST_N, self._span))
 
@@ -252,18 +257,17 @@ class CalibrationRun:
         )
         self._precision = result.precision
         self.tell("done", "")
-        if self._spec.protocol.kind == "paper":
-            return result
-        accepted = {trial.id for trial in done if not trial.rejected}
-        with StudyReader(self._kept.study) as study:
-            details, notes = linearity_of(
-                study.read(info.id) for info in study.trials if info.id in accepted
-            )
+        sensors, notes = self._sensors
+        details: dict[str, Any] = {"sensors": sensors}
+        if self._spec.protocol.kind != "paper":
+            accepted = {trial.id for trial in done if not trial.rejected}
+            with StudyReader(self._kept.study) as study:
+                details["linearity"], more = linearity_of(
+                    study.read(info.id) for info in study.trials if info.id in accepted
+                )
+            notes = (*notes, *more)
         return result.model_copy(
-            update={
-                "details": result.details | {"linearity": details},
-                "notes": (*result.notes, *notes),
-            }
+            update={"details": result.details | details, "notes": (*result.notes, *notes)}
         )
 
 

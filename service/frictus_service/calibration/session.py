@@ -13,6 +13,7 @@ from typing import Final, Literal
 from frictus.lease import CONFIRM_S, Lease
 from frictus.messages import FingerState, GuidanceState, RigStatus
 from frictus.rig import Rig
+from frictus_service.calibration.alignment import StrokesCapture
 from frictus_service.calibration.job import Phase
 from frictus_service.calibration.plan import Ask
 from frictus_service.calibration.trial_capture import BESIDE_S, StreamReader, TrialCapture
@@ -157,7 +158,7 @@ class TrialSession:
     rig : Rig
         An open rig of this client.
     lead_s : float
-        The rig's, from ordering a drive to its playing.
+        The longest of the rig, from ordering a drive to its playing: it may grow meanwhile.
     participant : str
         Pseudonym.
     show : callable
@@ -183,6 +184,8 @@ class TrialSession:
         self._show = show
         self._tell = tell
         self._cancelled = cancelled
+        self.strokes = StrokesCapture()
+        """What was heard, for the alignment of the sensors."""
 
     def rest(self, seconds: float, cue: Cue) -> None:
         """Let the participant rest, the drive off; what comes next is shown.
@@ -191,7 +194,7 @@ class TrialSession:
         ------
         CancelledError, CalibrationError
         """
-        with StreamReader(self._rig) as heard:
+        with StreamReader(self._rig, self.strokes) as heard:
             self._pass(heard, "break", cue, heard.sample, seconds, None)
 
     def record(self, ask: Ask, cue: Cue, info: TrialInfo) -> Trial:
@@ -219,7 +222,7 @@ class TrialSession:
         with self._rig.arm(LEASE_MS) as lease:
             self._rig.excite(ask.excitation)
             # Only now: whatever is heard from here on is sensed with the drive ordered.
-            with StreamReader(self._rig) as heard:
+            with StreamReader(self._rig, self.strokes) as heard:
                 return self._listen(heard, lease, ask, cue, info)
 
     def _listen(
@@ -241,9 +244,7 @@ class TrialSession:
         # Reports of where the finger was then are still on their way.
         end_s = approach_s + ask.record_s + BESIDE_S
         self._pass(heard, "record", cue, begin, end_s, lease)
-        gaps = heard.gaps_within(
-            capture.first_sample, capture.end_sample, round(self._lead_s * rate_hz)
-        )
+        gaps = heard.gaps_within(capture.first_sample, capture.end_sample)
         if gaps:
             raise CaptureError(
                 f"the drive of {gaps} blocks came too late to be played: the rig's machine is "

@@ -13,6 +13,7 @@ from frictus.gaps import BlockFeed
 from frictus.messages import FingerState, TouchState
 from frictus.reception import Feed
 from frictus.rig import Rig
+from frictus_service.calibration.alignment import StrokesCapture
 from frictus_service.errors import CalibrationError, CaptureError
 from frictus_service.study.trial import Trial, TrialInfo
 
@@ -32,6 +33,9 @@ class StreamReader:
     Parameters
     ----------
     rig : Rig
+        That is calibrated.
+    strokes : StrokesCapture
+        Takes all that is heard.
 
     Attributes
     ----------
@@ -47,8 +51,9 @@ class StreamReader:
         Takes what arrives.
     """
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig: Rig, strokes: StrokesCapture) -> None:
         self._rig = rig
+        self._strokes = strokes
         self._undo = ExitStack()
         self._run: int | None = None
         self.sample = 0
@@ -100,28 +105,25 @@ class StreamReader:
         self._take_force(block)
         for stream, feed in self._others.items():
             for other in _blocks_waiting(feed):
-                if self.capture is not None and other.run == self._run:
-                    self.capture.add_block(stream, other)
+                if other.run == self._run:
+                    self._add_block(stream, other)
         for touch in self._touches.drain():
-            if self.capture is not None and touch.run == self._run:
-                self.capture.add_touch(touch)
+            if touch.run == self._run:
+                self._strokes.add_touch(touch)
+                if self.capture is not None:
+                    self.capture.add_touch(touch)
         for finger in self._fingers.drain():
             self.finger = finger
 
-    def gaps_within(self, begin: int, end: int, lead_samples: int) -> int:
-        """Return how many blocks were to play between two samples, but came too late.
+    def gaps_within(self, begin: int, end: int) -> int:
+        """Return how many blocks between two samples lacked a drive: it came too late.
 
         Parameters
         ----------
         begin, end : int
             Device indices.
-        lead_samples : int
-            From handing a drive over, when a block tells that it was late, to its playing.
         """
-        return sum(
-            late.start + lead_samples < end and late.stop + lead_samples > begin
-            for late in self._late
-        )
+        return sum(late.start < end and late.stop > begin for late in self._late)
 
     def _take_force(self, block: Block) -> None:
         if self._run is None:
@@ -137,8 +139,12 @@ class StreamReader:
         self.sample_rate_hz = block.sample_rate_hz
         self.armed = bool(block.flags & Flag.ARMED)
         self.was_armed |= self.armed
+        self._add_block("force", block)
+
+    def _add_block(self, stream: Stream, block: Block) -> None:
+        self._strokes.add_block(stream, block)
         if self.capture is not None:
-            self.capture.add_block("force", block)
+            self.capture.add_block(stream, block)
 
 
 def _blocks_waiting(feed: BlockFeed) -> Iterator[Block]:

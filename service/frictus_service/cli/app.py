@@ -73,8 +73,16 @@ def demo(
         typer.Option("--plot", metavar="FILE", help="Draw the spectra."),
     ] = None,
     seconds: Annotated[float, typer.Option("--seconds", min=1.0, help="How long.")] = 10.0,
+    page: Annotated[
+        bool, typer.Option("--page", help="Play it until Ctrl-C, and open the page on it.")
+    ] = False,
 ) -> None:
     """Start a rig, stream a texture to it from another process, and show what is felt."""
+    if page:
+        from frictus_service.cli.demo_page import demo_page
+
+        demo_page()
+        return
     from frictus_service.cli.demo import demo as run
 
     run(as_json=as_json, plot=plot, seconds=seconds)

@@ -1,7 +1,6 @@
 """`frictus demo`: a rig, a texture streamed to it, and what the finger feels."""
 
 import multiprocessing
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -16,21 +15,22 @@ from frictus.messages import RigStatus
 from frictus.recordings import texture_of
 from frictus.textures import Spectrum
 from frictus_hardware import SimulatedConfig
+from frictus_hardware.simulated.human import HumanStrokes
 from frictus_service.cli.felt import Display, Observer
 from frictus_service.cli.options import wants_lines, write_line
-from frictus_service.config import ApiConfig, Config, RouterConfig
+from frictus_service.cli.serve import said
+from frictus_service.config import Config
 from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.demonstration.comparison import BandComparison, compare, draw
 from frictus_service.demonstration.explorer import Heard, explore, profile_of
+from frictus_service.demonstration.stage import START_S, demo_config
 from frictus_service.fidelity.preview import JND_DB, NOMINAL_HZ, rms_db
 from frictus_service.library import SHIPPED
-from frictus_service.processes import free_endpoint
 from frictus_service.synthesis.compensability import law_of
 
 TEXTURE = "paper"
 LOOK_S = 0.1
-START_S = 120.0
-"""The first start on a machine compiles."""
+_tell = said(as_json=False)
 
 
 def demo(as_json: bool, plot: Path | None, seconds: float) -> None:
@@ -48,7 +48,7 @@ def demo(as_json: bool, plot: Path | None, seconds: float) -> None:
     texture = texture_of((SHIPPED / f"{TEXTURE}.json").read_text(encoding="utf-8"))
     assert isinstance(texture, Spectrum)
     with tempfile.TemporaryDirectory(prefix="frictus-demo-") as folder:
-        config = _config(Path(folder))
+        config = demo_config(Path(folder), HumanStrokes(), port=0)
         _tell("starting a router, a simulated rig and the API (the first time takes a minute)")
         with Supervisor(config, say=_tell) as supervisor:
             supervisor.wait_ready(START_S)
@@ -66,19 +66,6 @@ def demo(as_json: bool, plot: Path | None, seconds: float) -> None:
         write_line(event="summary", **_summary(heard, status, comparison))
     else:
         _print(heard, status, comparison, plot)
-
-
-def _config(folder: Path) -> Config:
-    """Return a configuration that disturbs nothing else on this machine."""
-    return Config(
-        site="demo",
-        rig="demo",
-        textures=folder / "textures",
-        # A fresh finger every time: what is shown is not one lucky path.
-        backend=SimulatedConfig(seed=time.time_ns() % 2**32),
-        router=RouterConfig(endpoint=free_endpoint()),
-        api=ApiConfig(port=0),
-    )
 
 
 def _backend(config: Config) -> SimulatedConfig:
@@ -187,13 +174,8 @@ def _print(
         )
     if plot is not None:
         console.print(f"picture: {plot}")
-    console.print("a rig to look at: frictus serve, then http://127.0.0.1:8420/ in a browser")
+    console.print("to see it live, and to switch compensation off: frictus demo --page")
 
 
 def _shown(error_db: float) -> str:
     return f"{error_db:+.2f}" if np.isfinite(error_db) else "too weak"
-
-
-def _tell(line: str) -> None:
-    sys.stderr.write(f"{line}\n")
-    sys.stderr.flush()

@@ -71,6 +71,7 @@ class RigSnapshot:
             "applied_gain": self.scene.applied.gain if self.scene else None,
             "state": status and status.state,
             "owner": status and status.owner,
+            "compensation": status and str(status.compensation),
             "fault": status.fault.reason if status and status.fault else None,
             "counters": status and status.counters.model_dump(),
             "timing": status and status.timing.model_dump(),
@@ -267,6 +268,14 @@ def _finger_rows(felt: RigSnapshot) -> list[tuple[str, str]]:
     ]
 
 
+def _compensation_rows(status: RigStatus) -> list[tuple[str, str]]:
+    """Return a row where what is felt is not what the model makes of it."""
+    mode = status.compensation
+    if mode.mode == "model":
+        return []
+    return [("compensation", f"[yellow]{mode}[/]")]
+
+
 def _rig_rows(felt: RigSnapshot) -> list[tuple[str, str]]:
     rows = []
     if felt.scene is not None:
@@ -280,10 +289,12 @@ def _rig_rows(felt: RigSnapshot) -> list[tuple[str, str]]:
         late, counts = status.timing, status.counters
         rows += [
             ("rig", f"{state}{owner}{fault}"),
+            *_compensation_rows(status),
             (
                 "loop late",
                 f"p50 {late.lateness_p50_ms:.2f}, p99 {late.lateness_p99_ms:.2f}, "
-                f"max {late.lateness_max_ms:.2f} ms; least margin {late.margin_min_ms:.1f} ms",
+                f"max {late.lateness_max_ms:.2f} ms; least margin {late.margin_min_ms:.1f} of "
+                f"{status.lead_ms:g} ms",
             ),
             (
                 "loop",

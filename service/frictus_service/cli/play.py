@@ -72,6 +72,14 @@ def play(
     gain: Annotated[
         float, typer.Option("--gain", min=0.0, max=100.0, help="Amplify it.")
     ] = 1.0,
+    compensation: Annotated[
+        str,
+        typer.Option(
+            "--compensation",
+            metavar="MODE",
+            help="What is inverted: model, fixed:MM/S (the model at one speed) or none.",
+        ),
+    ] = "model",
     rig: RigOption = None,
     site: SiteOption = None,
     router: RouterOption = None,
@@ -83,6 +91,7 @@ def play(
     import frictus
     from frictus_service.cli.felt import Display, Observer
 
+    mode = compensation_of(compensation)
     target = TargetRig.of(config, router, site, rig)
     scene = scene_of(texture, target.config.textures, speed, rate, scale, gain)
     lines = wants_lines(as_json)
@@ -91,8 +100,11 @@ def play(
         observer = Observer(found)
         with found.arm() as lease, Display(f"{scene.name} on {found.name}", lines) as display:
             applied = found.set_scene(scene).applied
+            if mode.mode != "model":  # which holds where nothing is chosen
+                mode = found.compensate(mode.mode, speed_mm_s=mode.speed_mm_s)
             if lines:
-                write_line(event="applied", rig=found.name, **applied.model_dump())
+                said = {"compensation": str(mode), **applied.model_dump()}
+                write_line(event="applied", rig=found.name, **said)
             begun_s = due_s = time.monotonic()
             while seconds is None or due_s - begun_s < seconds:
                 due_s = max(due_s + PERIOD_S, time.monotonic())
@@ -101,6 +113,36 @@ def play(
                 display.show(observer.look(), time.monotonic() - begun_s)
         if lines:
             write_line(event="end", elapsed_s=round(time.monotonic() - begun_s, 3))
+
+
+def compensation_of(text: str) -> "frictus.Compensation":
+    """Return the compensation mode that an option names, such as ``fixed:60``.
+
+    Parameters
+    ----------
+    text : str
+        A mode, and for `fixed` a colon and the speed in mm/s.
+
+    Raises
+    ------
+    ArgumentError
+        If it is none.
+    """
+    from pydantic import ValidationError
+
+    import frictus
+    from frictus.errors import ArgumentError, explain
+
+    mode, colon, speed = text.partition(":")
+    try:
+        return frictus.Compensation.model_validate(
+            {"mode": mode, "speed_mm_s": speed if colon else None}
+        )
+    except ValidationError as error:
+        raise ArgumentError(
+            f"--compensation {text}: model, none or fixed:MM/S, such as fixed:60, is accepted; "
+            f"{explain(error)}"
+        ) from error
 
 
 def scene_of(

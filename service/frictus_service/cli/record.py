@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from frictus_service.recording.summary import RecordingSummary
 
 SHOWN_GAPS = 20
+SHOWN_CHANGES = 20
 
 
 SHOWN_S = 0.5
@@ -201,6 +202,7 @@ def lines_of(file: Path, summary: "RecordingSummary") -> list[str]:
         lost = f"; {one.gaps} gaps, {one.lost_blocks} blocks lost" if one.gaps else "; no gap"
         lines.append(f"{name}: {one.blocks} blocks, {one.seconds:.2f} s{lost}")
     lines += [f"{topic}: {count} messages" for topic, count in summary.states.items()]
+    lines += _compensation_lines(summary)
     for gap in summary.gaps[:SHOWN_GAPS]:
         lines.append(
             f"gap in {gap.stream}: {gap.missing_blocks} from {gap.first_missing_sequence} of "
@@ -212,6 +214,20 @@ def lines_of(file: Path, summary: "RecordingSummary") -> list[str]:
     if summary.end is not None:
         lines.append(f"ended: {summary.end.reason}")
     return lines
+
+
+def _compensation_lines(summary: "RecordingSummary") -> list[str]:
+    """Return when which compensation mode was in force; nothing for the model throughout."""
+    changes = summary.compensations
+    if all(change.compensation.mode == "model" for change in changes):
+        return []
+    lines = [
+        f"compensation {change.compensation} from "
+        f"{1e-9 * (change.utc_ns - changes[0].utc_ns):.2f} s"
+        for change in changes[:SHOWN_CHANGES]
+    ]
+    more = len(changes) - SHOWN_CHANGES
+    return lines + [f"and {more} changes more; --json has them all"] * (more > 0)
 
 
 def recover(

@@ -35,7 +35,7 @@ def selftest(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Test the configured rig itself: noise, loop-back, step latency, sensor orientation.
+    """Test the configured rig itself: noise, loop-back, step latency, sensors.
 
     No service may run on it. The output stays within 5 V at the screen.
     """
@@ -83,6 +83,7 @@ def _outcomes(config: "Config", yes: bool, interactive: bool) -> "Iterator[Outco
         _require_nobody(interactive)
     try:
         backend = make_backend(_without_finger(config.backend))
+        stroked = make_backend(config.backend) if backend.info.simulated else None
     except HardwareError as error:
         yield Outcome("device", "fail", str(error), "correct the configuration")
         return
@@ -90,9 +91,8 @@ def _outcomes(config: "Config", yes: bool, interactive: bool) -> "Iterator[Outco
         found = "a recording that is played as a rig is no rig to be tested"
         yield Outcome("device", "fail", found, "configure another backend")
         return
-    yield from run_tests(
-        RigUnderTest(backend, config.block_samples), _ask if interactive else None
-    )
+    rig = RigUnderTest(backend, config.block_samples, stroked)
+    yield from run_tests(rig, _ask if interactive else None)
 
 
 def _runs(config: "Config") -> bool:

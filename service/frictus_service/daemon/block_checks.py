@@ -25,20 +25,24 @@ class Monitor:
 
     Root mean squares over a block are compared, not samples: a carrier of 7 kHz turns a skew
     of microseconds between output and monitor into volts.
-
-    Parameters
-    ----------
-    lead_samples : int
-        Samples between handing over and playing.
     """
 
-    def __init__(self, lead_samples: int) -> None:
-        self._lead = lead_samples
+    def __init__(self) -> None:
         self._told_v = SampleRing(RING_SAMPLES)  # NaN where it is not known what played
 
     def restart(self) -> None:
         """Forget everything: the device began anew."""
         self._told_v.write(0, RING_SAMPLES, 0.0)
+
+    def note_zeros(self, first_sample: int, n_samples: int) -> None:
+        """Take note that zeros play where nothing is handed over.
+
+        Parameters
+        ----------
+        first_sample, n_samples : int
+            Where, in samples of the device.
+        """
+        self._told_v.write(first_sample, n_samples, 0.0)
 
     def compare(self, exchange: Exchange, zero_from: int) -> float:
         """Return how far monitor and drive are apart over the sensed block, V rms.
@@ -96,12 +100,22 @@ class BlockChecks:
         self._tolerance_v = limits.monitor_tolerance_v
         self._force_limit_n = limits.force_limit_n
         self._feed = feed
-        self._monitor = Monitor(backend.info.lead_samples)
+        self._monitor = Monitor()
         self.sensor_lost = False
 
     def restart(self) -> None:
         """Forget what was handed over: the device began anew."""
         self._monitor.restart()
+
+    def note_zeros(self, first_sample: int, n_samples: int) -> None:
+        """See `Monitor.note_zeros`.
+
+        Parameters
+        ----------
+        first_sample, n_samples : int
+            Where, in samples of the device.
+        """
+        self._monitor.note_zeros(first_sample, n_samples)
 
     def check(self, exchange: Exchange, zero_from: int) -> None:
         """Trip where the monitor contradicts the drive, or someone leans on the screen.
@@ -164,7 +178,7 @@ class OutputFlags:
     Parameters
     ----------
     lead_samples, block_samples : int
-        They bound how many ranges are kept.
+        The longest lead, and a block: they bound how many ranges are kept.
     """
 
     def __init__(self, lead_samples: int, block_samples: int) -> None:
@@ -228,6 +242,8 @@ class LoopCounters:
     extrapolated_samples: int = 0
     stale_touches: int = 0
     blocks_dropped: int = 0
+    lead_growths: int = 0
+    lead_samples: int = 0
     stream_stale: bool = False
     finger_sensors: FingerSensor = NO_SENSOR
 
@@ -266,6 +282,10 @@ class Lateness:
         """Forget the deadline: the device's clock began anew."""
         self._deadline_ns = None
         self._late_in_a_row = 0
+
+    def forget_blocks(self) -> None:
+        """Begin the window anew: what was left of a shorter lead says nothing of a longer."""
+        self._count = 0
 
     def note(
         self, returned_ns: int, end_sample: int, block_samples: int, margin_samples: int

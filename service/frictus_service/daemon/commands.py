@@ -39,10 +39,17 @@ ANSWERING: Final = {"pointer": 1, "guidance": 1, "answer": 64}
 """Boxes of the thread that moves virtual fingers and answers, by the sender."""
 RENDERING: Final = {"texture": 1, "call": 16}
 """Boxes of the thread that compiles; of texture updates the newest wins."""
-RENDERING_CALLS: Final = ("scene", "open_stream", "close_stream", "excite", "model")
+RENDERING_CALLS: Final = (
+    "scene",
+    "open_stream",
+    "close_stream",
+    "excite",
+    "compensation",
+    "model",
+)
 SHORT_BYTES: Final = 4_096
 """What is decided in a callback is at most so long; it takes microseconds to read."""
-SHORT: Final = ("arm", "disarm", "reset", "lease", "pointer")
+SHORT: Final = ("arm", "disarm", "reset", "lease", "pointer", "compensation")
 UNNAMED_BYTES: Final = 64_000
 """A call whose attachment names nobody is at most so long: only reading it would tell who sent
 it, and whether that client may."""
@@ -300,6 +307,7 @@ class Commands:
             "open_stream": self._stage.open_stream,
             "close_stream": self._stage.close_stream,
             "excite": self._stage.excite,
+            "compensation": self._stage.compensate,
             "model": self._stage.set_model,
         }
         handle = handlers[message.name]

@@ -110,6 +110,26 @@ class SceneUpdate:
 
 
 @dataclass(frozen=True, slots=True)
+class CompensationUpdate:
+    """Undo this instead of the model from the next block on, until an arming ends.
+
+    Attributes
+    ----------
+    inverse : Inverse
+        What is undone.
+    arming : int
+        The arming that it ends with, as `Safety.armings` counts.
+    """
+
+    inverse: Inverse
+    arming: int
+
+    def ended(self, safety: Safety) -> bool:
+        """Return whether the arming that it belongs to is over."""
+        return not (safety.energised and safety.armings == self.arming)
+
+
+@dataclass(frozen=True, slots=True)
 class RenderedModel:
     """A model, and what is undone for it.
 
@@ -192,7 +212,8 @@ class ModelSlot:
 
 @dataclass(frozen=True, slots=True)
 class LoopInbox:
-    """Slots of one; of the scenes, a deque's append and popleft need no lock."""
+    """Slots of one; where they are deques, append and popleft need no lock."""
 
     model: ModelSlot
     scene: deque[SceneUpdate] = field(default_factory=lambda: deque(maxlen=1))
+    compensation: deque[CompensationUpdate] = field(default_factory=lambda: deque(maxlen=1))

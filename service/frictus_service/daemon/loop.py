@@ -13,18 +13,20 @@ from queue import SimpleQueue
 from typing import Final
 
 from frictus.messages import FaultKind
-from frictus_hardware.base import Backend
+from frictus_hardware.base import Backend, GrowingLead
 from frictus_hardware.errors import (
     DeviceLostError,
     HardwareError,
     LinkLostError,
     StreamLostError,
+    UnderrunError,
 )
 from frictus_service.config import Config
 from frictus_service.daemon.block_checks import BlockChecks, Lateness, LoopCounters, OutputFlags
 from frictus_service.daemon.block_record import BlockRecord
 from frictus_service.daemon.control import Interlock
-from frictus_service.daemon.inboxes import LoopInbox, SceneUpdate
+from frictus_service.daemon.inboxes import CompensationUpdate, LoopInbox, SceneUpdate
+from frictus_service.daemon.lead_growth import LeadGrowth
 from frictus_service.daemon.safety import (
     Event,
     FaultCleared,
@@ -35,6 +37,7 @@ from frictus_service.daemon.safety import (
 from frictus_service.daemon.timebase import UtcReading
 from frictus_service.processes import Heartbeat
 from frictus_service.synthesis.compensability import screen_of
+from frictus_service.synthesis.compensation import Inverse
 from frictus_service.synthesis.estimator import EstimatorTuning, FingerEstimator
 from frictus_service.synthesis.renderer import RAMP_S, Chain, RenderedBlock, Renderer
 
@@ -106,7 +109,10 @@ class BlockLoop:
         self._give_way_s = GIVE_WAY * config.block_samples / backend.info.clock_hz
         self.is_read = True
         self._checks = BlockChecks(backend, config.limits, self._feed)
-        self._output_flags = OutputFlags(backend.info.lead_samples, config.block_samples)
+        info = backend.info
+        longest = max(info.lead_samples, info.max_lead_samples)
+        self._output_flags = OutputFlags(longest, config.block_samples)
+        self._lead_growth = LeadGrowth(config.block_samples)
         self._screen = screen_of(backend.info)
         self._rate_hz = backend.info.sample_rate_hz
         self.run = run
@@ -115,12 +121,13 @@ class BlockLoop:
         self._arming = self._zero_from = 0
         self._order: SceneUpdate | None = None
         self._standing: SceneUpdate | None = None
+        self._compensation: CompensationUpdate | None = None
         self._parked: FaultKind | None = None
         self._broken = False
         self._was_stale = True
         self._estimator = self._new_estimator()
         self._chain = self._new_chain()
-        self.tally = LoopCounters()
+        self.tally = LoopCounters(lead_samples=info.lead_samples)
         self.lateness = Lateness(backend.info.clock_hz)
         self.handover: SimpleQueue[BlockRecord] = SimpleQueue()
 
@@ -189,10 +196,24 @@ class BlockLoop:
                 self._halt()
         elif self._sensed_end() >= self._zero_from:  # the last ramp has been played out
             if safety.energised:
+                self._lengthen_lead()
                 self._backend.arm()
                 self._energised, self._arming = True, safety.armings
             elif safety.state == "stopping":
                 self._feed(OutputQuiet())
+
+    def _lengthen_lead(self) -> None:
+        """Make the lead longer if samples were missing since the last arming; nothing plays."""
+        backend, info = self._backend, self._backend.info
+        lead = self._lead_growth.wanted(info.lead_samples, info.max_lead_samples)
+        more = lead - info.lead_samples
+        if more and isinstance(backend, GrowingLead):
+            self._checks.note_zeros(backend.next_play_sample, more)
+            backend.lengthen_lead(lead)
+            self.lateness.forget_blocks()
+            self.tally.lead_samples = lead
+            self.tally.lead_growths += 1
+        self._lead_growth.forget()
 
     def _sensed_end(self) -> int:
         return self._backend.next_play_sample - self._backend.info.lead_samples
@@ -214,13 +235,21 @@ class BlockLoop:
     def _new_renderer(self) -> Renderer:
         scene = self._standing.scene if self._standing is not None else None
         return Renderer(
-            self._orders.model.in_force.inverse,
+            self._inverse_in_force(),
             self._screen,
             self._rate_hz,
             self._block_samples,
             scene,
             self._model_began_sample(),
         )
+
+    def _inverse_in_force(self) -> Inverse:
+        """Return what the owner chose to undo, and the model once that arming is over."""
+        chosen = self._compensation
+        if chosen is None or chosen.ended(self._interlock.state):
+            self._compensation = None
+            return self._orders.model.in_force.inverse
+        return chosen.inverse
 
     def _model_began_sample(self) -> float:
         """Return when the model came into force, in samples of the device's present run.
@@ -238,6 +267,7 @@ class BlockLoop:
             # What it was for ended before the device was armed: no ramp is under way.
             self._order = self._standing
             self._chain.renderer = self._new_renderer()
+        self._take_compensation()
         change = None if self._energised else self._orders.model.take()
         if change is not None:
             self._orders.scene.clear()  # it was compiled for the former model
@@ -253,6 +283,21 @@ class BlockLoop:
         if order is not None and now_s > order.until_s and order.afterwards is not None:
             self._play(SceneUpdate(order.afterwards, math.inf, order.afterwards, order.arming))
             self.tally.stream_stale = True
+
+    def _take_compensation(self) -> None:
+        """Take up a mode that was chosen, or forget one that ended before the device was armed.
+
+        One that ends while the output is on goes with the renderer, after the ramp.
+        """
+        if self._orders.compensation:
+            self._compensation = self._orders.compensation.popleft()
+        elif (
+            self._compensation is None
+            or self._energised
+            or not self._compensation.ended(self._interlock.state)
+        ):
+            return
+        self._chain.renderer.set_inverse(self._inverse_in_force())
 
     def _play(self, order: SceneUpdate) -> None:
         self._order = order
@@ -271,6 +316,8 @@ class BlockLoop:
         tally.deadline_misses += late_in_a_row > 0
         tally.overruns += exchange.overrun_samples > 0
         tally.underruns += exchange.underrun_samples > 0
+        if self._energised:  # what the device lost before it was sensed, no lead holds out
+            self._lead_growth.note(exchange.underrun_samples - exchange.overrun_samples)
         tally.clipped_samples += step.rendered.clipped_samples + exchange.clipped_samples
         tally.extrapolated_samples += step.rendered.extrapolated_samples
         tally.stale_touches += step.stale and not self._was_stale
@@ -318,6 +365,10 @@ class BlockLoop:
 
     def _on_fault(self, error: HardwareError) -> None:
         kind: FaultKind = error.kind  # type: ignore[assignment]
+        if isinstance(error, UnderrunError):
+            self.tally.underruns += 1
+            if self._energised:
+                self._lead_growth.note_run_dry()
         if kind in LOST:
             self._parked = kind
             self._feed(FaultRaised(kind, str(error)))

@@ -79,6 +79,8 @@ class Publisher:
         Counts what was refused.
     monotonic_s, utc_ns : callable
         Clocks.
+    say : callable
+        Told what an operator should know.
     """
 
     def __init__(
@@ -93,7 +95,10 @@ class Publisher:
         commands: Commands,
         monotonic_s: Callable[[], float],
         utc_ns: Callable[[], int],
+        say: Callable[[str], None] = lambda _line: None,
     ) -> None:
+        self._say = say
+        self._lead_samples = loop.tally.lead_samples
         self._keys = keys
         self._info = info
         self._block_samples = block_samples
@@ -206,8 +211,10 @@ class Publisher:
         said = (
             self._interlock.revision,
             self._stage.stream_open,
+            self._stage.compensation,
             self._loop.tally.stream_stale,
             self._loop.tally.finger_sensors,
+            self._loop.tally.lead_samples,
             self._run,
             self._timebase.utc_steps,
         )
@@ -219,9 +226,24 @@ class Publisher:
             self._latest[Topics.MODEL].put(model.model_copy(update=stamp).to_json())
             self._scene, self._model = scene, model
         self._said = said
+        self._say_lead()
         self._status_due_s = now_s + STATUS_S
         self._put_status()
         self._put_time()
+
+    def _say_lead(self) -> None:
+        """Tell the operator of a lead that has grown."""
+        before, lead = self._lead_samples, self._loop.tally.lead_samples
+        if lead != before:
+            self._lead_samples = lead
+            self._say(
+                f"the lead was too short for this machine: {self._ms(before):g} ms, "
+                f"{self._ms(lead):g} from now on (underruns: {self._loop.tally.underruns}; "
+                f"at most {self._ms(self._info.max_lead_samples):g}, max_lead_ms)"
+            )
+
+    def _ms(self, n_samples: int) -> float:
+        return 1e3 * n_samples / self._info.sample_rate_hz
 
     def _put_time(self) -> None:
         timebase = self._timebase
@@ -247,9 +269,10 @@ class Publisher:
     def status(self) -> RigStatus:
         """Return what the rig says of itself now."""
         utc_ns = self._utc_ns()  # first: what held at this time is in it
-        # Before the safety state: a stream ends with its arming, so that no status says armed
-        # and names what is played after it.
+        # Before the safety state: a stream and a mode end with their arming, so that no status
+        # says armed and names what is played after it.
         scene, stream_open = self._stage.scene, self._stage.stream_open
+        compensation = self._stage.compensation
         info, safety, lateness = self._info, self._interlock.state, self._loop.lateness
         median_ms, high_ms = lateness.percentiles_ms()
         model, sensors = self._stage.model, self._loop.tally.finger_sensors
@@ -270,7 +293,8 @@ class Publisher:
             finger_sensors=tuple(name for sensor, name in SENSORS if sensor in sensors),
             sample_rate_hz=info.sample_rate_hz,
             block_samples=self._block_samples,
-            lead_ms=1e3 * info.lead_samples / info.sample_rate_hz,
+            lead_ms=self._ms(self._loop.tally.lead_samples),
+            max_lead_ms=self._ms(max(info.lead_samples, info.max_lead_samples)),
             screen_mm=info.screen_mm,
             screen_peak_v=info.screen_peak_v,
             converter_steps=dict(info.converter_steps),
@@ -279,6 +303,7 @@ class Publisher:
             model_etag=model.etag,
             model_placeholder=model.model.placeholder,
             scene_etag=scene.etag,
+            compensation=compensation,
             stream_open=stream_open,
             stream_stale=self._loop.tally.stream_stale,
             counters=self._counters(),
@@ -328,5 +353,6 @@ class Publisher:
             stream_updates_expired=commands.updates_expired + commands.updates_lost,
             blocks_published=self._published,
             blocks_dropped=tally.blocks_dropped,
+            lead_growths=tally.lead_growths,
             trips=self._interlock.trips,
         )

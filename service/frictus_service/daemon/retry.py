@@ -5,8 +5,8 @@ from types import TracebackType
 from typing import Self
 
 from frictus_hardware.arrays import FloatArray
-from frictus_hardware.base import Backend, Exchange, RigInfo
-from frictus_hardware.errors import StreamLostError, TransientError
+from frictus_hardware.base import Backend, Exchange, GrowingLead, RigInfo
+from frictus_hardware.errors import ConfigError, StreamLostError, TransientError
 
 
 class RetryingBackend:
@@ -45,6 +45,23 @@ class RetryingBackend:
     def arm(self) -> None:
         """See `Backend`."""
         self.inner.arm()
+
+    def lengthen_lead(self, lead_samples: int) -> None:
+        """See `GrowingLead`.
+
+        Parameters
+        ----------
+        lead_samples : int
+            More than now, at most `RigInfo.max_lead_samples`.
+
+        Raises
+        ------
+        ConfigError
+            Also if the backend's lead is fixed.
+        """
+        if not isinstance(self.inner, GrowingLead):
+            raise ConfigError(f"the lead of the backend {self.info.backend} is fixed")
+        self.inner.lengthen_lead(lead_samples)
 
     def exchange(self, drive_v: FloatArray) -> Exchange:
         """Exchange a block, trying again after a transient error.

@@ -1,7 +1,6 @@
 """The rig process: backend, loop, publisher and commands, put together and taken down."""
 
 import contextlib
-import gc
 import secrets
 import sys
 import threading
@@ -32,7 +31,13 @@ from frictus_service.daemon.retry import RetryingBackend
 from frictus_service.daemon.safety import Safety
 from frictus_service.daemon.scene_controller import SceneController, rendered_model
 from frictus_service.errors import ConfigurationError, StartError
-from frictus_service.processes import LOOP_PRIORITY, PUBLISHER_PRIORITY, Heartbeat, ReadySignal
+from frictus_service.processes import (
+    LOOP_PRIORITY,
+    PUBLISHER_PRIORITY,
+    Heartbeat,
+    ReadySignal,
+    garbage_collection_off,
+)
 from frictus_service.security.members import tls_of_rig
 from frictus_service.synthesis.compensability import (
     inverse_of_model,
@@ -190,6 +195,7 @@ class _Parts:
             self.commands,
             time.monotonic,
             time.time_ns,
+            say,
         )
         stop_loop, stop_publisher = threading.Event(), threading.Event()
         loop = self._thread("frictus-loop", lambda: self._loop(stop_loop, say))
@@ -199,23 +205,19 @@ class _Parts:
             publisher.run_until(stop_publisher)
 
         publishing = self._thread("frictus-publisher", publish)
-        gc.collect()
-        gc.freeze()
-        gc.disable()
-        switch_s = sys.getswitchinterval()
-        sys.setswitchinterval(SWITCH_S)
-        loop.start()
-        publishing.start()
-        try:
-            yield
-        finally:
-            stop_loop.set()
-            loop.join(JOIN_S)
-            stop_publisher.set()
-            publishing.join(JOIN_S)
-            sys.setswitchinterval(switch_s)
-            gc.enable()
-            gc.unfreeze()
+        with garbage_collection_off():
+            switch_s = sys.getswitchinterval()
+            sys.setswitchinterval(SWITCH_S)
+            loop.start()
+            publishing.start()
+            try:
+                yield
+            finally:
+                stop_loop.set()
+                loop.join(JOIN_S)
+                stop_publisher.set()
+                publishing.join(JOIN_S)
+                sys.setswitchinterval(switch_s)
 
     def wait(self, stop: threading.Event) -> None:
         """Wait until told to stop, or until a thread has ended by itself.

@@ -6,8 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
+from frictus.compensation import BY_MODEL, Compensation
 from frictus.errors import ArgumentError, RefusedError, TextureError
 from frictus.messages import (
+    CompensationRequest,
     ExciteRequest,
     ModelRequest,
     ModelState,
@@ -22,11 +24,18 @@ from frictus.stream import StreamFrame
 from frictus.textures import Scene
 from frictus_hardware.physics.screen import Screen
 from frictus_service.daemon.control import Interlock
-from frictus_service.daemon.inboxes import LoopInbox, ModelUpdate, RenderedModel, SceneUpdate
+from frictus_service.daemon.inboxes import (
+    CompensationUpdate,
+    LoopInbox,
+    ModelUpdate,
+    RenderedModel,
+    SceneUpdate,
+)
 from frictus_service.daemon.safety import refusal_to_render
 from frictus_service.json_text import etag_of, etag_of_scene
 from frictus_service.synthesis.compensability import inverse_of_model
 from frictus_service.synthesis.compensation import Inverse
+from frictus_service.synthesis.compensation_mode import inverse_in_mode
 from frictus_service.synthesis.scene import (
     MAX_SCENE_BYTES,
     CompiledScene,
@@ -55,6 +64,14 @@ class _Guest:
 
     arming: int
     state: SceneState
+
+
+@dataclass(frozen=True, slots=True)
+class _ChosenCompensation:
+    """How the model is inverted until its arming ends."""
+
+    arming: int
+    compensation: Compensation
 
 
 class SceneController:
@@ -94,6 +111,7 @@ class SceneController:
         self._tickets = itertools.count(secrets.randbits(31))
         self._standing, self._standing_scene = self._compiled(Scene(), self._inverse)
         self._guest: _Guest | None = None
+        self._chosen: _ChosenCompensation | None = None
         self.scaled_scenes = 0
         self.updates = 0
         orders.scene.append(SceneUpdate(self._standing_scene))
@@ -115,6 +133,14 @@ class SceneController:
         if guest is None or not self._holds(guest.arming):
             return self._standing
         return guest.state
+
+    @property
+    def compensation(self) -> Compensation:
+        """The mode in force: what was chosen in this arming, else `model`."""
+        chosen = self._chosen
+        if chosen is None or not self._holds(chosen.arming):
+            return BY_MODEL
+        return chosen.compensation
 
     def check_owner(self, client: str) -> None:
         """Refuse a client that may not change what is rendered now.
@@ -261,6 +287,25 @@ class SceneController:
         quiet = stream.budget.quiet
         self._orders.scene.append(SceneUpdate(compiled, until_s, quiet, stream.arming))
         self.updates += 1
+
+    def compensate(self, request: CompensationRequest) -> Reply:
+        """Choose the compensation mode until the lease ends; for the owner of an armed rig.
+
+        Raises
+        ------
+        RefusedError
+            `not_owner`, `not_armed` or `not_feasible`.
+        """
+        arming, asked = self._arming_of(request.client), request.compensation
+        try:
+            inverse = inverse_in_mode(self._inverse, asked)
+        except ArgumentError as error:
+            raise RefusedError("not_feasible", str(error)) from error
+        if self._arming_of(request.client) != arming:  # the lease may have ended meanwhile
+            raise RefusedError("not_armed", "the lease has ended; arm again")
+        self._chosen = _ChosenCompensation(arming, asked)
+        self._orders.compensation.append(CompensationUpdate(inverse, arming))
+        return Reply(ok=True, compensation=self.compensation)
 
     def set_model(self, request: ModelRequest) -> Reply:
         """Replace the model; the standing scene is compiled anew for it.

@@ -13,7 +13,7 @@ from frictus_hardware.physics.friction import FrictionLaw, motion_fade
 from frictus_hardware.physics.stages import standard_twin
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_service.demonstration.explorer import PERIOD_MM, Heard, peak_of
-from frictus_service.fidelity.measure import feel, uncompensated
+from frictus_service.fidelity.measure import feel
 from frictus_service.fidelity.path import exact_friction, walk
 from frictus_service.fidelity.preview import (
     JND_DB,
@@ -23,6 +23,7 @@ from frictus_service.fidelity.preview import (
     rms_db,
     windows,
 )
+from frictus_service.synthesis.compensation_mode import uncompensated
 from frictus_service.synthesis.components import components_of
 from frictus_service.synthesis.scene import StreamBudget
 

@@ -23,17 +23,6 @@ LARGEST_GAIN = 100.0
 """Asked for, so that a texture is scaled to what is feasible."""
 
 
-def uncompensated(law: FrictionLaw) -> FrictionLaw:
-    """Return a law whose inverse is a plain gain."""
-    return FrictionLaw(law.gain_n, 1e5, 0.0, law.speed_range_mm_s)
-
-
-def fixed_at(law: FrictionLaw, speed_mm_s: float) -> FrictionLaw:
-    """Return a law whose inverse does not follow the speed."""
-    cutoff = float(cutoff_hz(law, speed_mm_s))
-    return FrictionLaw(law.gain_n, cutoff, 0.0, law.speed_range_mm_s)
-
-
 def full_gain(
     texture: Texture, law: Invertible, screen: Screen, rate_hz: float
 ) -> CompiledScene:

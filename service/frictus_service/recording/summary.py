@@ -9,6 +9,8 @@ from typing import Any, Final
 from mcap.records import Channel, Schema
 from mcap.writer import MCAP0_MAGIC, CompressionType, IndexType, Writer
 
+from frictus.compensation import Compensation
+from frictus.messages import RigStatus
 from frictus_service.durable import sync_folder
 from frictus_service.errors import NotWrittenError, RecordingError
 from frictus_service.recording.reader import Ending, Item, RecordingReader, State
@@ -107,6 +109,22 @@ class StreamSummary:
 
 
 @dataclass(frozen=True, slots=True)
+class CompensationChange:
+    """From when on a compensation mode was in force.
+
+    Attributes
+    ----------
+    utc_ns : int
+        Of the first status that says so; at most one publication later than the change.
+    compensation : Compensation
+        The mode.
+    """
+
+    utc_ns: int
+    compensation: Compensation
+
+
+@dataclass(frozen=True, slots=True)
 class RecordingSummary:
     """What a whole reading found.
 
@@ -120,6 +138,8 @@ class RecordingSummary:
         Of each stream.
     states : dict of topic to number of messages
         Of each topic of state.
+    compensations : tuple of CompensationChange
+        The mode at the beginning, and each change of it.
     gaps : tuple of GapNote
         In the order of the file.
     presence : tuple of PresenceNote
@@ -134,6 +154,7 @@ class RecordingSummary:
     ending: Ending
     streams: dict[str, StreamSummary]
     states: dict[str, int]
+    compensations: tuple[CompensationChange, ...]
     gaps: tuple[GapNote, ...]
     presence: tuple[PresenceNote, ...]
     end: EndNote | None
@@ -152,6 +173,10 @@ class RecordingSummary:
             "info": self.info.model_dump(mode="json", by_alias=True),
             "streams": {name: asdict(one) for name, one in self.streams.items()},
             "states": self.states,
+            "compensation": [
+                {"utc_ns": change.utc_ns, **change.compensation.model_dump()}
+                for change in self.compensations
+            ],
             "gaps": [gap.model_dump(mode="json") for gap in self.gaps],
             "presence": [note.model_dump(mode="json") for note in self.presence],
             "end": None if self.end is None else self.end.model_dump(mode="json"),
@@ -177,6 +202,7 @@ def summarise(reader: RecordingReader) -> RecordingSummary:
         reader.ending,
         tally.streams,
         tally.states,
+        tuple(tally.compensations),
         tuple(tally.gaps),
         tuple(tally.presence),
         tally.end,
@@ -188,6 +214,7 @@ def summarise(reader: RecordingReader) -> RecordingSummary:
 class _Tally:
     streams: dict[str, StreamSummary] = field(default_factory=dict)
     states: dict[str, int] = field(default_factory=dict)
+    compensations: list[CompensationChange] = field(default_factory=list)
     gaps: list[GapNote] = field(default_factory=list)
     presence: list[PresenceNote] = field(default_factory=list)
     end: EndNote | None = None
@@ -201,12 +228,18 @@ class _Tally:
                 self._add_samples(item)
             case State():
                 self.states[item.topic] = self.states.get(item.topic, 0) + 1
+                if isinstance(item.message, RigStatus):
+                    self._note_compensation(item.utc_ns, item.message.compensation)
             case GapNote():
                 self._add_gap(item)
             case PresenceNote():
                 self.presence.append(item)
             case EndNote():
                 self.end = item
+
+    def _note_compensation(self, utc_ns: int, found: Compensation) -> None:
+        if not self.compensations or self.compensations[-1].compensation != found:
+            self.compensations.append(CompensationChange(utc_ns, found))
 
     def _add_samples(self, samples: Samples) -> None:
         name = STREAM_NAMES[samples.stream]

@@ -15,6 +15,7 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Backend, Exchange
 from frictus_service.daemon.retry import RetryingBackend
 from frictus_service.errors import ServiceError
+from frictus_service.processes import garbage_collection_off
 
 
 @contextmanager
@@ -83,8 +84,9 @@ class Played:
         Index at which the drive began to play.
     sample_rate_hz : float
         Samples per second of the device's clock.
-    touched : bool
-        Whether the touch sensor told of a finger.
+    touches : ndarray, shape (n_reports, 3)
+        Of a finger on the screen: the sample at which it was there, counted as those of the
+        drive are, and x and y in mm; in the order of their samples.
     leads : tuple of int
         Least and most samples from handing a block over to its playing.
     margin_samples : int
@@ -101,13 +103,18 @@ class Played:
     accel_m_s2: FloatArray
     start: int
     sample_rate_hz: float
-    touched: bool
+    touches: FloatArray
     leads: tuple[int, int]
     margin_samples: int
     underrun_samples: int
     overrun_samples: int
     saturated_samples: int
     retries: int
+
+    @property
+    def touched(self) -> bool:
+        """Whether the touch sensor told of a finger."""
+        return self.touches.size > 0
 
     @property
     def lost_samples(self) -> int:
@@ -143,7 +150,8 @@ def play(backend: Backend, drive_v: FloatArray, block_samples: int) -> Played:
     padded = np.zeros(-(-wanted // block_samples) * block_samples)
     padded[: drive_v.size] = drive_v
     patient = RetryingBackend(backend, time.monotonic_ns)
-    with interrupt_put_off() as interrupted, patient:
+    # Before the clock starts: what the collector would take, no lead holds out.
+    with interrupt_put_off() as interrupted, garbage_collection_off(), patient:
         if np.any(drive_v):
             patient.arm()
         exchanges = []
@@ -180,6 +188,12 @@ def joined(exchanges: list[Exchange], sample_rate_hz: float, retries: int) -> Pl
         at = each.play_sample - first
         room = applied[at : at + each.applied_v.size]
         room[:] = each.applied_v[: room.size]
+    reports = {
+        touch.measured_sample - first: (touch.x_mm, touch.y_mm)
+        for each in exchanges
+        for touch in each.touches
+        if touch.in_contact
+    }
     leads = [each.play_sample - each.first_sample for each in exchanges]
     return Played(
         applied_v=applied,
@@ -188,7 +202,7 @@ def joined(exchanges: list[Exchange], sample_rate_hz: float, retries: int) -> Pl
         accel_m_s2=accel,
         start=exchanges[0].play_sample - first,
         sample_rate_hz=sample_rate_hz,
-        touched=any(touch.in_contact for each in exchanges for touch in each.touches),
+        touches=np.array([(at, *reports[at]) for at in sorted(reports)]).reshape(-1, 3),
         leads=(min(leads), max(leads)),
         margin_samples=min(each.margin_samples for each in exchanges),
         underrun_samples=sum(each.underrun_samples for each in exchanges),

@@ -169,8 +169,10 @@ def _lost(played: Played, lead_samples: int, block: int) -> list[Finding]:
             f"{played.overrun_samples} sensed samples were lost"
         )
         remarks.append(Finding("fail", what, to_do))
-    elif played.margin_samples < block:
-        what = f"{played.margin_samples} samples of margin were left, less than a block"
+    elif played.margin_samples < (enough := min(block, lead_samples // 3)):
+        what = (
+            f"{played.margin_samples} samples of margin were left; {enough} or more are wanted"
+        )
         remarks.append(Finding("warn", what, to_do))
     if played.leads != (lead_samples, lead_samples):
         what = (

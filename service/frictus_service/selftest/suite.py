@@ -1,7 +1,7 @@
 """The tests of a rig, one after another. Each opens it, and leaves it closed, at zero."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final
 
@@ -10,7 +10,7 @@ import numpy as np
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Backend
 from frictus_hardware.errors import HardwareError, SensorError
-from frictus_service.selftest import loop_back, noise, orientation, step
+from frictus_service.selftest import loop_back, noise, orientation, step, strokes
 from frictus_service.selftest.playing import PEAK_V, Played, play
 from frictus_service.selftest.report import Outcome
 
@@ -33,10 +33,13 @@ class RigUnderTest:
         Not open, and nobody else drives it.
     block_samples : int
         Samples of one block.
+    stroked : Backend or None
+        A simulated rig with the finger that strokes it; None: a person is asked to.
     """
 
     backend: Backend
     block_samples: int
+    stroked: Backend | None = None
 
     @property
     def peak_v(self) -> float:
@@ -69,6 +72,7 @@ def run_tests(rig: RigUnderTest, ask: Ask | None = None) -> Iterator[Outcome]:
     }
     for sensor in SENSORS:
         tests[f"orientation, {sensor}"] = partial(measure_orientation, rig, sensor, ask)
+    tests[strokes.TEST] = partial(measure_strokes, rig, ask)
     lost = False
     for name, measure in tests.items():
         if lost:
@@ -113,6 +117,21 @@ def measure_orientation(rig: RigUnderTest, sensor: str, ask: Ask | None) -> Outc
             return Outcome(name, "skip", "nobody tapped")
         taps.append(SENSORS[sensor](rig.listen(orientation.SECONDS)))
     return orientation.judge_orientation(sensor, taps)
+
+
+def measure_strokes(rig: RigUnderTest, ask: Ask | None) -> Outcome:
+    """Have a finger stroke, at zero drive, and compare what the sensors say of it."""
+    backend = rig.stroked or rig.backend
+    if rig.stroked is None:
+        if rig.backend.info.simulated:
+            return Outcome(strokes.TEST, "skip", "no finger strokes the simulated screen")
+        if ask is None:
+            found = "nobody is asked to stroke when not run on a terminal"
+            return Outcome(strokes.TEST, "skip", found)
+        if not ask(strokes.REQUEST):
+            return Outcome(strokes.TEST, "skip", "nobody stroked")
+    played = replace(rig, backend=backend).listen(strokes.SECONDS)
+    return strokes.judge_strokes(played, backend.info.touch_latency_s)
 
 
 def _to_do(error: HardwareError) -> str:

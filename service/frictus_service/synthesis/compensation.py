@@ -51,16 +51,21 @@ class Ranges:
         The screen.
     minutes : tuple of float
         No session lasts longer; a drift goes on without end only in its equation.
+    speed_mm_s : tuple of float
+        All speeds, for a law confines them itself; or one alone, which is then taken for the
+        finger's.
     """
 
     force_n: tuple[float, float] = (0.2, 0.6)
     x_mm: tuple[float, float] = (0.0, 70.0)
     minutes: tuple[float, float] = (0.0, 30.0)
+    speed_mm_s: tuple[float, float] = (-np.inf, np.inf)
 
     def confine(self, circumstances: SlidingConditions) -> SlidingConditions:
         """Return the nearest circumstances within the ranges."""
         return replace(
             circumstances,
+            speed_mm_s=np.clip(circumstances.speed_mm_s, *self.speed_mm_s),
             normal_force_n=np.clip(circumstances.normal_force_n, *self.force_n),
             position_mm=np.clip(circumstances.position_mm, *self.x_mm),
             minutes=np.clip(circumstances.minutes, *self.minutes),

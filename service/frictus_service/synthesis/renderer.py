@@ -12,8 +12,8 @@ from frictus_hardware.errors import HardwareError
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis import kernel
-from frictus_service.synthesis.compensation import Invertible, as_inverse
-from frictus_service.synthesis.compensator import Inverter
+from frictus_service.synthesis.compensation import Inverse, Invertible, as_inverse
+from frictus_service.synthesis.compensator import Ends, Inverter
 from frictus_service.synthesis.estimator import FingerEstimator, PredictedMotion
 from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.scene import CompiledExcitation, CompiledScene, compile_scene
@@ -84,6 +84,7 @@ class Renderer:
         self._screen = screen
         self._rate_hz = sample_rate_hz
         self._inverter = Inverter(inverse, sample_rate_hz, block_samples, began_sample)
+        self._next_inverter: Inverter | None = None
         self._scene: Playable = scene or compile_scene(Scene(), inverse, screen, sample_rate_hz)
         self._next_scene: Playable | None = None
         self._waiting: Playable | None = None
@@ -94,6 +95,7 @@ class Renderer:
         self._target_moved = np.zeros(block_samples + 1)
         self._drive = np.zeros(block_samples)
         self._drive_next = np.zeros(block_samples)
+        self._drive_inverted = np.zeros(block_samples)
         self._voltage = np.zeros(block_samples)
         nothing = np.zeros(block_samples)
         self._silence = Rendered(nothing, nothing, np.full(block_samples, np.nan), 0, 0, 0.0)
@@ -114,6 +116,19 @@ class Renderer:
             return
         self._next_scene = scene
         self._share = 0.0
+
+    def set_inverse(self, inverse: Inverse) -> None:
+        """Undo something else from now on; the drive cross-fades over the next block.
+
+        The scenes stay as they were compiled. Of what is set before a block the newest wins.
+
+        Parameters
+        ----------
+        inverse : Inverse
+            Such as `inverse_in_mode` returns.
+        """
+        began_sample = self._inverter.began_sample
+        self._next_inverter = Inverter(inverse, self._rate_hz, self._drive.size, began_sample)
 
     def render(
         self,
@@ -144,13 +159,17 @@ class Renderer:
             self._scene,
             self._next_scene,
             self._waiting,
+            self._inverter,
+            self._next_inverter,
         )
         if self._level == 0.0:
             self._inverter.settle()
             if not allow:
                 self._go_on_fading()
+                self._change_inverter()
                 return self._silence
         clipped, extrapolated = self._compose(first_sample, course)
+        self._change_inverter()
         self._go_on_fading()
         # A little steeper, so that rounding does not cost a block more.
         step = (1.0 + 1e-9) / ((RELEASE_S if lifted else RAMP_S) * self._rate_hz)
@@ -174,7 +193,15 @@ class Renderer:
 
     def take_back(self) -> None:
         """Undo the last block, which was not played: ramp and fades go on from before it."""
-        self._level, self._share, self._scene, self._next_scene, self._waiting = self._before
+        (
+            self._level,
+            self._share,
+            self._scene,
+            self._next_scene,
+            self._waiting,
+            self._inverter,
+            self._next_inverter,
+        ) = self._before
 
     def _compose(self, first_sample: int, course: PredictedMotion) -> tuple[int, int]:
         """Write the drive, all fades included; return clipped and extrapolated samples.
@@ -191,7 +218,7 @@ class Renderer:
             self._trace(coming, course, first_sample, self._target_next)
             kernel.mix(self._target, self._target_next, self._share, step)
             bias_n = self._bias_n(scene, coming, step)
-            return self._inverter.drive(first_sample, course, bias_n, self._target, self._drive)
+            return self._invert(first_sample, course, bias_n, self._drive)
         before = self._drive_of(scene, first_sample, course, self._drive)
         after = self._drive_of(coming, first_sample, course, self._drive_next)
         kernel.mix_drive(self._drive, self._drive_next, self._share, step)
@@ -220,7 +247,7 @@ class Renderer:
         if isinstance(scene, CompiledScene):
             self._trace(scene, course, first_sample, self._target)
             steady = scene.arrays.bias_n, scene.arrays.bias_n
-            return self._inverter.drive(first_sample, course, steady, self._target, out)
+            return self._invert(first_sample, course, steady, out)
         kernel.excite(
             scene.table,
             scene.hz,
@@ -233,9 +260,24 @@ class Renderer:
         self._target[:] = np.nan
         return 0, 0
 
-    def _bias_n(
-        self, scene: CompiledScene, coming: CompiledScene, step: float
-    ) -> tuple[float, float]:
+    def _invert(
+        self, first_sample: int, course: PredictedMotion, bias_n: Ends, out: FloatArray
+    ) -> tuple[int, int]:
+        """Write the drive that the target asks for, fading to the next inverter if any."""
+        now = self._inverter.drive(first_sample, course, bias_n, self._target, out)
+        if self._next_inverter is None:
+            return now
+        other = self._drive_inverted
+        then = self._next_inverter.drive(first_sample, course, bias_n, self._target, other)
+        kernel.mix_drive(out, other, 0.0, 1.0 / out.size)
+        return max(now[0], then[0]), max(now[1], then[1])
+
+    def _change_inverter(self) -> None:
+        """Have the next inverter alone from the next block on."""
+        if self._next_inverter is not None:
+            self._inverter, self._next_inverter = self._next_inverter, None
+
+    def _bias_n(self, scene: CompiledScene, coming: CompiledScene, step: float) -> Ends:
         """Return the bias while one scene fades into another, at both ends of the block."""
         before, after = scene.arrays.bias_n, coming.arrays.bias_n
         end = min(self._share + self._drive.size * step, 1.0)

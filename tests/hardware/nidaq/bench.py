@@ -5,7 +5,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 
 import numpy as np
-from tests.hardware.nidaq.fake_device import FakeDevice, Plant
+from tests.hardware.nidaq.fake_device import PCIE, FakeDevice, Plant
 from tests.hardware.nidaq.fake_server import FakeServer
 
 from frictus_hardware.arrays import FloatArray
@@ -170,10 +170,14 @@ BenchMaker = Callable[..., Bench]
 
 
 def make_bench(
-    stack: ExitStack, plant: Plant = loop_back, record: bool = False, **changes: object
+    stack: ExitStack,
+    plant: Plant = loop_back,
+    record: bool = False,
+    bus: int = PCIE,
+    **changes: object,
 ) -> Bench:
     """Return a bench whose rig is not open yet; the stack closes it."""
-    server = stack.enter_context(FakeServer(FakeDevice(plant, record=record)))
+    server = stack.enter_context(FakeServer(FakeDevice(plant, record=record, bus=bus)))
     patience = {"deadline_s": 20.0}  # a busy machine shall not spoil a test
     config = wiring(address=server.address, **(patience | changes))
     touch = FingerTouch(SimulatedConfig(touch=TouchConfig()))

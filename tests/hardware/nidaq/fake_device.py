@@ -26,6 +26,12 @@ EXPIRED = -200990
 """Made up: what the driver says of a watchdog that has expired is not known here."""
 NOT_YET, FULL, NO_DEVICE, NO_CHANNEL = -200284, -200292, -200220, -200170
 TOO_FAST, BEYOND_RANGE, RESERVED, BAD_VALUE = -200081, -200561, -50103, -200077
+NO_SETTING = -200452
+
+
+PCIE, USB = 13612, 12586
+EMPTY, HALF_FULL, NOT_FULL = 10235, 10239, 10242
+"""When output is moved from the computer's buffer to the device's memory."""
 
 
 class FakeDaqError(Exception):
@@ -46,6 +52,7 @@ class FakeTask:
     clock: str = ""
     regenerates: bool = True
     buffer: int = 0
+    transfer: int = HALF_FULL
     running: bool = False
     error: int = 0
     queue: FloatArray = field(default_factory=lambda: np.zeros(0))
@@ -72,8 +79,10 @@ class FakeDevice:
         name: str = "Dev1",
         record: bool = False,
         at_one_time: bool = False,
+        bus: int = PCIE,
     ) -> None:
         self.name = name
+        self.bus = bus
         self.at_one_time = at_one_time
         """Whether it has a converter for each channel, as some devices have."""
         self.present = True
@@ -174,6 +183,12 @@ class FakeDevice:
         if task.kind == "ai" and rate_hz * len(task.channels) > MAX_CONVERSIONS_HZ:
             raise FakeDaqError(TOO_FAST)
         task.rate_hz, task.clock, task.buffer = rate_hz, source, buffer
+
+    def set_transfer(self, task: FakeTask, condition: int) -> None:
+        """Choose when output is moved; on USB the driver does it in its own way."""
+        if self.bus == USB:
+            raise FakeDaqError(NO_SETTING)
+        task.transfer = condition
 
     def start(self, task: FakeTask) -> None:
         self.require(self.name)

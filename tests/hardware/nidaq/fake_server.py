@@ -37,7 +37,8 @@ HARMLESS = (-200284, -200292)
 
 _DEVICE_NAMES, _PRODUCT, _INPUTS, _OUTPUTS = 0x193B, 0x631, 0x231E, 0x231F
 _INPUT_RATE, _OUTPUT_RATE, _INPUT_RANGES, _OUTPUT_RANGES = 0x298D, 0x2997, 0x2990, 0x299B
-_SIMULTANEOUS, _TERMINALS = 0x298F, 0x2342
+_SIMULTANEOUS, _TERMINALS, _BUS = 0x298F, 0x2342, 0x2326
+_TRANSFER_CONDITION = 0x183C
 _REGENERATION, _REGENERATES = 0x1453, 10097
 _ACQUIRED, _CONVERSION_RATE, _TASK_NAME = 0x192A, 0x1848, 0x1276
 _GROUP_BY_CHANNEL = 0
@@ -305,6 +306,18 @@ class FakeServicer(services.NiDAQmxServicer):  # type: ignore[misc]
         self.device.require(request.device_name)
         assert request.attribute_raw == _SIMULTANEOUS
         return messages.GetDeviceAttributeBoolResponse(value=self.device.at_one_time)
+
+    @served
+    def GetDeviceAttributeInt32(self, request: Any, context: Any) -> Any:
+        self.device.require(request.device_name)
+        assert request.attribute_raw == _BUS
+        return messages.GetDeviceAttributeInt32Response(value_raw=self.device.bus)
+
+    @served
+    def SetChanAttributeInt32(self, request: Any, context: Any) -> Any:
+        assert request.attribute_raw == _TRANSFER_CONDITION
+        self.device.set_transfer(self._task(request), request.value_raw)
+        return messages.SetChanAttributeInt32Response()
 
     @served
     def GetPhysicalChanAttributeInt32(self, request: Any, context: Any) -> Any:

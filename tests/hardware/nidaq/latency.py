@@ -101,7 +101,8 @@ def _played(config: NiConfig, arrivals: Sequence[Arrival]) -> FloatArray:
             chain = Chain(rig, FingerEstimator(RATE_HZ), renderer, block)
             for _ in range((arrivals[-1].sample + config.lead_samples) // block):
                 chain.step(True)
-            return server.device.played_v.copy()
+            before = max(config.start_samples - config.device_lead_samples, 0)
+            return server.device.played_v[before:].copy()
 
 
 def configured(block_ms: float, lead_ms: float) -> NiConfig:

@@ -157,6 +157,15 @@ int DAQmxSetBufferAttribute(Task *task, int attribute, ...) {
     (void)task, (void)attribute;
     return 0;
 }
+int DAQmxSetChanAttribute(Task *task, const char *channel, int attribute, ...) {
+    (void)task, (void)channel, (void)attribute;
+    return 0;
+}
+int DAQmxGetDeviceAttribute(const char *device, int attribute, int *value) {
+    (void)attribute;
+    *value = 13612; /* PCI Express */
+    return strcmp(device, "Dev1") ? NO_DEVICE : 0;
+}
 int DAQmxGetSystemInfoAttribute(int attribute, uint32_t *value) {
     (void)attribute;
     *value = 25;

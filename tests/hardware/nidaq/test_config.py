@@ -22,8 +22,13 @@ from frictus_hardware.nidaq.config import Inputs
         ("sample_rate_hz", 0.0),
         ("block_ms", np.inf),
         ("lead_ms", -1.0),
-        ("lead_ms", 12.0),  # less than a block beside the reserve
+        ("lead_ms", 0.9),
         ("reserve_ms", -0.1),
+        ("reserve_ms", 30.0),  # nothing is left in the device
+        ("reserve_ms", 1_001.0),
+        ("max_lead_ms", 29.9),  # less than the lead
+        ("max_lead_ms", np.nan),
+        ("max_lead_ms", 1_001.0),
         ("deadline_s", 0.0),
         ("device", "Dev1/ai0"),
         ("device", ""),
@@ -49,6 +54,50 @@ def test_the_lead_is_what_is_in_the_device_and_the_reserve() -> None:
     assert config.block_samples == 40
     assert config.channels == tuple(f"ai{index}" for index in range(10))
     assert config.peak_output_v == 1.5
+
+
+@pytest.mark.parametrize(
+    ("lead_ms", "reserve", "piece"),
+    [(2.0, 13, 27), (5.0, 33, 67), (10.0, 67, 100), (20.0, 133, 100), (60.0, 200, 100)],
+)
+def test_a_short_lead_is_all_that_need_be_configured(
+    lead_ms: float, reserve: int, piece: int
+) -> None:
+    config = wiring(lead_ms=lead_ms)
+    assert config.reserve_samples == reserve
+    assert config.block_samples == piece <= config.device_lead_samples
+    assert config.buffer_samples >= 2 * (400 + piece)
+
+
+def test_a_lead_that_cannot_hold_names_what_does_not_fit() -> None:
+    with pytest.raises(ConfigError) as raised:
+        wiring(lead_ms=12.0, reserve_ms=10.0, block_ms=5.0)
+    assert str(raised.value) == (
+        "lead_ms = 12 less reserve_ms = 10 ms leaves 2 ms in the device, less than a piece of "
+        "5 ms that is written at once: raise lead_ms, or lower reserve_ms or transfer_ms "
+        "(block_ms)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("lead_ms", "fits"), [(2.0, False), (5.0, False), (7.4, False), (7.6, True), (30.0, True)]
+)
+def test_on_usb_a_part_of_5_ms_has_to_be_in_the_device(lead_ms: float, fits: bool) -> None:
+    wrong = wiring(lead_ms=lead_ms).too_short_for_usb
+    assert (wrong is None) == fits
+    assert wrong is None or f"lead_ms = {lead_ms:g}" in wrong
+
+
+@pytest.mark.parametrize(
+    ("lead_ms", "max_lead_ms", "longest"),
+    [(30.0, None, 600), (15.0, None, 400), (15.0, 15.0, 300), (15.0, 40.0, 800)],
+)
+def test_a_short_lead_may_grow_to_20_ms_or_as_configured(
+    lead_ms: float, max_lead_ms: float | None, longest: int
+) -> None:
+    config = wiring(lead_ms=lead_ms, max_lead_ms=max_lead_ms, reserve_ms=10.0)
+    assert config.max_lead_samples == longest
+    assert config.max_device_lead_samples == longest - 200
 
 
 def test_linear_conversion_undoes_the_sensors(rng: np.random.Generator) -> None:

@@ -20,6 +20,7 @@ from frictus_hardware.errors import (
     LinkLostError,
     StreamLostError,
     TransientError,
+    UnderrunError,
 )
 from frictus_hardware.nidaq.backend import NiRig, reset
 from frictus_hardware.nidaq.config import Inputs
@@ -27,7 +28,8 @@ from frictus_hardware.nidaq.driver import UnlistedFaultError
 
 READ, WRITE, COUNT = "ReadAnalogF64", "WriteAnalogF64", "GetReadAttributeUInt64"
 LOST: list[tuple[int, type[HardwareError]]] = [
-    *((code, StreamLostError) for code in (-200290, -200279, -200361, -200018, -200621)),
+    *((code, UnderrunError) for code in (-200290, -200018, -200621)),
+    *((code, StreamLostError) for code in (-200279, -200361)),
     *((code, DeviceLostError) for code in (-88709, -88710, -50405, -200045, -200088)),
     (-200561, ConfigError),
     (-209999, UnlistedFaultError),

@@ -9,13 +9,15 @@ from frictus_hardware.errors import (
     LinkLostError,
     StreamLostError,
     TransientError,
+    UnderrunError,
 )
 from frictus_hardware.nidaq.driver import UnlistedFaultError, fault_of_code, fault_of_status
 
 ROWS: list[tuple[type[HardwareError], list[int]]] = [
     (ConfigError, [-200220, -200561]),
     (TransientError, [-200284, -200292]),
-    (StreamLostError, [-200290, -200279, -200361, -200018, -200621]),
+    (StreamLostError, [-200279, -200361]),
+    (UnderrunError, [-200290, -200018, -200621]),
     (DeviceLostError, [-88709, -88710, -50405, -200045, -200088]),
 ]
 

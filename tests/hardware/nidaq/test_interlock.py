@@ -64,7 +64,7 @@ def test_a_fault_opens_it_at_once(bench: Bench) -> None:
     ("interlock", "words"),
     [
         (InterlockLine("line0"), "interlock.line = 'line0'"),
-        (InterlockLine(timeout_ms=30.0), "more than lead and block"),
+        (InterlockLine(timeout_ms=30.0), "more than the longest lead and a block"),
         (InterlockLine(timeout_ms=5.0), "interlock.timeout_ms = 5"),
     ],
 )

@@ -222,7 +222,11 @@ def test_saturated_accelerations_are_counted(make: Maker) -> None:
         ('kind = "pointer"', 'kind = "mouse"', ["backend.touch", "'neonode'", "'pointer'"]),
         ('[["x", 180.0]]', '[["w", 180.0]]', ["backend.accel.rotation", "'w'"]),
         ("deadline_s = 20.0", "screen_peak_v = 80.0", ["screen_peak_v = 80"]),
-        ("deadline_s = 20.0", "lead_ms = 12.0", ["lead_ms = 12", "raise lead_ms"]),
+        (
+            "deadline_s = 20.0",
+            "lead_ms = 12.0\nreserve_ms = 12.0",
+            ["lead_ms = 12", "raise lead_ms"],
+        ),
     ],
 )
 def test_what_does_not_fit_is_named(

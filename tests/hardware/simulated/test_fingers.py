@@ -7,11 +7,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from pydantic import TypeAdapter
+from pydantic import TypeAdapter, ValidationError
 from tests.plain import plain
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError
+from frictus_hardware.simulated.circles import Circles
 from frictus_hardware.simulated.config import FingerConfig
 from frictus_hardware.simulated.guided import ClientFinger, PointerFinger
 from frictus_hardware.simulated.human import (
@@ -29,6 +30,7 @@ from frictus_hardware.simulated.human import (
 from frictus_hardware.simulated.kernels import LIFT_RAMP_S, add_sinusoids
 from frictus_hardware.simulated.motion import Finger, Press, Wander
 from frictus_hardware.simulated.strokes import SinusoidalStrokes, SteadyStrokes
+from frictus_hardware.simulated.taps import PLACES, Taps
 
 SCREEN_MM = (70.0, 35.0)
 Start = Callable[[tuple[float, float], np.random.Generator], Finger]
@@ -38,6 +40,10 @@ ALONE = [
     SinusoidalStrokes(),
     HumanStrokes(),
     HumanStrokes(lift_probability=0.5, tremor_mm=0.2, drift_mm=20.0),
+    Circles(),
+    Circles(speed_mm_s=100.0, radius_mm=17.5, turns=1, ramp_s=0.1, rest_s=0.0),
+    Taps(),
+    Taps(contact_s=0.06, ramp_s=0.02, lift_s=0.1, reach_mm=31.0),
 ]
 
 
@@ -67,6 +73,7 @@ def test_always_on_the_screen_and_pressing(start: Start, rng: np.random.Generato
     motion = start(SCREEN_MM, rng).at(np.arange(0.0, 2.2 * LOOP_S, 0.01))
     assert np.all((motion.position_mm >= 0.0) & (motion.position_mm <= SCREEN_MM))
     assert np.all((motion.normal_force_n > 0.0) == motion.in_contact)
+    assert np.any(motion.in_contact)
     assert np.max(motion.normal_force_n) < 1.0
 
 
@@ -125,15 +132,138 @@ def test_sinusoidal_strokes_have_their_peak_speed_and_span() -> None:
     assert np.ptp(motion.position_mm[:, 0]) == pytest.approx(40.0, rel=1e-4)
 
 
+def test_a_circle_has_its_radius_and_speed_between_ramps_from_rest_to_rest() -> None:
+    circles = Circles(speed_mm_s=60.0, radius_mm=10.0, turns=3, ramp_s=0.2, rest_s=0.5)
+    finger = circles.start(SCREEN_MM, np.random.default_rng(0))
+    way_mm = 3 * 2.0 * np.pi * 10.0
+    run_s = way_mm / 60.0 + 0.2
+    step_s = 1e-4
+    time_s = np.arange(0.0, 2.0 * (run_s + 0.5), step_s)
+    motion = finger.at(time_s)
+    offset = motion.position_mm - [35.0, 17.5]
+    np.testing.assert_allclose(np.hypot(*offset.T), 10.0, rtol=1e-12)
+    speed = np.hypot(*motion.velocity_mm_s.T)
+    there = time_s % (run_s + 0.5)
+    cruise = (there > 0.2) & (there < run_s - 0.2)
+    np.testing.assert_allclose(speed[cruise], 60.0, rtol=1e-12)
+    assert np.all(speed[there > run_s] == 0.0), "it rests"
+    assert speed[0] == 0.0
+    assert np.all(speed <= 60.0 + 1e-9)
+    # As far as it was meant to, and back the other way round.
+    first = there == time_s
+    assert np.sum(speed[first]) * step_s == pytest.approx(way_mm, rel=1e-4)
+    turned = (
+        offset[:, 0] * motion.velocity_mm_s[:, 1] - offset[:, 1] * motion.velocity_mm_s[:, 0]
+    )
+    assert np.all(turned[first] >= 0.0)
+    assert np.all(turned[~first] <= 0.0)
+    np.testing.assert_allclose(finger.at(np.array([run_s])).position_mm, [[45.0, 17.5]])
+    # Of v = V (10 u³ - 15 u⁴ + 6 u⁵): at most 1.875 V / T along the circle, beside V² / R.
+    gained = np.abs(np.diff(speed)) / step_s
+    assert np.max(gained) == pytest.approx(1.875 * 60.0 / 0.2, rel=1e-3)
+    turn = np.hypot(*np.diff(motion.velocity_mm_s, axis=0).T) / step_s
+    assert np.median(turn[cruise[1:]]) == pytest.approx(60.0**2 / 10.0, rel=1e-3)
+
+
+def test_a_circle_of_ramps_alone_reaches_its_speed_once() -> None:
+    circles = Circles(speed_mm_s=20.0 * np.pi, radius_mm=10.0, turns=1, ramp_s=1.0, rest_s=0.0)
+    finger = circles.start(SCREEN_MM, np.random.default_rng(0))
+    motion = finger.at(np.array([0.0, 0.5, 1.0, 1.5, 2.0]))
+    speed = np.hypot(*motion.velocity_mm_s.T)
+    np.testing.assert_allclose(
+        speed, 20.0 * np.pi * np.array([0.0, 0.5, 1.0, 0.5, 0.0]), atol=1e-9
+    )
+    np.testing.assert_allclose(motion.position_mm[2], [25.0, 17.5], atol=1e-9)
+
+
+def test_a_tap_has_its_force_and_least_jerk() -> None:
+    press = Press(target_n=0.8, wander_n=0.0)
+    taps = Taps(contact_s=0.2, ramp_s=0.05, lift_s=0.3, press=press)
+    finger = taps.start(SCREEN_MM, np.random.default_rng(3))
+    step_s = 1e-5
+    time_s = np.arange(0.0, 1.0, step_s)
+    motion = finger.at(time_s)
+    there = time_s % 0.5
+    force = motion.normal_force_n
+    held = (there > 0.05) & (there < 0.15)
+    np.testing.assert_allclose(force[held], 0.8, rtol=1e-12)
+    assert np.all(force[there > 0.2 + step_s] == 0.0)
+    assert np.max(force) <= 0.8
+    assert finger.at(np.array([0.025])).normal_force_n[0] == pytest.approx(0.4)
+    # Of s = 10 u³ - 15 u⁴ + 6 u⁵: at most 1.875 F / T and 60 F / T³ (which holds at the ends).
+    assert np.max(np.abs(np.diff(force))) / step_s == pytest.approx(
+        1.875 * 0.8 / 0.05, rel=1e-3
+    )
+    ramp = finger.at(np.arange(0.0, 0.05, 1e-4)).normal_force_n
+    jerk = np.abs(np.diff(ramp, 3)) / 1e-4**3
+    assert np.max(jerk) <= 60.0 * 0.8 / 0.05**3
+    assert np.max(jerk) == pytest.approx(60.0 * 0.8 / 0.05**3, rel=0.03)
+
+
+def test_a_tap_rests_where_it_lands_and_moves_above_the_screen() -> None:
+    taps = Taps(contact_s=0.2, lift_s=0.3, reach_mm=20.0)
+    finger = taps.start(SCREEN_MM, np.random.default_rng(4))
+    motion = finger.at(np.arange(0.0, 0.5 * PLACES, 1e-3))
+    speed = np.hypot(*motion.velocity_mm_s.T)
+    assert np.all(speed[motion.in_contact] < 1e-9)
+    assert speed[0] == 0.0
+    assert np.mean(motion.in_contact) == pytest.approx(0.4, abs=0.01)
+    assert np.all(np.abs(motion.position_mm - [35.0, 17.5]) <= 10.0)
+    landed = motion.position_mm[100::500]
+    np.testing.assert_allclose(landed, finger.places_mm, atol=1e-12)
+    assert np.std(landed) > 2.0
+    middle = motion.velocity_mm_s[350::500]  # of least jerk: 1.875 of the mean speed
+    way = np.roll(finger.places_mm, -1, axis=0) - finger.places_mm
+    np.testing.assert_allclose(middle, 1.875 * way / 0.3, rtol=1e-9, atol=1e-9)
+
+
+def test_taps_may_all_be_at_one_place() -> None:
+    finger = Taps(reach_mm=0.0).start(SCREEN_MM, np.random.default_rng(0))
+    motion = finger.at(np.arange(0.0, 3.0, 0.01))
+    np.testing.assert_allclose(motion.position_mm, [[35.0, 17.5]] * 300)
+    assert not motion.velocity_mm_s.any()
+
+
+def test_ramps_that_do_not_fit_a_tap_are_refused() -> None:
+    with pytest.raises(ConfigError, match=r"lower ramp_s to 0\.05 or raise contact_s"):
+        Taps(contact_s=0.1, ramp_s=0.06).start(SCREEN_MM, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"kind": "circle", "speed_mm_s": 0.0},
+        {"kind": "circle", "radius_mm": float("nan")},
+        {"kind": "circle", "turns": 0},
+        {"kind": "circle", "turns": 1.5},
+        {"kind": "circle", "rest_s": -0.1},
+        {"kind": "circle", "span_mm": 10.0},
+        {"kind": "tap", "contact_s": 0.0},
+        {"kind": "tap", "ramp_s": 0.001},
+        {"kind": "tap", "lift_s": float("inf")},
+        {"kind": "tap", "reach_mm": -1.0},
+        {"kind": "tap", "press": {"target_n": 6.0}},
+    ],
+)
+def test_circles_and_taps_that_cannot_be_are_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(ValidationError):
+        TypeAdapter(FingerConfig).validate_python(wrong)
+
+
 @pytest.mark.parametrize(
     "strokes",
     [
         SteadyStrokes(span_mm=80.0),
         SteadyStrokes(span_mm=10.0, speed_mm_s=100.0, reversal_s=0.5),
         SinusoidalStrokes(span_mm=71.0),
+        Circles(radius_mm=17.6),
+        Circles(turns=1, radius_mm=1.0, ramp_s=0.2),
+        Taps(reach_mm=31.1),
     ],
 )
-def test_strokes_that_do_not_fit_are_refused(strokes: SteadyStrokes) -> None:
+def test_strokes_that_do_not_fit_are_refused(
+    strokes: SteadyStrokes | SinusoidalStrokes | Circles | Taps,
+) -> None:
     with pytest.raises(ConfigError, match="mm"):
         strokes.start(SCREEN_MM, np.random.default_rng(0))
 
@@ -240,7 +370,7 @@ def test_pointer_refuses_what_is_no_point(point: tuple[float, float, float]) -> 
         pointer().push(x, y, True, force)
 
 
-@pytest.mark.parametrize("kind", ["steady", "sinusoidal", "human", "client"])
+@pytest.mark.parametrize("kind", ["steady", "sinusoidal", "human", "circle", "tap", "client"])
 def test_a_configuration_names_the_kind(kind: str) -> None:
     read: FingerConfig = TypeAdapter(FingerConfig).validate_python({"kind": kind})
     assert read.kind == kind

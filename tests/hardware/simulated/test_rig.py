@@ -125,6 +125,9 @@ def test_opened_by_its_configuration() -> None:
     [
         {"lead_ms": 0.0},
         {"lead_ms": float("nan")},
+        {"max_lead_ms": 19.0},
+        {"max_lead_ms": 1_001.0},
+        {"max_lead_ms": float("inf")},
         {"sample_rate_hz": "20000"},
         {"screen_peak_v": 400.0},
         {"clock": -1.0},

@@ -13,9 +13,11 @@ import zenoh
 from fastapi.testclient import TestClient
 from zenoh import ext
 
+from frictus.compensation import BY_MODEL, Compensation
 from frictus.keys import CALLS, RigKeys, Topic, Topics
 from frictus.messages import (
     Applied,
+    CompensationRequest,
     Counters,
     Fault,
     Message,
@@ -85,6 +87,7 @@ class FakeRig:
     """Does what it is asked, and does not answer."""
     publishes: bool = True
     owner: str | None = None
+    compensation: Compensation = BY_MODEL
     calls: list[tuple[str, Request]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -135,7 +138,8 @@ class FakeRig:
             self._publishers[topic.suffix].put(message.to_json())
 
     def tell(self, **changes: Any) -> None:
-        self.publish(Topics.STATUS, status(self.name, owner=self.owner, **changes))
+        said = {"owner": self.owner, "compensation": self.compensation, **changes}
+        self.publish(Topics.STATUS, status(self.name, **said))
 
     def trip(self) -> None:
         fault = Fault(kind="safety", reason="monitor", utc_ns=1, action="reset")
@@ -178,6 +182,13 @@ class FakeRig:
             etag = f"m{self.count}"
             self.publish(Topics.MODEL, ModelState(etag=etag, model=model.model))
             return Reply(ok=True, etag=etag)
+        if call == "compensation":
+            asked = CompensationRequest.model_validate_json(payload)
+            self.calls.append((call, asked))
+            self.compensation = asked.compensation
+            answered_ns = time.time_ns()
+            self.tell(utc_ns=answered_ns, state="armed")
+            return Reply(ok=True, compensation=asked.compensation, utc_ns=answered_ns)
         self.calls.append((call, Request.model_validate_json(payload)))
         return Reply(ok=True, state="stopping" if call == "stop" else "disarmed")
 

@@ -23,6 +23,7 @@ def test_rigs(api: TestClient, rig: Any) -> None:
     assert found["frictus_rig_up", frozenset(which)] == 1.0
     assert found["frictus_rig_blocks_total", frozenset(which)] == 1234.0
     assert found["frictus_rig_underruns_total", frozenset(which)] == 2.0
+    assert found["frictus_rig_lead_growths_total", frozenset(which)] == 0.0
     assert found["frictus_rig_loop_lateness_p99_seconds", frozenset(which)] == 0.0
     assert found["frictus_rig_state", frozenset({*which, ("state", "disarmed")})] == 1.0
     assert found["frictus_rig_state", frozenset({*which, ("state", "armed")})] == 0.0

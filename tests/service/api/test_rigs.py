@@ -43,7 +43,7 @@ def test_status_is_the_newest(api: TestClient, rig: Any) -> None:
 
 
 def test_absent_rig_is_404(api: TestClient, rig: Any) -> None:
-    for path in ("", "/time", "/scene", "/applied", "/model"):
+    for path in ("", "/time", "/scene", "/applied", "/compensation", "/model"):
         answer = api.get(f"/v1/rigs/nobody{path}")
         assert answer.status_code == 404
         assert answer.json()["code"] == "no_rig"
@@ -99,6 +99,58 @@ def test_what_is_got_can_be_put(api: TestClient, rig: Any) -> None:
         assert api.get(path).json() == got.json()
 
 
+@pytest.mark.parametrize(
+    "asked",
+    [{"mode": "none"}, {"mode": "fixed", "speed_mm_s": 60.0}, {"mode": "model"}],
+    ids=str,
+)
+def test_a_compensation_mode_that_is_put_is_got(
+    api: TestClient, rig: Any, asked: dict[str, Any]
+) -> None:
+    path = f"/v1/rigs/{rig.name}/compensation"
+    assert api.get(path).json() == {"mode": "model", "speed_mm_s": None}
+    put = api.put(path, json=asked)
+    assert put.status_code == 200
+    assert put.json() == {"speed_mm_s": None, **asked}
+    assert rig.calls[-1][1].client == "local.rest"
+    assert api.get(path).json() == put.json()  # at once: a GET shows what was PUT
+    assert api.get(f"/v1/rigs/{rig.name}").json()["compensation"] == put.json()
+    assert api.put(path, json=put.json()).status_code == 200, "what is got can be put"
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("", "JSON"),
+        ("{}", "mode"),
+        ('{"mode": "off"}', "'model', 'fixed' or 'none'"),
+        ('{"mode": "fixed"}', "give it"),
+        ('{"mode": "fixed", "speed_mm_s": 0}', "speed_mm_s"),
+        ('{"mode": "fixed", "speed_mm_s": "60"}', "speed_mm_s"),
+        ('{"mode": "fixed", "speed_mm_s": 1e999}', "finite"),
+        ('{"mode": "fixed", "speed_mm_s": NaN}', "finite"),
+        ('{"mode": "none", "speed_mm_s": 60}', "leave it out"),
+        ('{"mode": "none", "speed": 60}', "speed"),
+        ("[" * 100_000, "body"),
+    ],
+)
+def test_what_is_no_compensation_mode_is_refused(
+    api: TestClient, rig: Any, body: str, said: str
+) -> None:
+    path = f"/v1/rigs/{rig.name}/compensation"
+    answer = api.put(path, content=body, headers={"Content-Type": "application/json"})
+    assert answer.status_code == 422
+    assert said in answer.text
+    assert not rig.calls
+    assert api.put(path, content=body).status_code == 415
+
+
+def test_a_mode_needs_the_rig(api: TestClient, rig: Any) -> None:
+    rig.refusal = ("not_armed", "arm the rig first")
+    answer = api.put(f"/v1/rigs/{rig.name}/compensation", json={"mode": "none"})
+    assert (answer.status_code, answer.json()["code"]) == (409, "not_armed")
+
+
 def test_model_keeps_what_newer_writers_add(api: TestClient, rig: Any) -> None:
     path = f"/v1/rigs/{rig.name}/model"
     put = api.put(path, json=MODEL, headers={"If-Match": '"m0"'})
@@ -143,6 +195,7 @@ def test_refusals_keep_their_word(api: TestClient, rig: Any, code: str, status: 
     [
         ("PUT", "scene", SCENE),
         ("PUT", "model", MODEL),
+        ("PUT", "compensation", {"mode": "none"}),
         ("POST", "stop", None),
         ("POST", "reset", None),
     ],
@@ -158,7 +211,11 @@ def test_what_is_not_answered_in_time_has_an_unknown_outcome(
     assert (answer.status_code, answer.json()["code"]) == (504, "outcome_unknown")
     assert [call for call, _ in rig.calls] == [path]  # it was done
     if method == "PUT":  # what follows tells
-        assert api.get(asked).headers["etag"] in ('"s1"', '"m1"')
+        found = api.get(asked)
+        if path == "compensation":
+            assert found.json()["mode"] == "none"
+        else:
+            assert found.headers["etag"] in ('"s1"', '"m1"')
 
 
 def test_what_was_confirmed_and_is_not_published_is_said_to_be_out_of_date(

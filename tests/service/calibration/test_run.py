@@ -134,6 +134,10 @@ def test_a_quick_calibration_makes_rendering_right(
         watching.join()
     assert result.reached
     assert result.precision <= BRIEF.precision
+    sensors = result.details["sensors"]
+    assert sensors["explained"] > 0.9
+    assert abs(sensors["touch_late_s"]) < 3.0 * sensors["touch_late_sd_s"] + 5e-4
+    assert not [note for note in result.notes if "accel" in note or "touch" in note]
     _expect_model(result)
     _expect_guidance(shown, told)
     assert [p.phase for p in told[-2:]] == ["analyse", "done"]

@@ -13,9 +13,11 @@ import zenoh
 from zenoh import ext
 
 from frictus.block import Block, Flag
+from frictus.compensation import BY_MODEL
 from frictus.keys import CALLS, STREAMS, RigKeys, Topic, Topics
 from frictus.messages import (
     Applied,
+    CompensationRequest,
     FingerState,
     Message,
     Reply,
@@ -56,6 +58,7 @@ class FakeRig:
         self.called = threading.Condition()
         self.state: SafetyState = "disarmed"
         self.owner: str | None = None
+        self.compensation = BY_MODEL
         self._over = threading.Event()
         self._waiting: queue.Queue[tuple[str, zenoh.Query] | None] = queue.Queue()
         self._latest: dict[str, Any] = {
@@ -113,6 +116,7 @@ class FakeRig:
             model_etag="m0",
             model_placeholder=False,
             scene_etag="s0",
+            compensation=self.compensation,
         )
         self.publish(Topics.STATUS, said.model_copy(update=changes))
 
@@ -128,8 +132,11 @@ class FakeRig:
                 query.reply(query.key_expr, reply.to_json())
 
     def _reply(self, call: str, payload: bytes) -> Reply:
-        kind = SceneRequest if call == "scene" else Request
-        request = kind.model_validate_json(payload)
+        kinds: dict[str, type[Request]] = {
+            "scene": SceneRequest,
+            "compensation": CompensationRequest,
+        }
+        request = kinds.get(call, Request).model_validate_json(payload)
         with self.called:
             self.calls.append((call, request))
             self.called.notify_all()
@@ -139,13 +146,21 @@ class FakeRig:
             self.state, self.owner = "armed", request.client
         elif call == "disarm":
             self.state, self.owner = "disarmed", None
+        elif isinstance(request, CompensationRequest):
+            self.compensation = request.compensation
         elif isinstance(request, SceneRequest):
             state = SceneState(etag="s1", scene=request.scene, applied=APPLIED)
             self.publish(Topics.SCENE, state)
             if self.trip_after_scene:
                 threading.Timer(0.5, self._trip).start()
         self.tell()
-        return Reply(ok=True, state=self.state, etag="s1", applied=APPLIED)
+        return Reply(
+            ok=True,
+            state=self.state,
+            etag="s1",
+            applied=APPLIED,
+            compensation=self.compensation,
+        )
 
     def _trip(self) -> None:
         self.state, self.owner = "tripped", None

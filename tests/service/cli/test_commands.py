@@ -89,6 +89,31 @@ def test_play_arms_sets_the_scene_reports_and_disarms(
     assert felt[-1]["gaps"] == {}
 
 
+@pytest.mark.parametrize("mode", ["none", "fixed:60", "fixed:37.5"])
+def test_play_in_another_compensation_mode(
+    rig: Any, config: Path, sine: Path, mode: str
+) -> None:
+    result = run("play", sine, "-c", config, "--compensation", mode, "--seconds", 0.8)
+    assert result.exit_code == Exit.OK, result.stderr
+    assert [call for call, _ in rig.calls] == ["arm", "scene", "compensation", "disarm"]
+    assert str(rig.calls[2][1].compensation) == mode
+    said = lines(result)
+    assert said[0]["compensation"] == mode
+    assert [line for line in said if line["event"] == "felt"][-1]["compensation"] == mode
+
+
+@pytest.mark.parametrize(
+    "mode", ["", "off", "fixed", "fixed:", "fixed:nan", "none:60", "fixed:0"]
+)
+def test_what_is_no_compensation_mode_is_a_usage_error(
+    rig: Any, config: Path, sine: Path, mode: str
+) -> None:
+    result = run("play", sine, "-c", config, "--compensation", mode, "--seconds", 0.1)
+    assert result.exit_code == Exit.USAGE
+    assert "such as fixed:60" in result.stderr
+    assert not rig.calls, "nothing is armed for it"
+
+
 def test_play_takes_recordings_scenes_and_library_names(
     rig: Any, config: Path, tmp_path: Path, rng: np.random.Generator
 ) -> None:

@@ -42,7 +42,14 @@ def test_the_simulated_rig_passes_and_is_reported(tmp_path: Path) -> None:
     result = run(config, "--json", "--out", report)
     assert result.exit_code == Exit.OK
     told = {line["test"]: line for line in lines(result)}
-    assert [line["verdict"] for line in told.values()] == ["ok", "ok", "ok", "skip", "skip"]
+    assert [line["verdict"] for line in told.values()] == [
+        "ok",
+        "ok",
+        "ok",
+        "skip",
+        "skip",
+        "ok",
+    ]
     written = json.loads(report.read_text())
     assert written["format"] == "selftest/1"
     assert (written["rig"], written["verdict"]) == ("rig1", "ok")
@@ -92,7 +99,14 @@ def test_a_configured_ni_device_passes(tmp_path: Path, rng: np.random.Generator)
         assert np.abs(server.device.played_v).max() <= PEAK_V / 50.0
         assert server.device.output_v == 0.0
     told = {line["test"]: line for line in lines(result)}
-    assert [line["verdict"] for line in told.values()] == ["ok", "ok", "ok", "skip", "skip"]
+    assert [line["verdict"] for line in told.values()] == [
+        "ok",
+        "ok",
+        "ok",
+        "skip",
+        "skip",
+        "skip",
+    ]
     (delay,) = (each for each in told["loop-back"]["figures"] if "delay" in each["name"])
     # The tenth of ten channels is converted 0.9 samples after the edge that plays a sample,
     # and is moved back by as much.

@@ -164,10 +164,10 @@ class Bench:
 
 
 @contextmanager
-def running() -> Iterator[Bench]:
+def running(**wired: object) -> Iterator[Bench]:
     world = World()
     with FakeServer(FakeDevice(world, record=True)) as server:
-        config = wiring(address=server.address, deadline_s=20.0)
+        config = wiring(address=server.address, deadline_s=20.0, **wired)
         rig = NiRig(config, Sensors(world, conversion(config)), Touch(world))
         time = DeviceTime(server.device)
         backend = RetryingBackend(rig, time)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tests.hardware.nidaq.fake_server import Fault
 
 from frictus_service.config import Limits
-from frictus_service.daemon.safety import LATCHING
+from frictus_service.daemon.safety import LATCHING, Disarm
 from frictus_service.synthesis.renderer import RAMP_S
 
 from .ni_bench import BLOCK, RATE_HZ, Bench, World, running
@@ -198,6 +198,39 @@ def test_each_row_of_the_fault_table(
         strike(bench, row, int(rng.integers(1, 1_500)))
         if bench.interlock.state.state != "armed":
             bench.arm()
+
+
+@pytest.mark.parametrize("lead_ms", [2.0, 5.0, 10.0, 20.0])
+def test_a_short_lead_is_driven_without_a_fault_and_stops_in_time(lead_ms: float) -> None:
+    with running(lead_ms=lead_ms) as bench:
+        bench.arm()
+        assert bench.backend.info.lead_samples == round(20 * lead_ms)
+        bench.turn(100)
+        assert not bench.seen
+        began = bench.device.now
+        assert bench.interlock.feed(Disarm("ann"), 1e-9 * bench.time()) is None
+        quiet_after(bench, began)
+        assert bench.interlock.state.state == "disarmed"
+        assert bench.loop.tally.underruns == bench.loop.tally.overruns == 0
+
+
+def test_an_output_that_ran_dry_while_armed_makes_the_lead_longer_at_the_next_arming() -> None:
+    with running(lead_ms=20.0, reserve_ms=5.0, max_lead_ms=27.0) as bench:
+        leads = []
+        for underruns in (1, 2, 3):
+            bench.arm()
+            leads.append(bench.backend.info.lead_samples)
+            bench.forget()
+            bench.device.pass_time(600)  # the loop is late by more than is queued
+            bench.turn(3)
+            assert bench.seen == ["stream_lost"] * len(bench.seen)
+            assert bench.seen
+            assert bench.interlock.state.state == "tripped"
+            assert bench.loop.tally.underruns == underruns
+            assert bench.backend.info.lead_samples == leads[-1], "not before the next arming"
+        assert leads == [400, 500, 540]
+        assert bench.loop.tally.lead_growths == 2
+        quiet_after(bench, bench.device.now)
 
 
 @pytest.mark.campaign

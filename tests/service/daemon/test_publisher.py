@@ -14,6 +14,7 @@ from tests.service.daemon.desk import Desk
 from frictus.block import Block
 from frictus.keys import RigKeys, Topics
 from frictus.session import open_router, open_session
+from frictus_hardware.simulated.faults import EmptyOutput
 from frictus_laboratory.benchmarks.neighbour import await_subscriber
 from frictus_service.daemon.control import Interlock
 from frictus_service.daemon.publisher import UNREAD_BLOCKS, UNREAD_S, Publisher
@@ -149,6 +150,40 @@ def test_readers_of_a_block_wait_for_nothing_that_is_done_for_the_next(
         assert puts == 6  # force, acceleration, voltage, truth, render, finger
         assert done[:puts] == ["put"] * puts
     assert "fit" in done
+
+
+def test_a_lead_that_grew_is_said_published_and_counted(published: Published) -> None:
+    bench, said = build_bench(lead_ms=5.0), list[str]()
+    publisher = Publisher(
+        published.session,
+        KEYS,
+        bench.rig.info,
+        100,
+        bench.loop,
+        published.desk.interlock,
+        published.desk.stage,
+        published.desk.commands,
+        lambda: published.desk.now_s,
+        lambda: published.desk.utc_ns,
+        said.append,
+    )
+    publisher._publish_states()
+    status = publisher.status()
+    assert (status.lead_ms, status.max_lead_ms) == (5.0, 20.0)
+    assert (status.counters.lead_growths, said) == (0, [])
+    bench.rig.faults.add(EmptyOutput(at_sample=5_000, samples=100))
+    bench.rig.faults.add(EmptyOutput(at_sample=5_100, samples=30))
+    for lease_s in (0.5, 10.0):
+        bench.arm(lease_s)
+        bench.turn(1.0)
+    publisher._publish_states()
+    publisher._publish_states()
+    status = publisher.status()
+    assert (status.lead_ms, status.max_lead_ms) == (15.0, 20.0)
+    assert (status.counters.lead_growths, status.counters.underruns) == (1, 2)
+    (line,) = said
+    assert "5 ms, 15 from now on" in line
+    assert "at most 20, max_lead_ms" in line
 
 
 def test_no_status_says_armed_and_names_what_is_played_after_it(

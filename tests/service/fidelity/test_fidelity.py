@@ -24,15 +24,14 @@ from frictus_service.fidelity.measure import (
     Error,
     compare,
     feel,
-    fixed_at,
     full_gain,
     steady_segments,
     target_along,
-    uncompensated,
 )
 from frictus_service.fidelity.path import Path, walk
 from frictus_service.fidelity.preview import JND_DB, windows
 from frictus_service.library import SHIPPED
+from frictus_service.synthesis.compensation_mode import fixed_at, uncompensated
 from frictus_service.synthesis.scene import CompiledScene
 
 RATE = 20_000.0

@@ -26,6 +26,7 @@ from frictus_hardware.replay.tape import read_tape
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.api.server import build_app
 from frictus_service.cli.app import app
+from frictus_service.cli.record import lines_of
 from frictus_service.config import ApiConfig, Config, Limits, RegistryConfig, RouterConfig
 from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.processes import free_endpoint
@@ -173,6 +174,38 @@ def check_contents(path: Path) -> None:
     assert {"model.json", "scene.json", "status.json", "configuration.json"} <= set(attached)
     assert b"missed_deadlines" in attached["configuration.json"]
     assert SECRET.encode() not in path.read_bytes()
+
+
+def test_a_recording_says_which_compensation_was_in_force(
+    service: Service, rig: frictus.Rig
+) -> None:
+    rig.record("modes")
+    chosen = [frictus.Compensation(mode="model")]
+    with rig.arm(lease_ms=10_000):
+        for mode, speed in (("none", None), ("fixed", 60.0)):
+            chosen.append(rig.compensate(mode, speed_mm_s=speed))  # type: ignore[arg-type]
+            assert rig.status().compensation == chosen[-1]
+    assert rig.status().compensation == chosen[0]
+    path = rig.end_recording().path
+    assert path is not None
+    summary = summary_of(Path(path))
+    found = [change.compensation for change in summary.compensations]
+    assert found == [*chosen, chosen[0]]
+    times = [change.utc_ns for change in summary.compensations]
+    assert times == sorted(times)
+    with RecordingReader(Path(path)) as reader:
+        attached = json.loads(reader.attachments["status.json"])
+    assert attached["compensation"] == {"mode": "model", "speed_mm_s": None}
+    told = CliRunner().invoke(app, ["verify", path, "--json"])
+    modes = [change["mode"] for change in json.loads(told.stdout)["compensation"]]
+    assert modes == ["model", "none", "fixed", "model"]
+    lines = lines_of(Path(path), summary)
+    assert [line.split(" from ")[0] for line in lines if line.startswith("compensation")] == [
+        "compensation model",
+        "compensation none",
+        "compensation fixed:60",
+        "compensation model",
+    ]
 
 
 def samples_of(reader: RecordingReader) -> list[Samples]:

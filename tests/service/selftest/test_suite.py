@@ -1,5 +1,6 @@
 """The tests of a rig, on rigs that are well and on rigs with something wrong."""
 
+import gc
 import signal
 from contextlib import ExitStack
 from dataclasses import replace
@@ -56,10 +57,38 @@ def figure(outcome: Outcome, name: str) -> float:
 def test_a_rig_that_is_well_passes() -> None:
     backend = FaultyRig(quiet_rig(), lambda got: got)
     outcomes = list(run_tests(RigUnderTest(backend, BLOCK)))
-    assert [each.verdict for each in outcomes] == ["ok", "ok", "ok", "skip", "skip"]
+    assert [each.verdict for each in outcomes] == ["ok", "ok", "ok", "skip", "skip", "skip"]
     assert 0.0 < backend.loudest_v <= PEAK_V
     assert all(each.found for each in outcomes)
     assert backend.health() == "not open"
+
+
+def test_no_garbage_is_collected_while_a_rig_plays() -> None:
+    passes: list[int] = []
+    while_open: list[int] = []
+
+    def note(phase: str, about: dict[str, int]) -> None:
+        if phase == "start":
+            passes.append(about["generation"])
+
+    def litter(got: Exchange) -> Exchange:
+        if not while_open:
+            passes.clear()  # the one before the clock's start
+        for _ in range(2 * sum(gc.get_threshold())):
+            cycle: list[object] = []
+            cycle.append(cycle)
+        while_open.append(len(passes))
+        return got
+
+    gc.callbacks.append(note)
+    try:
+        play(FaultyRig(quiet_rig(), litter), np.zeros(10 * BLOCK), BLOCK)
+    finally:
+        gc.callbacks.remove(note)
+    assert while_open
+    assert not any(while_open)
+    assert gc.isenabled()
+    assert gc.get_freeze_count() == 0
 
 
 def test_nothing_is_played_beyond_the_limit() -> None:
@@ -131,7 +160,7 @@ def test_a_promise_that_is_broken_is_noticed() -> None:
     [
         (EmptyOutput(at_sample=10_000, samples=50), "nothing to play for 50 samples"),
         (LostSamples(at_sample=10_000, samples=50), "50 sensed samples were lost"),
-        (LateBlock(at_sample=10_000, samples=170), "less than a block"),
+        (LateBlock(at_sample=10_000, samples=170), "30 samples of margin were left; 50"),
     ],
 )
 def test_a_loop_that_does_not_keep_up_is_noticed(
@@ -149,6 +178,13 @@ def test_what_a_rig_could_not_take_at_once_is_offered_again_and_counted() -> Non
     )
     assert found.verdict == "ok"
     assert figure(found, "blocks offered again") == 1
+
+
+@pytest.mark.parametrize("lead_ms", [2.0, 5.0, 20.0])
+def test_a_lead_shorter_than_a_block_is_well_while_most_of_it_is_left(lead_ms: float) -> None:
+    found = measure_step(RigUnderTest(quiet_rig(lead_ms=lead_ms), BLOCK))
+    assert found.verdict == "ok"
+    assert figure(found, "lead promised") == 10.0 * lead_ms
 
 
 @pytest.mark.parametrize(("size", "verdict"), [(0.05, "warn"), (0.5, "fail")])
@@ -195,7 +231,7 @@ def test_a_finger_on_the_screen_is_noticed() -> None:
 def test_after_a_lost_device_the_rig_is_left_alone() -> None:
     backend = quiet_rig(Raised(at_sample=5_000, error="device_lost"))
     outcomes = list(run_tests(RigUnderTest(backend, BLOCK)))
-    assert [each.verdict for each in outcomes] == ["fail", "skip", "skip", "skip", "skip"]
+    assert [each.verdict for each in outcomes] == ["fail", *5 * ["skip"]]
     assert "injected" in outcomes[0].found
     assert backend.health() == "not open"
 
@@ -203,7 +239,7 @@ def test_after_a_lost_device_the_rig_is_left_alone() -> None:
 def test_after_a_sensor_s_fault_the_other_tests_are_made() -> None:
     backend = quiet_rig(Raised(at_sample=5_000, error="sensor"))
     outcomes = list(run_tests(RigUnderTest(backend, BLOCK)))
-    assert [each.verdict for each in outcomes] == ["fail", "ok", "ok", "skip", "skip"]
+    assert [each.verdict for each in outcomes] == ["fail", "ok", "ok", "skip", "skip", "skip"]
 
 
 def test_ctrl_c_leaves_the_rig_closed_at_zero() -> None:
@@ -306,7 +342,14 @@ def test_the_same_tests_run_on_an_ni_device(rng: np.random.Generator) -> None:
         touch = FingerTouch(SimulatedConfig(finger=ClientFinger()))
         rig = RigUnderTest(NiRig(config, conversion(config), touch), 1_000)
         outcomes = list(run_tests(rig))
-        assert [each.verdict for each in outcomes] == ["ok", "fail", "ok", "skip", "skip"]
+        assert [each.verdict for each in outcomes] == [
+            "ok",
+            "fail",
+            "ok",
+            "skip",
+            "skip",
+            "skip",
+        ]
         assert "polarity" in outcomes[1].found
         assert np.abs(device.played_v).max() <= PEAK_V / config.amplifier_gain
         assert device.output_v == 0.0

@@ -8,7 +8,7 @@ from typing import Final, get_args
 
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
-from frictus_service.api.access import LOCAL, find
+from frictus_service.api.access import find
 from frictus_service.api.dashboard.channels import VALUES, Channel, Stream, Value
 from frictus_service.api.dashboard.control import Arming, Pointing
 from frictus_service.api.dashboard.frames import LiveFrameError, Trace
@@ -32,7 +32,7 @@ from frictus_service.api.dashboard.messages import (
     read,
 )
 from frictus_service.api.services import ConnectedPages
-from frictus_service.config import Scope, Token
+from frictus_service.config import LOCAL, Scope, Token
 
 IDLE_RATE_HZ: Final = 10.0
 _NOTHING: Final = Watch(op="watch", rig=None, rate_hz=IDLE_RATE_HZ)

@@ -19,6 +19,7 @@ from frictus_hardware.sensors.hid import HidPort
 from frictus_service.cli.checks.check import Check
 from frictus_service.config import Config, SecurityConfig, load
 from frictus_service.errors import ConfigurationError
+from frictus_service.fidelity.lead_cost import MEASURED, lead_cost
 from frictus_service.selftest.playing import least_lead_ms
 
 NEEDED: Final = (
@@ -145,11 +146,37 @@ def _rig(client: frictus.Client, which: frictus.RigName) -> Check:
 
 
 def _lead(status: RigStatus) -> str:
-    """Return how much of its lead a rig has used lately, and which would do."""
+    """Return how much of its lead a rig has used lately, which would do, and what it costs."""
     used_ms = status.lead_ms - status.timing.margin_min_ms
-    said = f"lead {status.lead_ms:g} ms, of which it lately used {used_ms:.1f} at most"
+    times = status.counters.lead_growths
+    grown = f" (grown {'once' if times == 1 else f'{times} times'})" if times else ""
+    said = f"lead {status.lead_ms:g} ms{grown}, of which it lately used {used_ms:.1f} at most"
     would_do_ms = least_lead_ms(status.lead_ms, status.timing.margin_min_ms)
-    return f"{said}: {would_do_ms:g} would do" if would_do_ms < status.lead_ms else said
+    shorter_ms = would_do_ms if would_do_ms < status.lead_ms else None
+    if shorter_ms is not None:
+        said = f"{said}: {shorter_ms:g} would do"
+    return f"{said}; {cost_of(status.lead_ms, shorter_ms)}"
+
+
+def cost_of(lead_ms: float, shorter_ms: float | None) -> str:
+    """Return what a lead costs on the simulated rig, beside a shorter one that would do.
+
+    Parameters
+    ----------
+    lead_ms : float
+        In force.
+    shorter_ms : float or None
+        None: no shorter one would do.
+    """
+    cost = lead_cost(lead_ms)
+    if cost is None:
+        first, last = MEASURED[0].lead_ms, MEASURED[-1].lead_ms
+        return f"what it costs was measured from {first:g} to {last:g} ms (docs/lead.md)"
+    said = f"it renders free strokes to {cost.bands_db:.2f} dB and {cost.position_mm:.2f} mm"
+    less = None if shorter_ms is None else lead_cost(shorter_ms)
+    if less is not None:
+        said += f", with {less.lead_ms:g} ms to {less.bands_db:.2f} and {less.position_mm:.2f}"
+    return f"{said} (rms on the simulated rig, docs/lead.md)"
 
 
 def device_checks(backend: BackendConfig) -> Iterator[Check]:

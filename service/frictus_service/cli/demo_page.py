@@ -1,0 +1,39 @@
+"""`frictus demo --page`: a texture under a slow finger, and the page on it, until Ctrl-C."""
+
+import contextlib
+import tempfile
+import threading
+import webbrowser
+from pathlib import Path
+from typing import Final
+
+from frictus_hardware.simulated.strokes import SteadyStrokes
+from frictus_service.cli.play import scene_of
+from frictus_service.cli.serve import said
+from frictus_service.demonstration.stage import demo_config, stage
+from frictus_service.library import SHIPPED
+from frictus_service.processes import free_port
+
+TEXTURE: Final = "flat"
+"""Its bands are as strong as one another."""
+GAIN: Final = 0.85
+"""What the drive can give without scaling it."""
+SLOW_MM_S: Final = 25.0
+"""Where the finger-screen response takes most from a texture."""
+_tell = said(as_json=False)
+
+
+def demo_page() -> None:
+    """Play a texture on a simulated rig, and open the page on it, until Ctrl-C."""
+    with tempfile.TemporaryDirectory(prefix="frictus-demo-") as folder:
+        config = demo_config(Path(folder), SteadyStrokes(speed_mm_s=SLOW_MM_S), free_port())
+        scene = scene_of(str(SHIPPED / f"{TEXTURE}.json"), config.textures, gain=GAIN)
+        _tell("starting a router, a simulated rig and the API (the first time takes a minute)")
+        with contextlib.suppress(KeyboardInterrupt):
+            stage(config, scene, _tell, _show, threading.Event())
+
+
+def _show(url: str) -> None:
+    _tell(f"the page: {url}   (Ctrl-C here ends all of it)")
+    if not webbrowser.open(url):
+        _tell("no browser could be opened: open that address in one")

@@ -1,0 +1,82 @@
+"""`frictus demo --page` as a newcomer meets it: a page on a texture that is being felt."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+from playwright.sync_api import Page, expect
+from tests.dashboard.conftest import OpenPage
+from tests.dashboard.test_compensation import expect_error, press, switch
+
+pytestmark = pytest.mark.browser
+
+FACTS = re.compile(r"the page: (http://127\.0\.0\.1:\d+/#/live/demo)")
+
+
+@contextmanager
+def demo_page() -> Iterator[str]:
+    """Run the command, without a browser of its own; give the address that it says."""
+    command = [sys.executable, "-c", "from frictus_service.cli import main; main()"]
+    process = subprocess.Popen(
+        [*command, "demo", "--page"],
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"BROWSER": "frictus-no-such-browser"},
+    )
+    assert process.stderr is not None
+    said = []
+    try:
+        for line in process.stderr:
+            said.append(line)
+            if told := FACTS.search(line):
+                yield told[1]
+                break
+        else:
+            pytest.fail(f"no address was said: {said}")
+    finally:
+        process.send_signal(signal.SIGINT)
+        _, rest = process.communicate(timeout=60)
+    assert process.returncode == 0, rest
+
+
+def assert_gauges_agree(page: Page) -> None:
+    """The number, and where its mark is, of one instant: within the rounding of the number."""
+    told = page.evaluate(
+        """() => [...document.querySelectorAll(".gauge")].map((gauge) => {
+          const style = (part, name) =>
+            parseFloat(gauge.querySelector(part).style.getPropertyValue(name));
+          const [, to] = gauge.querySelector(".words").textContent.match(/to ([0-9.]+)/);
+          const share = style(".mark", "--at") / style(".zone", "--to");
+          return [parseFloat(gauge.querySelector(".number").textContent), to * share];
+        })"""
+    )
+    assert len(told) == 2
+    for (number, mark), step in zip(told, (1.0, 0.01), strict=True):
+        assert abs(number - mark) < 0.6 * step + 0.01 * number
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT for one process")
+@pytest.mark.usefixtures("interruptible")
+def test_the_page_shows_what_compensation_does_without_scrolling(open_page: OpenPage) -> None:
+    with demo_page() as url, open_page(viewport={"width": 1440, "height": 900}) as page:
+        page.goto(url)
+        expect(page.locator("#connection")).to_have_text("Live")
+        expect(page.locator("#state")).to_have_text("ARMED")
+        for what in (switch(page), page.locator("#spectrum"), page.locator("#surface")):
+            expect(what).to_be_in_viewport(ratio=1)
+        expect_error(page, above=False)
+        assert_gauges_agree(page)
+        press(page, "Off")
+        expect_error(page, above=True)
+        press(page, "Model")
+        expect_error(page, above=False)
+        page.get_by_role("button", name="STOP").click()
+        expect(page.locator("#state")).to_have_text("Disarmed")
+        page.get_by_role("button", name="Arm", exact=True).click()
+        expect(page.locator("#state")).to_have_text("ARMED")
+        expect_error(page, above=False)
