@@ -75,7 +75,7 @@ def test_the_demo_runs_and_compensates(tmp_path: Path) -> None:
     picture = tmp_path / "demo.png"
     command = [sys.executable, "-c", "from frictus_service.cli import main; main()"]
     done = subprocess.run(
-        [*command, "demo", "--json", "--seconds", "3", "--plot", str(picture)],
+        [*command, "demo", "--json", "--seconds", "8", "--seed", "7", "--plot", str(picture)],
         capture_output=True,
         text=True,
         timeout=110,
@@ -84,6 +84,7 @@ def test_the_demo_runs_and_compensates(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)  # one object and nothing else
     assert len(result["band_hz"]) == 16
+    assert result["seed"] == 7
     overall = result["overall_error_db"]
     assert 0.0 < overall["compensated"] < overall["uncompensated"]
     assert result["clipped_samples"] == 0

@@ -73,6 +73,10 @@ def demo(
         typer.Option("--plot", metavar="FILE", help="Draw the spectra."),
     ] = None,
     seconds: Annotated[float, typer.Option("--seconds", min=1.0, help="How long.")] = 10.0,
+    seed: Annotated[
+        int | None,
+        typer.Option("--seed", min=0, help="Of the finger's way.  [default: a new one]"),
+    ] = None,
     page: Annotated[
         bool, typer.Option("--page", help="Play it until Ctrl-C, and open the page on it.")
     ] = False,
@@ -85,7 +89,7 @@ def demo(
         return
     from frictus_service.cli.demo import demo as run
 
-    run(as_json=as_json, plot=plot, seconds=seconds)
+    run(as_json=as_json, plot=plot, seconds=seconds, seed=seed)
 
 
 @app.command()

@@ -1,6 +1,7 @@
 """`frictus demo`: a rig, a texture streamed to it, and what the finger feels."""
 
 import multiprocessing
+import secrets
 import tempfile
 import time
 from pathlib import Path
@@ -33,7 +34,7 @@ LOOK_S = 0.1
 _tell = said(as_json=False)
 
 
-def demo(as_json: bool, plot: Path | None, seconds: float) -> None:
+def demo(as_json: bool, plot: Path | None, seconds: float, seed: int | None) -> None:
     """Run the demo.
 
     Parameters
@@ -44,11 +45,14 @@ def demo(as_json: bool, plot: Path | None, seconds: float) -> None:
         Where to leave the picture.
     seconds : float
         How long the finger explores.
+    seed : int or None
+        Of the finger's way; None draws one, so that what is shown is not one lucky way.
     """
+    seed = secrets.randbits(32) if seed is None else seed
     texture = texture_of((SHIPPED / f"{TEXTURE}.json").read_text(encoding="utf-8"))
     assert isinstance(texture, Spectrum)
     with tempfile.TemporaryDirectory(prefix="frictus-demo-") as folder:
-        config = demo_config(Path(folder), HumanStrokes(), port=0)
+        config = demo_config(Path(folder), HumanStrokes(), port=0, seed=seed)
         _tell("starting a router, a simulated rig and the API (the first time takes a minute)")
         with Supervisor(config, say=_tell) as supervisor:
             supervisor.wait_ready(START_S)
@@ -61,9 +65,9 @@ def demo(as_json: bool, plot: Path | None, seconds: float) -> None:
     if plot is not None:
         draw(comparison, TEXTURE, plot)
     if as_json:
-        write_line(**_summary(heard, status, comparison))
+        write_line(**_summary(heard, status, comparison, seed))
     elif wants_lines(as_json):
-        write_line(event="summary", **_summary(heard, status, comparison))
+        write_line(event="summary", **_summary(heard, status, comparison, seed))
     else:
         _print(heard, status, comparison, plot)
 
@@ -105,13 +109,16 @@ def _explore(
         return heard, rig.status(), law_of(rig.model().model)
 
 
-def _summary(heard: Heard, status: RigStatus, comparison: BandComparison) -> dict[str, Any]:
+def _summary(
+    heard: Heard, status: RigStatus, comparison: BandComparison, seed: int
+) -> dict[str, Any]:
     """Return what `--json` prints."""
     felt, bare = comparison.compensated_db, comparison.uncompensated_db
     latency = heard.latency_ms
     return {
         "texture": TEXTURE,
         "simulated": True,
+        "seed": seed,
         "model_placeholder": status.model_placeholder,
         "applied_gain": heard.applied.gain,
         "band_hz": list(NOMINAL_HZ),

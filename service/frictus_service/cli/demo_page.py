@@ -1,6 +1,7 @@
 """`frictus demo --page`: a texture under a slow finger, and the page on it, until Ctrl-C."""
 
 import contextlib
+import secrets
 import tempfile
 import threading
 import webbrowser
@@ -26,7 +27,8 @@ _tell = said(as_json=False)
 def demo_page() -> None:
     """Play a texture on a simulated rig, and open the page on it, until Ctrl-C."""
     with tempfile.TemporaryDirectory(prefix="frictus-demo-") as folder:
-        config = demo_config(Path(folder), SteadyStrokes(speed_mm_s=SLOW_MM_S), free_port())
+        finger = SteadyStrokes(speed_mm_s=SLOW_MM_S)
+        config = demo_config(Path(folder), finger, free_port(), seed=secrets.randbits(32))
         scene = scene_of(str(SHIPPED / f"{TEXTURE}.json"), config.textures, gain=GAIN)
         _tell("starting a router, a simulated rig and the API (the first time takes a minute)")
         with contextlib.suppress(KeyboardInterrupt):

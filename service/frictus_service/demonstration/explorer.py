@@ -46,7 +46,8 @@ PERIOD_MM: Final = 32.0
 SAMPLES: Final = 2048
 BLOCKS_PER_S: Final = 200.0
 SEND_S: Final = 0.1
-TTL_MS: Final = 400
+TTL_MS: Final = 2_000
+"""A busy machine that holds the sender up for a second changes nothing."""
 LATENCY_UPDATES: Final = 8
 BLINK_TTL_MS: Final = 60
 
@@ -137,10 +138,11 @@ def _explore(rig: Rig, friction_n: NDArray[np.float64], seconds: float) -> Heard
         sender = threading.Thread(target=_keep_sending, args=(stream, friction_n, over))
         sender.start()
         blocks: list[Block] = []
-        deadline_s = time.monotonic() + seconds
         try:
+            first_sample = _first_changed(rig, stream.applied.bias)
+            deadline_s = time.monotonic() + seconds
             for item in truth:
-                if isinstance(item, Block):
+                if isinstance(item, Block) and item.first_sample >= first_sample:
                     blocks.append(item)
                 if time.monotonic() >= deadline_s:
                     break
@@ -160,6 +162,18 @@ def _explore(rig: Rig, friction_n: NDArray[np.float64], seconds: float) -> Heard
             {key: feed.lost for key, feed in listening.items()},
             latency_ms,
         )
+
+
+def _first_changed(rig: Rig, bias: float) -> int:
+    """Return the first sample that a texture changed: before it only the bias was felt."""
+    screen = Screen(peak_v=rig.status().screen_peak_v)
+    with rig.blocks("voltage", timeout_s=5.0) as voltage:
+        while True:
+            item = next(voltage)
+            if isinstance(item, Block):
+                changed = changed_samples(item, screen, bias)
+                if changed.size:
+                    return item.first_sample + int(changed[0])
 
 
 def _keep_sending(
@@ -191,6 +205,8 @@ def measure_latency(
 ) -> list[float]:
     """Send updates that each fade again, and find the first changed sample at the DAC, ms.
 
+    It returns once the last has faded.
+
     Parameters
     ----------
     rig : Rig
@@ -216,12 +232,12 @@ def measure_latency(
             if sent_ns is None:
                 steady = 0 if changed.size else steady + 1
                 if steady >= 3:
+                    if len(latencies) == updates:
+                        break
                     sent_ns = time.time_ns()
                     stream.send(friction_n, period_mm=PERIOD_MM, ttl_ms=BLINK_TTL_MS)
             elif changed.size:
                 sample_ns = item.utc_ns + round(1e9 * int(changed[0]) / item.sample_rate_hz)
                 latencies.append((sample_ns - sent_ns) / 1e6)
                 steady, sent_ns = 0, None
-                if len(latencies) == updates:
-                    break
     return latencies

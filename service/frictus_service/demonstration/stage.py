@@ -1,7 +1,6 @@
 """A texture under a simulated finger, for whoever opens the page: `frictus demo --page`."""
 
 import threading
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
@@ -20,7 +19,7 @@ LOOK_S: Final = 0.2
 STARTED_S: Final = 5.0
 
 
-def demo_config(folder: Path, finger: FingerConfig, port: int) -> Config:
+def demo_config(folder: Path, finger: FingerConfig, port: int, seed: int) -> Config:
     """Return a configuration that disturbs nothing else on this machine.
 
     Parameters
@@ -31,6 +30,8 @@ def demo_config(folder: Path, finger: FingerConfig, port: int) -> Config:
         How the simulated finger moves.
     port : int
         Of the API; 0: any.
+    seed : int
+        Of the finger's way and the sensors' noise.
     """
     return Config(
         site="demo",
@@ -39,8 +40,7 @@ def demo_config(folder: Path, finger: FingerConfig, port: int) -> Config:
         recordings=folder / "recordings",
         studies=folder / "studies",
         registry=RegistryConfig(url=f"sqlite:///{(folder / 'frictus.db').as_posix()}"),
-        # A fresh finger every time: what is shown is not one lucky path.
-        backend=SimulatedConfig(seed=time.time_ns() % 2**32, finger=finger),
+        backend=SimulatedConfig(seed=seed, finger=finger),
         router=RouterConfig(endpoint=free_endpoint()),
         api=ApiConfig(port=port),
     )

@@ -3,6 +3,7 @@
 import json
 import re
 import threading
+import time
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -91,8 +92,13 @@ def client(endpoint: str) -> Iterator[frictus.Client]:
 
 def until(rig: frictus.Rig, holds: Callable[[frictus.RigStatus], bool]) -> None:
     """Wait until the rig's status says something."""
+    given_up_s = time.monotonic() + 30.0
     with rig.watch(Topics.STATUS, timeout_s=10.0) as states:
-        assert any(isinstance(state, frictus.RigStatus) and holds(state) for state in states)
+        for state in states:
+            if isinstance(state, frictus.RigStatus):
+                if holds(state):
+                    return
+                assert time.monotonic() < given_up_s, f"the rig stayed {state}"
 
 
 def spec_of(
