@@ -230,6 +230,7 @@ def test_stop_needs_no_live_connection_and_is_sent_until_it_is_answered(
 
 def test_pointer_is_the_finger(page: Page, lab: Lab) -> None:
     canvas = page.locator("#surface")
+    expect(canvas).to_be_visible()
     box = canvas.bounding_box()
     assert box is not None
     page.locator("#press").fill("0.6")
@@ -270,6 +271,7 @@ def test_friction_is_sent_only_while_it_is_looked_at(lab: Lab, open_page: OpenPa
         arrive(page, lab.url)
         while len(sockets) < 2:  # that of the page, and that of the friction
             page.wait_for_event("websocket")
+        sockets[1].wait_for_event("framereceived")  # it is open: it may be closed now
         with sockets[1].expect_event("close"):
             page.get_by_role("link", name="Models", exact=True).click()
         assert not sockets[0].is_closed()
