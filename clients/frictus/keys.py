@@ -111,6 +111,7 @@ class Topics:
     SCENE = Topic("state/scene", "SceneState", "mm, N", LATEST, latest=True)
     MODEL = Topic("state/model", "ModelState", "-", LATEST, latest=True)
     TIME = Topic("state/time", "TimeState", "ns", LATEST, latest=True)
+    ESTIMATE = Topic("state/estimate", "EstimateState", "N, Hz, us, dB", LATEST, latest=True)
     FORCE = Topic("stream/force", "Block: x, y, z", "N", STREAM)
     ACCEL = Topic("stream/accel", "Block: x, y, z", "m/s^2", STREAM)
     VOLTAGE = Topic("stream/voltage", "Block: monitor", "V", STREAM)

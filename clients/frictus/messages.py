@@ -367,6 +367,64 @@ class TimeState(Message):
         return self.utc_ns + round((sample - self.sample) * self.ns_per_sample)
 
 
+class Interval(Message):
+    """A value and its central 95 % interval."""
+
+    value: FiniteFloat
+    low: FiniteFloat
+    high: FiniteFloat
+
+
+class BandRatio(Message):
+    """Measured friction over what the model in force predicts, in a band of a sixth octave."""
+
+    centre_hz: FiniteFloat
+    ratio_db: FiniteFloat
+    half_width_db: FiniteFloat
+    """Half of its 95 % interval."""
+
+
+class LawNow(Message):
+    """The law of the finger on the screen; a cutoff between the two is a straight line."""
+
+    gain_n: Interval
+    cutoff_20_hz: Interval
+    """At 20 mm/s."""
+    cutoff_100_hz: Interval
+    """At 100 mm/s."""
+    delay_us: Interval
+    """Of the force channel against the drive: of the rig, not of the finger."""
+
+
+class EstimateState(Message):
+    """What is known of the finger on the screen while any texture plays.
+
+    A rendering that undoes a model has the error of `error_db`: measured over predicted
+    friction of the last 10 s of sliding, dB rms over bands, on windows not used for it.
+    """
+
+    utc_ns: UtcNs
+    run: Count
+    windows: Count
+    """Of 0.1 s, half overlapping, that the estimate is made from."""
+    refused: Annotated[dict[str, Count], Field(max_length=32)] = {}
+    """Windows that could not be used, by the reason."""
+    new_fingers: Count = 0
+    """How often the finger became another without notice, and the estimate began anew."""
+    model_etag: str = ""
+    """Of the model in force that it is compared with."""
+    law: LawNow | None = None
+    """None until something was felt."""
+    bands: Annotated[tuple[BandRatio, ...], Field(max_length=64)] = ()
+    error_db: Annotated[dict[str, FiniteFloat], Field(max_length=8)] = {}
+    """Of `in_force`, of `first`, in force when it began, and of `newest`, the estimate."""
+    evidence: Annotated[dict[str, FiniteFloat], Field(max_length=16)] = {}
+    """Against the model in force by cause, nats; at `alarm_nats` it is wrong."""
+    alarm_nats: FiniteFloat = 0.0
+    alarms: Annotated[tuple[str, ...], Field(max_length=16)] = ()
+    """Causes whose evidence has ever reached it under this model."""
+
+
 class Request(Message):
     """What every call carries."""
 
@@ -470,6 +528,7 @@ MESSAGES: Final[dict[str, type[Message]]] = {
         SceneState,
         ModelState,
         TimeState,
+        EstimateState,
         ArmRequest,
         Request,
         SceneRequest,

@@ -22,6 +22,7 @@ from frictus.lease import Lease
 from frictus.messages import (
     MESSAGES,
     Applied,
+    EstimateState,
     Excitation,
     FingerState,
     GuidanceState,
@@ -135,6 +136,15 @@ class Rig:
             return latest.value(self._timeout_s)
         except SilenceError:
             raise LinkError(no_recorder(self.keys)) from None
+
+    def estimate(self) -> EstimateState:
+        """Return what `frictus track` knows of the finger now; `LinkError` where none runs."""
+        try:
+            return self._readings.latest(Topics.ESTIMATE, EstimateState).value(self._timeout_s)
+        except SilenceError:
+            raise LinkError(
+                f"nobody estimates the finger on rig {self.name}: start `frictus track`"
+            ) from None
 
     def watch(
         self, topic: Topic, *, capacity: int = STATE_RING, timeout_s: float | None = None

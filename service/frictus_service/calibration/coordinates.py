@@ -9,14 +9,14 @@ positive ends mean a positive cutoff everywhere.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Self
+from typing import Any, Final, Self
 
 import numpy as np
 from scipy import stats
 
-from frictus.model import FirstOrderSpeedLaw, Model
+from frictus.model import Covariance, FirstOrderSpeedLaw, Model, Validity
 from frictus_hardware.arrays import FloatArray
-from frictus_service.errors import PriorError
+from frictus_service.errors import EstimateError, PriorError
 
 LOW_MM_S: Final = 20.0
 HIGH_MM_S: Final = 100.0
@@ -91,6 +91,50 @@ def law_jacobian(coordinates: FloatArray) -> FloatArray:
     jacobian[2, :2] = -low / span, high / span
     jacobian[3, 3] = 1.0
     return jacobian
+
+
+def document(
+    at: FloatArray,
+    covariance: FloatArray,
+    participant: str | None,
+    validity: Validity,
+    provenance: dict[str, Any],
+) -> Model:
+    """Return a law as a document, with the covariance of its parameters.
+
+    Parameters
+    ----------
+    at : ndarray, shape (4,)
+        In these coordinates.
+    covariance : ndarray, shape (4, 4)
+    participant : str or None
+        Pseudonym.
+    validity : Validity
+        Speeds and forces at which the law holds.
+    provenance : dict
+        What is said of it.
+
+    Raises
+    ------
+    EstimateError
+        If the cutoff, continued to rest, is not positive: no such model can be stored.
+    """
+    gain, cutoff_0, slope, delay = to_law(at)
+    if not cutoff_0 > 0.0:
+        raise EstimateError(
+            f"the cutoff falls to {cutoff_0:.0f} Hz at rest, and a model needs a positive "
+            "one; measure longer, or at more distant speeds"
+        )
+    jacobian = law_jacobian(at)
+    matrix = jacobian @ covariance @ jacobian.T
+    return Model(
+        base=FirstOrderSpeedLaw(gain_n=gain, cutoff_0_hz=cutoff_0, slope_hz_per_mm_s=slope),
+        skew_s=delay,
+        validity=validity,
+        covariance=Covariance(parameters=list(MODEL_PARAMETERS), matrix=matrix.tolist()),
+        participant=participant,
+        provenance=provenance,
+    )
 
 
 FEWEST: Final = 5

@@ -21,7 +21,7 @@ from typing import Any, Final
 import numpy as np
 from scipy import optimize, stats
 
-from frictus.model import Covariance, FirstOrderSpeedLaw, Model, Validity
+from frictus.model import Model, Validity
 from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
@@ -257,14 +257,6 @@ class Posterior:
         EstimateError
             If the cutoff, continued to rest, is not positive: no such model can be stored.
         """
-        gain, cutoff_0, slope, delay = coordinates.to_law(self.parameters)
-        if not cutoff_0 > 0.0:
-            raise EstimateError(
-                f"the cutoff falls to {cutoff_0:.0f} Hz at rest, and a model needs a positive "
-                "one; measure longer, or at more distant speeds"
-            )
-        jacobian = coordinates.law_jacobian(self.parameters)
-        matrix = jacobian @ self.covariance @ jacobian.T
         known = {
             "prior": self.note,
             "trials": self.trials_used,
@@ -273,15 +265,8 @@ class Posterior:
             "gain_spread_between_trials": self.spread.trial,
             "gain_spread_within_trials": self.spread.segment,
         }
-        return Model(
-            base=FirstOrderSpeedLaw(gain_n=gain, cutoff_0_hz=cutoff_0, slope_hz_per_mm_s=slope),
-            skew_s=delay,
-            validity=validity,
-            covariance=Covariance(
-                parameters=list(coordinates.MODEL_PARAMETERS), matrix=matrix.tolist()
-            ),
-            participant=participant,
-            provenance=known | provenance,
+        return coordinates.document(
+            self.parameters, self.covariance, participant, validity, known | provenance
         )
 
 

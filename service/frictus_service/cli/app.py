@@ -17,6 +17,7 @@ from frictus_service.cli import (
     selftest,
     serve,
     study,
+    track,
 )
 from frictus_service.cli.options import AsJson, CommandGroup, Workers
 
@@ -48,6 +49,7 @@ app.command()(serve.router)
 app.command()(play.play)
 app.command()(play.watch)
 app.command()(record.record)
+app.command()(track.track)
 app.command()(serve.recorder)
 app.command()(record.verify)
 app.command()(record.recover)

@@ -120,7 +120,7 @@ def _record_here(
 
     shown_s = 0.0
     with (
-        _interruption() as interrupted,
+        interruption() as interrupted,
         RecordingSession(client, rig, request, path, target.config) as recording,
     ):
         begun_s = time.monotonic()
@@ -141,7 +141,7 @@ def _record_here(
 
 
 @contextlib.contextmanager
-def _interruption() -> Iterator[list[int]]:
+def interruption() -> Iterator[list[int]]:
     """Give a list that Ctrl-C fills, instead of ending what goes on."""
     interrupted: list[int] = []
     former = signal.signal(signal.SIGINT, lambda number, _frame: interrupted.append(number))

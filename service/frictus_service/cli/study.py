@@ -171,11 +171,11 @@ def _recorded(
     from frictus_service.recording.export import export_study
 
     if to == "h5":
-        done = export_study(file, path, declared, _mount_of(mount))
+        done = export_study(file, path, declared, mount_of(mount))
         return len(done.trials), done.excluded, str(done.ending)
     with tempfile.TemporaryDirectory() as folder:
         study = Path(folder) / "study.h5"
-        done = export_study(file, study, declared, _mount_of(mount))
+        done = export_study(file, study, declared, mount_of(mount))
         trials, more = _converted(study, to, path)
     return trials, (*done.excluded, *more), str(done.ending)
 
@@ -218,8 +218,13 @@ def _converted(file: Path, to: Format, path: Path) -> tuple[int, "tuple[Exclusio
         return sum(info.id not in left_out for info in study.trials), excluded
 
 
-def _mount_of(text: str) -> "TransferFunction | None":
+def mount_of(text: str) -> "TransferFunction | None":
     """Return the mount that an option names.
+
+    Parameters
+    ----------
+    text : str
+        `paper`, `none`, or a file.
 
     Raises
     ------

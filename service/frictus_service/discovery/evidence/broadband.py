@@ -215,7 +215,7 @@ def _spectra(
     if not cut_up.shape[1]:
         return None
     place = np.rint(bands.frequency_hz * window / rate_hz).astype(np.int64)
-    found = list(np.fft.rfft(_tapered(cut_up), axis=-1)[:, :, place])
+    found = list(np.fft.rfft(tapered(cut_up), axis=-1)[:, :, place])
     message = found.pop() * instrument.drive if trial.voltage_v is not None else None
     skin = found[1] / instrument.skin if len(found) > 1 else None
     mean = np.nan if message is None else float(np.nanmean(channels[-1]))
@@ -244,8 +244,13 @@ def _windows(channels: FloatArray, window: int) -> FloatArray:
     return whole
 
 
-def _tapered(windows: FloatArray) -> FloatArray:
-    """Return windows without their straight lines, times Hann's, of unit power."""
+def tapered(windows: FloatArray) -> FloatArray:
+    """Return windows without their straight lines, times Hann's, of unit power.
+
+    Parameters
+    ----------
+    windows : ndarray, shape (..., n_samples)
+    """
     length = windows.shape[-1]
     line = np.linspace(-1.0, 1.0, length)
     level = windows.mean(axis=-1, keepdims=True)

@@ -1,0 +1,1 @@
+"""The finger-screen model of whoever explores, estimated while any texture plays."""

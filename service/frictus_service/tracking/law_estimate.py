@@ -1,0 +1,288 @@
+"""The law of the finger on the screen now: an iterated extended Kalman filter over windows.
+
+The state is a person's law in `calibration.coordinates`. Between updates it walks at random: a
+little with time, and the gain with every contact. Each update takes the windows of half a
+second as `calibration.score_information` scores trials: the gain of a window wanders about that
+of its contact, and the cutoff of all of them together about the law.
+
+Bell and Cathey 1993, The iterated Kalman filter update as a Gauss-Newton method.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Self
+
+import numpy as np
+
+from frictus_hardware.arrays import BoolArray, ComplexArray, FloatArray
+from frictus_service.calibration import coordinates
+from frictus_service.calibration.coordinates import Prior
+from frictus_service.calibration.posterior import EXPECTED, wandered
+from frictus_service.calibration.score_information import Data, GainScatter, scores, spread_of
+from frictus_service.discovery.evidence.broadband import Bands
+from frictus_service.tracking.windows import LawWindow
+
+GAIN_PER_CONTACT: Final = 0.10
+"""Standard deviation by which ln gain differs from one contact to the next; the simulated
+participants' `WithinPersonScatter` takes the same."""
+WALK: Final = np.array([0.003, 0.003, 0.005, 1e-7])
+"""Standard deviation of the coordinates' random walk in a second: 2 % a minute is followed."""
+LEAST_SD: Final = np.array([0.0, 0.0, 0.0, 5e-7])
+"""However much was felt: a band's mean frequency stands for its lines, and a cutoff that
+wanders leaves a little of itself in the delay."""
+HEARD: Final = 1e-3
+"""Share of the strongest band's power density below which a band says nothing: leakage."""
+FORGETTING: Final = 0.05
+"""Share of an update in the noise, once it is known."""
+LEAST_NOISE_N2: Final = 1e-12
+_STEPS: Final = 12
+_FURTHEST: Final = np.array([0.5, 0.5, 0.5, 50e-6])
+"""Longest step of Gauss-Newton."""
+
+
+@dataclass(frozen=True, slots=True)
+class LawEstimate:
+    """What is known of the law.
+
+    Attributes
+    ----------
+    mean : ndarray, shape (4,)
+        In `calibration.coordinates`.
+    covariance : ndarray, shape (4, 4)
+    noise_n2 : ndarray, shape (n_bands,)
+        Power of what the law does not explain of the friction, per frequency; NaN before the
+        first update.
+    gain_scatter : float
+        Standard deviation of ln gain between windows of one contact.
+    updates, windows : int
+        That made it.
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+    noise_n2: FloatArray
+    gain_scatter: float
+    updates: int
+    windows: int
+
+    @classmethod
+    def begin(cls, prior: Prior, bands: Bands) -> Self:
+        """Return what is known before anything was felt.
+
+        Parameters
+        ----------
+        prior : Prior
+            Of a new person.
+        bands : Bands
+            Of the windows.
+        """
+        nothing = np.full(bands.centre_hz.size, np.nan)
+        return cls(prior.mean, prior.covariance, nothing, 0.02, 0, 0)
+
+    @property
+    def half_width(self) -> FloatArray:
+        """Half of the central 95 % interval of each coordinate, shape (4,)."""
+        half: FloatArray = 1.96 * np.sqrt(np.diag(self.covariance) + np.square(LEAST_SD))
+        return half
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Windows that are taken together; arrays of shape (n_windows, n_bands).
+
+    Attributes
+    ----------
+    speed_mm_s : ndarray, shape (n_windows,)
+    drive_power, friction_power : ndarray
+    cross : ndarray of complex
+    heard : ndarray of bool
+        Where the drive is strong enough to say something.
+    bands : Bands
+    """
+
+    speed_mm_s: FloatArray
+    drive_power: FloatArray
+    cross: ComplexArray
+    friction_power: FloatArray
+    heard: BoolArray
+    bands: Bands
+
+    @classmethod
+    def of(cls, windows: Sequence[LawWindow], bands: Bands) -> Self:
+        """Collect windows, one or more, of one contact.
+
+        Parameters
+        ----------
+        windows : sequence of LawWindow
+        bands : Bands
+            They speak in.
+        """
+        power = np.array([window.drive_power for window in windows])
+        density = power / lines_of(bands)
+        return cls(
+            np.array([window.speed_mm_s for window in windows]),
+            power,
+            np.array([window.cross for window in windows]),
+            np.array([window.friction_power for window in windows]),
+            density > HEARD * density.max(axis=1, keepdims=True),
+            bands,
+        )
+
+    @property
+    def coherence(self) -> float:
+        """Of drive and friction over all that is heard; 1: friction follows the drive alone."""
+        cross = np.sum(self.cross, axis=0, where=self.heard)
+        power = np.sum(self.drive_power, axis=0, where=self.heard)
+        felt = np.sum(self.friction_power, axis=0, where=self.heard)
+        explained = np.square(np.abs(cross)) / np.maximum(power, np.finfo(float).tiny)
+        return float(explained.sum() / max(float(felt.sum()), np.finfo(float).tiny))
+
+    def law_response(self, at: FloatArray) -> ComplexArray:
+        """Return a law's response in each window and band, N (Equation 4, and the delay).
+
+        Parameters
+        ----------
+        at : ndarray, shape (4,)
+            In `calibration.coordinates`.
+        """
+        cutoff = coordinates.cutoff_hz(at, self.speed_mm_s)[:, np.newaxis]
+        frequency = self.bands.centre_hz
+        response: ComplexArray = np.exp(at[2] - 2j * np.pi * frequency * at[3]) * (
+            cutoff / (cutoff + 1j * frequency)
+        )
+        return response
+
+    def unexplained(self, response: ComplexArray) -> FloatArray:
+        """Return the power of the friction that a response leaves, per frequency, N².
+
+        Parameters
+        ----------
+        response : ndarray of complex, shape (n_windows, n_bands)
+        """
+        left = self.friction_power - 2.0 * (response.conj() * self.cross).real
+        left += np.square(np.abs(response)) * self.drive_power
+        density: FloatArray = np.maximum(left, 0.0) / lines_of(self.bands)
+        return density
+
+    def rows(self, noise_n2: FloatArray) -> Data:
+        """Return the responses and their variances, as calibration scores them.
+
+        Half overlapping Hann windows count half, one frequency as 1.9 (`Bands.averages`).
+
+        Parameters
+        ----------
+        noise_n2 : ndarray, shape (n_bands,)
+        """
+        window, band = np.nonzero(self.heard)
+        power = self.drive_power[window, band]
+        share = (lines_of(self.bands) / (lines_of(self.bands) + 0.9))[band]
+        return Data(
+            self.speed_mm_s[window],
+            self.bands.centre_hz[band],
+            self.cross[window, band] / power,
+            noise_n2[band] * share / power,
+            window,
+            np.zeros(self.speed_mm_s.size, dtype=np.int64),
+            np.zeros(1, dtype=np.int64),
+        )
+
+
+def lines_of(bands: Bands) -> FloatArray:
+    """Return how many frequencies each band has."""
+    return np.bincount(bands.band).astype(np.float64)
+
+
+def advanced(estimate: LawEstimate, seconds: float, new_contact: bool) -> LawEstimate:
+    """Return what is still known after some time.
+
+    Parameters
+    ----------
+    estimate : LawEstimate
+    seconds : float
+        Since the last update.
+    new_contact : bool
+        Whether the finger left the screen meanwhile.
+    """
+    walked = np.square(WALK) * max(seconds, 0.0)
+    walked[2] += GAIN_PER_CONTACT**2 if new_contact else 0.0
+    return replace(estimate, covariance=estimate.covariance + np.diag(walked))
+
+
+def updated(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, float]:
+    """Return what is known after a batch, and how strange the batch was.
+
+    Parameters
+    ----------
+    estimate : LawEstimate
+        Advanced to the batch.
+    batch : Batch
+
+    Returns
+    -------
+    LawEstimate
+    float
+        Squared distance from what was expected, in standard deviations of the estimate;
+        above `calibration.posterior.STRANGE`: hardly the same finger.
+    """
+    noise = estimate.noise_n2
+    if not estimate.updates:
+        noise = np.maximum(_scatter(batch), LEAST_NOISE_N2)
+    information = _inverse(estimate.covariance)
+    data, weights = batch.rows(noise), np.ones(np.count_nonzero(batch.heard))
+    spread = GainScatter(0.0, estimate.gain_scatter)
+    at, total = estimate.mean, information
+    for _ in range(2):  # scatter from the fit, weights from the scatter
+        at, total = _settle(data, at, spread, weights, estimate.mean, information)
+        scatter, weights = spread_of(data, at)
+    away = at - estimate.mean
+    share = max(1.0 / (estimate.updates + 1), FORGETTING)
+    left = batch.unexplained(batch.law_response(at)).mean(axis=0)
+    segment = (1.0 - share) * estimate.gain_scatter**2 + share * scatter.segment**2
+    return (
+        LawEstimate(
+            at,
+            _inverse(total),
+            np.maximum((1.0 - share) * noise + share * left, LEAST_NOISE_N2),
+            float(np.clip(np.sqrt(segment), 1e-3, 1.0)),
+            estimate.updates + 1,
+            estimate.windows + batch.speed_mm_s.size,
+        ),
+        float(away @ information @ away),
+    )
+
+
+def _settle(
+    data: Data,
+    at: FloatArray,
+    spread: GainScatter,
+    weights: FloatArray,
+    mean: FloatArray,
+    information: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return where Gauss-Newton ends and the information there."""
+    for _ in range(_STEPS):
+        _, score, own = wandered(*scores(data, at, spread, weights), EXPECTED)
+        total = own[0] + information
+        step = np.linalg.solve(total, score[0] + information @ (mean - at))
+        step /= max(1.0, float(np.max(np.abs(step) / _FURTHEST)))
+        at = at + step
+        if step @ total @ step < 1e-4:
+            break
+    return at, total
+
+
+def _scatter(batch: Batch) -> FloatArray:
+    """Return the noise of a first batch: what its own mean response leaves."""
+    power = batch.drive_power.sum(axis=0)
+    own = batch.cross.sum(axis=0) / np.maximum(power, np.finfo(float).tiny)
+    scatter: FloatArray = batch.unexplained(np.broadcast_to(own, batch.cross.shape)).mean(0)
+    return scatter
+
+
+def _inverse(matrix: FloatArray) -> FloatArray:
+    """Return the inverse of a covariance or an information, whatever its units."""
+    scale = np.sqrt(np.diag(matrix))
+    inverse: FloatArray = np.linalg.inv(matrix / np.outer(scale, scale)) / np.outer(
+        scale, scale
+    )
+    return inverse

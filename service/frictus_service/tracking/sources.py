@@ -1,0 +1,184 @@
+"""The finger on a rig, and the one in a recording: the same samples for the same tracker."""
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import Final
+
+import frictus
+from frictus.aligned import AlignedSamples
+from frictus.block import Block
+from frictus.keys import FORCE, RENDER, STREAMS, VOLTAGE, Topics
+from frictus.messages import EstimateState, Message, ModelState, RigStatus
+from frictus.rig import Rig
+from frictus_hardware.physics.linear import TransferFunction
+from frictus_service.calibration.coordinates import Prior
+from frictus_service.errors import RecordingError
+from frictus_service.recording.reader import RecordingReader, State
+from frictus_service.recording.samples import Samples
+from frictus_service.tracking.tracker import ModelInForce, Tracker
+from frictus_service.tracking.windows import WindowCutter
+
+SILENT_S: Final = 3.0
+STATE_S: Final = 0.5
+"""The estimate is told this often."""
+_WANTED: Final = {FORCE: "force", VOLTAGE: "voltage", RENDER: "render"}
+
+Tell = Callable[[EstimateState], None]
+
+
+def tracker_of(status: RigStatus, mount: TransferFunction | None, prior: Prior) -> Tracker:
+    """Return a tracker for the streams of a rig.
+
+    Parameters
+    ----------
+    status : RigStatus
+        What the rig says of itself.
+    mount : TransferFunction or None
+        Between screen and force sensor, lateral, force to force.
+    prior : Prior
+        Of a new person.
+    """
+    cutter = WindowCutter(status.sample_rate_hz, status.screen_peak_v, mount)
+    return Tracker(cutter, prior)
+
+
+def follow_rig(rig: Rig, tracker: Tracker, tell: Tell, over: Callable[[], bool]) -> None:
+    """Follow the finger on a rig until it is over.
+
+    Parameters
+    ----------
+    rig : Rig
+        Of a client; nothing is sent to it.
+    tracker : Tracker
+        For its streams.
+    tell : callable
+        Told the estimate twice a second.
+    over : callable
+        Asked with every part; true ends it.
+
+    Raises
+    ------
+    SilenceError
+        If the rig says nothing for 3 s.
+    """
+    told_s = -STATE_S
+    with (
+        rig.blocks("force", timeout_s=SILENT_S) as force,
+        rig.blocks("voltage", timeout_s=SILENT_S) as voltage,
+        rig.blocks("render", timeout_s=SILENT_S) as render,
+        rig.watch(Topics.MODEL) as models,
+    ):
+        for part in frictus.align(force=force, voltage=voltage, render=render):
+            for model in models.drain():
+                _put_in_force(tracker, model)
+            tracker.take(part)
+            if over():
+                return
+            if time.monotonic() - told_s >= STATE_S:
+                told_s = time.monotonic()
+                tell(tracker.state(time.time_ns()))
+
+
+def follow_recording(
+    reader: RecordingReader, mount: TransferFunction | None, prior: Prior, tell: Tell
+) -> tuple[Tracker, RigStatus]:
+    """Follow the finger in a recording, as fast as it can be read.
+
+    Parameters
+    ----------
+    reader : RecordingReader
+        Open.
+    mount : TransferFunction or None
+        Between screen and force sensor, lateral, force to force.
+    prior : Prior
+        Of a new person.
+    tell : callable
+        Told the estimate after every half second of the recording.
+
+    Returns
+    -------
+    Tracker
+        After the last sample.
+    RigStatus
+        The first in the recording.
+
+    Raises
+    ------
+    RecordingError
+        If the recording does not say what rig it is of, or lacks a stream.
+    """
+    status = next(
+        (
+            item.message
+            for item in reader.items()
+            if isinstance(item, State) and isinstance(item.message, RigStatus)
+        ),
+        None,
+    )
+    if status is None:
+        raise RecordingError(f"{reader.path} holds no status of its rig: its screen is unknown")
+    tracker = tracker_of(status, mount, prior)
+    streams = _Streams(reader, lambda message: _put_in_force(tracker, message))
+    told_ns = 0
+    for part in streams.parts():
+        tracker.take(part)
+        if abs(part.utc_ns - told_ns) >= 1e9 * STATE_S:
+            told_ns = part.utc_ns
+            tell(tracker.state(part.utc_ns))
+    missing = [name for name in _WANTED.values() if name not in streams.seen]
+    if missing:
+        raise RecordingError(
+            f"{reader.path} has no stream {' and '.join(missing)}: record it with this version "
+            "of frictus, which keeps what was rendered"
+        )
+    tell(tracker.state(told_ns))
+    return tracker, status
+
+
+def _put_in_force(tracker: Tracker, message: Message) -> None:
+    if isinstance(message, ModelState):
+        tracker.put_in_force(ModelInForce.of(message.etag, message.model))
+
+
+class _Streams:
+    """Deals out what a recording holds in one order to readers of its streams."""
+
+    def __init__(self, reader: RecordingReader, on_state: Callable[[Message], None]) -> None:
+        self._items = reader.items()
+        self._on_state = on_state
+        self._waiting: dict[str, deque[Block]] = {name: deque() for name in _WANTED.values()}
+        self.seen: set[str] = set()
+
+    def parts(self) -> Iterator[AlignedSamples]:
+        """Yield the samples that all streams have."""
+        return frictus.align(**{name: self._blocks(name) for name in _WANTED.values()})
+
+    def _blocks(self, name: str) -> Iterator[Block]:
+        waiting = self._waiting[name]
+        while True:
+            while not waiting:
+                item = next(self._items, None)
+                if item is None:
+                    return
+                if isinstance(item, State):
+                    self._on_state(item.message)
+                elif isinstance(item, Samples) and item.stream in _WANTED:
+                    self.seen.add(_WANTED[item.stream])
+                    self._waiting[_WANTED[item.stream]].append(_block(item))
+            yield waiting.popleft()
+
+
+def _block(samples: Samples) -> Block:
+    assert samples.stream in STREAMS
+    return Block(
+        samples.stream,
+        samples.run,
+        samples.first_sequence,
+        samples.first_sample,
+        samples.utc_ns,
+        samples.uncertainty_ns,
+        samples.sample_rate_hz,
+        samples.flags,
+        samples.data,
+    )

@@ -1,0 +1,275 @@
+"""From what a rig publishes to what is known of the finger on it: windows, estimate, watch."""
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from frictus.aligned import AlignedSamples
+from frictus.messages import BandRatio, EstimateState, Interval, LawNow
+from frictus.model import FirstOrderSpeedLaw, Model, Validity
+from frictus_hardware.arrays import FloatArray
+from frictus_service.calibration import coordinates
+from frictus_service.calibration.coordinates import Prior
+from frictus_service.calibration.posterior import STRANGE
+from frictus_service.errors import EstimateError
+from frictus_service.tracking.law_estimate import Batch, LawEstimate, advanced, updated
+from frictus_service.tracking.prequential import PrequentialError
+from frictus_service.tracking.watch import ALARM, CAUSES, Cause, Watch
+from frictus_service.tracking.windows import LawWindow, WindowCutter
+
+BATCH: Final = 10
+"""Windows of an update: half a second of sliding."""
+COHERENT: Final = 0.5
+"""Least share of the friction in the bands that follows the drive."""
+ANOTHER: Final = 3
+"""So many strange batches in a row are another finger; fewer are left out."""
+
+
+@dataclass(frozen=True, slots=True)
+class ModelInForce:
+    """The model that the rig renders by.
+
+    Attributes
+    ----------
+    etag : str
+        As the rig publishes it.
+    at : ndarray, shape (4,), or None
+        In `calibration.coordinates`; None where it has no first-order law of friction.
+    """
+
+    etag: str
+    at: FloatArray | None
+
+    @classmethod
+    def of(cls, etag: str, model: Model) -> "ModelInForce":
+        """Return a model in the coordinates of the estimate.
+
+        Parameters
+        ----------
+        etag : str
+            As the rig publishes it.
+        model : Model
+            Of friction.
+        """
+        law = model.base
+        if not isinstance(law, FirstOrderSpeedLaw):
+            return cls(etag, None)
+        ends = law.cutoff_0_hz + law.slope_hz_per_mm_s * coordinates.HIGH_MM_S
+        if ends <= 0.0 or law.cutoff_0_hz + law.slope_hz_per_mm_s * coordinates.LOW_MM_S <= 0:
+            return cls(etag, None)
+        return cls(
+            etag,
+            coordinates.from_law(
+                law.gain_n, law.cutoff_0_hz, law.slope_hz_per_mm_s, model.skew_s
+            ),
+        )
+
+
+class Tracker:
+    """Follows the finger on one rig.
+
+    Parameters
+    ----------
+    cutter : WindowCutter
+        Of the rig's streams.
+    prior : Prior
+        Of a new person.
+
+    Attributes
+    ----------
+    estimate : LawEstimate
+        The newest.
+    new_fingers : int
+        How often it began anew because nothing that was known fitted any more.
+    """
+
+    def __init__(self, cutter: WindowCutter, prior: Prior) -> None:
+        self._cutter = cutter
+        self._prior = prior
+        self.estimate = LawEstimate.begin(prior, cutter.bands)
+        self.new_fingers = 0
+        self._run = 0
+        self._waiting: list[LawWindow] = []
+        self._last: LawWindow | None = None
+        self._rate_hz = 0.0
+        self._strange = 0
+        self._model = ModelInForce("", None)
+        self._first: FloatArray | None = None
+        self._speeds_mm_s = (np.inf, -np.inf)
+        self._forces_n = (np.inf, -np.inf)
+        n_bands = cutter.bands.centre_hz.size
+        self._errors = {
+            name: PrequentialError.begin(n_bands) for name in ("in_force", "first", "newest")
+        }
+        self._watch = Watch.begin()
+        self._alarms: tuple[Cause, ...] = ()
+
+    def put_in_force(self, model: ModelInForce) -> None:
+        """Compare with another model from now on; the same again changes nothing.
+
+        Parameters
+        ----------
+        model : ModelInForce
+            That the rig renders by.
+        """
+        if model.etag == self._model.etag:
+            return
+        self._model = model
+        self._first = model.at if self._first is None else self._first
+        self._errors["in_force"] = PrequentialError.begin(self._cutter.bands.centre_hz.size)
+        self._watch, self._alarms = Watch.begin(), ()
+
+    def take(self, part: AlignedSamples) -> bool:
+        """Take what was published; return whether the estimate is another.
+
+        Parameters
+        ----------
+        part : AlignedSamples
+            Of the streams `tracking.windows.STREAMS`.
+        """
+        self._run, self._rate_hz = part.run, part.sample_rate_hz
+        changed = False
+        for window in self._cutter.take(part):
+            if self._waiting and self._waiting[0].contact != window.contact:
+                changed |= self._update()
+            self._waiting.append(window)
+            if len(self._waiting) == BATCH:
+                changed |= self._update()
+        return changed
+
+    def _update(self) -> bool:
+        windows, self._waiting = self._waiting, []
+        batch = Batch.of(windows, self._cutter.bands)
+        if batch.coherence < COHERENT:
+            self._cutter.refused["friction does not follow the drive"] += len(windows)
+            return False
+        known = self.estimate
+        if self._last is not None:
+            since = abs(windows[-1].first_sample - self._last.first_sample) / self._rate_hz
+            known = advanced(known, since, windows[-1].contact != self._last.contact)
+        self._judge(batch, known)
+        found, away = updated(known, batch)
+        if known.updates and away > STRANGE:
+            self._strange += 1
+            if self._strange < ANOTHER:
+                self._cutter.refused["unlike what was felt before"] += len(windows)
+                return False
+            self.new_fingers += 1
+            found, _ = updated(LawEstimate.begin(self._prior, self._cutter.bands), batch)
+        self._strange = 0
+        self._last, self.estimate = windows[-1], found
+        speeds, forces = (
+            [getattr(window, name) for window in windows]
+            for name in ("speed_mm_s", "normal_force_n")
+        )
+        self._speeds_mm_s = _widened(self._speeds_mm_s, speeds)
+        self._forces_n = _widened(self._forces_n, forces)
+        return True
+
+    def _judge(self, batch: Batch, known: LawEstimate) -> None:
+        """Predict a batch before it is used."""
+        models = {"in_force": self._model.at, "first": self._first}
+        if known.updates:
+            models["newest"] = known.mean
+        for name, at in models.items():
+            if at is not None:
+                self._errors[name] = self._errors[name].judged(batch, at)
+        if known.updates and self._model.at is not None:
+            self._watch = self._watch.seen(batch, self._model.at, known)
+            fresh = [cause for cause in self._watch.alarms if cause not in self._alarms]
+            self._alarms = (*self._alarms, *fresh)
+
+    def state(self, utc_ns: int) -> EstimateState:
+        """Return what is published.
+
+        Parameters
+        ----------
+        utc_ns : int
+            UTC of this moment.
+        """
+        error = self._errors["in_force"]
+        judged = zip(
+            self._cutter.bands.centre_hz, error.band_db, error.band_half_width_db, strict=True
+        )
+        evidence = zip(CAUSES, self._watch.log_evidence, strict=True)
+        rms = {name: error.rms_db for name, error in self._errors.items()}
+        return EstimateState(
+            utc_ns=utc_ns,
+            run=self._run,
+            windows=self.estimate.windows,
+            refused=dict(self._cutter.refused),
+            new_fingers=self.new_fingers,
+            model_etag=self._model.etag,
+            law=_law_now(self.estimate) if self.estimate.updates else None,
+            bands=tuple(
+                BandRatio(centre_hz=centre, ratio_db=ratio, half_width_db=half)
+                for centre, ratio, half in judged
+                if np.isfinite(ratio) and np.isfinite(half)
+            ),
+            error_db={name: value for name, value in rms.items() if np.isfinite(value)},
+            evidence={cause: float(nats) for cause, nats in evidence},
+            alarm_nats=ALARM,
+            alarms=self._alarms,
+        )
+
+    def model(
+        self, participant: str | None, screen_peak_v: float, told: dict[str, Any]
+    ) -> Model:
+        """Return the estimate as a document.
+
+        Parameters
+        ----------
+        participant : str or None
+            Pseudonym.
+        screen_peak_v : float
+            Screen volts at a drive fraction of 1.
+        told : dict
+            What is said of it besides what the estimate knows itself.
+
+        Raises
+        ------
+        EstimateError
+            If nothing was felt, or no such model can be stored.
+        """
+        if not self.estimate.updates:
+            refused = ", ".join(f"{why}: {n}" for why, n in self._cutter.refused.items())
+            raise EstimateError(
+                "no window could be used, so nothing is known of the finger; left out: "
+                f"{refused or 'nothing came'}. Play a texture, and slide over it"
+            )
+        validity = Validity(
+            speed_mm_s=self._speeds_mm_s,
+            normal_force_n=self._forces_n,
+            drive_vpp=(2.0 * screen_peak_v, 2.0 * screen_peak_v),
+        )
+        known = {
+            "source": "live",
+            "prior": self._prior.note,
+            "windows": self.estimate.windows,
+            "gain_spread_within_contacts": self.estimate.gain_scatter,
+            "new_fingers": self.new_fingers,
+        }
+        return coordinates.document(
+            self.estimate.mean, self.estimate.covariance, participant, validity, known | told
+        )
+
+
+def _widened(span: tuple[float, float], values: list[float]) -> tuple[float, float]:
+    return min(span[0], *values), max(span[1], *values)
+
+
+def _law_now(estimate: LawEstimate) -> LawNow:
+    low, high = estimate.mean - estimate.half_width, estimate.mean + estimate.half_width
+    gain, at_20, at_100 = (
+        Interval(
+            value=float(np.exp(estimate.mean[n])),
+            low=float(np.exp(low[n])),
+            high=float(np.exp(high[n])),
+        )
+        for n in (2, 0, 1)
+    )
+    delay = Interval(
+        value=1e6 * float(estimate.mean[3]), low=1e6 * float(low[3]), high=1e6 * float(high[3])
+    )
+    return LawNow(gain_n=gain, cutoff_20_hz=at_20, cutoff_100_hz=at_100, delay_us=delay)

@@ -1,0 +1,212 @@
+"""Windows of a tenth of a second of what is played and felt, as sums of spectra in bands.
+
+Half overlapping, while the finger slides steadily: 10 to 150 mm/s, one direction. All that a
+law is judged by are the powers and the cross-spectrum of drive and friction in bands of a sixth
+of an octave (Bendat and Piersol, Random Data, chapter 6: H1), mount and hold removed.
+"""
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from frictus.aligned import AlignedSamples
+from frictus.block import Flag
+from frictus_hardware.arrays import ComplexArray, FloatArray
+from frictus_hardware.physics.linear import TransferFunction
+from frictus_service.calibration.coordinates import HIGH_MM_S, LOW_MM_S
+from frictus_service.discovery.evidence.broadband import WINDOW_S, Bands, tapered
+from frictus_service.identification.observation.response import drive_fraction, hold
+
+SPEEDS_MM_S: Final = (10.0, 150.0)
+PRESSED_N: Final = 0.05
+"""Below it the finger is taken to be off the screen."""
+MOST_ACCELERATED: Final = 1.5
+"""Largest over smallest speed of a window."""
+STRAIGHT: Final = 0.9
+"""Least cosine between the motion at any sample and that of the whole window."""
+LEAST_DRIVE: Final = 0.01
+"""Standard deviation of the drive fraction within the bands."""
+STREAMS: Final = ("force", "voltage", "render")
+SPOILT: Final = {
+    Flag.UNDERRUN: "the drive came too late",
+    Flag.OVERRUN: "samples were lost",
+    Flag.STALE_SENSOR: "the finger was not seen",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class LawWindow:
+    """What one window says of the law; arrays of shape (n_bands,).
+
+    Attributes
+    ----------
+    first_sample : int
+        Device index.
+    contact : int
+        Number of the contact it belongs to, rising with each touch.
+    speed_mm_s : float
+        Mean over the window, without sign, within the range in which laws hold.
+    normal_force_n : float
+        Mean over the window.
+    drive_power : ndarray
+        Of the drive fraction, summed over the frequencies of a band.
+    cross : ndarray of complex
+        Conjugate of the drive times friction, summed likewise, N.
+    friction_power : ndarray
+        Of the friction, N².
+    """
+
+    first_sample: int
+    contact: int
+    speed_mm_s: float
+    normal_force_n: float
+    drive_power: FloatArray
+    cross: ComplexArray
+    friction_power: FloatArray
+
+
+class WindowCutter:
+    """Cuts what a rig publishes into windows, and counts those that cannot be used.
+
+    Parameters
+    ----------
+    sample_rate_hz : float
+        Samples per second of the device's clock.
+    screen_peak_v : float
+        Screen volts at a drive fraction of 1.
+    mount : TransferFunction or None
+        Between screen and force sensor, lateral, force to force.
+
+    Attributes
+    ----------
+    bands : Bands
+        In which every window speaks.
+    refused : Counter of str
+        Windows left out, by the reason.
+    """
+
+    def __init__(
+        self, sample_rate_hz: float, screen_peak_v: float, mount: TransferFunction | None
+    ) -> None:
+        self._length = 2 * round(WINDOW_S * sample_rate_hz / 2.0)
+        self._peak_v = screen_peak_v
+        self.bands = Bands.of(self._length, sample_rate_hz, mount)
+        frequency_hz = self.bands.frequency_hz
+        self._line = np.rint(frequency_hz * self._length / sample_rate_hz).astype(np.int64)
+        self._hold = hold(frequency_hz, sample_rate_hz)
+        self._mount = (
+            np.ones(frequency_hz.size, dtype=complex)
+            if mount is None
+            else mount.frequency_response(frequency_hz)
+        )
+        self._parts: list[AlignedSamples] = []
+        self._used = 0  # samples of the first part
+        self._held = 0
+        self._run: int | None = None
+        self._contact = 0
+        self.refused: Counter[str] = Counter()
+
+    def take(self, part: AlignedSamples) -> list[LawWindow]:
+        """Take samples and return the windows that they complete.
+
+        Parameters
+        ----------
+        part : AlignedSamples
+            Of the streams `STREAMS`.
+        """
+        if part.run != self._run or part.missing_samples:
+            if self._run is not None:
+                self.refused["samples are missing"] += 1
+            self._run, self._parts, self._used, self._held = part.run, [], 0, 0
+        self._parts.append(part)
+        self._held += part.data["force"].shape[1]
+        found = []
+        while self._held >= self._length:
+            window = self._window()
+            if window is not None:
+                found.append(window)
+            self._drop(self._length // 2)
+        return found
+
+    def _drop(self, n_samples: int) -> None:
+        self._held -= n_samples
+        self._used += n_samples
+        while self._parts and self._used >= (size := self._parts[0].data["force"].shape[1]):
+            self._used -= size
+            del self._parts[0]
+
+    def _window(self) -> LawWindow | None:
+        first = self._parts[0].first_sample + self._used
+        flags = Flag(0)
+        for part in self._parts:
+            flags |= part.flags
+        data = {
+            name: np.concatenate([part.data[name] for part in self._parts], axis=1)[
+                :, self._used : self._used + self._length
+            ].astype(np.float64)
+            for name in STREAMS
+        }
+        reason = self._spoilt(flags, data) or self._unsteady(data)
+        if reason:
+            self.refused[reason] += 1
+            return None
+        return self._spectra(first, data)
+
+    def _spoilt(self, flags: Flag, data: dict[str, FloatArray]) -> str:
+        for flag, reason in SPOILT.items():
+            if flags & flag:
+                return reason
+        used = (data["force"], data["voltage"], data["render"][:3])
+        if not all(np.isfinite(rows).all() for rows in used):
+            return "samples are not numbers"
+        if data["force"][2].mean() < PRESSED_N:
+            self._contact += 1
+            return "no finger presses"
+        return ""
+
+    @staticmethod
+    def _unsteady(data: dict[str, FloatArray]) -> str:
+        speed = data["render"][2]
+        slowest, fastest = float(speed.min()), float(speed.max())
+        if slowest < SPEEDS_MM_S[0] or fastest > SPEEDS_MM_S[1]:
+            return f"slower than {SPEEDS_MM_S[0]:g} or faster than {SPEEDS_MM_S[1]:g} mm/s"
+        if fastest > MOST_ACCELERATED * slowest:
+            return "the speed changes too much"
+        along = _direction(data["render"][:2])
+        whole = along.mean(axis=1)
+        if float((along.T @ whole).min()) < STRAIGHT * float(np.hypot(*whole)):
+            return "the finger turns"
+        return ""
+
+    def _spectra(self, first_sample: int, data: dict[str, FloatArray]) -> LawWindow | None:
+        along = _direction(data["render"][:2])
+        friction = np.sum(data["force"][:2] * along, axis=0)
+        drive = drive_fraction(data["voltage"][0], self._peak_v)
+        spectra = np.fft.rfft(tapered(np.stack([drive, friction])), axis=-1)[:, self._line]
+        driven, felt = spectra[0] * self._hold, spectra[1] / self._mount
+        power = self._sum(np.square(np.abs(driven))).real
+        if np.sqrt(2.0 * power.sum() / self._length) < LEAST_DRIVE:
+            self.refused["nothing is played"] += 1
+            return None
+        return LawWindow(
+            first_sample,
+            self._contact,
+            float(np.clip(data["render"][2].mean(), LOW_MM_S, HIGH_MM_S)),
+            float(data["force"][2].mean()),
+            power,
+            self._sum(driven.conj() * felt),
+            self._sum(np.square(np.abs(felt))).real,
+        )
+
+    def _sum(self, spectrum: ComplexArray | FloatArray) -> ComplexArray:
+        return self.bands.total(spectrum[np.newaxis])
+
+
+def _direction(position_mm: FloatArray) -> FloatArray:
+    """Return the unit vector along the motion at every sample, shape (2, n_samples)."""
+    step = np.gradient(position_mm, axis=1)
+    length = np.maximum(np.hypot(step[0], step[1]), 1e-12)
+    along: FloatArray = step / length
+    return along
