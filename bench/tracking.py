@@ -1,8 +1,8 @@
 """Measure how the finger is followed while it plays: `python bench/tracking.py --help`.
 
-Simulated people on the twin, free strokes over shipped textures that a placeholder model renders:
-how soon the estimate renders as the true law would, whether its intervals hold, and how soon an
-alarm names what is wrong. Seeds are fresh each time, and in the document.
+Simulated people on the twin, free strokes over shipped textures that a placeholder model
+renders: how soon the estimate renders as the true law would, whether its intervals hold, and
+how soon an alarm names what is wrong. The seed is fresh each time, and in the document.
 """
 
 import argparse
@@ -135,16 +135,17 @@ def session(
 
 TEXT: Final = """# The model while it plays
 
-Made by `uv run python bench/tracking.py`, on the twin: people drawn from the population of the
-simulated participants, free strokes, shipped textures rendered by the placeholder model, sensors
-with noise. `frictus track` does the same on a rig or with a recording. Nothing was measured on a
-real finger. The rig's model is not changed meanwhile: adapting it while it plays is not built.
+Made by `uv run python bench/tracking.py`, on the twin: people drawn from the population of
+the simulated participants, free strokes, shipped textures rendered by the placeholder model,
+sensors with noise. `frictus track` does the same on a rig or with a recording. Nothing was
+measured on a real finger. The rig's model is not changed meanwhile: adapting it while it plays
+is not built.
 
 ## How soon it renders as the true law would
-{sessions} sessions of {seconds:g} s, {people} people at 0.5, 1 and 2 times their cutoff. *Begins
-at*: error of a rendering by the placeholder, dB rms over third octaves at 20 to 100 mm/s. *Within
-{within:g} dB*: seconds of free strokes, turns and pauses included, after which the error of the
-estimate stays below it.
+{sessions} sessions of {seconds:g} s, {people} people at 0.5, 1 and 2 times their cutoff.
+*Begins at*: error of a rendering by the placeholder, dB rms over third octaves at 20 to 100
+mm/s. *Within {within:g} dB*: seconds of free strokes, turns and pauses included, after which
+the error of the estimate stays below it.
 
 | texture | begins at, dB | within {within:g} dB, median (90 %) | at the end, median (worst) |
 |---|---|---|---|

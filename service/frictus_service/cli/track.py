@@ -63,8 +63,10 @@ def track(
     if out is not None:
         model = tracker.model(participant, peak_v, {"rig": source})
         out.write_bytes(model.to_json())
-        if not wants_lines(as_json):
-            sys.stdout.write(f"model: {out}; frictus model set {out} puts it in force\n")
+        if wants_lines(as_json):
+            write_line(event="model", file=str(out))
+        else:
+            sys.stdout.write(f"model: {out}\n")
 
 
 def _live(

@@ -1,0 +1,129 @@
+"""`frictus track` beside a real rig with a simulated person, and over its recording."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+import frictus
+from frictus.errors import LinkError
+from frictus.keys import Topics
+from frictus.messages import EstimateState
+from frictus.model import FirstOrderSpeedLaw, Model
+from frictus.recordings import texture_of
+from frictus.textures import Region, Scene
+from frictus_hardware import SimulatedConfig
+from frictus_hardware.simulated.config import Participant
+from frictus_hardware.simulated.strokes import SteadyStrokes
+from frictus_service.cli.app import app
+from frictus_service.cli.options import Exit
+from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
+from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.library import SHIPPED
+from frictus_service.processes import free_endpoint
+
+PERSON = Participant(gain_n=0.3, cutoff_0_hz=700.0, slope_hz_per_mm_s=25.0)
+SLIDING_S = 6.0
+
+
+@pytest.fixture(scope="module")
+def endpoint() -> Iterator[str]:
+    config = Config(
+        backend=SimulatedConfig(
+            finger=SteadyStrokes(speed_mm_s=40.0), participant=PERSON, lead_ms=100.0
+        ),
+        block_ms=10.0,
+        router=RouterConfig(endpoint=free_endpoint()),
+        api=ApiConfig(port=0),
+        limits=Limits(freeze_ms=5_000, missed_deadlines=1_000),  # for busy machines
+    )
+    with Supervisor(config, ("rig",), say=lambda _line: None) as supervisor:
+        supervisor.wait_ready(100.0)
+        yield config.router.endpoint
+
+
+def run(*args: object) -> Any:
+    return CliRunner().invoke(app, [str(arg) for arg in args])
+
+
+def started(*args: object) -> subprocess.Popen[str]:
+    main = "from frictus_service.cli import main; main()"
+    command = [sys.executable, "-c", main, *(str(arg) for arg in args)]
+    pipe = subprocess.PIPE
+    return subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True)
+
+
+def law_of(file: Path) -> FirstOrderSpeedLaw:
+    model = Model.model_validate_json(file.read_bytes())
+    assert not model.placeholder
+    assert model.provenance["source"] == "live"
+    law = model.base
+    assert isinstance(law, FirstOrderSpeedLaw)
+    return law
+
+
+def test_it_learns_the_person_from_a_texture_and_from_a_recording_of_it(
+    endpoint: str, tmp_path: Path
+) -> None:
+    flat = texture_of((SHIPPED / "flat.json").read_text(encoding="utf-8"))
+    seconds = ("--seconds", SLIDING_S)
+    live, recorded, mcap = tmp_path / "live.json", tmp_path / "rec.json", tmp_path / "a.mcap"
+    with frictus.connect(endpoint, "test") as client:
+        rig = client.rig("rig1", wait_s=5.0)
+        rig.set_scene(Scene(regions=[Region(texture=flat, gain=0.8)]))
+        with rig.arm(lease_ms=10_000), rig.watch(Topics.ESTIMATE, timeout_s=30.0) as heard:
+            with (
+                started("record", "--router", endpoint, "--out", mcap, *seconds) as recording,
+                started("track", "--router", endpoint, "--out", live, *seconds) as tracking,
+            ):
+                stdout, stderr = tracking.communicate(timeout=90.0)
+                told = heard.drain()
+                _, problem = recording.communicate(timeout=60.0)
+    assert recording.returncode == 0, problem
+    assert tracking.returncode == 0, stderr
+    *lines, model = [json.loads(line) for line in stdout.splitlines()]
+    assert model == {"event": "model", "file": str(live)}
+    states = [EstimateState.model_validate(line) for line in lines]
+    assert [state.windows for state in states] == sorted(state.windows for state in states)
+    assert {state.utc_ns for state in states} >= {
+        state.utc_ns for state in told if isinstance(state, EstimateState)
+    }
+    assert told
+    # What the person is is known after six seconds; the placeholder in force is wrong.
+    assert "cutoff" in states[-1].alarms
+    again = run("track", mcap, "--out", recorded)
+    assert again.exit_code == Exit.OK, again.stderr
+    for file in (live, recorded):
+        law = law_of(file)
+        cutoff = law.cutoff_0_hz + law.slope_hz_per_mm_s * 40.0
+        assert law.gain_n == pytest.approx(PERSON.gain_n, rel=0.05)
+        assert cutoff == pytest.approx(700.0 + 25.0 * 40.0, rel=0.1)
+
+
+def test_without_a_texture_it_says_what_was_missing(endpoint: str, tmp_path: Path) -> None:
+    told = run("track", "--router", endpoint, "--seconds", 0.5)
+    assert told.exit_code == Exit.OK, told.stderr
+    refused = run("track", "--router", endpoint, "--seconds", 0.5, "--out", tmp_path / "m.json")
+    assert refused.exit_code == Exit.CHECK_FAILED
+    assert "Play a texture, and slide over it" in refused.stderr
+    assert not (tmp_path / "m.json").exists()
+
+
+def test_a_client_hears_that_nobody_estimates(endpoint: str) -> None:
+    with frictus.connect(endpoint, "test", timeout_s=0.3) as client:
+        rig = client.rig("rig1", wait_s=5.0)
+        with pytest.raises(LinkError, match="start `frictus track`"):
+            rig.estimate()
+
+
+def test_a_file_that_is_no_recording_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "a.mcap"
+    file.write_bytes(b"nothing of the kind")
+    refused = run("track", file)
+    assert refused.exit_code == Exit.USAGE
+    assert str(file) in refused.stderr
