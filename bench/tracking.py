@@ -142,7 +142,7 @@ measured on a real finger. The rig's model is not changed meanwhile: adapting it
 is not built.
 
 ## How soon it renders as the true law would
-{sessions} sessions of {seconds:g} s, {people} people at 0.5, 1 and 2 times their cutoff.
+{sessions} sessions of {seconds:g} s, people drawn at random at 0.5, 1 and 2 times their cutoff.
 *Begins at*: error of a rendering by the placeholder, dB rms over third octaves at 20 to 100
 mm/s. *Within {within:g} dB*: seconds of free strokes, turns and pauses included, after which
 the error of the estimate stays below it.
@@ -207,7 +207,6 @@ def main() -> None:
     )
     text = TEXT.format(
         sessions=len(covered),
-        people=given.people,
         seconds=given.seconds,
         within=WITHIN_DB,
         rows="\n".join(rows),

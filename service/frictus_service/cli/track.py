@@ -135,6 +135,7 @@ def line_of(state: "EstimateState") -> str:
     Parameters
     ----------
     state : EstimateState
+        As it is published.
     """
     if state.law is None:
         return "nothing felt yet"
@@ -153,6 +154,7 @@ def summary_of(state: "EstimateState") -> list[str]:
     Parameters
     ----------
     state : EstimateState
+        As it is published.
     """
     refused = [f"left out, {reason}: {count}" for reason, count in state.refused.items()]
     if state.law is None:

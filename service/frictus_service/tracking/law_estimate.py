@@ -93,11 +93,15 @@ class Batch:
     Attributes
     ----------
     speed_mm_s : ndarray, shape (n_windows,)
+        Mean of each window, without sign.
     drive_power, friction_power : ndarray
+        Of the drive fraction, and of the friction in N².
     cross : ndarray of complex
+        Conjugate of the drive times friction, N.
     heard : ndarray of bool
         Where the drive is strong enough to say something.
     bands : Bands
+        They speak in.
     """
 
     speed_mm_s: FloatArray
@@ -114,6 +118,7 @@ class Batch:
         Parameters
         ----------
         windows : sequence of LawWindow
+            In order.
         bands : Bands
             They speak in.
         """
@@ -198,6 +203,7 @@ def advanced(estimate: LawEstimate, seconds: float, new_contact: bool) -> LawEst
     Parameters
     ----------
     estimate : LawEstimate
+        After the last update.
     seconds : float
         Since the last update.
     new_contact : bool
@@ -216,6 +222,7 @@ def updated(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, float]:
     estimate : LawEstimate
         Advanced to the batch.
     batch : Batch
+        Windows that it has not seen.
 
     Returns
     -------

@@ -73,10 +73,11 @@ class Watch:
         Parameters
         ----------
         batch : Batch
+            That the estimate has not seen.
         at : ndarray, shape (4,)
             The model in force, in `calibration.coordinates`.
         estimate : LawEstimate
-            That has not seen the batch.
+            Before the batch.
         """
         share, score, information = self.log_share, self.score, self.information
         begun = self.begun

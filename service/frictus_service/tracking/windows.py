@@ -47,7 +47,7 @@ class LawWindow:
     contact : int
         Number of the contact it belongs to, rising with each touch.
     speed_mm_s : float
-        Mean over the window, without sign, within the range in which laws hold.
+        Mean over the window, without sign; each sample within the range in which laws hold.
     normal_force_n : float
         Mean over the window.
     drive_power : ndarray
@@ -193,7 +193,7 @@ class WindowCutter:
         return LawWindow(
             first_sample,
             self._contact,
-            float(np.clip(data["render"][2].mean(), LOW_MM_S, HIGH_MM_S)),
+            float(np.clip(data["render"][2], LOW_MM_S, HIGH_MM_S).mean()),
             float(data["force"][2].mean()),
             power,
             self._sum(driven.conj() * felt),
