@@ -211,6 +211,13 @@ def _body(message: str, rng: random.Random) -> Tree:
             "skew_ppm": 0.0,
             "utc_steps": 0,
         },
+        "EstimateState": {
+            "run": FORGED_RUN,
+            "windows": 10,
+            "refused": {"the finger turns": 1},
+            "bands": [{"centre_hz": 100.0, "ratio_db": 0.1, "half_width_db": 0.1}],
+            "error_db": {"newest": 0.1},
+        },
     }
     return bodies[message]
 
