@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -72,11 +72,14 @@ class CalibrationEstimate:
         At the speeds that were measured.
     half_width : ndarray, shape (n_speeds,)
         Of the 95 % interval, over the value.
+    notes : tuple of str
+        What a reader should know of the estimate.
     """
 
     model: Model
     cutoff_hz: FloatArray
     half_width: FloatArray
+    notes: tuple[str, ...] = ()
 
 
 def conclude(
@@ -130,6 +133,7 @@ def conclude(
         precision=precision,
         reached=reached,
         notes=(
+            *found.notes,
             *(f"not measured, rejected too often: {what}" for what in left_out),
             *(f"trial {trial.id} was rejected: {trial.rejected}" for trial in rejected),
             *(
@@ -198,7 +202,8 @@ def _by_analysis(
     found = friction[0]
     told = found.provenance | _provenance(spec, study)
     model = found.model_copy(update={"provenance": told})
-    return _with_widths(model, speeds_mm_s)
+    second = found.provenance.get("second_solution")
+    return replace(_with_widths(model, speeds_mm_s), notes=(second,) if second else ())
 
 
 def _with_widths(model: Model, speeds_mm_s: FloatArray) -> CalibrationEstimate:

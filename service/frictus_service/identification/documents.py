@@ -170,6 +170,8 @@ class FrictionResult(_Document):
     """Of the intervals of a law, the gain's aside: every trial tells that, and it has more."""
     excess_hz: FiniteFloat | None = None
     """How much the conditions' cutoffs scatter around the law beyond sampling error."""
+    second_solution: str | None = None
+    """What a second solution is that explains the trials alike; null: there is none."""
 
 
 class MobilityResult(_Document):

@@ -218,6 +218,8 @@ def evidence_of(
         float(fit.delay_s[person]),
         fit.delay_influence[trials],
         fit.delay_gradient[used],
+        np.expm1(fit.rival_shift[used]),
+        float(fit.rival_delay_shift_s[person]),
     )
 
 

@@ -73,6 +73,35 @@ def moments(
     return _absorb(square, linear, total, scatter.outer)[0]
 
 
+def log_determinant(
+    weight: FloatArray, levels: Levels, variances: GroupVariances
+) -> FloatArray:
+    """Return ``ln det C`` of each outer group, shape (n_outer,), as in `moments`.
+
+    By the matrix determinant lemma, group by group: a random effect of variance ``a`` over rows
+    of total weight ``W`` multiplies the determinant by ``1 + a W``.
+
+    Parameters
+    ----------
+    weight : ndarray, shape (n_rows,)
+        Inverse of the variance of the independent noise.
+    levels : Levels
+        Groups of rows within groups.
+    variances : GroupVariances
+        Variances that rows of a group share.
+    """
+    parent, n = levels.outer_of_inner, levels.n_outer
+    own, total = -np.log(weight), weight
+    if levels.inner is not None:
+        own = np.bincount(levels.inner, own, parent.size)
+        total = np.bincount(levels.inner, weight, parent.size)
+    absorbed = 1.0 + variances.inner * total
+    inner = np.bincount(parent, own + np.log(absorbed), n)
+    outer = np.log1p(variances.outer * np.bincount(parent, total / absorbed, n))
+    found: FloatArray = inner + outer
+    return found
+
+
 def scatter_of(
     residual: FloatArray, weight: FloatArray, levels: Levels, fitted: float
 ) -> GroupVariances:

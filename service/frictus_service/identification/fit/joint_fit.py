@@ -5,16 +5,18 @@ they stay positive. A delay is a property of the channels and not of how the fin
 fitted per condition it would take with it half of what the phase says about the cutoff.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 import numpy as np
+from scipy import stats
 
-from frictus_hardware.arrays import BoolArray, ComplexArray, FloatArray
+from frictus_hardware.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from frictus_service.identification.fit.conditions import Sample
 from frictus_service.identification.fit.grouped_errors import (
     GroupVariances,
     Levels,
+    log_determinant,
     moments,
     scatter_of,
 )
@@ -45,7 +47,21 @@ class Spreads:
     phase: GroupVariances
 
 
-BEGIN: Final = Spreads(GroupVariances(0.0, 0.01), GroupVariances(0.0, 1e-4))
+BEGINNINGS: Final = (
+    Spreads(size=GroupVariances(0.0, 1e-2), phase=GroupVariances(0.0, 1e-6)),
+    Spreads(size=GroupVariances(0.0, 1e-6), phase=GroupVariances(0.0, 1e-2)),
+)
+"""Phases are sure and sizes scatter, and the reverse.
+
+The scatter is estimated around the fit that it weights. A fit that follows the sizes leaves
+residuals of phase, which say that phases scatter, and that it was right to follow the sizes:
+such a solution can hold itself up beside the one that follows the phases. From either end the
+iteration comes to the solution on its side, and the likelihood compares them.
+"""
+WARM_UP: Final = 2
+"""Steps before the scatter is estimated: residuals at the start are those of a coarse grid."""
+ALIKE: Final = float(stats.chi2.ppf(0.95, 1)) / 2.0
+"""Solutions whose log-likelihoods differ by less explain the data alike."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +85,13 @@ class JointFit:
         Change of its participant's delay that each trial causes.
     spreads : Spreads
         Standard deviations that rows of a trial or condition share.
+    rival_shift : ndarray, shape (n_conditions, p)
+        Change of the logarithms to a second solution that explains the data alike; 0 where
+        there is none.
+    rival_delay_shift_s : ndarray, shape (n_people,)
+        Change of the delay to it.
+    rival_deficit : float
+        By how much the second solution's log-likelihood is lower; infinite without one.
     """
 
     log_parameters: FloatArray
@@ -80,6 +103,28 @@ class JointFit:
     influence: FloatArray
     delay_influence: FloatArray
     spreads: Spreads
+    rival_shift: FloatArray
+    rival_delay_shift_s: FloatArray
+    rival_deficit: float
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """Where a descent ended.
+
+    Attributes
+    ----------
+    log_parameters, delay_s, settled, spreads
+        As in `JointFit`.
+    log_likelihood : float
+        Without its constant.
+    """
+
+    log_parameters: FloatArray
+    delay_s: FloatArray
+    settled: BoolArray
+    spreads: Spreads
+    log_likelihood: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,16 +179,51 @@ def fit(
         Where to begin, or the known delay.
     spreads : Spreads or None
         None: estimated, from replicates and from the scatter of trials around the fit.
+
+    Returns
+    -------
+    JointFit
+        The likelier of the solutions that `BEGINNINGS` lead to.
     """
-    known = spreads
-    spreads = known or BEGIN
-    for _ in range(1 if known else 3):  # weights from the scatter, scatter from the fit
-        log_parameters, delay_s, settled = _descend(problem, log_parameters, delay_s, spreads)
-        if known is None:
-            spreads = _spreads(problem, log_parameters, delay_s)
-    if known is None:
-        log_parameters, delay_s, settled = _descend(problem, log_parameters, delay_s, spreads)
-    return _conclude(problem, log_parameters, delay_s, settled, spreads)
+    if spreads is not None:
+        return _conclude(problem, _descend(problem, log_parameters, delay_s, spreads))
+    found = [
+        _descend(problem, log_parameters, delay_s, begin, estimate_spreads=True)
+        for begin in BEGINNINGS
+    ]
+    best, other = sorted(found, key=lambda each: each.log_likelihood, reverse=True)
+    return with_rival(_conclude(problem, best), best, other, problem.sample.people)
+
+
+def with_rival(fit: JointFit, best: Solution, other: Solution, people: IntArray) -> JointFit:
+    """Return a fit that names the other solution where it differs and explains the data alike.
+
+    Solutions that are closer than a standard error are one to whoever reads the interval.
+
+    Parameters
+    ----------
+    fit : JointFit
+        Of the best solution.
+    best, other : Solution
+        The likelier first.
+    people : ndarray of int, shape (n_conditions,)
+        Participant of each condition.
+    """
+    deficit = best.log_likelihood - other.log_likelihood
+    shift = other.log_parameters - best.log_parameters
+    later = other.delay_s - best.delay_s
+    by_delay = np.square(fit.delay_gradient) * fit.delay_variance[people][:, np.newaxis]
+    variance = np.einsum("cii->ci", fit.covariance) + by_delay
+    apart = np.any((shift**2 > variance) & best.settled[:, np.newaxis], axis=1)
+    differs = np.bincount(people, apart, later.size) > 0
+    if not (deficit < ALIKE and differs.any()):
+        return fit
+    return replace(
+        fit,
+        rival_shift=np.where(differs[people][:, np.newaxis], shift, 0.0),
+        rival_delay_shift_s=np.where(differs, later, 0.0),
+        rival_deficit=deficit,
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,14 +283,24 @@ def _influences(problem: JointFitProblem, step: _Step) -> tuple[FloatArray, Floa
 
 
 def _descend(
-    problem: JointFitProblem, log_parameters: FloatArray, delay_s: FloatArray, spreads: Spreads
-) -> tuple[FloatArray, FloatArray, BoolArray]:
+    problem: JointFitProblem,
+    log_parameters: FloatArray,
+    delay_s: FloatArray,
+    spreads: Spreads,
+    *,
+    estimate_spreads: bool = False,
+) -> Solution:
+    """Step until nothing moves; weights from the scatter and scatter from the fit together.
+
+    Estimated only between whole descents, the scatter comes closer by a constant factor each
+    time, and a fixed number of times leaves the cutoff short of where it would settle.
+    """
     sample = problem.sample
-    settled = np.zeros(log_parameters.shape[0], dtype=np.bool_)
-    for _ in range(STEPS):
+    person = sample.people[sample.condition_of_trial]
+    longest = np.full(log_parameters.shape[0], np.inf)
+    for number in range(STEPS):
         step = _normal(problem, log_parameters, delay_s, spreads)
         local, pull = _influences(problem, step)
-        person = sample.people[sample.condition_of_trial]
         later = np.bincount(person, pull, delay_s.size)
         later = np.clip(later, -DELAY_STEP_S, DELAY_STEP_S)
         change = np.zeros_like(log_parameters)
@@ -221,11 +311,39 @@ def _descend(
         change *= np.minimum(1.0, STEP / np.maximum(longest, STEP))[:, np.newaxis]
         log_parameters = np.clip(log_parameters + change, problem.lowest, problem.highest)
         delay_s = delay_s + later
-        settled = longest < SETTLED * 100.0
-        if np.all(longest < SETTLED):
+        warm = number + 1 >= WARM_UP
+        if estimate_spreads and warm:
+            spreads = _spreads(problem, log_parameters, delay_s)
+        if np.all(longest < SETTLED) and (warm or not estimate_spreads):
             break
     inside = (log_parameters > problem.lowest) & (log_parameters < problem.highest)
-    return log_parameters, delay_s, settled & inside.all(axis=1)
+    return Solution(
+        log_parameters,
+        delay_s,
+        (longest < SETTLED * 100.0) & inside.all(axis=1),
+        spreads,
+        _log_likelihood(problem, log_parameters, delay_s, spreads),
+    )
+
+
+def _log_likelihood(
+    problem: JointFitProblem, log_parameters: FloatArray, delay_s: FloatArray, spreads: Spreads
+) -> float:
+    """Return the Gaussian log-likelihood of the responses, without its constant.
+
+    The responses are ``H (1 + r)``: besides the density of the residuals stands the area by
+    which the response stretches them, ``|H|²`` per row.
+    """
+    _, residual, weight = _linearise(problem, log_parameters, delay_s)
+    stretched = np.log(weight * problem.sample.variance).sum()
+    total = -2.0 * stretched
+    for part, levels, variances in (
+        (residual.real, problem.size_levels, spreads.size),
+        (residual.imag, problem.phase_levels, spreads.phase),
+    ):
+        total -= moments(part[:, np.newaxis], weight, levels, variances).sum()
+        total -= log_determinant(weight, levels, variances).sum()
+    return float(0.5 * total)
 
 
 def _spreads(
@@ -241,28 +359,26 @@ def _spreads(
     )
 
 
-def _conclude(
-    problem: JointFitProblem,
-    log_parameters: FloatArray,
-    delay_s: FloatArray,
-    settled: BoolArray,
-    spreads: Spreads,
-) -> JointFit:
+def _conclude(problem: JointFitProblem, found: Solution) -> JointFit:
     sample = problem.sample
-    step = _normal(problem, log_parameters, delay_s, spreads)
+    delay_s = found.delay_s
+    step = _normal(problem, found.log_parameters, delay_s, found.spreads)
     local, pull = _influences(problem, step)
     person = sample.people[sample.condition_of_trial]
     trials = np.bincount(person, minlength=delay_s.size)
     used = 0.5 * (1 + np.bincount(sample.people, minlength=delay_s.size) * local.shape[1])
     enough = trials / np.maximum(trials - used, 1.0)
     return JointFit(
-        log_parameters=log_parameters,
+        log_parameters=found.log_parameters,
         delay_s=delay_s,
-        settled=settled,
+        settled=found.settled,
         covariance=step.local,
         delay_gradient=-np.einsum("cij,cj->ci", step.local, step.cross),
         delay_variance=enough * np.bincount(person, pull**2, delay_s.size),
         influence=local * np.sqrt(enough[person])[:, np.newaxis],
         delay_influence=pull * np.sqrt(enough[person]),
-        spreads=spreads,
+        spreads=found.spreads,
+        rival_shift=np.zeros_like(found.log_parameters),
+        rival_delay_shift_s=np.zeros_like(delay_s),
+        rival_deficit=np.inf,
     )

@@ -38,6 +38,10 @@ class ConditionEvidence:
     delay_influence : ndarray, shape (n_trials,)
     delay_gradient : ndarray, shape (n_conditions, p)
         Relative change of the parameters per second of delay.
+    rival_shift : ndarray, shape (n_conditions, p)
+        Relative change of the parameters to a second solution that explains the data alike.
+    rival_delay_shift_s : float
+        Change of the delay to it.
     """
 
     speed_mm_s: FloatArray
@@ -48,6 +52,8 @@ class ConditionEvidence:
     delay_s: float
     delay_influence: FloatArray
     delay_gradient: FloatArray
+    rival_shift: FloatArray
+    rival_delay_shift_s: float
 
     @property
     def degrees_of_freedom(self) -> float:
@@ -65,7 +71,8 @@ class Combination:
     ----------
     value : ndarray, shape (q + 1,)
     covariance : ndarray, shape (q + 1, q + 1)
-        Sampling error clustered by trial, plus what conditions differ by.
+        Sampling error clustered by trial, plus what conditions differ by, plus the square of
+        what a second solution differs by.
     degrees_of_freedom : ndarray, shape (q + 1,)
     """
 
@@ -115,6 +122,10 @@ def combine(evidence: ConditionEvidence, maps: FloatArray, excess: FloatArray) -
         "qti,ti->tq", relative[:, evidence.condition_of_trial], evidence.influence
     )
     covariance = pulls.T @ pulls
+    # All conditions move to a second solution together.
+    shift = np.einsum("qci,ci->q", relative, evidence.rival_shift)
+    shift = np.append(shift, evidence.rival_delay_shift_s)
+    covariance += np.outer(shift, shift)
     covariance[:-1, :-1] += np.einsum("qci,rci,i->qr", maps, maps, excess)
     value = np.append(relative.sum(axis=(1, 2)), evidence.delay_s)
     return Combination(value, covariance, np.full(value.size, evidence.degrees_of_freedom))

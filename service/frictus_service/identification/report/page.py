@@ -133,6 +133,11 @@ def notes_on(
             *_on_people(study, participants),
             *_on_conditions(study, conditions),
             *_on_laws(participants),
+            *(
+                f"{p.participant}: {p.friction.second_solution}."
+                for p in participants
+                if p.friction and p.friction.second_solution
+            ),
         ]
     )
 

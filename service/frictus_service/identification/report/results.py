@@ -27,7 +27,7 @@ from frictus_service.identification.fit.estimates import (
     law_of,
 )
 from frictus_service.identification.fit.friction_fit import CUTOFF, GAIN, refit_friction
-from frictus_service.identification.fit.joint_fit import JointFit
+from frictus_service.identification.fit.joint_fit import ALIKE, JointFit
 from frictus_service.identification.fit.speed_law import NAMES, Combination, SpeedLaw, levels
 
 MOBILITY_NAMES = ("mass_kg", "damping_n_s_m", "stiffness_n_m", "skew_s")
@@ -44,7 +44,8 @@ def estimates_of(fit: JointFit, people: NDArray[np.int64]) -> list[list[Estimate
     people : ndarray of int, shape (n_conditions,)
     """
     by_delay = np.square(fit.delay_gradient) * fit.delay_variance[people][:, np.newaxis]
-    error = np.sqrt(np.einsum("cii->ci", fit.covariance) + by_delay)
+    variance = np.einsum("cii->ci", fit.covariance) + by_delay + np.square(fit.rival_shift)
+    error = np.sqrt(variance)
     value = np.exp(fit.log_parameters)
     spread = np.exp(np.minimum(_NORMAL_975 * error, 50.0))
     return [
@@ -255,6 +256,27 @@ def _friction(
         law_without_outliers=rest and law_result(rest),
         degrees_of_freedom=evidence.degrees_of_freedom,
         excess_hz=law.excess_hz if law else None,
+        second_solution=_second_solution(fitted, measured, person),
+    )
+
+
+def _second_solution(fitted: Fitted, measured: Measured, person: int) -> str | None:
+    """Return what a second solution is that explains a participant's trials alike."""
+    fit, of = fitted.fit, fitted.selection
+    own = np.flatnonzero((of.sample.people == person) & fit.settled)
+    shift = fit.rival_shift[own, CUTOFF]
+    if not np.any(shift):
+        return None
+    most = own[np.argmax(np.abs(shift))]
+    at = fit.log_parameters[most, CUTOFF]
+    first, second = np.exp([at, at + fit.rival_shift[most, CUTOFF]])
+    delay_us = 1e6 * fit.delay_s[person]
+    later_us = delay_us + 1e6 * fit.rival_delay_shift_s[person]
+    return (
+        f"two solutions explain the trials alike (log-likelihoods {fit.rival_deficit:.1f} "
+        f"apart; accepted: {ALIKE:.1f} at least): a delay of {delay_us:.0f} or "
+        f"{later_us:.0f} µs, a cutoff of {first:.0f} or {second:.0f} Hz at "
+        f"{measured.speed_mm_s[of.groups[most]]:.0f} mm/s; the intervals hold both"
     )
 
 

@@ -6,6 +6,7 @@ import pytest
 from frictus_service.identification.fit.grouped_errors import (
     GroupVariances,
     Levels,
+    log_determinant,
     moments,
     scatter_of,
 )
@@ -31,6 +32,8 @@ def test_moments_are_those_of_the_full_covariance(
     levels = Levels(None if alone else inner, parent, n_outer)
     found = moments(table, 1.0 / noise, levels, scatter)
     np.testing.assert_allclose(found.sum(axis=0), table.T @ np.linalg.inv(full) @ table)
+    determinants = log_determinant(1.0 / noise, levels, scatter)
+    np.testing.assert_allclose(determinants.sum(), np.linalg.slogdet(full).logabsdet)
     rows = parent[inner] == 1
     own = np.linalg.inv(full[np.ix_(rows, rows)])
     np.testing.assert_allclose(found[1], table[rows].T @ own @ table[rows])

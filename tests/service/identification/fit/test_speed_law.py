@@ -120,6 +120,8 @@ def test_a_low_estimate_weighs_no_more(rng: np.random.Generator) -> None:
             0.0,
             np.zeros(0),
             np.zeros((speed.size, 2)),
+            np.zeros((speed.size, 2)),
+            0.0,
         )
         found.append(estimate(evidence).estimates.value[1:3])
     np.testing.assert_allclose(np.mean(found, axis=0), [385.68, 13.811], rtol=0.04)
