@@ -1,6 +1,6 @@
 """Cutoffs far from the truth by their own error: `python -m tests.campaigns.wrong_estimates`.
 
-Each batch draws studies of two participants at the level of responses, by a seed of its own,
+Each batch draws studies of one participant at the level of responses, by a seed of its own,
 and counts the cutoffs of conditions that lie more than three of their standard errors from the
 truth, and the 95 % intervals that hold it.
 """
@@ -48,8 +48,8 @@ def run(name: str, seed: int) -> Line:
     worst: list[float] = []
     for study in range(STUDIES):
         rng = np.random.default_rng([seed, study])
-        fingers = [_finger(rng) for _ in range(2)]
-        table = ObservationTable.of(observations(fingers, bench, rng))
+        finger = _finger(rng)
+        table = ObservationTable.of(observations([finger], bench, rng))
         measured = Measured.of(table)
         began = time.process_time()
         fitted = friction_of(table, measured, Settings())
@@ -58,7 +58,6 @@ def run(name: str, seed: int) -> Line:
         fit, groups = fitted.fit, fitted.selection.groups
         estimates = estimates_of(fit, fitted.selection.sample.people)
         for group, each, settled in zip(groups, estimates, fit.settled, strict=True):
-            finger = fingers[measured.person[group]]
             truth = finger.cutoff_0_hz + finger.slope * measured.speed_mm_s[group]
             found = each[CUTOFF]
             assert found.standard_error is not None

@@ -95,10 +95,10 @@ def test_cutoff_is_within_two_percent(rng: np.random.Generator) -> None:
     assert is_unbiased(errors_of(FEW, 2, rng))
 
 
-def test_the_scatter_that_weights_a_fit_has_settled_too() -> None:
-    """Estimated three times from the fit, and not until it settled, it left up to -0.7 %."""
-    errors = errors_of(FEW, 2, np.random.default_rng(1404572848))
-    assert np.max(np.abs(errors.ours)) < 0.004
+def test_sizes_do_not_lead_where_phases_know_better() -> None:
+    """With weights that had not settled these cutoffs came out 4 to 15 % high, said ±1 %."""
+    errors = errors_of(FEW, 1, np.random.default_rng(1404572848))
+    assert np.max(np.abs(errors.ours)) < 0.01
 
 
 @pytest.mark.campaign
