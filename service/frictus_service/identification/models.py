@@ -37,7 +37,7 @@ def participant_models(identification: Identification) -> list[Model]:
         told = _provenance(identification) | {"conditions": person.conditions}
         friction, mobility = person.friction, person.mobility
         if friction is not None and friction.law is not None and _storable(friction.law):
-            told_of_law = {"degrees_of_freedom": friction.degrees_of_freedom}
+            told_of_law: dict[str, Any] = {"degrees_of_freedom": friction.degrees_of_freedom}
             if friction.second_solution is not None:
                 told_of_law["second_solution"] = friction.second_solution
             out.append(_friction(person, friction.law, told | told_of_law))

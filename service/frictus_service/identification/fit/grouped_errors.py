@@ -93,12 +93,11 @@ def log_determinant(
     parent, n = levels.outer_of_inner, levels.n_outer
     own, total = -np.log(weight), weight
     if levels.inner is not None:
-        own = np.bincount(levels.inner, own, parent.size)
-        total = np.bincount(levels.inner, weight, parent.size)
+        own = _count(own, levels.inner, parent.size)
+        total = _count(weight, levels.inner, parent.size)
     absorbed = 1.0 + variances.inner * total
-    inner = np.bincount(parent, own + np.log(absorbed), n)
-    outer = np.log1p(variances.outer * np.bincount(parent, total / absorbed, n))
-    found: FloatArray = inner + outer
+    inner = _count(own + np.log(absorbed), parent, n)
+    found: FloatArray = inner + np.log1p(variances.outer * _count(total / absorbed, parent, n))
     return found
 
 
