@@ -26,6 +26,7 @@ FIFTEEN: Final = Bench(speeds=(20.0, 60.0, 100.0), forces=(0.4,), seconds=1.5, n
 BENCHES: Final[Mapping[str, Bench]] = {
     "15 tones to 2 kHz": FIFTEEN,
     "15 tones, noise x 0.1": replace(FIFTEEN, noise=0.0004),
+    "15 tones, noise x 0.02": replace(FIFTEEN, noise=8e-5),
     "15 tones, noise x 5": replace(FIFTEEN, noise=0.02),
     "15 tones, gains x 3": replace(FIFTEEN, trial_gain=0.3, segment_gain=0.1),
     "5 tones to 1.5 kHz": replace(FIFTEEN, tones_hz=(40.0, 100.0, 250.0, 600.0, 1500.0)),
