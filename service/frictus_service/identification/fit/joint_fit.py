@@ -58,6 +58,8 @@ residuals of phase, which say that phases scatter, and that it was right to foll
 such a solution can hold itself up beside the one that follows the phases. From either end the
 iteration comes to the solution on its side, and the likelihood compares them.
 """
+SCATTER_STEPS: Final = 30
+"""Steps after which the scatter stays: a variance next to zero can go to and fro for ever."""
 WARM_UP: Final = 2
 """Steps before the scatter is estimated: residuals at the start are those of a coarse grid."""
 ALIKE: Final = float(stats.chi2.ppf(0.95, 1)) / 2.0
@@ -312,7 +314,7 @@ def _descend(
         log_parameters = np.clip(log_parameters + change, problem.lowest, problem.highest)
         delay_s = delay_s + later
         warm = number + 1 >= WARM_UP
-        if estimate_spreads and warm:
+        if estimate_spreads and warm and number < SCATTER_STEPS:
             spreads = _spreads(problem, log_parameters, delay_s)
         if np.all(longest < SETTLED) and (warm or not estimate_spreads):
             break
