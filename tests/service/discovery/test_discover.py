@@ -271,6 +271,7 @@ class TestSkin:
         assert holds(found, name, next(iter(size.values())))
         assert found.extended_model.response == "mobility"
 
+    @pytest.mark.timeout(300)  # over a minute of arithmetic where nothing else runs
     def test_a_second_mode_is_noticed(self, rng: np.random.Generator) -> None:
         mode = [("second_mode", {"share": 1.0, "frequency_hz": 253.0})]
         found = found_in(made(rng, mode, base=PAPER_SKIN), SKIN)
