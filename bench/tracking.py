@@ -18,7 +18,6 @@ import numpy as np
 
 from frictus.aligned import AlignedSamples
 from frictus.block import Flag
-from frictus.model import FirstOrderSpeedLaw, Model
 from frictus.recordings import texture_of
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
@@ -33,6 +32,7 @@ from frictus_service.fidelity.measure import feel, full_gain
 from frictus_service.fidelity.path import walk
 from frictus_service.fidelity.preview import NOMINAL_HZ
 from frictus_service.library import SHIPPED
+from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.tracking.tracker import ModelInForce, Tracker
 from frictus_service.tracking.windows import WindowCutter
 
@@ -110,8 +110,7 @@ def session(
     tracker = Tracker(
         WindowCutter(RATE_HZ, config.screen.peak_v, Mount().lateral), Prior.weak()
     )
-    paper = FirstOrderSpeedLaw(gain_n=0.39, cutoff_0_hz=385.68, slope_hz_per_mm_s=13.811)
-    tracker.put_in_force(ModelInForce.of("placeholder", Model(base=paper, placeholder=True)))
+    tracker.put_in_force(ModelInForce.of("placeholder", placeholder_model()))
     at_s, errors, named = [], [], dict[str, float]()
     speed = np.hypot(*signals.velocity_mm_s.T)
     render = np.vstack([signals.position_mm.T, speed])

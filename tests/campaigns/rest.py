@@ -44,7 +44,7 @@ LEAST: Final = 2_000
 EXAMPLES: Final = 20
 """Drawn for each path and method, besides."""
 ANSWER_S: Final = 10.0
-"""Longest time of an answer."""
+"""Longest time of an answer, on a machine that does nothing else."""
 CHECKS: Final = """\
 [generation]
 database = "none"
@@ -153,7 +153,9 @@ class Bench:
         return counted
 
 
-def drawn(bench: Bench, scope: str, seed: int, phases: str, examples: int) -> Line:
+def drawn(
+    bench: Bench, scope: str, seed: int, phases: str, examples: int, answer_s: float = ANSWER_S
+) -> Line:
     """Return the line of a batch of schemathesis.
 
     Parameters
@@ -166,6 +168,8 @@ def drawn(bench: Bench, scope: str, seed: int, phases: str, examples: int) -> Li
         Of ``examples``, ``coverage``, ``fuzzing``, ``stateful``, with commas.
     examples : int
         Requests drawn for each path and method.
+    answer_s : float
+        Longest time of an answer.
     """
     before = bench.answered()
     with tempfile.TemporaryDirectory() as folder:
@@ -181,7 +185,8 @@ def drawn(bench: Bench, scope: str, seed: int, phases: str, examples: int) -> Li
         ]
         command += [f"http://127.0.0.1:{bench.config.api.port}/openapi.json"]
         command += ["--phases", phases, "--max-examples", str(examples), "--seed", str(seed)]
-        command += ["--max-response-time", str(ANSWER_S), "--no-shrink", "--no-color"]
+        command += ["--max-response-time", str(answer_s), "--no-shrink", "--no-color"]
+        command += ["--request-timeout", str(answer_s)]
         command += ["--continue-on-failure", "--report-json-path", str(report)]
         if SCOPES[scope]:
             command += ["--header", f"Authorization: Bearer {token_of(scope)}"]

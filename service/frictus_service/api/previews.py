@@ -75,11 +75,11 @@ def preview(
     asked: Annotated[Asked, Query()],
 ) -> Preview:
     """Return what a texture would be; changes nothing."""
-    # Compiled code, which a service that nobody asks for previews need not load.
-    from frictus_service.fidelity.preview import feasible, stretch_of, sums_of, third_octaves_n
-
     require_media(request, JSON)
     texture = parse_json(_TEXTURE, body)
+    # Compiled code, which a service that nobody asks for previews need not load: seconds, once.
+    from frictus_service.fidelity.preview import feasible, stretch_of, sums_of, third_octaves_n
+
     try:
         sums = sums_of(texture)
         applied = None

@@ -15,7 +15,7 @@ import numpy as np
 from scipy import stats
 
 from frictus.model import Covariance, FirstOrderSpeedLaw, Model, Validity
-from frictus_hardware.arrays import FloatArray
+from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_service.errors import EstimateError, PriorError
 
 LOW_MM_S: Final = 20.0
@@ -59,6 +59,36 @@ def cutoff_gradient(coordinates: FloatArray, speed_mm_s: FloatArray) -> FloatArr
     gradient[:, 0] = (1.0 - share) * low / cutoff
     gradient[:, 1] = share * high / cutoff
     return gradient
+
+
+def response(at: FloatArray, speed_mm_s: FloatArray, frequency_hz: FloatArray) -> ComplexArray:
+    """Return a law's response, N (Equation 4, and the delay).
+
+    Parameters
+    ----------
+    at : ndarray, shape (4,)
+        In these coordinates.
+    speed_mm_s, frequency_hz : ndarray
+        Without sign; of shapes that broadcast.
+    """
+    cutoff = cutoff_hz(at, speed_mm_s)
+    first_order = np.exp(at[2]) * cutoff / (cutoff + 1j * frequency_hz)
+    delayed: ComplexArray = first_order * np.exp(-2j * np.pi * frequency_hz * at[3])
+    return delayed
+
+
+def inverse(matrix: FloatArray) -> FloatArray:
+    """Return the inverse of a covariance or an information, whatever its units.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (n, n)
+        Symmetric, with a positive diagonal.
+    """
+    scale = np.sqrt(np.diag(matrix))
+    inverted: FloatArray = np.linalg.inv(matrix / np.outer(scale, scale))
+    inverted = inverted / np.outer(scale, scale)
+    return inverted
 
 
 def from_law(
@@ -246,10 +276,7 @@ class Prior:
     @property
     def information(self) -> FloatArray:
         """Inverse of the covariance, shape (4, 4)."""
-        scale = np.sqrt(np.diag(self.covariance))
-        inverse: FloatArray = np.linalg.inv(self.covariance / np.outer(scale, scale))
-        information: FloatArray = inverse / np.outer(scale, scale)
-        return information
+        return inverse(self.covariance)
 
 
 def _coordinates_of(model: Model) -> tuple[FloatArray, FloatArray]:

@@ -224,10 +224,7 @@ def start(data: Data, mean: FloatArray) -> FloatArray:
 
 def response(data: Data, at: FloatArray) -> ComplexArray:
     """Return the law's response at every row (Equation 4, and the delay), shape (n_rows,)."""
-    cutoff = coordinates.cutoff_hz(at, data.speed_mm_s)
-    first_order = np.exp(at[2]) * cutoff / (cutoff + 1j * data.tone_hz)
-    delayed: ComplexArray = first_order * np.exp(-2j * np.pi * data.tone_hz * at[3])
-    return delayed
+    return coordinates.response(at, data.speed_mm_s, data.tone_hz)
 
 
 def _linearised(data: Data, at: FloatArray) -> tuple[ComplexArray, ComplexArray, FloatArray]:

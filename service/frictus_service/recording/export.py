@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 
-from frictus.block import Block
 from frictus.keys import ACCEL, FORCE, VOLTAGE
 from frictus.messages import RigStatus, TouchState
 from frictus_hardware.physics.linear import TransferFunction
@@ -161,7 +160,7 @@ class _Gathering:
             if item.run != self._segment.place.run or item.first_sample > self._until:
                 self._pending.discard(item.stream)
             else:
-                self._capture.add_block(CAPTURED[item.stream], _block_of(item))
+                self._capture.add_block(CAPTURED[item.stream], item.block())
         elif isinstance(item, State) and isinstance(item.message, TouchState):
             if item.message.run == self._segment.place.run:
                 self._capture.add_touch(item.message)
@@ -195,20 +194,6 @@ def _swing(trial: Trial) -> float:
     if not trial.info.tones_hz or trial.voltage_v is None:
         return 0.0
     return round(float(np.nanmax(trial.voltage_v) - np.nanmin(trial.voltage_v)), 3)
-
-
-def _block_of(samples: Samples) -> Block:
-    return Block(
-        samples.stream,
-        samples.run,
-        samples.first_sequence,
-        samples.first_sample,
-        samples.utc_ns,
-        samples.uncertainty_ns,
-        samples.sample_rate_hz,
-        samples.flags,
-        samples.data,
-    )
 
 
 def _reaches(item: Item, segment: TrialSegment) -> bool:

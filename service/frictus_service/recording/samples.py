@@ -67,6 +67,20 @@ class Samples:
         """Length by the device's clock."""
         return (self.end_sample - self.first_sample) / self.sample_rate_hz
 
+    def block(self) -> Block:
+        """Return the samples as one block of their stream."""
+        return Block(
+            self.stream,
+            self.run,
+            self.first_sequence,
+            self.first_sample,
+            self.utc_ns,
+            self.uncertainty_ns,
+            self.sample_rate_hz,
+            self.flags,
+            self.data,
+        )
+
     def pack(self, step: float | None) -> bytes:
         """Return the message.
 

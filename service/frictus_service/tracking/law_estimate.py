@@ -123,7 +123,7 @@ class Batch:
             They speak in.
         """
         power = np.array([window.drive_power for window in windows])
-        density = power / lines_of(bands)
+        density = power / bands.lines
         return cls(
             np.array([window.speed_mm_s for window in windows]),
             power,
@@ -150,12 +150,7 @@ class Batch:
         at : ndarray, shape (4,)
             In `calibration.coordinates`.
         """
-        cutoff = coordinates.cutoff_hz(at, self.speed_mm_s)[:, np.newaxis]
-        frequency = self.bands.centre_hz
-        response: ComplexArray = np.exp(at[2] - 2j * np.pi * frequency * at[3]) * (
-            cutoff / (cutoff + 1j * frequency)
-        )
-        return response
+        return coordinates.response(at, self.speed_mm_s[:, np.newaxis], self.bands.centre_hz)
 
     def unexplained(self, response: ComplexArray) -> FloatArray:
         """Return the power of the friction that a response leaves, per frequency, N².
@@ -166,7 +161,7 @@ class Batch:
         """
         left = self.friction_power - 2.0 * (response.conj() * self.cross).real
         left += np.square(np.abs(response)) * self.drive_power
-        density: FloatArray = np.maximum(left, 0.0) / lines_of(self.bands)
+        density: FloatArray = np.maximum(left, 0.0) / self.bands.lines
         return density
 
     def rows(self, noise_n2: FloatArray) -> Data:
@@ -180,7 +175,7 @@ class Batch:
         """
         window, band = np.nonzero(self.heard)
         power = self.drive_power[window, band]
-        share = (lines_of(self.bands) / (lines_of(self.bands) + 0.9))[band]
+        share = (self.bands.lines / (self.bands.lines + 0.9))[band]
         return Data(
             self.speed_mm_s[window],
             self.bands.centre_hz[band],
@@ -190,11 +185,6 @@ class Batch:
             np.zeros(self.speed_mm_s.size, dtype=np.int64),
             np.zeros(1, dtype=np.int64),
         )
-
-
-def lines_of(bands: Bands) -> FloatArray:
-    """Return how many frequencies each band has."""
-    return np.bincount(bands.band).astype(np.float64)
 
 
 def advanced(estimate: LawEstimate, seconds: float, new_contact: bool) -> LawEstimate:
@@ -234,7 +224,7 @@ def updated(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, float]:
     noise = estimate.noise_n2
     if not estimate.updates:
         noise = np.maximum(_scatter(batch), LEAST_NOISE_N2)
-    information = _inverse(estimate.covariance)
+    information = coordinates.inverse(estimate.covariance)
     data, weights = batch.rows(noise), np.ones(np.count_nonzero(batch.heard))
     spread = GainScatter(0.0, estimate.gain_scatter)
     at, total = estimate.mean, information
@@ -248,7 +238,7 @@ def updated(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, float]:
     return (
         LawEstimate(
             at,
-            _inverse(total),
+            coordinates.inverse(total),
             np.maximum((1.0 - share) * noise + share * left, LEAST_NOISE_N2),
             float(np.clip(np.sqrt(segment), 1e-3, 1.0)),
             estimate.updates + 1,
@@ -284,12 +274,3 @@ def _scatter(batch: Batch) -> FloatArray:
     own = batch.cross.sum(axis=0) / np.maximum(power, np.finfo(float).tiny)
     scatter: FloatArray = batch.unexplained(np.broadcast_to(own, batch.cross.shape)).mean(0)
     return scatter
-
-
-def _inverse(matrix: FloatArray) -> FloatArray:
-    """Return the inverse of a covariance or an information, whatever its units."""
-    scale = np.sqrt(np.diag(matrix))
-    inverse: FloatArray = np.linalg.inv(matrix / np.outer(scale, scale)) / np.outer(
-        scale, scale
-    )
-    return inverse

@@ -8,7 +8,7 @@ from typing import Final
 import frictus
 from frictus.aligned import AlignedSamples
 from frictus.block import Block
-from frictus.keys import FORCE, RENDER, STREAMS, VOLTAGE, Topics
+from frictus.keys import FORCE, RENDER, VOLTAGE, Topics
 from frictus.messages import EstimateState, Message, ModelState, RigStatus
 from frictus.rig import Rig
 from frictus_hardware.physics.linear import TransferFunction
@@ -165,20 +165,5 @@ class _Streams:
                     self._on_state(item.message)
                 elif isinstance(item, Samples) and item.stream in _WANTED:
                     self.seen.add(_WANTED[item.stream])
-                    self._waiting[_WANTED[item.stream]].append(_block(item))
+                    self._waiting[_WANTED[item.stream]].append(item.block())
             yield waiting.popleft()
-
-
-def _block(samples: Samples) -> Block:
-    assert samples.stream in STREAMS
-    return Block(
-        samples.stream,
-        samples.run,
-        samples.first_sequence,
-        samples.first_sample,
-        samples.utc_ns,
-        samples.uncertainty_ns,
-        samples.sample_rate_hz,
-        samples.flags,
-        samples.data,
-    )

@@ -55,8 +55,8 @@ class ModelInForce:
         law = model.base
         if not isinstance(law, FirstOrderSpeedLaw):
             return cls(etag, None)
-        ends = law.cutoff_0_hz + law.slope_hz_per_mm_s * coordinates.HIGH_MM_S
-        if ends <= 0.0 or law.cutoff_0_hz + law.slope_hz_per_mm_s * coordinates.LOW_MM_S <= 0:
+        ends = np.array([coordinates.LOW_MM_S, coordinates.HIGH_MM_S])
+        if np.any(law.cutoff_0_hz + law.slope_hz_per_mm_s * ends <= 0.0):
             return cls(etag, None)
         return cls(
             etag,

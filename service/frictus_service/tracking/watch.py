@@ -16,14 +16,13 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from frictus_hardware.arrays import FloatArray
+from frictus_service.calibration.coordinates import inverse
 from frictus_service.calibration.posterior import EXPECTED, wandered
 from frictus_service.calibration.score_information import GainScatter, scores
 from frictus_service.tracking.law_estimate import Batch, LawEstimate
 
 Cause = Literal["gain", "cutoff", "delay"]
 CAUSES: Final[tuple[Cause, ...]] = ("gain", "cutoff", "delay")
-INSTRUMENT: Final = frozenset({"delay"})
-"""Causes that are the rig's and never the finger's."""
 DIRECTIONS: Final = np.array([[0, 0, 1, 0], [1, 1, 0, 0], [0, 0, 0, 1]], dtype=float)
 """Of each cause in `calibration.coordinates`."""
 TOLERATED: Final = np.array([0.15, 0.10, 15e-6])
@@ -152,8 +151,7 @@ def _efficient(
         raw = scores(data, where, GainScatter(0.0, estimate.gain_scatter), every)
         _, score, own = wandered(*raw, EXPECTED)
         pull, known = DIRECTIONS @ score[0], DIRECTIONS @ own[0] @ DIRECTIONS.T
-        scale = np.sqrt(np.diag(known))
-        covariance = np.linalg.inv(known / np.outer(scale, scale)) / np.outer(scale, scale)
+        covariance = inverse(known)
         information = 1.0 / covariance[number, number]
         found[:, number] = information * (covariance[number] @ pull), information
     return found[0], found[1]

@@ -148,11 +148,14 @@ class WindowCutter:
             ].astype(np.float64)
             for name in STREAMS
         }
-        reason = self._spoilt(flags, data) or self._unsteady(data)
+        reason = self._spoilt(flags, data)
+        if not reason:
+            along = _direction(data["render"][:2])
+            reason = self._unsteady(data["render"][2], along)
         if reason:
             self.refused[reason] += 1
             return None
-        return self._spectra(first, data)
+        return self._spectra(first, data, along)
 
     def _spoilt(self, flags: Flag, data: dict[str, FloatArray]) -> str:
         for flag, reason in SPOILT.items():
@@ -167,21 +170,20 @@ class WindowCutter:
         return ""
 
     @staticmethod
-    def _unsteady(data: dict[str, FloatArray]) -> str:
-        speed = data["render"][2]
+    def _unsteady(speed: FloatArray, along: FloatArray) -> str:
         slowest, fastest = float(speed.min()), float(speed.max())
         if slowest < SPEEDS_MM_S[0] or fastest > SPEEDS_MM_S[1]:
             return f"slower than {SPEEDS_MM_S[0]:g} or faster than {SPEEDS_MM_S[1]:g} mm/s"
         if fastest > MOST_ACCELERATED * slowest:
             return "the speed changes too much"
-        along = _direction(data["render"][:2])
         whole = along.mean(axis=1)
         if float((along.T @ whole).min()) < STRAIGHT * float(np.hypot(*whole)):
             return "the finger turns"
         return ""
 
-    def _spectra(self, first_sample: int, data: dict[str, FloatArray]) -> LawWindow | None:
-        along = _direction(data["render"][:2])
+    def _spectra(
+        self, first_sample: int, data: dict[str, FloatArray], along: FloatArray
+    ) -> LawWindow | None:
         friction = np.sum(data["force"][:2] * along, axis=0)
         drive = drive_fraction(data["voltage"][0], self._peak_v)
         spectra = np.fft.rfft(tapered(np.stack([drive, friction])), axis=-1)[:, self._line]

@@ -8,7 +8,7 @@ import pytest
 
 from frictus.aligned import AlignedSamples
 from frictus.block import Flag
-from frictus.model import FirstOrderSpeedLaw, MassSpringDamper, Model
+from frictus.model import MassSpringDamper, Model
 from frictus.recordings import texture_of
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.physics.friction import FrictionLaw
@@ -23,14 +23,11 @@ from frictus_service.errors import EstimateError
 from frictus_service.fidelity.measure import feel, full_gain
 from frictus_service.fidelity.path import walk
 from frictus_service.library import SHIPPED
+from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.tracking.tracker import ModelInForce, Tracker
 from frictus_service.tracking.windows import WindowCutter
 
 RATE_HZ = 20_000.0
-PLACEHOLDER = Model(
-    base=FirstOrderSpeedLaw(gain_n=0.39, cutoff_0_hz=385.68, slope_hz_per_mm_s=13.811),
-    placeholder=True,
-)
 PERSON = Participant(gain_n=0.39, cutoff_0_hz=2 * 385.68, slope_hz_per_mm_s=2 * 13.811)
 
 
@@ -68,7 +65,7 @@ def parts(signals: Signals, samples: int = 100) -> Iterator[AlignedSamples]:
 
 def tracker() -> Tracker:
     found = Tracker(WindowCutter(RATE_HZ, 75.0, Mount().lateral), Prior.weak())
-    found.put_in_force(ModelInForce.of("etag", PLACEHOLDER))
+    found.put_in_force(ModelInForce.of("etag", placeholder_model()))
     return found
 
 

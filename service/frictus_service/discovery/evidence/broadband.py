@@ -86,6 +86,11 @@ class Bands:
         centre = np.bincount(band, every[within]) / np.bincount(band)
         return cls(centre, every[within], band.astype(np.int64))
 
+    @property
+    def lines(self) -> FloatArray:
+        """How many frequencies each band has, shape (n_bands,)."""
+        return np.bincount(self.band).astype(np.float64)
+
     def total(self, spectra: NDArray[np.complex128 | np.float64]) -> ComplexArray:
         """Return the sums over windows and over the frequencies of each band, (n_bands,).
 
@@ -103,8 +108,7 @@ class Bands:
         One frequency of a Hann window counts as 1.9 of those next to it together: its noise
         bandwidth.
         """
-        lines = np.bincount(self.band).astype(np.float64)
-        return 0.5 * windows * (lines + 0.9)
+        return 0.5 * windows * (self.lines + 0.9)
 
 
 @dataclass(frozen=True, slots=True)
