@@ -165,6 +165,8 @@ CALLS: Final = {
     "open_stream": "OpenStreamRequest",
     "close_stream": "Request",
     "model": "ModelRequest",
+    "adaptation": "AdaptationRequest",
+    "adapt": "AdaptRequest",
     "excite": "ExciteRequest",
     "compensation": "CompensationRequest",
 }

@@ -25,6 +25,9 @@ RefusalCode = Literal[
     "unavailable",  # the rig is not ready
 ]
 SafetyState = Literal["disarmed", "armed", "stopping", "tripped"]
+AdaptationPolicy = Literal["observe", "suggest", "adapt"]
+"""What a rig's tracker may do with what it learns: tell it; say which model it would put in
+force; have the rig follow the finger's gain and cutoff while it plays."""
 FaultKind = Literal[
     "config",
     "transient",
@@ -40,6 +43,8 @@ FaultKind = Literal[
 
 UtcNs = Annotated[int, Field(ge=0, lt=2**63)]
 """UTC since 1970, ns: 64 bits reach to the year 2262."""
+MAX_REASON: Final = 500
+"""Characters of why something was done."""
 MAX_COUNT: Final = 2**63 - 1
 Count = Annotated[int, Field(ge=0, lt=MAX_COUNT + 1)]
 Int64 = Annotated[int, Field(ge=-(2**63), lt=2**63)]
@@ -264,6 +269,10 @@ class RigStatus(Message):
     scene_etag: str
     compensation: Compensation = BY_MODEL
     """What its holder has chosen; `model` again once the lease has ended."""
+    adaptation: AdaptationPolicy = "observe"
+    """What a tracker may do with the model."""
+    adaptations: Count = 0
+    """How often the model was adapted since it was set."""
     stream_open: bool = False
     stream_stale: bool = False
     counters: Counters = Counters()
@@ -333,6 +342,10 @@ class ModelState(Message):
     model: Model
     not_rendered: dict[str, str] = {}
     """Effects of the model that the output does not make good, and why, by id."""
+    adapted_from: str | None = None
+    """Etag of the model that this one was adapted from while it played; None: it was set."""
+    reason: Annotated[str, Field(max_length=MAX_REASON)] = ""
+    """Why it was adapted, for people."""
 
 
 class TimeState(Message):
@@ -396,6 +409,38 @@ class LawNow(Message):
     """Of the force channel against the drive: of the rig, not of the finger."""
 
 
+class LawValues(Message):
+    """A law without intervals: of a model that is, or was, in force."""
+
+    gain_n: FiniteFloat
+    cutoff_20_hz: FiniteFloat
+    cutoff_100_hz: FiniteFloat
+
+
+class ResponsePoint(Message):
+    """Friction per drive as it was measured in the last 10 s of sliding, in one band."""
+
+    speed_mm_s: FiniteFloat
+    """Mean of the windows that it is made from."""
+    centre_hz: FiniteFloat
+    gain_n: FiniteFloat
+    """Modulus."""
+    half_width_db: FiniteFloat
+    """Half of its 95 % interval."""
+    phase_deg: FiniteFloat
+
+
+class ModelChange(Message):
+    """The model was adapted, or put back."""
+
+    utc_ns: UtcNs
+    etag_before: str
+    etag_after: str
+    before: LawValues
+    after: LawValues
+    reason: Annotated[str, Field(max_length=MAX_REASON)]
+
+
 class EstimateState(Message):
     """What is known of the finger on the screen while any texture plays.
 
@@ -405,6 +450,8 @@ class EstimateState(Message):
 
     utc_ns: UtcNs
     run: Count
+    participant: Annotated[str, Field(max_length=64)] | None = None
+    """Pseudonym of whom the prior is of; None: of nobody in particular."""
     windows: Count
     """Of 0.1 s, half overlapping, that the estimate is made from."""
     refused: Annotated[dict[str, Count], Field(max_length=32)] = {}
@@ -415,14 +462,28 @@ class EstimateState(Message):
     """Of the model in force that it is compared with."""
     law: LawNow | None = None
     """None until something was felt."""
+    in_force: LawValues | None = None
+    """The law that the rig inverts; None where it has another form."""
+    points: Annotated[tuple[ResponsePoint, ...], Field(max_length=128)] = ()
     bands: Annotated[tuple[BandRatio, ...], Field(max_length=64)] = ()
     error_db: Annotated[dict[str, FiniteFloat], Field(max_length=8)] = {}
     """Of `in_force`, of `first`, in force when it began, and of `newest`, the estimate."""
-    evidence: Annotated[dict[str, FiniteFloat], Field(max_length=16)] = {}
-    """Against the model in force by cause, nats; at `alarm_nats` it is wrong."""
+    gain_nats: Annotated[dict[str, FiniteFloat], Field(max_length=8)] = {}
+    """Log-likelihood of `in_force` and of `newest` over that of `first`, all windows so far,
+    each predicted before it was used."""
+    evidence: Annotated[dict[str, FiniteFloat], Field(max_length=64)] = {}
+    """Against the model in force by cause, nats; at `alarm_nats` it is wrong. `unknown`: by
+    anything that no cause is."""
     alarm_nats: FiniteFloat = 0.0
-    alarms: Annotated[tuple[str, ...], Field(max_length=16)] = ()
+    alarms: Annotated[tuple[str, ...], Field(max_length=64)] = ()
     """Causes whose evidence has ever reached it under this model."""
+    advice: Annotated[dict[str, str], Field(max_length=64)] = {}
+    """What to do about each alarm, with its size so far or, of `unknown`, where it is."""
+    policy: AdaptationPolicy = "observe"
+    held_back: Annotated[str, Field(max_length=MAX_REASON)] = ""
+    """Why the model stays as it is; empty where the estimate would be put in force."""
+    changes: Annotated[tuple[ModelChange, ...], Field(max_length=16)] = ()
+    """The newest, oldest first."""
 
 
 class Request(Message):
@@ -440,6 +501,8 @@ class ArmRequest(Request):
     share_with: Annotated[tuple[ClientName, ...], Field(max_length=16)] = ()
     """Others who may set scenes, stream and excite until the lease ends: clients, or people by
     what stands before the last dot of their clients' names."""
+    keep_model: bool = False
+    """Whether no tracker may change the model until the lease ends: for trials."""
 
 
 class SceneRequest(Request):
@@ -460,6 +523,26 @@ class ModelRequest(Request):
 
     model: Model
     if_match: str | None = None
+
+
+class AdaptationRequest(Request):
+    """Choose what a tracker may do with the model."""
+
+    policy: AdaptationPolicy
+    undo: bool = False
+    """Whether to put the model back in force that was set before it was adapted."""
+
+
+class AdaptRequest(Request):
+    """Have gain and cutoff follow the finger while it plays, with a cross-fade.
+
+    From a tracker, under the policy `adapt` alone. All else of the model stays as it is.
+    """
+
+    model: Model
+    if_match: Annotated[str, Field(max_length=MAX_NAME)]
+    """Etag of the model in force that it was adapted from."""
+    reason: Annotated[str, Field(max_length=MAX_REASON)] = ""
 
 
 class ExciteRequest(Request):
@@ -534,6 +617,8 @@ MESSAGES: Final[dict[str, type[Message]]] = {
         SceneRequest,
         OpenStreamRequest,
         ModelRequest,
+        AdaptationRequest,
+        AdaptRequest,
         ExciteRequest,
         CompensationRequest,
         RecordRequest,

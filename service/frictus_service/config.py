@@ -25,6 +25,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from frictus.keys import RigKeys
+from frictus.messages import AdaptationPolicy
 from frictus.session import DEFAULT_ROUTER
 from frictus.tls import SCHEME, Tls
 from frictus_hardware import (
@@ -226,6 +227,23 @@ class RegistryConfig(_Section):
         return self.model_copy(update={"url": f"{_SQLITE}{(folder / file).as_posix()}"})
 
 
+class TrackerConfig(_Section):
+    """The process that learns the finger while anything plays."""
+
+    enabled: bool = True
+    policy: AdaptationPolicy = "observe"
+    """Of a rig that starts; whoever may calibrate changes it while it runs."""
+    mount: Literal["paper", "none"] | Path = "paper"
+    """Between the screen and the force sensor; a file is as `frictus mount` writes it."""
+    audit: Path = Path("adaptations.jsonl")
+    """File that each change of the model is added to, before and after."""
+
+    def within(self, folder: Path) -> Self:
+        """Return this section with relative files made relative to `folder`."""
+        mount = folder / self.mount if isinstance(self.mount, Path) else self.mount
+        return self.model_copy(update={"mount": mount, "audit": folder / self.audit})
+
+
 class Config(_Section):
     """Everything the service can be told."""
 
@@ -246,6 +264,7 @@ class Config(_Section):
     limits: Limits = Limits()
     api: ApiConfig = ApiConfig()
     registry: RegistryConfig = RegistryConfig()
+    tracker: TrackerConfig = TrackerConfig()
     security: SecurityConfig | None = None
     """Without it, whoever reaches the router may do everything."""
 
@@ -404,6 +423,7 @@ def parse(text: str, path: Path, *, runs_rig: bool = False) -> Config:
             "recordings": folder / config.recordings,
             "studies": folder / config.studies,
             "registry": config.registry.within(folder),
+            "tracker": config.tracker.within(folder),
             "security": config.security and config.security.within(folder),
             "backend": located(config.backend, folder),
         }
