@@ -462,6 +462,8 @@ class EstimateState(Message):
     """Of the model in force that it is compared with."""
     law: LawNow | None = None
     """None until something was felt."""
+    model: Model | None = None
+    """The estimate as a document, as a registry takes it; None where there is none yet."""
     in_force: LawValues | None = None
     """The law that the rig inverts; None where it has another form."""
     points: Annotated[tuple[ResponsePoint, ...], Field(max_length=128)] = ()
