@@ -1,4 +1,4 @@
-"""`frictus serve`, and its parts alone: `rig`, `api`, `router`, `recorder`."""
+"""`frictus serve`, and its parts alone: `rig`, `api`, `router`, `recorder`, `tracker`."""
 
 import sys
 import time
@@ -85,3 +85,13 @@ def recorder(config: ConfigFile = None, as_json: AsJson = False) -> None:
     from frictus_service.daemon import supervisor  # seconds, so after the configuration
 
     supervisor.serve(settings, ("recorder",), host_router=False, say=said(as_json))
+
+
+def tracker(config: ConfigFile = None, as_json: AsJson = False) -> None:
+    """Run the tracker alone until Ctrl-C, best beside its rig; the router runs elsewhere."""
+    from frictus_service.config import load
+
+    settings = load(config)
+    from frictus_service.daemon import supervisor  # seconds, so after the configuration
+
+    supervisor.serve(settings, ("tracker",), host_router=False, say=said(as_json))
