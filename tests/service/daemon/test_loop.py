@@ -609,7 +609,7 @@ def test_reply_state_and_loop_agree_on_the_model_though_the_loop_stands_still(
         loop.join()
     in_force = bench.orders.model.in_force
     assert etag == stage.model.etag == in_force.state.etag
-    assert bench.loop._chain.renderer._inverter.inverse is in_force.inverse
+    assert bench.loop._chain.renderer.inverse is in_force.inverse
 
 
 def test_a_drift_counts_from_when_the_law_came_and_through_armings(
