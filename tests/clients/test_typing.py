@@ -9,7 +9,14 @@ from typing import assert_type
 import pytest
 
 import frictus
-from frictus.messages import AdaptationPolicy, FingerState, RigStatus, SafetyState, SceneState, TouchState
+from frictus.messages import (
+    AdaptationPolicy,
+    FingerState,
+    RigStatus,
+    SafetyState,
+    SceneState,
+    TouchState,
+)
 
 
 def look(client: frictus.Client) -> None:
