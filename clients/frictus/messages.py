@@ -598,6 +598,8 @@ class Reply(Message):
     """Of an opened stream; goes into every `StreamFrame`."""
     compensation: Compensation | None = None
     """The mode in force, where it was asked for."""
+    adaptation: AdaptationPolicy | None = None
+    """The policy in force, where it was asked for."""
     utc_ns: UtcNs | None = None
     """When the answer was given, by the rig's clock: states from then on include it."""
 

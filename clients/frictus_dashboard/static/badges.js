@@ -46,6 +46,11 @@ export class Badges {
     const badges = names.map((name) => [name, MEANINGS[name]]);
     const mode = remark(status?.compensation);
     if (mode !== "") badges.unshift(["compensation", mode]);
+    const adapted = status?.adaptations ?? 0;
+    if (adapted > 0) {
+      const times = adapted === 1 ? "once" : `${adapted} times`;
+      badges.unshift(["adapted", `Adapted: the model has followed the finger ${times}`]);
+    }
     if (badges.join() === this.shown) return;
     this.shown = badges.join();
     this.root.replaceChildren(...badges.map(badge));
