@@ -153,7 +153,7 @@ def scores(
     score : ndarray, shape (n_trials, 4)
     information : ndarray, shape (n_trials, 4, 4)
     """
-    residual, columns, weight = _linearised(data, at)
+    residual, columns, weight = linearised(data, at)
     weight = weight * weights
     trials = data.trial_of_segment[data.segment]
     table = np.column_stack([columns.imag, residual.imag])
@@ -182,7 +182,7 @@ def spread_of(data: Data, at: FloatArray) -> tuple[GainScatter, FloatArray]:
         Rows of all trials.
     at : ndarray, shape (4,)
     """
-    residual, _, weight = _linearised(data, at)
+    residual, _, weight = linearised(data, at)
     weights = _weights(data, residual, weight)
     real = residual.real[:, np.newaxis]
     _, gains, certainty = _centred(real, weight * weights, data.segment, data.n_segments)
@@ -227,10 +227,17 @@ def response(data: Data, at: FloatArray) -> ComplexArray:
     return coordinates.response(at, data.speed_mm_s, data.tone_hz)
 
 
-def _linearised(data: Data, at: FloatArray) -> tuple[ComplexArray, ComplexArray, FloatArray]:
-    """Return relative residuals, d ln H / d coordinates, and certainties.
+def linearised(data: Data, at: FloatArray) -> tuple[ComplexArray, ComplexArray, FloatArray]:
+    """Return relative residuals, d ln H / d coordinates, and certainties of all rows.
 
     Relative to the law times the gain of the stretch, whose logarithm is in the real part.
+
+    Parameters
+    ----------
+    data : Data
+        Rows of all trials.
+    at : ndarray, shape (4,)
+        In `coordinates`.
     """
     law = response(data, at)
     ratio = data.response / law
