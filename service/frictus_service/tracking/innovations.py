@@ -20,7 +20,7 @@ from frictus_service.calibration.posterior import EXPECTED, wandered
 from frictus_service.calibration.score_information import GainScatter, linearised
 from frictus_service.tracking.law_estimate import GAIN_PER_CONTACT, Batch, LawEstimate
 
-GAIN_LASTS_S: Final = 5.0
+GAIN_LASTS_S: Final = 3.0
 """The gain of a contact wanders about the law within this time: what a long contact says of it
 counts as so many short ones."""
 UNITS: Final = np.array([1.0, 1.0, 1.0, 1e-4])
@@ -122,7 +122,11 @@ class Nuisance:
             covariance=covariance,
             absorbed=self.absorbed + covariance @ mixed,
         )
-        return after, own - mixed.T @ (covariance @ pull[:n]), left - mixed.T @ covariance @ mixed
+        return (
+            after,
+            own - mixed.T @ (covariance @ pull[:n]),
+            left - mixed.T @ covariance @ mixed,
+        )
 
 
 def batch_score(
@@ -167,5 +171,7 @@ def batch_score(
         ]
     )
     whole = rows.T @ rows
-    _, score, information = wandered(whole[np.newaxis, :-1, -1], whole[np.newaxis, :-1, :-1], EXPECTED)
+    _, score, information = wandered(
+        whole[np.newaxis, :-1, -1], whole[np.newaxis, :-1, :-1], EXPECTED
+    )
     return score[0], information[0]

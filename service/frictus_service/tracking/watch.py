@@ -13,7 +13,6 @@ any law at all; what is unknown against any law with any effects.
 Ramdas, Grünwald, Vovk, Shafer 2023, Game-theoretic statistics and safe anytime-valid inference.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Self
 
@@ -34,15 +33,17 @@ from frictus_service.tracking.law_estimate import GAIN_PER_CONTACT, Batch, LawEs
 from frictus_service.tracking.mains_line import AMPLITUDES_N, line_evidence
 from frictus_service.tracking.signatures import (
     EFFECT_CAUSES,
+    INSTRUMENT,
     LAW_CAUSES,
     PATTERN_SIZE,
     PATTERNS,
     SIZES,
-    Pattern,
     Size,
     effect_directions,
     pattern_directions,
 )
+
+__all__ = ["ALARM", "CAUSES", "INSTRUMENT", "Sums", "Watch", "log_ratio"]
 
 MAINS: Final = "mains_interference"
 UNKNOWN: Final = "unknown"
@@ -60,7 +61,9 @@ FLOOR: Final = -20.0
 """Nats; less is not told apart."""
 
 _N_EFFECTS: Final = len(EFFECT_CAUSES)
-_EDGE: Final = np.array([SIZES[name].tolerated / SIZES[name].expected for name in EFFECT_CAUSES])
+_EDGE: Final = np.array(
+    [SIZES[name].tolerated / SIZES[name].expected for name in EFFECT_CAUSES]
+)
 _LAW_EDGE: Final = np.array([size.tolerated / size.expected for size in LAW_SIZES])
 _PATTERN_EDGE: Final = PATTERN_SIZE.tolerated / PATTERN_SIZE.expected
 _OWN: Final = (
@@ -128,10 +131,8 @@ class Sums:
 
     def log_evidence(self) -> FloatArray:
         """Return log share times ratio, shape (n_begun, n_causes)."""
-        effects = _ratio(self.score, _diagonal(self.information), _EDGE)
-        law = _ratio(
-            self.law_score[..., -1], self.law_information[..., -1, -1], _LAW_EDGE
-        )
+        effects = log_ratio(self.score, _diagonal(self.information), _EDGE)
+        law = log_ratio(self.law_score[..., -1], self.law_information[..., -1, -1], _LAW_EDGE)
         unknown = _mean(self.patterns())
         mains = _mean(self.mains.reshape(self.mains.shape[0], -1))
         shared = np.column_stack([effects, mains, unknown]) + self.log_share[:, np.newaxis]
@@ -139,7 +140,7 @@ class Sums:
 
     def patterns(self) -> FloatArray:
         """Return the log likelihood ratio of each pattern, shape (n_begun, n_patterns)."""
-        return _ratio(self.pattern_score, self.pattern_information, _PATTERN_EDGE)
+        return log_ratio(self.pattern_score, self.pattern_information, _PATTERN_EDGE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -334,17 +335,23 @@ def _with_another(sums: Sums, begun: int) -> Sums:
     """Return the sums with those of a process that begins."""
     # The shares 6 / (pi k)^2 of all that will ever begin sum to 1.
     share = np.log(6.0) - 2.0 * np.log(np.pi * begun)
-    fresh = replace(
-        Sums.zeros(1), log_share=np.full(1, share), law_log_share=np.full(1, share)
-    )
+    fresh = replace(Sums.zeros(1), log_share=np.full(1, share), law_log_share=np.full(1, share))
     both = zip(sums.arrays(), fresh.arrays(), strict=True)
     return Sums(*(np.concatenate(pair) for pair in both))
 
 
-def _ratio(
+def log_ratio(
     score: FloatArray, information: FloatArray, edge: FloatArray | float
 ) -> FloatArray:
-    """Return the log of the ratio, averaged over half-normal sizes of 1 and both signs."""
+    """Return the log of the likelihood ratio, averaged over both signs and half-normal sizes.
+
+    Parameters
+    ----------
+    score, information : ndarray
+        Of a deviation per its expected size.
+    edge : float or ndarray
+        Of what is tolerated, likewise.
+    """
     information = np.maximum(information, 0.0)
     width = 1.0 + information
     sides = np.stack([score, -score]) - edge * information
