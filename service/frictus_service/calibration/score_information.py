@@ -52,6 +52,8 @@ class Data:
         Number of its trial, from 0, rising.
     condition_of_trial : ndarray of int, shape (n_trials,)
         Number of its target speed and force.
+    nominal_hz : ndarray, shape (n_rows,), or None
+        Same for rows that are one tone, where `tone_hz` differs a little; None: `tone_hz`.
     """
 
     speed_mm_s: FloatArray
@@ -61,6 +63,7 @@ class Data:
     segment: IntArray
     trial_of_segment: IntArray
     condition_of_trial: IntArray
+    nominal_hz: FloatArray | None = None
 
     @classmethod
     def of(cls, observations: Sequence[TrialObservations]) -> Self:
@@ -123,6 +126,7 @@ class Data:
             response=self.response[order],
             variance=self.variance[order],
             segment=self.segment[order],
+            nominal_hz=None if self.nominal_hz is None else self.nominal_hz[order],
         )
 
 
@@ -277,7 +281,8 @@ def _moments(
 
 def _weights(data: Data, residual: ComplexArray, weight: FloatArray) -> FloatArray:
     """Return weights of rows, at most 1, from their scatter within trials."""
-    tones, tone = np.unique(data.tone_hz, return_inverse=True)
+    nominal = data.tone_hz if data.nominal_hz is None else data.nominal_hz
+    tones, tone = np.unique(nominal, return_inverse=True)
     trial = data.trial_of_segment[data.segment]
     _, replicates = np.unique(trial * tones.size + tone, return_inverse=True)
     count = np.bincount(replicates)[replicates]

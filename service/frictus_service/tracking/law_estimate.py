@@ -103,6 +103,8 @@ class Batch:
         Where the drive is strong enough to say something.
     bands : Bands
         They speak in.
+    frequency_hz : ndarray
+        Mean in each band, weighted by the drive's power.
     conditions : SlidingConditions
         Of each window; minutes since the device began.
     drive_mean, drive_variance : ndarray, shape (n_windows,)
@@ -117,6 +119,7 @@ class Batch:
     friction_power: FloatArray
     heard: BoolArray
     bands: Bands
+    frequency_hz: FloatArray
     conditions: SlidingConditions
     drive_mean: FloatArray
     drive_variance: FloatArray
@@ -148,6 +151,12 @@ class Batch:
             np.array([window.friction_power for window in windows]),
             density > HEARD * density.max(axis=1, keepdims=True),
             bands,
+            np.array(
+                [
+                    bands.centre_hz if window.frequency_hz is None else window.frequency_hz
+                    for window in windows
+                ]
+            ),
             SlidingConditions(
                 speed,
                 each("normal_force_n"),
@@ -178,7 +187,7 @@ class Batch:
         at : ndarray, shape (4,)
             In `calibration.coordinates`.
         """
-        return coordinates.response(at, self.speed_mm_s[:, np.newaxis], self.bands.centre_hz)
+        return coordinates.response(at, self.speed_mm_s[:, np.newaxis], self.frequency_hz)
 
     def unexplained(self, response: ComplexArray) -> FloatArray:
         """Return the power of the friction that a response leaves, per frequency, N².
@@ -206,12 +215,13 @@ class Batch:
         share = (self.bands.lines / (self.bands.lines + 0.9))[band]
         return Data(
             self.speed_mm_s[window],
-            self.bands.centre_hz[band],
+            self.frequency_hz[window, band],
             self.cross[window, band] / power,
             noise_n2[band] * share / power,
             window,
             np.zeros(self.speed_mm_s.size, dtype=np.int64),
             np.zeros(1, dtype=np.int64),
+            self.bands.centre_hz[band],
         )
 
 

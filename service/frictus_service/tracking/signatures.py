@@ -1,13 +1,13 @@
 """How each cause of the catalogue, and any other pattern, changes the response in windows.
 
-The direction d ln H / d dose of a cause in every window and band is the numeric derivative of the
-effect's own equations (`frictus_hardware.physics.effects`) at the estimated law: nothing is
+The direction d ln H / d dose of a cause in every window and band is the numeric derivative of
+the effect's own equations (`frictus_hardware.physics.effects`) at the estimated law: nothing is
 written a second time. What no cause is made of is looked for in patterns: octaves of modulus or
 phase that follow one covariate.
 """
 
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import pairwise, product
 from typing import Final
 
 import numpy as np
@@ -89,7 +89,7 @@ class Pattern:
 PATTERNS: Final = tuple(
     Pattern(low, high, part, covariate)
     for (low, high), part, covariate in product(
-        zip(OCTAVES_HZ[:-1], OCTAVES_HZ[1:], strict=True), ("modulus", "phase"), COVARIATES
+        pairwise(OCTAVES_HZ), ("modulus", "phase"), COVARIATES
     )
 )
 PATTERN_SIZE: Final = Size(0.05, 0.15)
@@ -138,7 +138,7 @@ def effect_directions(
 
 
 def _probe(batch: Batch, since_minutes: float) -> Probe:
-    n_windows, n_bands = batch.cross.shape
+    n_bands = batch.bands.centre_hz.size
     around = batch.conditions
     around = replace(around, minutes=around.minutes - since_minutes)
     repeated = SlidingConditions(
@@ -150,7 +150,7 @@ def _probe(batch: Batch, since_minutes: float) -> Probe:
     share = batch.drive_power / batch.drive_power.sum(axis=1, keepdims=True) / batch.bands.lines
     amplitude = np.sqrt(2.0 * batch.drive_variance[:, np.newaxis] * share)
     return Probe(
-        np.tile(batch.bands.centre_hz, n_windows),
+        batch.frequency_hz.ravel(),
         amplitude.ravel().astype(np.complex128),
         np.repeat(batch.drive_mean, n_bands),
         np.repeat(batch.drive_variance, n_bands),

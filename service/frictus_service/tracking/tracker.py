@@ -296,7 +296,7 @@ def _widened(span: tuple[float, float], values: list[float]) -> tuple[float, flo
 
 
 def _of_a_new_finger(prior: Prior, known: LawEstimate) -> LawEstimate:
-    """Return what is known of another finger on the same rig: of the law nothing, but the delay.
+    """Return what is known of another finger on the same rig: nothing but the delay.
 
     The delay is the rig's, and so what was known of it holds.
     """

@@ -66,6 +66,8 @@ class LawWindow:
         Of the drive fraction.
     minutes : float
         Of its first sample, since the device began.
+    frequency_hz : ndarray or None
+        Mean in each band, weighted by the drive's power; None: that of the bands.
     mains_n : ndarray of complex, shape (2,)
         Spectrum of the sensor's x at `MAINS_HZ`, the drive's part included, N.
     mains_drive : ndarray of complex, shape (2,)
@@ -84,6 +86,7 @@ class LawWindow:
     drive_mean: float = 0.5
     drive_variance: float = 0.0
     minutes: float = 0.0
+    frequency_hz: FloatArray | None = None
     mains_n: ComplexArray = field(default_factory=lambda: np.zeros(2, dtype=np.complex128))
     mains_drive: ComplexArray = field(default_factory=lambda: np.zeros(2, dtype=np.complex128))
 
@@ -232,9 +235,19 @@ class WindowCutter:
             drive_mean=float(drive.mean()),
             drive_variance=2.0 * float(power.sum()) / self._length,
             minutes=first_sample / self._rate_hz / 60.0,
+            frequency_hz=self._frequency(np.square(np.abs(driven)), power),
             mains_n=spectra[2, self._mains],
             mains_drive=driven[self._mains] * self._mount[self._mains] * along[0].mean(),
         )
+
+    def _frequency(self, driven: FloatArray, power: FloatArray) -> FloatArray:
+        """Return the mean frequency of the drive in each band."""
+        weighted = self._sum(driven * self.bands.frequency_hz).real
+        driven_at_all = power > np.finfo(float).tiny
+        mean: FloatArray = np.where(
+            driven_at_all, weighted / np.where(driven_at_all, power, 1.0), self.bands.centre_hz
+        )
+        return mean
 
     def _sum(self, spectrum: ComplexArray | FloatArray) -> ComplexArray:
         return self.bands.total(spectrum[np.newaxis])
