@@ -16,6 +16,7 @@ from frictus_service.tracking.signatures import (
     LAW_CAUSES,
     PATTERN_SIZE,
     PATTERNS,
+    SHAPED,
     SIZES,
     Pattern,
 )
@@ -25,6 +26,7 @@ from frictus_service.tracking.watch import (
     LAW_SIZES,
     MAINS,
     UNKNOWN,
+    UNMODELLED,
     Sums,
     Watch,
     log_ratio,
@@ -117,7 +119,9 @@ def _effect_left(sums: Sums, each: FloatArray, name: str, given: list[str]) -> f
         sums.score[process], sums.information[process], own, others
     )
     edge = SIZES[name].tolerated / SIZES[name].expected
-    return float(sums.log_share[process] + log_ratio(score, information, edge))
+    slack = UNMODELLED * np.sqrt(sums.certainty[process] * max(float(information), 0.0))
+    ratio = log_ratio(score, information, edge, slack * SHAPED[own])
+    return float(sums.log_share[process] + ratio)
 
 
 def _law_left(sums: Sums, each: FloatArray, number: int, given: list[str]) -> float:

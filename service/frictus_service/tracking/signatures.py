@@ -16,7 +16,7 @@ from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import TransferFunction
-from frictus_hardware.physics.schedule import SlidingConditions
+from frictus_hardware.physics.schedule import Schedule, SlidingConditions
 from frictus_hardware.physics.simulator import Probe, Simulator, predict
 from frictus_service.calibration import coordinates
 from frictus_service.discovery.problem.candidates import Candidate, candidates_of, scaled
@@ -98,6 +98,15 @@ PATTERN_SIZE: Final = Size(0.05, 0.15)
 _CANDIDATES: Final[dict[str, Candidate]] = {
     each.effect: each for each in candidates_of("friction") if each.effect in SIZES
 }
+
+SHAPED: Final = np.array(
+    [
+        _CANDIDATES[name].extend(Simulator(), SIZES[name].tolerated).schedule == Schedule()
+        for name in EFFECT_CAUSES
+    ]
+)
+"""Of `EFFECT_CAUSES`: those that change how the response goes over frequency, and not only how
+gain and cutoff follow the conditions. A lasting error of some bands may look like them."""
 
 
 def effect_directions(

@@ -37,6 +37,7 @@ from frictus_service.tracking.signatures import (
     LAW_CAUSES,
     PATTERN_SIZE,
     PATTERNS,
+    SHAPED,
     SIZES,
     Size,
     effect_directions,
@@ -57,6 +58,9 @@ ALARM: Final = float(np.log(len(CAUSES) / LEVEL))
 BEGIN_BATCHES: Final = 20
 MOST: Final = 32
 """Processes of a cause that are followed; beyond, that with the least evidence ends."""
+UNMODELLED: Final = 0.004
+"""Relative error of the response, rms over bands, that lasts and that no cause has: a window is
+not infinitely long, the speed changes within it, and a mount rings."""
 FLOOR: Final = -20.0
 """Nats; less is not told apart."""
 
@@ -87,6 +91,8 @@ class Sums:
     pattern_score, pattern_information : ndarray, shape (n_begun, n_patterns)
     mains : ndarray, shape (n_begun, 2, n_amplitudes)
         Log likelihood ratios.
+    certainty : ndarray, shape (n_begun,)
+        Of all responses: inverse relative variances.
     log_share, law_log_share : ndarray, shape (n_begun,)
         Of the chance of an alarm, that each process has; of `LAW_CAUSES` only those count
         that began with the model in force or later.
@@ -99,6 +105,7 @@ class Sums:
     pattern_score: FloatArray
     pattern_information: FloatArray
     mains: FloatArray
+    certainty: FloatArray
     log_share: FloatArray
     law_log_share: FloatArray
 
@@ -122,6 +129,7 @@ class Sums:
             (2, AMPLITUDES_N.size),
             (),
             (),
+            (),
         )
         return cls(*(np.zeros((count, *shape)) for shape in shapes))
 
@@ -131,7 +139,8 @@ class Sums:
 
     def log_evidence(self) -> FloatArray:
         """Return log share times ratio, shape (n_begun, n_causes)."""
-        effects = log_ratio(self.score, _diagonal(self.information), _EDGE)
+        slack = self.slack(_diagonal(self.information)) * SHAPED
+        effects = log_ratio(self.score, _diagonal(self.information), _EDGE, slack)
         law = log_ratio(self.law_score[..., -1], self.law_information[..., -1, -1], _LAW_EDGE)
         unknown = _mean(self.patterns())
         mains = _mean(self.mains.reshape(self.mains.shape[0], -1))
@@ -140,7 +149,22 @@ class Sums:
 
     def patterns(self) -> FloatArray:
         """Return the log likelihood ratio of each pattern, shape (n_begun, n_patterns)."""
-        return log_ratio(self.pattern_score, self.pattern_information, _PATTERN_EDGE)
+        information = self.pattern_information
+        return log_ratio(
+            self.pattern_score, information, _PATTERN_EDGE, self.slack(information)
+        )
+
+    def slack(self, information: FloatArray) -> FloatArray:
+        """Return how large a score errors of `UNMODELLED` can make at most (Cauchy-Schwarz).
+
+        Parameters
+        ----------
+        information : ndarray, shape (n_begun, d)
+            Of each deviation.
+        """
+        both = self.certainty[:, np.newaxis] * np.maximum(information, 0.0)
+        bound: FloatArray = UNMODELLED * np.sqrt(both)
+        return bound
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,18 +259,14 @@ class Watch:
         began = self.began_minutes if self.filters else first
         filters = _begun(self.filters, at, estimate)
         filters = tuple(each.advanced(seconds, new_contact) for each in filters)
-        filters, news = _innovations(batch, filters, estimate, self.mount, began)
-        lines = line_evidence(batch, estimate, sample_rate_hz)
+        filters, (*news, certainty) = _innovations(batch, filters, estimate, self.mount, began)
+        none = np.zeros(())
+        news += [line_evidence(batch, estimate, sample_rate_hz), certainty, none, none]
         sums, begun = self.sums, self.begun
         if self.batches % BEGIN_BATCHES == 0:
             begun += 1
             sums = _with_another(sums, begun)
-        sums = Sums(
-            *(
-                each + new
-                for each, new in zip(sums.arrays(), (*news, lines, 0.0, 0.0), strict=True)
-            )
-        )
+        sums = Sums(*(each + new for each, new in zip(sums.arrays(), news, strict=True)))
         each = sums.log_evidence()
         if each.shape[0] > MOST:
             kept = np.arange(each.shape[0]) != np.argmin(each.max(axis=1))
@@ -298,10 +318,10 @@ def _innovations(
     mount: TransferFunction | None,
     began_minutes: float,
 ) -> tuple[tuple[Nuisance, ...], tuple[FloatArray, ...]]:
-    """Return the filters after a batch, and what is added to `Sums`, in its order."""
+    """Return the filters after a batch, and what is added to `Sums` (without `mains`)."""
     effects = effect_directions(batch, estimate.mean, mount, began_minutes)
     further = np.concatenate([effects, pattern_directions(batch)], axis=-1)
-    score, information = batch_score(batch, estimate, further)
+    score, information, certainty = batch_score(batch, estimate, further)
     at = np.append(estimate.mean / UNITS, 0.0)
     # The gain's wandering has the column of the gain.
     place = np.array([0, 1, 2, 3, 2, *range(LAW, LAW + _N_EFFECTS + len(PATTERNS))])
@@ -327,6 +347,7 @@ def _innovations(
         np.array(informations),
         patterns,
         np.diag(known_of_patterns),
+        np.array(certainty),
     )
     return (free, *after, everything), sums
 
@@ -341,7 +362,10 @@ def _with_another(sums: Sums, begun: int) -> Sums:
 
 
 def log_ratio(
-    score: FloatArray, information: FloatArray, edge: FloatArray | float
+    score: FloatArray,
+    information: FloatArray,
+    edge: FloatArray | float,
+    slack: FloatArray | float = 0.0,
 ) -> FloatArray:
     """Return the log of the likelihood ratio, averaged over both signs and half-normal sizes.
 
@@ -351,10 +375,12 @@ def log_ratio(
         Of a deviation per its expected size.
     edge : float or ndarray
         Of what is tolerated, likewise.
+    slack : float or ndarray
+        Part of the score that may be an error that lasts.
     """
     information = np.maximum(information, 0.0)
     width = 1.0 + information
-    sides = np.stack([score, -score]) - edge * information
+    sides = np.stack([score, -score]) - edge * information - slack
     each = 0.5 * np.square(sides) / width + log_ndtr(sides / np.sqrt(width))
     ratio: FloatArray = np.logaddexp.reduce(each, axis=0) - 0.5 * np.log(width)
     return ratio
