@@ -14,6 +14,7 @@ from frictus_hardware.arrays import FloatArray
 from frictus_service.tracking.signatures import (
     EFFECT_CAUSES,
     LAW_CAUSES,
+    LAW_SIZES,
     PATTERN_SIZE,
     PATTERNS,
     SHAPED,
@@ -23,7 +24,6 @@ from frictus_service.tracking.signatures import (
 from frictus_service.tracking.watch import (
     ALARM,
     CAUSES,
-    LAW_SIZES,
     MAINS,
     UNKNOWN,
     UNMODELLED,
@@ -79,6 +79,9 @@ def named_alarms(watch: Watch) -> tuple[NamedAlarm, ...]:
     for number, name in enumerate(LAW_CAUSES):
         if name in raised and _law_left(sums, each, number, effects) >= ALARM:
             found.append(name)
+    ends = ("cutoff", "speed_dependent_cutoff")
+    if set(ends) <= set(found):  # the cutoff at the speeds explored: a slope, or alike at all
+        found.remove(min(ends, key=lambda name: evidence[name]))
     found += [name for name in (MAINS, UNKNOWN) if name in raised]
     if not found:  # what accounts for an alarm was one once, and is none now
         found = [max(raised, key=lambda name: evidence[name])]

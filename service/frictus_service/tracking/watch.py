@@ -35,12 +35,13 @@ from frictus_service.tracking.signatures import (
     EFFECT_CAUSES,
     INSTRUMENT,
     LAW_CAUSES,
+    LAW_SIZES,
     PATTERN_SIZE,
     PATTERNS,
     SHAPED,
     SIZES,
-    Size,
     effect_directions,
+    law_directions,
     pattern_directions,
 )
 
@@ -49,8 +50,6 @@ __all__ = ["ALARM", "CAUSES", "INSTRUMENT", "Sums", "Watch", "log_ratio"]
 MAINS: Final = "mains_interference"
 UNKNOWN: Final = "unknown"
 CAUSES: Final = (*LAW_CAUSES, *EFFECT_CAUSES, MAINS, UNKNOWN)
-LAW_SIZES: Final = (Size(0.15, 0.3), Size(0.10, 0.5), Size(15e-6, 100e-6))
-"""Of `LAW_CAUSES`: ln gain, ln cutoff, s."""
 LEVEL: Final = 0.01
 """Chance that a session in which the model is right ever raises an alarm."""
 ALARM: Final = float(np.log(len(CAUSES) / LEVEL))
@@ -58,7 +57,7 @@ ALARM: Final = float(np.log(len(CAUSES) / LEVEL))
 BEGIN_BATCHES: Final = 20
 MOST: Final = 32
 """Processes of a cause that are followed; beyond, that with the least evidence ends."""
-UNMODELLED: Final = 0.004
+UNMODELLED: Final = 0.0015
 """Relative error of the response, rms over bands, that lasts and that no cause has: a window is
 not infinitely long, the speed changes within it, and a mount rings."""
 FLOOR: Final = -20.0
@@ -70,12 +69,6 @@ _EDGE: Final = np.array(
 )
 _LAW_EDGE: Final = np.array([size.tolerated / size.expected for size in LAW_SIZES])
 _PATTERN_EDGE: Final = PATTERN_SIZE.tolerated / PATTERN_SIZE.expected
-_OWN: Final = (
-    np.array([[0, 0, 1, 0], [1, 1, 0, 0], [0, 0, 0, 1]], dtype=float)
-    * np.array([[size.expected] for size in LAW_SIZES])
-    / UNITS
-)
-"""Direction of each of `LAW_CAUSES`, per its expected size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +79,7 @@ class Sums:
     ----------
     score, information : ndarray, shapes (n_begun, d) and (n_begun, d, d)
         Of effects, against any law.
-    law_score, law_information : ndarray, shapes (n_begun, 3, d + 1) and so on
+    law_score, law_information : ndarray, shapes (n_begun, n_law, d + 1) and so on
         Of effects and, last, of each of `LAW_CAUSES`, against the model in force.
     pattern_score, pattern_information : ndarray, shape (n_begun, n_patterns)
     mains : ndarray, shape (n_begun, 2, n_amplitudes)
@@ -259,7 +252,10 @@ class Watch:
         began = self.began_minutes if self.filters else first
         filters = _begun(self.filters, at, estimate)
         filters = tuple(each.advanced(seconds, new_contact) for each in filters)
-        filters, (*news, certainty) = _innovations(batch, filters, estimate, self.mount, began)
+        own = law_directions(at) / UNITS
+        filters, (*news, certainty) = _innovations(
+            batch, filters, estimate, own, self.mount, began
+        )
         none = np.zeros(())
         news += [line_evidence(batch, estimate, sample_rate_hz), certainty, none, none]
         sums, begun = self.sums, self.begun
@@ -298,10 +294,13 @@ def _begun(
     sd = np.array([WIDE, WIDE, WIDE, 5.0 * WIDE, GAIN_PER_CONTACT])
     free = np.append(estimate.mean / UNITS, 0.0)
     held = []
-    for own in _OWN:
+    for cause, own in zip(LAW_CAUSES, law_directions(at), strict=True):
         fixed = np.append(own != 0.0, False)
         mean = np.where(fixed, np.append(at / UNITS, 0.0), free)
-        held.append(Nuisance.begin(mean, np.where(fixed, 0.0, sd), _N_EFFECTS + 1))
+        begun = Nuisance.begin(mean, np.where(fixed, 0.0, sd), _N_EFFECTS + 1)
+        if cause == "speed_dependent_cutoff":  # both ends may be off, alike
+            begun.covariance[:2, :2] = WIDE**2
+        held.append(begun)
     if filters:
         return (filters[0], *held, filters[-1])
     effects = np.zeros(_N_EFFECTS)
@@ -315,6 +314,7 @@ def _innovations(
     batch: Batch,
     filters: tuple[Nuisance, ...],
     estimate: LawEstimate,
+    own: FloatArray,
     mount: TransferFunction | None,
     began_minutes: float,
 ) -> tuple[tuple[Nuisance, ...], tuple[FloatArray, ...]]:
@@ -328,20 +328,20 @@ def _innovations(
     score, information = score[place], information[np.ix_(place, place)]
     small = STATE + _N_EFFECTS
     free, *held, everything = filters
-    free, own, known = free.seen(score[:small], information[:small, :small], at)
+    free, pulled, known = free.seen(score[:small], information[:small, :small], at)
     after, scores, informations = [], [], []
-    for each, direction in zip(held, _OWN, strict=True):
+    for each, direction in zip(held, own, strict=True):
         turn = np.eye(small + 1, small)
         turn[-1, :LAW] = direction
-        pulled, seen = turn @ score[:small], turn @ information[:small, :small] @ turn.T
-        new, of_law, known_of_law = each.seen(pulled, seen, at)
+        seen = turn @ information[:small, :small] @ turn.T
+        new, of_law, known_of_law = each.seen(turn @ score[:small], seen, at)
         after.append(new)
         scores.append(of_law)
         informations.append(known_of_law)
     none = np.concatenate([at, np.zeros(_N_EFFECTS)])
     everything, patterns, known_of_patterns = everything.seen(score, information, none)
     sums = (
-        own,
+        pulled,
         known,
         np.array(scores),
         np.array(informations),
