@@ -69,7 +69,7 @@ def named_alarms(watch: Watch) -> tuple[NamedAlarm, ...]:
     if not watch.raised:
         return ()
     evidence = dict(zip(CAUSES, watch.log_evidence.tolist(), strict=True))
-    raised = set(watch.raised)
+    raised = {name for name in watch.raised if evidence[name] >= ALARM} or set(watch.raised)
     sums, each = watch.sums, watch.sums.log_evidence()
     effects = _selected(sums, each, [name for name in EFFECT_CAUSES if name in raised])
     unknown = UNKNOWN in raised
