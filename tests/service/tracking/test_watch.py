@@ -118,11 +118,13 @@ def test_an_effect_is_named_with_its_size(
 
 def faster_is_more(around: SlidingConditions, frequency_hz: FloatArray) -> ComplexArray:
     inside = (frequency_hz > 320.0) & (frequency_hz < 640.0)
-    return 1.0 + 0.25 * inside * (around.speed_mm_s - 60.0) / 40.0 + 0j
+    rises = 0.25 * inside * (around.speed_mm_s - 60.0) / 40.0
+    return np.asarray(1.0 + rises, dtype=np.complex128)
 
 
 def resonance(_: SlidingConditions, frequency_hz: FloatArray) -> ComplexArray:
-    return 1.0 + 0.5 / (1.0 + 8j * (frequency_hz / 500.0 - 500.0 / frequency_hz))
+    off = frequency_hz / 500.0 - 500.0 / frequency_hz
+    return np.asarray(1.0 + 0.5 / (1.0 + 8j * off), dtype=np.complex128)
 
 
 def test_what_no_cause_makes_is_unknown_and_has_a_place(rng: np.random.Generator) -> None:
