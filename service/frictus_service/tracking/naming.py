@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
+from frictus_service.tracking.evidence import UNMODELLED, Sums, log_ratio
 from frictus_service.tracking.signatures import (
     EFFECT_CAUSES,
     LAW_CAUSES,
@@ -26,10 +27,7 @@ from frictus_service.tracking.watch import (
     CAUSES,
     MAINS,
     UNKNOWN,
-    UNMODELLED,
-    Sums,
     Watch,
-    log_ratio,
 )
 
 ALIKE: Final = 3.0

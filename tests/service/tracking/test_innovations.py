@@ -6,9 +6,9 @@ import numpy as np
 from tests.service.tracking.slides import BANDS, PAPER, slide, speeds
 
 from frictus_service.calibration.coordinates import Prior
+from frictus_service.tracking.evidence import log_ratio
 from frictus_service.tracking.innovations import STATE, UNITS, Nuisance, batch_score
 from frictus_service.tracking.law_estimate import GAIN_PER_CONTACT, Batch, LawEstimate, updated
-from frictus_service.tracking.watch import log_ratio
 
 BATCHES = 30
 PRIOR_SD = np.array([1.0, 1.0, 1.0, 1.0, GAIN_PER_CONTACT])
