@@ -246,7 +246,7 @@ class LiveTracker:
             tracker.in_force,
             self._population,
             tracker.speeds_mm_s,
-            INSTRUMENT.intersection(tracker.alarms),
+            INSTRUMENT.intersection(alarm.cause for alarm in tracker.alarms),
             Circumstances(
                 policy=self.status.adaptation,
                 source=self._scene.source if self._scene else "scene",
