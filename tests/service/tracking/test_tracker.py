@@ -24,6 +24,7 @@ from frictus_service.fidelity.path import walk
 from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.tracking import tracker as tracker_module
+from frictus_service.tracking.policy import loosest_half_width
 from frictus_service.tracking.tracker import ModelInForce, Tracker
 from frictus_service.tracking.watch import INSTRUMENT
 from frictus_service.tracking.windows import WindowCutter
@@ -149,6 +150,30 @@ def test_another_finger_keeps_what_is_known_of_the_delay(felt: Signals) -> None:
     assert (new.mean[3], new.covariance[3, 3]) == (known.mean[3], known.covariance[3, 3])
     assert new.mean[:3] == pytest.approx(Prior.weak().mean[:3])
     assert new.covariance[3, 0] == 0.0
+
+
+def test_who_moves_to_another_rig_brings_the_finger_and_not_the_delay(
+    felt: Signals, seed: int
+) -> None:
+    here = tracker()
+    for part in parts(felt):
+        here.take(part)
+    own = here.state(0).model
+    assert own is not None
+    late = ParticipantEffect(id="channel_delay", parameters={"delay_s": 60e-6})
+    there = tracker()
+    there.begin_anew(Prior.of_person(own, Prior.weak()), "P07")
+    there.put_in_force(ModelInForce.of("own", own))
+    begun = loosest_half_width(there.estimate, (20.0, 100.0))
+    assert begun < 0.5 * loosest_half_width(tracker().estimate, (20.0, 100.0))
+    for part in parts(played(PERSON.model_copy(update={"effects": (late,)}), 8.0, seed)):
+        there.take(part)
+    law = PERSON.law
+    true = coordinates.from_law(law.gain_n, law.cutoff_0_hz, law.slope_hz_per_mm_s, 60e-6)
+    found = there.estimate
+    assert np.all(np.abs(found.mean - true) < [0.1, 0.1, 0.02, 5e-6])
+    assert found.half_width[3] < 10e-6
+    assert there.new_fingers == 0
 
 
 def test_samples_may_come_in_any_portions(felt: Signals) -> None:
