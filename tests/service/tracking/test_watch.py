@@ -156,6 +156,16 @@ def test_a_right_model_whose_gain_and_cutoff_wander_raises_none(
     assert found.first is None
 
 
+def test_a_knock_raises_none(rng: np.random.Generator) -> None:
+    def knock(around: SlidingConditions, _: FloatArray) -> ComplexArray:
+        struck = rng.random() < 0.01
+        noise = rng.standard_normal((2, BANDS.frequency_hz.size)) * struck
+        return np.asarray(1.0 + noise[0] + 1j * noise[1], dtype=np.complex128)
+
+    found = session(rng, [PAPER] * 60, deviation=knock)
+    assert found.first is None
+
+
 def test_a_change_late_in_a_session_is_found(rng: np.random.Generator) -> None:
     changed = PAPER + np.array([0.7, 0.7, 0.0, 0.0])
     found = session(rng, [PAPER] * 30 + [changed] * 30)
