@@ -1,0 +1,83 @@
+/** Horizontal bars against a line: evidence by cause, and the error of each model. */
+
+import { element, say } from "../element.js";
+import { decibels, nats } from "./units.js";
+
+/** One bar: a name, a length, a value in words. */
+function bar(title, share, text, look) {
+  const filled = element("div", { class: "filled" });
+  filled.style.setProperty("--share", `${(100 * share).toFixed(1)}%`);
+  const track = element("div", { class: "track", "aria-hidden": "true" }, filled);
+  const row = element("li", {}, element("span", {}, title), track, element("b", {}, text));
+  row.dataset.look = look;
+  return row;
+}
+
+/** Evidence against the model in force, towards the line at which it is an alarm. */
+export class Evidence {
+  constructor() {
+    this.bars = element("ul", { class: "bars", "aria-label": "Evidence by cause" });
+    this.note = element("p", { class: "quiet" });
+    this.root = element("div", {}, this.bars, this.note);
+  }
+
+  /** @param {object} state of `viewStateOf` */
+  show({ evidence }) {
+    if (evidence === undefined) {
+      this.bars.replaceChildren();
+      say(this.note, "");
+      return;
+    }
+    const { rows, quiet, alarmNats, alarmShare } = evidence;
+    this.bars.style.setProperty("--line", `${(100 * alarmShare).toFixed(1)}%`);
+    const made = rows.map(({ cause, title, share, nats: value, alarmed, beyond, where }) => {
+      const text = `${nats(value)}${beyond ? " ▸" : ""}`;
+      const row = bar(title, share, text, alarmed ? "alarm" : "quiet");
+      row.dataset.cause = cause;
+      if (alarmed) row.firstChild.append(element("em", {}, "alarm"));
+      if (where !== "") row.append(element("small", {}, where));
+      return row;
+    });
+    this.bars.replaceChildren(...made);
+    this.bars.hidden = made.length === 0;
+    const others = made.length === 0 ? `${quiet} causes are quiet` : `${quiet} others are quiet`;
+    const only = quiet === 1 ? others.replace("causes are", "cause is").replace("others are", "other is") : others;
+    say(this.note, `${only}. The line is the alarm, ${nats(alarmNats)}: reached by a right model ` +
+      "in at most 1 of 100 sessions.");
+  }
+}
+
+/** The error of a rendering by each model, against what a finger can tell. */
+export class Errors {
+  constructor() {
+    this.bars = element("ul", { class: "bars", "aria-label": "Error of a rendering by each model" });
+    this.note = element("p", { class: "quiet" });
+    this.root = element("div", {}, this.bars, this.note);
+  }
+
+  /** @param {object} state of `viewStateOf` */
+  show({ errors, jndDb, estimate }) {
+    if (errors === undefined) {
+      this.bars.replaceChildren();
+      say(this.note, "");
+      return;
+    }
+    const full = Math.max(1.6 * jndDb, 1.1 * Math.max(...errors.map(({ db }) => db ?? 0)));
+    this.bars.style.setProperty("--line", `${((100 * jndDb) / full).toFixed(1)}%`);
+    const made = errors.map(({ name, title, db }) => {
+      const look = db === null ? "none" : db > jndDb ? "warn" : "good";
+      const row = bar(title, (db ?? 0) / full, db === null ? "–" : decibels(db), look);
+      row.dataset.model = name;
+      return row;
+    });
+    this.bars.replaceChildren(...made);
+    const { in_force: inForce, newest } = estimate.gain_nats;
+    const signed = (value) => `${value < 0 ? "−" : "+"}${nats(Math.abs(value))}`;
+    const gained = [
+      ...(inForce === undefined ? [] : [`${signed(inForce)} by the model in force`]),
+      ...(newest === undefined ? [] : [`${signed(newest)} by what is learned`]),
+    ];
+    const gain = gained.length === 0 ? "" : ` Log-likelihood gained over the first model: ${gained.join(", ")}.`;
+    say(this.note, `The line is what a finger can just tell, ${decibels(jndDb)}.${gain}`);
+  }
+}

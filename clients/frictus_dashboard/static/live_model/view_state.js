@@ -1,0 +1,49 @@
+/**
+ * All that the view shows, made of one estimate and one status: what is said, what is drawn and
+ * what stands in bars cannot disagree, and has one age. Pure.
+ */
+
+import { policyOf } from "../adaptation.js";
+import { STALE_MS } from "../estimate_log.js";
+import { JND_DB } from "../spectrum.js";
+import { evidenceOf } from "./causes.js";
+import { headlineOf } from "./headline.js";
+import { groupsOf } from "./speed_groups.js";
+import { seconds } from "./units.js";
+
+const ERRORS = { first: "First model", in_force: "Model in force", newest: "Learned now" };
+
+/**
+ * @param {{rig: string|null, status: object|null, estimate: object|null, ageMs: number,
+ *   entries: object[]}} heard the newest of each, and the log of estimates
+ */
+export function viewStateOf({ rig, status, estimate, ageMs, entries }) {
+  const state = {
+    ...headlineOf(rig, estimate),
+    rig,
+    estimate,
+    entries,
+    policy: policyOf(status),
+    adaptations: status?.adaptations ?? 0,
+    stale: false,
+    age: "",
+    groups: null,
+  };
+  if (estimate === null) return state;
+  const stale = ageMs > STALE_MS;
+  const then = `Last heard ${seconds(ageMs / 1e3)} ago: what is shown is from then`;
+  return {
+    ...state,
+    stale,
+    age: stale ? then : "Up to date",
+    groups: estimate.law === null ? null : groupsOf(estimate),
+    refused: Object.entries(estimate.refused).sort(([, a], [, b]) => b - a),
+    evidence: evidenceOf(estimate),
+    errors: Object.entries(ERRORS).map(([name, title]) => {
+      return { name, title, db: estimate.error_db[name] ?? null };
+    }),
+    jndDb: JND_DB,
+    heldBack: estimate.held_back,
+    changes: [...estimate.changes].reverse(),
+  };
+}
