@@ -92,6 +92,14 @@ def felt(**changes: Any) -> EstimateState:
     return state.model_copy(update=changes)
 
 
+def halfway(share: float) -> LawValues:
+    """Return a law that lies between that in force and that learned."""
+    before, after = IN_FORCE.model_dump(), LEARNED.model_dump()
+    return LawValues(
+        **{name: before[name] + share * (after[name] - before[name]) for name in after}
+    )
+
+
 def nothing_felt() -> EstimateState:
     """Return what a tracker publishes before anybody slid over anything."""
     return EstimateState(
@@ -119,9 +127,9 @@ def adapted(count: int = 2) -> EstimateState:
             utc_ns=begun_ns + 20 * n * 10**9,
             etag_before=f"m{n}",
             etag_after=f"m{n + 1}",
-            before=IN_FORCE if n == 0 else LEARNED,
-            after=LEARNED,
-            reason="cutoff 31 nats beyond the alarm",
+            before=halfway(n / count),
+            after=halfway((n + 1) / count),
+            reason="cutoff 31 nats, half width 3 % at 24 to 96 mm/s",
         )
         for n in range(count)
     )

@@ -35,15 +35,15 @@ export class Evidence {
       const row = bar(title, share, text, alarmed ? "alarm" : "quiet");
       row.dataset.cause = cause;
       if (alarmed) row.firstChild.append(element("em", {}, "alarm"));
-      if (where !== "") row.append(element("small", {}, where));
+      if (where !== "" && !alarmed) row.append(element("small", {}, where));
       return row;
     });
     this.bars.replaceChildren(...made);
     this.bars.hidden = made.length === 0;
-    const others = made.length === 0 ? `${quiet} causes are quiet` : `${quiet} others are quiet`;
-    const only = quiet === 1 ? others.replace("causes are", "cause is").replace("others are", "other is") : others;
-    say(this.note, `${only}. The line is the alarm, ${nats(alarmNats)}: reached by a right model ` +
-      "in at most 1 of 100 sessions.");
+    const others = quiet === 1 ? "1 other is quiet" : `${quiet} others are quiet`;
+    const all = quiet === 0 ? "No cause is watched yet" : "Nothing speaks against it";
+    say(this.note, `${made.length === 0 ? all : others}. The line is the alarm, ` +
+      `${nats(alarmNats)}: a right model reaches it in at most 1 % of sessions.`);
   }
 }
 

@@ -7,7 +7,7 @@ import { FREQUENCIES_HZ } from "./law.js";
 import { GROUPS } from "./speed_groups.js";
 import { frequency } from "./units.js";
 
-const HEIGHT_PX = 232;
+const HEIGHT_PX = 250;
 const TICKS_HZ = [50, 100, 200, 500, 1000, 2000];
 const FROM_TO_HZ = [FREQUENCIES_HZ[0], FREQUENCIES_HZ.at(-1)];
 /** The level's axis ends at multiples of this, dB: it does not move with every estimate. */
@@ -71,6 +71,7 @@ export class LiveBode {
     return {
       width: 400,
       height: HEIGHT_PX,
+      padding: [8, 12, 0, 0],
       legend: { show: false },
       cursor: { show: false },
       scales: {
@@ -82,9 +83,9 @@ export class LiveBode {
           ...axis,
           splits: () => TICKS_HZ,
           values: () => TICKS_HZ.map(named),
-          size: 44,
+          size: 30,
           label: "Frequency, Hz",
-          labelSize: 18,
+          labelSize: 20,
           labelFont: "13px system-ui, sans-serif",
         },
         { ...axis, size: 46, space: 28 },
@@ -114,6 +115,7 @@ export class LiveBode {
   #drawPoints(chart) {
     const { ctx, bbox } = chart;
     ctx.save();
+    ctx.setLineDash([]); // that of the last line holds still
     ctx.beginPath();
     ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
     ctx.clip();

@@ -5,7 +5,7 @@ export const SMALL_NATS = 1;
 /** The bars reach so far beyond the alarm line. */
 const REACH = 1.6;
 /** As many as there is room for. */
-const MOST = 6;
+const MOST = 5;
 
 /** The id of a cause as words. */
 export function titleOf(cause) {

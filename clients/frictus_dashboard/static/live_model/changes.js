@@ -13,7 +13,7 @@ export class Changes {
   constructor() {
     this.list = element("ol", { class: "changes", tabindex: "0", role: "list" });
     this.list.setAttribute("aria-label", "Changes of the model, newest first");
-    this.root = element("div", {}, this.list);
+    this.root = element("div", { class: "log" }, this.list);
     this.shown = null;
   }
 
@@ -22,7 +22,7 @@ export class Changes {
     const shown = JSON.stringify(changes);
     if (shown === this.shown) return;
     this.shown = shown;
-    this.list.hidden = changes.length === 0;
+    this.root.hidden = changes.length === 0;
     this.list.replaceChildren(...changes.map(change));
   }
 }

@@ -22,8 +22,8 @@ export function headlineOf(rig, estimate) {
 }
 
 function untracked(rig) {
-  const does = "It learns the finger from whatever plays, and says whether the model fits it.";
-  const sentence = `Start one on the rig's machine: frictus track. ${does}`;
+  const sentence = "Start one on the rig's machine: `frictus track`. It learns the finger from " +
+    "whatever plays, and says whether the model fits it.";
   return { kind: "none", verdict: `No tracker runs at ${rig}`, sentence, advice: [] };
 }
 

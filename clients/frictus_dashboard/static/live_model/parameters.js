@@ -9,7 +9,7 @@ const HEIGHT_PX = 96;
 const BAND_ALPHA = "38";
 const SHOWN = [
   { name: "gain_n", title: "Gain", unit: "N", digits: 3 },
-  { name: "delay_us", title: "Delay of the rig's sensor", unit: "µs", digits: 1 },
+  { name: "delay_us", title: "Force sensor's delay", unit: "µs", digits: 1 },
   { name: "cutoff_20_hz", title: "Cutoff at 20 mm/s", unit: "Hz", digits: 0 },
   { name: "cutoff_100_hz", title: "Cutoff at 100 mm/s", unit: "Hz", digits: 0 },
 ];
@@ -21,12 +21,12 @@ class Parameter {
     this.marks = [];
     this.spanS = 60;
     this.value = element("b");
-    this.words = element("span", { class: "quiet" });
+    this.words = element("span");
     this.place = element("div", { class: "chart", role: "img" });
     this.place.setAttribute("aria-label", `${shown.title} over the last minutes`);
     this.place.setAttribute("aria-describedby", `${shown.name}-values`);
-    const told = element("p", { id: `${shown.name}-values` }, this.value, " ", this.words);
-    const title = element("h3", {}, shown.title);
+    const told = element("p", { id: `${shown.name}-values`, class: "quiet" }, this.words);
+    const title = element("h3", {}, shown.title, this.value);
     this.root = element("figure", { "data-parameter": shown.name }, title, told, this.place);
     this.chart = new uPlot(this.#options(), this.columns, this.place);
     new ResizeObserver(([{ contentRect }]) => {
@@ -49,7 +49,7 @@ class Parameter {
     if (law === null) {
       say(this.value, "–");
       say(this.words, "");
-      return;
+      return; // the view shows no charts then
     }
     const { value, low, high } = law[name];
     const inForce = estimate.in_force?.[name];
@@ -65,6 +65,7 @@ class Parameter {
     return {
       width: 200,
       height: HEIGHT_PX,
+      padding: [8, 12, 0, 0],
       legend: { show: false },
       cursor: { show: false },
       scales: {
@@ -78,7 +79,7 @@ class Parameter {
           splits: () => [-this.spanS, -this.spanS / 2, 0],
           values: (_, at) => at.map((s) => (s === 0 ? "now" : told(s))),
         },
-        { ...axis, size: 50, space: 26 },
+        { ...axis, size: 50, space: 18 },
       ],
       series: [
         {},
@@ -95,6 +96,7 @@ class Parameter {
   #drawMarks(chart) {
     const { ctx, bbox } = chart;
     ctx.save();
+    ctx.setLineDash([]); // that of the last line holds still
     ctx.strokeStyle = ctx.fillStyle = colour("--ink");
     ctx.lineWidth = devicePixelRatio;
     for (const s of this.marks) {

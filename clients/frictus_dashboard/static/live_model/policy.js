@@ -18,6 +18,7 @@ export class Policy {
     this.outcome = new Outcome();
     this.why = element("p", { id: "policy-why", class: "quiet" });
     this.heldBack = element("p", { class: "held-back" });
+    this.proposal = element("p", { class: "proposal" });
     this.buttons = Object.entries(POLICIES).map(([value, { title }]) => {
       const button = element("button", { type: "button", value }, title);
       button.setAttribute("aria-describedby", `policy-${value} policy-why`);
@@ -35,11 +36,12 @@ export class Policy {
     this.undo.addEventListener("click", () => this.#putBack());
     this.count = element("span", { id: "policy-count" });
     const back = element("p", { class: "back" }, this.undo, this.count);
-    this.root = element("div", {}, switched, this.why, this.heldBack, back, this.outcome.root);
+    this.root = element("div", {}, switched, this.why, this.heldBack);
+    this.root.append(this.proposal, back, this.outcome.root);
   }
 
   /** @param {object} state of `viewStateOf` */
-  show({ rig, policy, adaptations, heldBack = "" }) {
+  show({ rig, policy, adaptations, heldBack = "", proposal = "" }) {
     if (rig !== this.rig) {
       this.asked = null;
       this.outcome.clear();
@@ -61,6 +63,8 @@ export class Policy {
     say(this.count, adaptations === 0 ? "The model is as it was set" : changed);
     say(this.heldBack, heldBack === "" ? "" : `The model stays as it is: ${heldBack}`);
     this.heldBack.hidden = heldBack === "";
+    say(this.proposal, proposal);
+    this.proposal.hidden = proposal === "";
   }
 
   /** Why this page may not choose, in words; empty where it may. */

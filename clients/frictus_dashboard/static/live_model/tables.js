@@ -22,7 +22,6 @@ export class Tables {
   show(state) {
     this.state = state;
     const { estimate, refused = [], groups } = state;
-    this.root.hidden = estimate === null;
     if (estimate === null) return;
     const left = refused.reduce((sum, [, count]) => sum + count, 0);
     say(this.summary, `${estimate.windows} windows used, ${left} refused: reasons, and all values`);

@@ -1,8 +1,8 @@
 /** Quantities of the view with their units, as people read them. Pure. */
 
-/** An error in dB: two digits where it is small. */
+/** An error in dB: two digits where it is small, as thresholds are. */
 export function decibels(db) {
-  return `${db.toFixed(Math.abs(db) < 1 ? 2 : 1)} dB`;
+  return `${db.toFixed(Math.abs(db) < 2 ? 2 : 1)} dB`;
 }
 
 /** A frequency in Hz or kHz. */

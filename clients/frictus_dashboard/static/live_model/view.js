@@ -4,6 +4,7 @@ import { element, say } from "../element.js";
 import { Errors, Evidence } from "./bars.js";
 import { LiveBode } from "./bode.js";
 import { Changes } from "./changes.js";
+import { coded } from "./coded.js";
 import { Parameters } from "./parameters.js";
 import { Policy } from "./policy.js";
 import { Tables } from "./tables.js";
@@ -42,13 +43,14 @@ export class View {
     this.grid = element(
       "div",
       { class: "grid" },
-      card("bode", "What the finger does with the drive, dB re 1 N", this.bode.root),
+      card("bode", "Friction per full drive, dB re 1 N", this.bode.root),
       card("history", "What is known over time", this.parameters.root),
       card("errors", "Gain so far: error of a rendering", this.errors.root),
       card("evidence", "Evidence against the model in force", this.evidence.root),
       card("policy", "What may change the model", this.policy.root, this.changes.root),
     );
-    into.append(headline, this.grid, element("section", {}, this.tables.root));
+    this.detail = element("section", {}, this.tables.root);
+    into.append(headline, this.grid, this.detail);
   }
 
   open() {
@@ -74,20 +76,16 @@ export class View {
     this.into.classList.toggle("stale", state.stale);
     say(this.verdict, state.verdict);
     say(this.age, state.age);
-    say(this.sentence, state.sentence);
-    const advice = state.advice.map(({ title, text }) => `${title}: ${text}`);
-    if (advice.join() !== this.advised) {
-      this.advised = advice.join();
-      const items = state.advice.map(({ title, text }) => {
-        return element("li", {}, element("b", {}, title), ` ${text}`);
-      });
-      this.advice.replaceChildren(...items);
-    }
+    this.sentence.replaceChildren(...coded(state.sentence));
+    this.advice.replaceChildren(...state.advice.map(({ title, text }) => {
+      return element("li", {}, element("b", {}, title), " ", ...coded(text));
+    }));
     this.policy.show(state);
     this.changes.show(state);
     if (estimate === this.drawn) return;
     this.drawn = estimate;
     this.grid.dataset.empty = state.groups === null;
+    this.detail.hidden = estimate === null;
     for (const figure of this.figures) figure.show(state);
   }
 }

@@ -9,7 +9,7 @@ import { JND_DB } from "../spectrum.js";
 import { evidenceOf } from "./causes.js";
 import { headlineOf } from "./headline.js";
 import { groupsOf } from "./speed_groups.js";
-import { seconds } from "./units.js";
+import { frequency, seconds } from "./units.js";
 
 const ERRORS = { first: "First model", in_force: "Model in force", newest: "Learned now" };
 
@@ -44,6 +44,15 @@ export function viewStateOf({ rig, status, estimate, ageMs, entries }) {
     }),
     jndDb: JND_DB,
     heldBack: estimate.held_back,
+    proposal: proposalOf(policyOf(status), estimate),
     changes: [...estimate.changes].reverse(),
   };
+}
+
+/** What would be put in force now, where nothing holds it back; empty else. */
+function proposalOf(policy, { law, held_back: heldBack }) {
+  if (law === null || heldBack !== "" || policy === "observe") return "";
+  const [at20, at100] = [law.cutoff_20_hz, law.cutoff_100_hz].map(({ value }) => frequency(value));
+  const values = `gain ${law.gain_n.value.toFixed(3)} N, cutoff ${at20} at 20 and ${at100} at 100 mm/s`;
+  return policy === "adapt" ? `Put in force as it is learned: ${values}.` : `Suggested: ${values}.`;
 }
