@@ -144,15 +144,15 @@ def adapted(count: int = 2) -> EstimateState:
     )
 
 
-class Publishing:
+class EstimatePublisher:
     """A tracker's publisher: repeats an estimate, as of now, until it is stopped.
 
     Parameters
     ----------
     rig : Rig
         That it is beside.
-    session : zenoh.Session
-        Of the client.
+    client : Client
+        Connected to the rig's router.
     """
 
     def __init__(self, rig: frictus.Rig, client: frictus.Client) -> None:
@@ -185,11 +185,13 @@ class Publishing:
 
 
 @contextmanager
-def tracked(client: frictus.Client, rig: frictus.Rig, state: EstimateState) -> Iterator[Publishing]:
+def tracked(
+    client: frictus.Client, rig: frictus.Rig, state: EstimateState
+) -> Iterator[EstimatePublisher]:
     """Have a rig tracked within the block."""
-    publishing = Publishing(rig, client)
-    publishing.show(state)
+    publisher = EstimatePublisher(rig, client)
+    publisher.show(state)
     try:
-        yield publishing
+        yield publisher
     finally:
-        publishing.stop()
+        publisher.stop()

@@ -11,8 +11,8 @@ export function frequency(hz) {
 }
 
 /** A duration in s, min or h. */
-export function seconds(s) {
-  if (s < 90) return `${s.toFixed(s < 10 ? 1 : 0)} s`;
+export function seconds(s, digits = s < 10 ? 1 : 0) {
+  if (s < 90) return `${s.toFixed(digits)} s`;
   return s < 5_400 ? `${(s / 60).toFixed(0)} min` : `${(s / 3_600).toFixed(1)} h`;
 }
 

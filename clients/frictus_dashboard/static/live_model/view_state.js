@@ -31,7 +31,7 @@ export function viewStateOf({ rig, status, estimate, ageMs, entries }) {
   };
   if (estimate === null) return state;
   const stale = ageMs > STALE_MS;
-  const then = `Last heard ${seconds(ageMs / 1e3)} ago: what is shown is from then`;
+  const then = `Last heard ${seconds(Math.floor(ageMs / 1e3), 0)} ago: what is shown is from then`;
   return {
     ...state,
     stale,
