@@ -35,7 +35,7 @@ def dumped(state: EstimateState) -> Any:
 
 
 def view_state(page: Page, state: EstimateState, **heard: Any) -> Any:
-    known = {"rig": "rig1", "status": None, "ageMs": 0, "entries": []}
+    known: dict[str, Any] = {"rig": "rig1", "status": None, "ageMs": 0, "entries": []}
     return run(
         page,
         "live_model/view_state",

@@ -3,7 +3,7 @@
 /** The policies with what each does, as the switch shows them. */
 export const POLICIES = {
   observe: { title: "Observe", does: "Learns the finger and judges the model; changes nothing." },
-  suggest: { title: "Suggest", does: "Says beside this when the model should change; changes nothing." },
+  suggest: { title: "Suggest", does: "Says here how the model should change; changes nothing." },
   adapt: { title: "Adapt", does: "Has gain and cutoff follow the finger while it plays." },
 };
 

@@ -50,7 +50,7 @@ export class Evidence {
 /** The error of a rendering by each model, against what a finger can tell. */
 export class Errors {
   constructor() {
-    this.bars = element("ul", { class: "bars", "aria-label": "Error of a rendering by each model" });
+    this.bars = element("ul", { class: "bars", "aria-label": "Error of rendering by model" });
     this.note = element("p", { class: "quiet" });
     this.root = element("div", {}, this.bars, this.note);
   }
@@ -77,7 +77,8 @@ export class Errors {
       ...(inForce === undefined ? [] : [`${signed(inForce)} by the model in force`]),
       ...(newest === undefined ? [] : [`${signed(newest)} by what is learned`]),
     ];
-    const gain = gained.length === 0 ? "" : ` Log-likelihood gained over the first model: ${gained.join(", ")}.`;
-    say(this.note, `The line is what a finger can just tell, ${decibels(jndDb)}.${gain}`);
+    const gain = `Log-likelihood gained over the first model: ${gained.join(", ")}.`;
+    const line = `The line is what a finger can just tell, ${decibels(jndDb)}.`;
+    say(this.note, gained.length === 0 ? line : `${line} ${gain}`);
   }
 }

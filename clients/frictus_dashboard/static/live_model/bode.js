@@ -1,4 +1,4 @@
-/** Live Bode plot: measured points with intervals, the estimate with its band, the model in force. */
+/** Bode plot: points measured with intervals, the estimate with its band, the model in force. */
 
 import { colour, onSchemeChange } from "../colours.js";
 import { element, say } from "../element.js";

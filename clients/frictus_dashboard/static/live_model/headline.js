@@ -11,7 +11,7 @@ const WINDOW_S = 0.05;
  * @param {string|null} rig
  * @param {object|null} estimate an EstimateState
  * @returns {{kind: string, verdict: string, sentence: string,
- *   advice: {cause: string, title: string, text: string}[]}}
+ *   advice: {title: string, text: string}[]}}
  */
 export function headlineOf(rig, estimate) {
   if (rig === null) {
@@ -39,7 +39,8 @@ function judged(estimate) {
   const at20 = frequency(law.cutoff_20_hz.value);
   const at100 = frequency(law.cutoff_100_hz.value);
   const felt = seconds(windows * WINDOW_S);
-  const parts = [`This finger follows the drive up to ${at20} at 20 mm/s and ${at100} at 100 mm/s.`];
+  const follows = `This finger follows the drive up to ${at20} at 20 mm/s`;
+  const parts = [`${follows} and ${at100} at 100 mm/s.`];
   if (error.in_force != null && error.newest != null) {
     parts.push(`The model in force is ${decibels(error.in_force)} off; what was learned from ` +
       `${felt} of sliding is ${decibels(error.newest)} off.`);
@@ -50,7 +51,7 @@ function judged(estimate) {
   return {
     ...verdictOf(alarms, error.in_force),
     sentence: parts.join(" "),
-    advice: alarms.map((cause) => ({ cause, title: titleOf(cause), text: advice[cause] ?? "" })),
+    advice: alarms.map((cause) => ({ title: titleOf(cause), text: advice[cause] ?? "" })),
   };
 }
 

@@ -1,4 +1,4 @@
-/** What the tracker may do with the model: a switch, and the way back. What is pressed is in force. */
+/** What the tracker may do with the model: a switch, and the way back. Pressed is in force. */
 
 import { POLICIES } from "../adaptation.js";
 import { request } from "../api.js";

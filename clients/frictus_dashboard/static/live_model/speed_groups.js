@@ -17,13 +17,13 @@ export const GROUPS = [
  * @param {object} estimate an EstimateState with a law
  */
 export function groupsOf({ law, in_force: inForce, points }) {
-  const first = GROUPS.map(({ below }, i) => {
+  const grouped = GROUPS.map(({ below }, i) => {
     const from = GROUPS[i - 1]?.below ?? 0;
     return points.filter(({ speed_mm_s: speed }) => speed >= from && speed < below);
   });
   const ends = [SPEEDS_MM_S[0], null, SPEEDS_MM_S[1]];
   return GROUPS.map((group, i) => {
-    const speedMmS = points.length > 0 ? meanSpeed(first[i]) : ends[i];
+    const speedMmS = points.length > 0 ? meanSpeed(grouped[i]) : ends[i];
     if (speedMmS === null) return null;
     const told = valuesOf(law);
     const estimate = FREQUENCIES_HZ.map((hz) => levelDb(told, hz, speedMmS));
@@ -31,7 +31,7 @@ export function groupsOf({ law, in_force: inForce, points }) {
     return {
       ...group,
       speedMmS,
-      points: first[i].map(measured),
+      points: grouped[i].map(measured),
       estimate,
       low: estimate.map((db, k) => db - half[k]),
       high: estimate.map((db, k) => db + half[k]),
@@ -45,7 +45,7 @@ function meanSpeed(points) {
   return points.reduce((sum, point) => sum + point.speed_mm_s, 0) / points.length;
 }
 
-function measured({ centre_hz: hz, gain_n, half_width_db: half, phase_deg: deg }) {
+function measured({ speed_mm_s: speedMmS, centre_hz: hz, gain_n, half_width_db: half, phase_deg }) {
   const db = 20 * Math.log10(gain_n);
-  return { hz, db, low: db - half, high: db + half, half, deg };
+  return { hz, speedMmS, db, low: db - half, high: db + half, half, deg: phase_deg };
 }

@@ -53,6 +53,7 @@ export function viewStateOf({ rig, status, estimate, ageMs, entries }) {
 function proposalOf(policy, { law, held_back: heldBack }) {
   if (law === null || heldBack !== "" || policy === "observe") return "";
   const [at20, at100] = [law.cutoff_20_hz, law.cutoff_100_hz].map(({ value }) => frequency(value));
-  const values = `gain ${law.gain_n.value.toFixed(3)} N, cutoff ${at20} at 20 and ${at100} at 100 mm/s`;
+  const gain = `gain ${law.gain_n.value.toFixed(3)} N`;
+  const values = `${gain}, cutoff ${at20} at 20 and ${at100} at 100 mm/s`;
   return policy === "adapt" ? `Put in force as it is learned: ${values}.` : `Suggested: ${values}.`;
 }
