@@ -49,6 +49,8 @@ class Lease:
         Called once with the error, from the renewing thread, when the lease is lost.
     share_with : sequence of str
         Others who may change what is rendered meanwhile.
+    keep_model : bool
+        Whether no tracker may change the model meanwhile.
     """
 
     def __init__(
@@ -58,6 +60,7 @@ class Lease:
         lease_ms: int,
         on_lost: Callable[[LeaseLostError], None],
         share_with: Sequence[str] = (),
+        keep_model: bool = False,
     ) -> None:
         self._caller = caller
         self._status = status
@@ -79,7 +82,12 @@ class Lease:
             undo.callback(_taken_back, presence)
             self._publisher = declare_publisher(session, keys.of(Topics.LEASE), Topics.LEASE)
             undo.callback(_taken_back, self._publisher)
-            reply = caller.call("arm", lease_ms=lease_ms, share_with=tuple(share_with))
+            reply = caller.call(
+                "arm",
+                lease_ms=lease_ms,
+                share_with=tuple(share_with),
+                keep_model=keep_model,
+            )
             self._declared = undo.pop_all()
         self._armed_at_s = time.monotonic()
         self._armed_utc_ns = reply.utc_ns

@@ -462,6 +462,8 @@ class EstimateState(Message):
     """Of the model in force that it is compared with."""
     law: LawNow | None = None
     """None until something was felt."""
+    model: Model | None = None
+    """The estimate as a document, as a registry takes it; None where there is none yet."""
     in_force: LawValues | None = None
     """The law that the rig inverts; None where it has another form."""
     points: Annotated[tuple[ResponsePoint, ...], Field(max_length=128)] = ()
@@ -596,6 +598,8 @@ class Reply(Message):
     """Of an opened stream; goes into every `StreamFrame`."""
     compensation: Compensation | None = None
     """The mode in force, where it was asked for."""
+    adaptation: AdaptationPolicy | None = None
+    """The policy in force, where it was asked for."""
     utc_ns: UtcNs | None = None
     """When the answer was given, by the rig's clock: states from then on include it."""
 

@@ -21,6 +21,7 @@ from frictus.keys import STREAMS, RigKeys, Topic, Topics
 from frictus.lease import Lease
 from frictus.messages import (
     MESSAGES,
+    AdaptationPolicy,
     Applied,
     EstimateState,
     Excitation,
@@ -260,7 +261,13 @@ class Rig:
         """
         return Rig(self._session, self.keys, client, self._timeout_s, self._readings)
 
-    def arm(self, lease_ms: int = 500, share_with: Sequence[str] = ()) -> Lease:
+    def arm(
+        self,
+        lease_ms: int = 500,
+        share_with: Sequence[str] = (),
+        *,
+        keep_model: bool = False,
+    ) -> Lease:
         """Take the rig and let it drive the screen; use it in ``with``.
 
         Parameters
@@ -270,9 +277,13 @@ class Rig:
         share_with : sequence of str
             Names of at most 16 others who may change scene, stream and excitation meanwhile:
             clients, or people of the API by the name of their token.
+        keep_model : bool
+            Whether no tracker may adapt the model until the lease ends: for trials.
         """
         status = self._readings.latest(Topics.STATUS, RigStatus)
-        lease = Lease(self._caller, status, lease_ms, self._fail_followers, share_with)
+        lease = Lease(
+            self._caller, status, lease_ms, self._fail_followers, share_with, keep_model
+        )
         self._leases = [other for other in self._leases if not other.finished] + [lease]
         return lease
 
@@ -364,7 +375,7 @@ class Rig:
     def compensate(
         self, mode: CompensationMode, *, speed_mm_s: float | None = None
     ) -> Compensation:
-        """Choose what the rig inverts, with a cross-fade of one block.
+        """Choose what the rig inverts, with a cross-fade of 20 ms.
 
         The rig must be armed by this client, or shared with it. With the lease the mode ends:
         the rig is back at `model`. Every status says which is in force.
@@ -434,6 +445,71 @@ class Rig:
             raise LinkError("the rig did not name the model's etag: protocol fault")
         self._readings.expect(Topics.MODEL, ModelState, reply)
         return reply.etag, reply.message
+
+    def set_adaptation(
+        self, policy: AdaptationPolicy, *, undo: bool = False
+    ) -> AdaptationPolicy:
+        """Choose what a tracker may do with the model, whoever holds the rig.
+
+        Parameters
+        ----------
+        policy : {'observe', 'suggest', 'adapt'}
+            Publish its estimate; also say which model it would put in force; have gain and
+            cutoff of the model follow the finger while it plays. Every status says which holds.
+        undo : bool
+            Whether to put the model back in force that was set before it was adapted, with a
+            cross-fade where it is felt.
+
+        Returns
+        -------
+        str
+            The policy in force.
+
+        Raises
+        ------
+        ArgumentError
+            If there is no such policy.
+        RefusedError
+            Of what is to be undone alone, and nothing is changed then: `conflict` while an
+            excitation or another compensation mode plays, `not_owner` where another client
+            armed the rig with `keep_model`, `tripped`.
+        """
+        reply = self._caller.call("adaptation", policy=policy, undo=undo)
+        if reply.adaptation is None or reply.etag is None:
+            raise LinkError("the rig did not say which policy is in force: protocol fault")
+        self._readings.expect(Topics.MODEL, ModelState, reply)
+        return reply.adaptation
+
+    def adapt(self, model: Model, if_match: str, reason: str = "") -> str:
+        """Have the rig's model follow the finger while it plays; return its etag.
+
+        For a tracker, under the policy `adapt`; it needs no lease.
+
+        Parameters
+        ----------
+        model : Model
+            The model in force with another gain and cutoff.
+        if_match : str
+            Etag of the model in force that it was made from.
+        reason : str
+            For people, at most 500 characters.
+
+        Raises
+        ------
+        ArgumentError
+            If the reason is too long.
+        RefusedError
+            `conflict` under another policy, with another model in force, and while an
+            excitation or another compensation mode plays; `not_owner` where the owner armed
+            the rig with `keep_model`; `unavailable` within 2 s of the last change of the
+            model; `not_feasible` where more than gain and cutoff differ, or they are beyond a
+            factor of 4 from the model that was set; `tripped`.
+        """
+        reply = self._caller.call("adapt", model=model, if_match=if_match, reason=reason)
+        if reply.etag is None:
+            raise LinkError("the rig did not name the model's etag: protocol fault")
+        self._readings.expect(Topics.MODEL, ModelState, reply)
+        return reply.etag
 
     def record(
         self, name: str, participant: str | None = None, notes: str = ""

@@ -40,13 +40,13 @@ def draw_payload(key: str, client: str, utc_ns: int, rng: random.Random) -> Tree
     """
     if key in ANSWERED:
         head = {"client": client, "utc_ns": utc_ns, "ttl_ms": 5_000}
-        return head | _body(ANSWERED[key], rng)
+        return head | _body(ANSWERED[key], utc_ns, rng)
     topic = PUT[key]
     if topic is Topics.TEXTURE:
         return _frame(utc_ns, rng)
     if topic in STREAMS.values():
         return _block(topic, utc_ns, rng)
-    return {"client": client, "utc_ns": utc_ns} | _body(topic.message, rng)
+    return {"client": client, "utc_ns": utc_ns} | _body(topic.message, utc_ns, rng)
 
 
 def draw_scene(rng: random.Random) -> Tree:
@@ -125,16 +125,32 @@ def _within(low: float, high: float, rng: random.Random) -> float:
     return rng.uniform(max(low, -1e3), min(high, 1e3)) if low < high else low
 
 
-def _body(message: str, rng: random.Random) -> Tree:
+def _law_values(rng: random.Random) -> Tree:
+    return {
+        "gain_n": rng.uniform(0.2, 1.0),
+        "cutoff_20_hz": rng.uniform(300.0, 900.0),
+        "cutoff_100_hz": rng.uniform(1_000.0, 2_500.0),
+    }
+
+
+def _body(message: str, utc_ns: int, rng: random.Random) -> Tree:
     """Return the fields of a message beside client and time."""
     excitation = {"bias": 0.5, "tones": [{"hz": rng.uniform(1.0, 900.0), "amplitude": 0.1}]}
     bodies: dict[str, Tree] = {
         "Request": {},
         "LeaseRenewal": {},
-        "ArmRequest": {"lease_ms": rng.randint(100, 10_000)},
+        "ArmRequest": {
+            "lease_ms": rng.randint(100, 10_000),
+            "keep_model": rng.random() < 0.1,
+        },
         "SceneRequest": {"scene": draw_scene(rng)},
         "OpenStreamRequest": {"peak_n": rng.uniform(0.01, 0.5)},
         "ModelRequest": {"model": draw_model(rng)},
+        "AdaptationRequest": {
+            "policy": rng.choice(["observe", "suggest", "adapt"]),
+            "undo": rng.random() < 0.5,
+        },
+        "AdaptRequest": {"model": draw_model(rng), "if_match": "e", "reason": "drawn"},
         "ExciteRequest": {"excitation": excitation},
         "CompensationRequest": {"compensation": draw_compensation(rng)},
         "RecordRequest": {"name": f"drawn-{rng.randint(0, 999)}", "notes": "drawn"},
@@ -190,6 +206,8 @@ def _body(message: str, rng: random.Random) -> Tree:
             "model_placeholder": True,
             "scene_etag": "e",
             "compensation": draw_compensation(rng),
+            "adaptation": rng.choice(["observe", "suggest", "adapt"]),
+            "adaptations": rng.randint(0, 9),
             "counters": {"blocks": 1},
             "timing": {"lateness_p50_ms": 0.1},
         },
@@ -202,7 +220,12 @@ def _body(message: str, rng: random.Random) -> Tree:
                 "speed_range_mm_s": [10.0, 100.0],
             },
         },
-        "ModelState": {"etag": "e", "model": draw_model(rng)},
+        "ModelState": {
+            "etag": "e",
+            "model": draw_model(rng),
+            "adapted_from": rng.choice(["d", None]),
+            "reason": "drawn",
+        },
         "TimeState": {
             "run": FORGED_RUN,
             "sample": 1,
@@ -215,8 +238,48 @@ def _body(message: str, rng: random.Random) -> Tree:
             "run": FORGED_RUN,
             "windows": 10,
             "refused": {"the finger turns": 1},
+            "participant": "p1",
+            "in_force_etag": "e",
+            "law": {
+                name: {"value": value, "low": 0.9 * value, "high": 1.1 * value}
+                for name, value in (
+                    ("gain_n", 0.4),
+                    ("cutoff_20_hz", 600.0),
+                    ("cutoff_100_hz", 1_700.0),
+                    ("delay_us", 10.0),
+                )
+            },
+            "in_force": _law_values(rng),
+            "points": [
+                {
+                    "speed_mm_s": rng.uniform(10.0, 150.0),
+                    "centre_hz": rng.uniform(20.0, 1_000.0),
+                    "gain_n": 0.3,
+                    "half_width_db": 0.2,
+                    "phase_deg": rng.uniform(-180.0, 0.0),
+                }
+                for _ in range(rng.randint(0, 128))
+            ],
             "bands": [{"centre_hz": 100.0, "ratio_db": 0.1, "half_width_db": 0.1}],
             "error_db": {"newest": 0.1},
+            "gain_nats": {"in_force": 1.0, "newest": 12.0},
+            "evidence": {"gain": rng.uniform(-5.0, 50.0), "unknown": 0.0},
+            "alarm_nats": 7.6,
+            "alarms": ["gain"],
+            "advice": {"gain": "calibrate again: gain is 12 % off"},
+            "policy": rng.choice(["observe", "suggest", "adapt"]),
+            "held_back": "the interval is too wide",
+            "changes": [
+                {
+                    "utc_ns": utc_ns,
+                    "etag_before": "d",
+                    "etag_after": "e",
+                    "before": _law_values(rng),
+                    "after": _law_values(rng),
+                    "reason": "drawn",
+                }
+                for _ in range(rng.randint(0, 16))
+            ],
         },
     }
     return bodies[message]

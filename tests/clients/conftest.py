@@ -102,6 +102,7 @@ class FakeRig:
             applied=APPLIED,
             ticket=7,
             compensation=getattr(request, "compensation", None),
+            adaptation=getattr(request, "policy", None),
         )
         with query:
             query.reply(query.key_expr, reply.to_json())

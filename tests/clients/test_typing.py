@@ -9,7 +9,14 @@ from typing import assert_type
 import pytest
 
 import frictus
-from frictus.messages import FingerState, RigStatus, SafetyState, SceneState, TouchState
+from frictus.messages import (
+    AdaptationPolicy,
+    FingerState,
+    RigStatus,
+    SafetyState,
+    SceneState,
+    TouchState,
+)
 
 
 def look(client: frictus.Client) -> None:
@@ -39,6 +46,7 @@ def play(rig: frictus.Rig, texture: frictus.Texture) -> None:
     with rig.arm() as lease:
         assert_type(lease, frictus.Lease)
         assert_type(rig.compensate("fixed", speed_mm_s=60.0), frictus.Compensation)
+        assert_type(rig.set_adaptation("suggest"), AdaptationPolicy)
         with rig.open_stream(peak_n=0.1) as stream:
             assert_type(stream, frictus.TextureStream)
     assert_type(rig.stop(), SafetyState)

@@ -87,7 +87,7 @@ def felt(**changes: Any) -> EstimateState:
         gain_nats={"in_force": 0.0, "newest": 412.5},
         evidence={"gain": 3.1, "cutoff": 4.4, "delay": 0.02, "mains_interference": 0.1},
         alarm_nats=6.4,
-        held_back="the policy is observe",
+        held_back="gain and cutoff are known within 7.1 % where the finger went; 5 % is asked",
     )
     return state.model_copy(update=changes)
 

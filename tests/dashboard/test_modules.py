@@ -83,6 +83,22 @@ def test_what_is_no_frame_is_refused(page: Page, place: int, value: int) -> None
     assert refused == ["RangeError", "RangeError"]
 
 
+@pytest.mark.parametrize(("times", "said"), [(0, None), (1, "finger once"), (3, "3 times")])
+def test_a_badge_says_that_the_model_was_adapted(
+    page: Page, times: int, said: str | None
+) -> None:
+    shown = page.evaluate(
+        """async (adaptations) => {
+          const { Badges } = await import("/badges.js");
+          const root = document.createElement("ul");
+          new Badges(root).show({ status: { adaptations } }, 0);
+          return root.textContent;
+        }""",
+        times,
+    )
+    assert (said in shown) if said else shown == ""
+
+
 WINDOW = """async (frames) => {
   const { decode } = await import("/frames.js");
   const { ColumnWindow } = await import("/window.js");

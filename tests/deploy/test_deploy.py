@@ -134,7 +134,7 @@ def test_units_with_a_rig_let_it_have_real_time_and_devices(name: str) -> None:
 
 def test_compose_runs_each_part_on_the_configuration_beside_it() -> None:
     parts = services()
-    assert set(parts) == {"router", "rig", "recorder", "api"}
+    assert set(parts) == {"router", "rig", "recorder", "tracker", "api"}
     for name, service in parts.items():
         assert service["command"].split()[0] == name
         mounted = dict(volume.split(":")[:2] for volume in service["volumes"])

@@ -13,10 +13,12 @@ export function policyOf(status) {
 }
 
 /** What a viewer of any view must know, as the text of a badge; empty where nothing adapts. */
-export function adapting(status) {
-  if (policyOf(status) !== "adapt") return "";
-  const count = status.adaptations ?? 0;
+export function followed(status) {
+  const count = status?.adaptations ?? 0;
   const times = count === 1 ? "once" : `${count} times`;
-  const sofar = count === 0 ? "not yet" : times;
-  return `Adapts: the model follows the finger while it plays, changed ${sofar} since it was set`;
+  if (policyOf(status) === "adapt") {
+    const sofar = count === 0 ? "not changed yet" : `changed ${times}`;
+    return `Adapts: the model follows the finger, ${sofar}`;
+  }
+  return count === 0 ? "" : `Adapted: the model has followed the finger ${times}`;
 }

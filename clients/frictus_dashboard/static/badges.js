@@ -1,6 +1,6 @@
 /** What a viewer must know of the data: badges from status, scene, model and block flags. */
 
-import { adapting } from "./adaptation.js";
+import { followed } from "./adaptation.js";
 import { remark } from "./compensation.js";
 import { FLAGS } from "./frames.js";
 import { element } from "./element.js";
@@ -47,7 +47,7 @@ export class Badges {
     const badges = names.map((name) => [name, MEANINGS[name]]);
     const mode = remark(status?.compensation);
     if (mode !== "") badges.unshift(["compensation", mode]);
-    const follows = adapting(status);
+    const follows = followed(status);
     if (follows !== "") badges.unshift(["adaptation", follows]);
     if (badges.join() === this.shown) return;
     this.shown = badges.join();

@@ -1,4 +1,4 @@
-"""Paths of the rigs: status, scene, compensation, model, time, stop and reset."""
+"""Paths of the rigs: status, scene, compensation, model, adaptation, time, stop and reset."""
 
 from typing import Annotated, Final
 
@@ -6,7 +6,7 @@ from fastapi import APIRouter, Depends, Path, Request, Response
 from pydantic import BaseModel, Field, TypeAdapter
 
 from frictus.compensation import Compensation
-from frictus.messages import Applied, RigStatus, SafetyState, TimeState
+from frictus.messages import AdaptationPolicy, Applied, RigStatus, SafetyState, TimeState
 from frictus.model import Model
 from frictus.textures import Scene
 from frictus_service.api import problems
@@ -69,6 +69,25 @@ class RigState(BaseModel):
     """State of the rig after a command."""
 
     state: SafetyState
+
+
+class Adaptation(BaseModel):
+    """What a tracker may do with the model of a rig."""
+
+    policy: AdaptationPolicy = Field(
+        description="observe, suggest, or adapt: have gain and cutoff follow the finger"
+    )
+
+
+class AdaptationChoice(Adaptation):
+    """What a tracker may do from now on, and what becomes of the model."""
+
+    undo: bool = Field(
+        default=False, description="Put the model back that was set before it was adapted"
+    )
+
+
+_ADAPTATION: Final[TypeAdapter[AdaptationChoice]] = TypeAdapter(AdaptationChoice)
 
 
 def _body(name: str) -> dict[str, object]:
@@ -230,6 +249,45 @@ def put_model(
     replaces = required_match(if_match, asked.model().etag)
     etag = asked.on_behalf_of(client).set_model(model, None if replaces == "*" else replaces)
     response.headers["ETag"] = quoted(etag)
+
+
+@router.get(
+    "/{rig}/adaptation",
+    dependencies=[Depends(needs("read"))],
+    responses=problems.documented(*_RIG),
+)
+def get_adaptation(rig: RigName, given: Given) -> Adaptation:
+    """Return what a tracker may do with the model; the status counts what it has done."""
+    return Adaptation(policy=given.link.rig(rig).status().adaptation)
+
+
+@router.put(
+    "/{rig}/adaptation",
+    responses=problems.documented(
+        *_COMMAND, *problems.REFUSALS.values(), problems.UnsupportedMediaError
+    ),
+    openapi_extra={
+        "requestBody": {
+            "required": True,
+            "content": {JSON: {"schema": AdaptationChoice.model_json_schema()}},
+        }
+    },
+)
+def put_adaptation(
+    rig: RigName,
+    given: Given,
+    client: Annotated[str, Depends(acts_as("calibrate"))],
+    request: Request,
+    body: Annotated[bytes, Depends(raw_body)],
+) -> Adaptation:
+    """Choose what a tracker may do with the model, whoever holds the rig.
+
+    With `undo` the model that was set before it was adapted comes back, with a cross-fade.
+    """
+    require_media(request, JSON)
+    asked = parse_json(_ADAPTATION, body)
+    found = given.link.rig(rig).on_behalf_of(client)
+    return Adaptation(policy=found.set_adaptation(asked.policy, undo=asked.undo))
 
 
 @router.post(

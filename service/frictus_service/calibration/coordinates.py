@@ -171,6 +171,9 @@ FEWEST: Final = 5
 """Fewer models than this do not tell how people differ; the weak prior is used instead."""
 FAR: Final = 2.0
 """Standard deviations from the population for which intervals are made to hold."""
+DAY_SD: Final = np.array([0.05, 0.05, 0.10])
+"""Standard deviation of ln cutoff and ln gain of one person from one session to the next, as
+the simulated participants scatter."""
 _WEAK_SD: Final = np.array([0.5, 0.5, 0.6, 200e-6])
 _LEAST_SD: Final = np.array([0.03, 0.03, 0.03, 1e-6])
 """People differ by this much, whatever few of them say: the line of a population is bent."""
@@ -261,6 +264,30 @@ class Prior:
             covariance[3, 3] = weak.covariance[3, 3]
             note += "; without their delay, as not all give its variance"
         return cls(mean, covariance, n, note)
+
+    @classmethod
+    def of_person(cls, model: Model, population: Self) -> Self:
+        """Return what a person's own model says of them today; the delay is the rig's.
+
+        A placeholder, a model of another law, and one without covariance say nothing.
+
+        Parameters
+        ----------
+        model : Model
+            Of friction.
+        population : Prior
+            Of a person of whom nothing is known; the delay is taken from it.
+        """
+        try:
+            mean, own = _coordinates_of(model)
+        except PriorError:
+            return population
+        covariance = np.zeros((SIZE, SIZE))
+        covariance[:3, :3] = own[:3, :3] + np.diag(np.square(DAY_SD))
+        covariance[3, 3] = population.covariance[3, 3]
+        name = model.participant or "nobody in particular"
+        note = f"the model in force, of {name}"
+        return cls(np.append(mean[:3], population.mean[3]), covariance, population.n, note)
 
     @property
     def far_away(self) -> FloatArray:

@@ -51,6 +51,7 @@ app.command()(play.watch)
 app.command()(record.record)
 app.command()(track.track)
 app.command()(serve.recorder)
+app.command()(serve.tracker)
 app.command()(record.verify)
 app.command()(record.recover)
 app.command()(study.export)
@@ -74,7 +75,10 @@ def demo(
         Path | None,
         typer.Option("--plot", metavar="FILE", help="Draw the spectra."),
     ] = None,
-    seconds: Annotated[float, typer.Option("--seconds", min=1.0, help="How long.")] = 10.0,
+    seconds: Annotated[
+        float | None,
+        typer.Option("--seconds", min=1.0, help="How long.  [default: 10; 30 with --learn]"),
+    ] = None,
     seed: Annotated[
         int | None,
         typer.Option("--seed", min=0, help="Of the finger's way.  [default: a new one]"),
@@ -82,8 +86,17 @@ def demo(
     page: Annotated[
         bool, typer.Option("--page", help="Play it until Ctrl-C, and open the page on it.")
     ] = False,
+    learn: Annotated[
+        bool,
+        typer.Option("--learn", help="Another finger than the model's, learned meanwhile."),
+    ] = False,
 ) -> None:
     """Start a rig, stream a texture to it from another process, and show what is felt."""
+    if learn:
+        from frictus_service.cli.demo_learn import demo_learn
+
+        demo_learn(as_json, plot, seconds or 30.0, seed, page)
+        return
     if page:
         from frictus_service.cli.demo_page import demo_page
 
@@ -91,7 +104,7 @@ def demo(
         return
     from frictus_service.cli.demo import demo as run
 
-    run(as_json=as_json, plot=plot, seconds=seconds, seed=seed)
+    run(as_json=as_json, plot=plot, seconds=seconds or 10.0, seed=seed)
 
 
 @app.command()

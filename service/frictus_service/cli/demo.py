@@ -63,7 +63,13 @@ def demo(as_json: bool, plot: Path | None, seconds: float, seed: int | None) -> 
             heard, status, law = _explore(config, texture, seconds, as_json)
     comparison = compare(heard, profile_of(texture), law, _backend(config))
     if plot is not None:
-        draw(comparison, TEXTURE, plot)
+        felt = {"felt": comparison.compensated, "not compensated": comparison.uncompensated}
+        draw(
+            comparison.target,
+            felt,
+            f"'{TEXTURE}' under a freely moving finger (simulated rig)",
+            plot,
+        )
     if as_json:
         write_line(**_summary(heard, status, comparison, seed))
     elif wants_lines(as_json):

@@ -202,7 +202,7 @@ def lines_of(file: Path, summary: "RecordingSummary") -> list[str]:
         lost = f"; {one.gaps} gaps, {one.lost_blocks} blocks lost" if one.gaps else "; no gap"
         lines.append(f"{name}: {one.blocks} blocks, {one.seconds:.2f} s{lost}")
     lines += [f"{topic}: {count} messages" for topic, count in summary.states.items()]
-    lines += _compensation_lines(summary)
+    lines += _compensation_lines(summary) + _model_lines(summary)
     for gap in summary.gaps[:SHOWN_GAPS]:
         lines.append(
             f"gap in {gap.stream}: {gap.missing_blocks} from {gap.first_missing_sequence} of "
@@ -214,6 +214,20 @@ def lines_of(file: Path, summary: "RecordingSummary") -> list[str]:
     if summary.end is not None:
         lines.append(f"ended: {summary.end.reason}")
     return lines
+
+
+def _model_lines(summary: "RecordingSummary") -> list[str]:
+    """Return when which model was in force; nothing for one throughout."""
+    models = summary.models
+    if len(models) < 2:
+        return []
+    lines = [
+        f"model {model.etag} from {1e-9 * (model.utc_ns - models[0].utc_ns):.2f} s"
+        + (f", adapted: {' '.join(model.reason.split())}" if model.adapted_from else "")
+        for model in models[:SHOWN_CHANGES]
+    ]
+    more = len(models) - SHOWN_CHANGES
+    return lines + [f"and {more} changes more; --json has them all"] * (more > 0)
 
 
 def _compensation_lines(summary: "RecordingSummary") -> list[str]:

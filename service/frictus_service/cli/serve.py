@@ -1,4 +1,4 @@
-"""`frictus serve`, and its parts alone: `rig`, `api`, `router`, `recorder`."""
+"""`frictus serve`, and its parts alone: `rig`, `api`, `router`, `recorder`, `tracker`."""
 
 import sys
 import time
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def serve(config: ConfigFile = None, as_json: AsJson = False) -> None:
-    """Run router, rig, recorder and API on this machine until Ctrl-C."""
+    """Run router, rig, recorder, tracker and API on this machine until Ctrl-C."""
     from frictus_service.config import load
 
     settings = load(config, runs_rig=True)
@@ -21,9 +21,9 @@ def serve(config: ConfigFile = None, as_json: AsJson = False) -> None:
     say = said(as_json)
     if settings.api.enabled:
         say(where_to_look(settings.api))
-        supervisor.serve(settings, say=say)
-    else:
-        supervisor.serve(settings, ("rig", "recorder"), say=say)
+    wanted = {"api": settings.api.enabled, "tracker": settings.tracker.enabled}
+    parts = [part for part in supervisor.ALL if wanted.get(part, True)]
+    supervisor.serve(settings, parts, say=say)
 
 
 def where_to_look(api: "ApiConfig") -> str:
@@ -85,3 +85,13 @@ def recorder(config: ConfigFile = None, as_json: AsJson = False) -> None:
     from frictus_service.daemon import supervisor  # seconds, so after the configuration
 
     supervisor.serve(settings, ("recorder",), host_router=False, say=said(as_json))
+
+
+def tracker(config: ConfigFile = None, as_json: AsJson = False) -> None:
+    """Run the tracker alone until Ctrl-C, best beside its rig; the router runs elsewhere."""
+    from frictus_service.config import load
+
+    settings = load(config)
+    from frictus_service.daemon import supervisor  # seconds, so after the configuration
+
+    supervisor.serve(settings, ("tracker",), host_router=False, say=said(as_json))

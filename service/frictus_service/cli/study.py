@@ -12,12 +12,9 @@ from frictus_service.cli.options import AsJson, Exit, wants_lines, write_line
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from frictus_hardware.physics.linear import TransferFunction
     from frictus_service.errors import Exclusion
     from frictus_service.recording.segments import TrialDeclaration
     from frictus_service.study.summary import StudyContents
-
-MOUNTS = ("paper", "none")
 
 
 study = typer.Typer(no_args_is_help=True, help="Look into study files.")
@@ -169,13 +166,14 @@ def _recorded(
 ) -> tuple[int, "tuple[Exclusion, ...]", str]:
     """Export a recording; return how many trials, what was left out, and how it ends."""
     from frictus_service.recording.export import export_study
+    from frictus_service.study.trial import read_mount
 
     if to == "h5":
-        done = export_study(file, path, declared, mount_of(mount))
+        done = export_study(file, path, declared, read_mount(mount))
         return len(done.trials), done.excluded, str(done.ending)
     with tempfile.TemporaryDirectory() as folder:
         study = Path(folder) / "study.h5"
-        done = export_study(file, study, declared, mount_of(mount))
+        done = export_study(file, study, declared, read_mount(mount))
         trials, more = _converted(study, to, path)
     return trials, (*done.excluded, *more), str(done.ending)
 
@@ -216,27 +214,6 @@ def _converted(file: Path, to: Format, path: Path) -> tuple[int, "tuple[Exclusio
         excluded = write(study, path)
         left_out = {one.trial for one in excluded}
         return sum(info.id not in left_out for info in study.trials), excluded
-
-
-def mount_of(text: str) -> "TransferFunction | None":
-    """Return the mount that an option names.
-
-    Parameters
-    ----------
-    text : str
-        `paper`, `none`, or a file.
-
-    Raises
-    ------
-    FieldError
-        If a file does not hold one.
-    """
-    from frictus_hardware.physics.linear import Mount
-    from frictus_service.study.trial import parse_mount
-
-    if text in MOUNTS:
-        return Mount().lateral if text == "paper" else None
-    return parse_mount(Path(text).read_text(encoding="utf-8"))
 
 
 def _tell(

@@ -2,8 +2,9 @@
 
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -20,9 +21,13 @@ from frictus_service.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from frictus import Client
     from frictus.messages import EstimateState, Interval
-    from frictus_hardware.physics.linear import TransferFunction
-    from frictus_service.tracking.tracker import Tracker
+    from frictus.model import Model
+    from frictus.rig import Rig
+    from frictus_service.config import Config
+
+SILENT_S: Final = 3.0
 
 
 def track(
@@ -46,22 +51,17 @@ def track(
 ) -> None:
     """Estimate the finger-screen model while any texture plays, and judge the one in force.
 
-    The rig is not driven and its model is not changed.
+    The rig is not driven. Where its service tracks already, what that knows is shown; elsewhere
+    this command tracks until it ends, and its model follows under the policy `adapt`.
     """
-    from frictus_service.cli.study import mount_of
-
-    under = mount_of(mount)
     if file is None:
-        tracker, peak_v, source = _live(
-            TargetRig.of(config, router, site, rig), under, seconds, as_json
-        )
+        state = _live(TargetRig.of(config, router, site, rig), mount, seconds, as_json)
     else:
-        tracker, peak_v, source = _recorded(file, under, as_json)
-    state = tracker.state(time.time_ns())
-    if not wants_lines(as_json):
+        state = _recorded(file, mount, as_json)
+    if state is not None and not wants_lines(as_json):
         sys.stdout.write("".join(f"{line}\n" for line in summary_of(state)))
     if out is not None:
-        model = tracker.model(participant, peak_v, {"rig": source})
+        model = document_of(state, participant)
         out.write_bytes(model.to_json())
         if wants_lines(as_json):
             write_line(event="model", file=str(out))
@@ -70,55 +70,120 @@ def track(
 
 
 def _live(
-    target: TargetRig, mount: "TransferFunction | None", seconds: float | None, as_json: bool
-) -> "tuple[Tracker, float, str]":
+    target: TargetRig, mount: str, seconds: float | None, as_json: bool
+) -> "EstimateState | None":
     import frictus
+    from frictus.errors import LinkError
     from frictus.keys import Topics
-    from frictus.session import declare_latest_publisher
-    from frictus_service.calibration.coordinates import Prior
     from frictus_service.cli.record import interruption
     from frictus_service.security.members import tls_of_rig
-    from frictus_service.tracking.sources import follow_rig, tracker_of
+
+    told: list[EstimateState] = []
+
+    def tell(state: "EstimateState") -> None:
+        told[:] = [state]
+        _show(state, as_json)
 
     with (
         frictus.connect(target.router, name="tracker", tls=tls_of_rig(target.config)) as client,
         interruption() as interrupted,
     ):
-        found = target.choose(client)
-        status = found.status()
-        tracker = tracker_of(status, mount, Prior.weak())
-        key = found.keys.of(Topics.ESTIMATE)
-        publisher = declare_latest_publisher(client.session, key, Topics.ESTIMATE)
-
-        def tell(state: "EstimateState") -> None:
-            publisher.put(state.to_json())
-            _show(state, as_json)
-
+        rig = target.choose(client)
         begun_s = time.monotonic()
 
         def over() -> bool:
             late = seconds is not None and time.monotonic() - begun_s >= seconds
             return late or bool(interrupted)
 
-        follow_rig(found, tracker, tell, over)
-        publisher.undeclare()  # type: ignore[no-untyped-call]
-        return tracker, status.screen_peak_v, status.rig
+        try:
+            rig.estimate()
+        except LinkError:  # nobody tracks this rig
+            _track(client, rig, mount, target.config, tell, over)
+        else:
+            with rig.watch(Topics.ESTIMATE, timeout_s=SILENT_S) as states:
+                for state in states:
+                    tell(state)  # type: ignore[arg-type]
+                    if over():
+                        break
+    return told[0] if told else None
 
 
-def _recorded(
-    file: Path, mount: "TransferFunction | None", as_json: bool
-) -> "tuple[Tracker, float, str]":
+def _track(
+    client: "Client",
+    rig: "Rig",
+    mount: str,
+    config: "Config",
+    tell: "Callable[[EstimateState], None]",
+    over: "Callable[[], bool]",
+) -> None:
+    """Be the tracker of a rig."""
+    from frictus.keys import Topics
+    from frictus.session import declare_latest_publisher
+    from frictus_service.study.trial import read_mount
+    from frictus_service.tracking.audit import Audit
+    from frictus_service.tracking.live import LiveTracker
+    from frictus_service.tracking.process import population_of
+
+    publisher = declare_latest_publisher(
+        client.session, rig.keys.of(Topics.ESTIMATE), Topics.ESTIMATE
+    )
+
+    def publish(state: "EstimateState") -> None:
+        publisher.put(state.to_json())
+        tell(state)
+
+    def say(line: str) -> None:
+        sys.stderr.write(f"{line}\n")
+
+    population = population_of(config, say)
+    audit = Audit(config.tracker.audit)
+    with LiveTracker(rig, read_mount(mount), population, publish, audit) as live:
+        live.follow(over)
+    publisher.undeclare()  # type: ignore[no-untyped-call]
+
+
+def _recorded(file: Path, mount: str, as_json: bool) -> "EstimateState":
     from frictus_service.calibration.coordinates import Prior
     from frictus_service.recording.reader import RecordingReader
-    from frictus_service.tracking.sources import follow_recording
+    from frictus_service.study.trial import read_mount
+    from frictus_service.tracking.recorded import follow_recording
 
     with RecordingReader(file) as reader:
-        tracker, status = follow_recording(
-            reader, mount, Prior.weak(), lambda state: _show(state, as_json)
+        state = follow_recording(
+            reader, read_mount(mount), Prior.weak(), lambda told: _show(told, as_json)
         )
         if not reader.ending.complete:
             sys.stderr.write(f"the recording {reader.ending}\n")
-    return tracker, status.screen_peak_v, status.rig
+    return state
+
+
+def document_of(state: "EstimateState | None", participant: str | None) -> "Model":
+    """Return the estimate as a document of a participant.
+
+    Parameters
+    ----------
+    state : EstimateState or None
+        The last that was told.
+    participant : str or None
+        Pseudonym; None: whom the tracker took the finger for.
+
+    Raises
+    ------
+    EstimateError
+        If nothing was felt.
+    """
+    from frictus_service.errors import EstimateError
+
+    if state is None or state.model is None:
+        refused = {} if state is None else state.refused
+        left_out = ", ".join(f"{why}: {n}" for why, n in refused.items())
+        raise EstimateError(
+            "no window could be used, so nothing is known of the finger; left out: "
+            f"{left_out or 'nothing came'}. Play a texture, and slide over it"
+        )
+    return state.model.model_copy(
+        update={"participant": participant or state.model.participant}
+    )
 
 
 def _show(state: "EstimateState", as_json: bool) -> None:

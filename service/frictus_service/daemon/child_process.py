@@ -163,7 +163,7 @@ class ServiceManager:
                 sender.sendto(message.encode(), self._address)
 
 
-PartName = Literal["rig", "api", "recorder"]
+PartName = Literal["rig", "api", "recorder", "tracker"]
 Word = Literal["ready", "failed", "say", "step", "moved"]
 FAILED_EXIT = 3
 """Exit code of a part that could not start or go on, and has said why."""
@@ -200,7 +200,7 @@ def run_part(
 
     Parameters
     ----------
-    name : {'rig', 'api', 'recorder'}
+    name : {'rig', 'api', 'recorder', 'tracker'}
     config : Config
         Of the service.
     told : Connection
@@ -238,6 +238,10 @@ def run_part(
             from frictus_service.recording.recorder import run_recorder
 
             run_recorder(config, mouth, stop, lambda line: mouth.tell("say", line))
+        elif name == "tracker":
+            from frictus_service.tracking.process import run_tracker
+
+            run_tracker(config, mouth, stop, lambda line: mouth.tell("say", line))
         else:
             from frictus_service.api import server
 

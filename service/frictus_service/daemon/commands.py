@@ -33,13 +33,14 @@ from frictus_service.command_validation import CommandValidator
 from frictus_service.config import Limits
 from frictus_service.daemon.control import ClientPresence, Control, Interlock
 from frictus_service.daemon.inboxes import CommandQueue
+from frictus_service.daemon.model_controller import ModelController
 from frictus_service.daemon.scene_controller import SceneController
 
 ANSWERING: Final = {"pointer": 1, "guidance": 1, "answer": 64}
 """Boxes of the thread that moves virtual fingers and answers, by the sender."""
 RENDERING: Final = {"texture": 1, "call": 16}
 """Boxes of the thread that compiles; of texture updates the newest wins."""
-RENDERING_CALLS: Final = (
+OWNERS_CALLS: Final = (
     "scene",
     "open_stream",
     "close_stream",
@@ -47,9 +48,10 @@ RENDERING_CALLS: Final = (
     "compensation",
     "model",
 )
+RENDERING_CALLS: Final = (*OWNERS_CALLS, "adaptation", "adapt")
 SHORT_BYTES: Final = 4_096
 """What is decided in a callback is at most so long; it takes microseconds to read."""
-SHORT: Final = ("arm", "disarm", "reset", "lease", "pointer", "compensation")
+SHORT: Final = ("arm", "disarm", "reset", "lease", "pointer", "compensation", "adaptation")
 UNNAMED_BYTES: Final = 64_000
 """A call whose attachment names nobody is at most so long: only reading it would tell who sent
 it, and whether that client may."""
@@ -94,6 +96,8 @@ class Commands:
         Answers what concerns ownership.
     stage : SceneController
         What is rendered.
+    models : ModelController
+        With which model.
     interlock : Interlock
         Holds the safety state.
     limits : Limits
@@ -106,12 +110,14 @@ class Commands:
         self,
         control: Control,
         stage: SceneController,
+        models: ModelController,
         interlock: Interlock,
         limits: Limits,
         utc_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         self._control = control
         self._stage = stage
+        self._models = models
         self._interlock = interlock
         self._limits = limits
         self._gate = CommandValidator(limits)
@@ -198,7 +204,7 @@ class Commands:
         """Return why a payload is not even copied: who sent it, or how long it is."""
 
         def check() -> None:
-            if name in RENDERING_CALLS and sender:
+            if name in OWNERS_CALLS and sender:
                 self._stage.check_owner(sender)
             size_bytes = len(payload or b"")
             self._gate.check_size(size_bytes, self._most_bytes(name))
@@ -308,7 +314,9 @@ class Commands:
             "close_stream": self._stage.close_stream,
             "excite": self._stage.excite,
             "compensation": self._stage.compensate,
-            "model": self._stage.set_model,
+            "model": self._models.set_model,
+            "adaptation": self._models.choose_policy,
+            "adapt": self._models.adapt,
         }
         handle = handlers[message.name]
 

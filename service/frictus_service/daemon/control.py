@@ -264,7 +264,8 @@ class Control:
                 "bad_request",
                 f"lease_ms: {request.lease_ms}; at most {self._limits.max_lease_ms} is granted",
             )
-        return self._feed(Arm(request.client, 1e-3 * request.lease_ms, request.share_with))
+        lease_s = 1e-3 * request.lease_ms
+        return self._feed(Arm(request.client, lease_s, request.share_with, request.keep_model))
 
     def disarm(self, request: Request) -> Reply:
         """Take the rig back from its owner."""

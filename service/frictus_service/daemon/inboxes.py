@@ -147,7 +147,7 @@ class RenderedModel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelUpdate:
-    """Render with another model from now on; only while disarmed.
+    """Render with another model from now on.
 
     Attributes
     ----------
@@ -155,13 +155,35 @@ class ModelUpdate:
         Published and inverted.
     scene : CompiledScene
         The standing scene, compiled for it.
+    stream : SceneUpdate or None
+        What is streamed over it, if anything, compiled for it.
+    fades : bool
+        Whether it may come while there is output, with a cross-fade: a model that was adapted,
+        or is put back. Another is taken only where nothing is felt.
+    client : str
+        Who asked for it, where it may keep the model from others; empty for a tracker.
     done : threading.Event
-        Set once both are in force.
+        Set once all are in force.
     """
 
     model: RenderedModel
     scene: CompiledScene
+    stream: SceneUpdate | None = None
+    fades: bool = False
+    client: str = ""
     done: threading.Event = field(default_factory=threading.Event)
+
+    def allowed(self, safety: Safety, energised: bool) -> bool:
+        """Return whether it may be put in force now.
+
+        Parameters
+        ----------
+        safety : Safety
+            The state now.
+        energised : bool
+            Whether the device is armed.
+        """
+        return not safety.keeps_model_from(self.client) if self.fades else not energised
 
 
 class ModelSlot:
@@ -191,14 +213,24 @@ class ModelSlot:
         with self._lock:
             self._waiting = order
 
-    def take(self) -> ModelUpdate | None:
-        """Put what waits in force and return it; the loop's part alone."""
+    def take(self, safety: Safety, energised: bool) -> ModelUpdate | None:
+        """Put what waits in force, if it is allowed now, and return it; the loop's part alone.
+
+        Parameters
+        ----------
+        safety : Safety
+            The state now.
+        energised : bool
+            Whether the device is armed.
+        """
         if self._waiting is None:
             return None
         with self._lock:
-            order, self._waiting = self._waiting, None
-            if order is not None:
-                self._in_force = order.model
+            order = self._waiting
+            if order is None or not order.allowed(safety, energised):
+                return None
+            self._waiting = None
+            self._in_force = order.model
             return order
 
     def withdraw(self, order: ModelUpdate) -> bool:

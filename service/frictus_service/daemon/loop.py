@@ -25,7 +25,12 @@ from frictus_service.config import Config
 from frictus_service.daemon.block_checks import BlockChecks, Lateness, LoopCounters, OutputFlags
 from frictus_service.daemon.block_record import BlockRecord
 from frictus_service.daemon.control import Interlock
-from frictus_service.daemon.inboxes import CompensationUpdate, LoopInbox, SceneUpdate
+from frictus_service.daemon.inboxes import (
+    CompensationUpdate,
+    LoopInbox,
+    ModelUpdate,
+    SceneUpdate,
+)
 from frictus_service.daemon.lead_growth import LeadGrowth
 from frictus_service.daemon.safety import (
     Event,
@@ -268,13 +273,9 @@ class BlockLoop:
             self._order = self._standing
             self._chain.renderer = self._new_renderer()
         self._take_compensation()
-        change = None if self._energised else self._orders.model.take()
+        change = self._orders.model.take(safety, self._energised)
         if change is not None:
-            self._orders.scene.clear()  # it was compiled for the former model
-            self._model_since_s = now_s
-            self._order = self._standing = SceneUpdate(change.scene)
-            change.done.set()
-            self._chain.renderer = self._new_renderer()
+            self._put_in_force(change, safety, now_s)
         if self._orders.scene:
             coming = self._orders.scene.popleft()
             if not coming.ended(safety):
@@ -283,6 +284,24 @@ class BlockLoop:
         if order is not None and now_s > order.until_s and order.afterwards is not None:
             self._play(SceneUpdate(order.afterwards, math.inf, order.afterwards, order.arming))
             self.tally.stream_stale = True
+
+    def _put_in_force(self, change: ModelUpdate, safety: Safety, now_s: float) -> None:
+        """Render with another model; while there is output, with a cross-fade."""
+        # What waits was made for the former model, and nothing newer can be there yet.
+        self._orders.scene.clear()
+        self._orders.compensation.clear()
+        self._compensation = None
+        self._model_since_s = now_s
+        self._order = self._standing = SceneUpdate(change.scene)
+        if change.stream is not None and not change.stream.ended(safety):
+            self._order = change.stream
+        change.done.set()
+        if not self._energised:
+            self._chain.renderer = self._new_renderer()
+        if self._energised or self._order is not self._standing:
+            self._chain.renderer.set_model(
+                change.model.inverse, self._order.scene, self._model_began_sample()
+            )
 
     def _take_compensation(self) -> None:
         """Take up a mode that was chosen, or forget one that ended before the device was armed.

@@ -36,6 +36,7 @@ from frictus_service.daemon.block_record import (
 from frictus_service.daemon.commands import Commands
 from frictus_service.daemon.control import EndedLease, Interlock
 from frictus_service.daemon.loop import HANDOVER_BLOCKS, BlockLoop
+from frictus_service.daemon.model_controller import ModelController
 from frictus_service.daemon.safety import ACTIONS
 from frictus_service.daemon.scene_controller import SceneController
 from frictus_service.daemon.timebase import Timebase
@@ -75,6 +76,8 @@ class Publisher:
         Holds the safety state.
     stage : SceneController
         What is rendered.
+    models : ModelController
+        With which model.
     commands : Commands
         Counts what was refused.
     monotonic_s, utc_ns : callable
@@ -92,6 +95,7 @@ class Publisher:
         loop: BlockLoop,
         interlock: Interlock,
         stage: SceneController,
+        models: ModelController,
         commands: Commands,
         monotonic_s: Callable[[], float],
         utc_ns: Callable[[], int],
@@ -105,6 +109,7 @@ class Publisher:
         self._loop = loop
         self._interlock = interlock
         self._stage = stage
+        self._models = models
         self._commands = commands
         self._monotonic_s = monotonic_s
         self._utc_ns = utc_ns
@@ -174,7 +179,7 @@ class Publisher:
         end = exchange.first_sample + exchange.voltage_v.size
         self._timebase.observe(end, turn.returned_ns, turn.reading)
         if self._read_streams:
-            flags = flags_of(turn, self._info, self._stage.model.model.placeholder)
+            flags = flags_of(turn, self._info, self._models.model.model.placeholder)
             stamp = self._timebase.stamp(exchange.first_sample)
             rate_hz = self._info.sample_rate_hz
             for block in blocks_of(turn, stamp, flags, rate_hz, self._read_streams):
@@ -206,12 +211,14 @@ class Publisher:
         now_s = self._monotonic_s()
         # Before what it stands for is read: a state published at t includes what held at t.
         utc_ns = self._utc_ns()
-        scene, model = self._stage.scene, self._stage.model
+        scene, model = self._stage.scene, self._models.model
         replaced = scene is not self._scene or model is not self._model
         said = (
             self._interlock.revision,
             self._stage.stream_open,
             self._stage.compensation,
+            self._models.policy,
+            self._models.adaptations,
             self._loop.tally.stream_stale,
             self._loop.tally.finger_sensors,
             self._loop.tally.lead_samples,
@@ -275,7 +282,7 @@ class Publisher:
         compensation = self._stage.compensation
         info, safety, lateness = self._info, self._interlock.state, self._loop.lateness
         median_ms, high_ms = lateness.percentiles_ms()
-        model, sensors = self._stage.model, self._loop.tally.finger_sensors
+        model, sensors = self._models.model, self._loop.tally.finger_sensors
         return RigStatus(
             site=self._keys.site,
             rig=self._keys.rig,
@@ -304,6 +311,8 @@ class Publisher:
             model_placeholder=model.model.placeholder,
             scene_etag=scene.etag,
             compensation=compensation,
+            adaptation=self._models.policy,
+            adaptations=self._models.adaptations,
             stream_open=stream_open,
             stream_stale=self._loop.tally.stream_stale,
             counters=self._counters(),

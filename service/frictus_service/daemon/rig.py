@@ -20,6 +20,7 @@ from frictus_service.daemon.commands import Commands
 from frictus_service.daemon.control import Control, Interlock
 from frictus_service.daemon.inboxes import LoopInbox, ModelSlot
 from frictus_service.daemon.loop import BlockLoop
+from frictus_service.daemon.model_controller import ModelController, rendered_model
 from frictus_service.daemon.preparation import (
     RealTimeBudget,
     budget_for,
@@ -29,7 +30,7 @@ from frictus_service.daemon.preparation import (
 from frictus_service.daemon.publisher import Publisher
 from frictus_service.daemon.retry import RetryingBackend
 from frictus_service.daemon.safety import Safety
-from frictus_service.daemon.scene_controller import SceneController, rendered_model
+from frictus_service.daemon.scene_controller import SceneController
 from frictus_service.errors import ConfigurationError, StartError
 from frictus_service.processes import (
     LOOP_PRIORITY,
@@ -95,7 +96,7 @@ def run_rig(
         open_session(config.router.endpoint, tls=tls_of_rig(config)) as session,
         _opened(config) as backend,
     ):
-        rig = _Parts(config, backend, model, heartbeat, fault, budget_for(loop))
+        rig = _Parts(config, backend, model, heartbeat, fault, budget_for(loop), say)
         with rig.commands, rig.running(session, say):
             rig.commands.declare(session, config.keys)
             with contextlib.closing(_Token(session, config.keys.alive)):
@@ -151,6 +152,7 @@ class _Parts:
         heartbeat: Heartbeat,
         fault: tuple[FaultKind, str] | None,
         real_time: RealTimeBudget,
+        say: Callable[[str], None],
     ) -> None:
         info = backend.info
         self.config = config
@@ -166,6 +168,15 @@ class _Parts:
             self.orders,
             time.monotonic,
         )
+        self.models = ModelController(
+            screen_of(info),
+            self.interlock,
+            self.orders,
+            self.stage,
+            time.monotonic,
+            config.tracker.policy,
+            say,
+        )
         self.loop = BlockLoop(
             backend,
             config,
@@ -177,7 +188,9 @@ class _Parts:
             time.time_ns,
         )
         control = Control(self.interlock, backend.inner, config.limits, time.monotonic)
-        self.commands = Commands(control, self.stage, self.interlock, config.limits)
+        self.commands = Commands(
+            control, self.stage, self.models, self.interlock, config.limits
+        )
         self.failed: list[BaseException] = []
         self._ended = threading.Event()
 
@@ -192,6 +205,7 @@ class _Parts:
             self.loop,
             self.interlock,
             self.stage,
+            self.models,
             self.commands,
             time.monotonic,
             time.time_ns,

@@ -41,6 +41,8 @@ class Arm:
     lease_s: float
     share_with: tuple[str, ...] = ()
     """Clients and people who may change what is rendered meanwhile."""
+    keep_model: bool = False
+    """Whether the model stays as it is until the lease ends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,6 +163,8 @@ class Safety:
     armings : int
         Counts the armings: what one owner began does not outlive it, and the output goes
         through zero between two of them.
+    keep_model : bool
+        Whether the owner keeps the model as it is; False unless armed.
     """
 
     state: SafetyState = "disarmed"
@@ -172,6 +176,7 @@ class Safety:
     device_ready: bool = True
     armings: int = 0
     share_with: tuple[str, ...] = ()
+    keep_model: bool = False
 
     @property
     def energised(self) -> bool:
@@ -181,6 +186,16 @@ class Safety:
     def may_render(self, now_s: float) -> bool:
         """Return whether output other than a ramp to zero is allowed."""
         return self.state == "armed" and now_s < self.lease_until_s and not self.lasting
+
+    def keeps_model_from(self, client: str) -> bool:
+        """Return whether the owner keeps the model as it is, and is not this client.
+
+        Parameters
+        ----------
+        client : str
+            Who would change it; empty for a tracker, which is never the owner.
+        """
+        return self.keep_model and client != self.owner
 
 
 Outcome = tuple[Safety, tuple[Effect, ...]]
@@ -257,7 +272,7 @@ def refusal_to_render(state: Safety, client: str) -> Refuse | None:
 
 
 def _ramp(state: Safety) -> Safety:
-    return replace(state, state="stopping", owner=None, share_with=())
+    return replace(state, state="stopping", owner=None, share_with=(), keep_model=False)
 
 
 def _arm(state: Safety, event: Arm, now_s: float) -> Outcome:
@@ -276,6 +291,7 @@ def _arm(state: Safety, event: Arm, now_s: float) -> Outcome:
         now_s + event.lease_s,
         armings=state.armings + (state.state != "armed"),
         share_with=event.share_with,
+        keep_model=event.keep_model,
     )
     return armed, (Announce(),)
 

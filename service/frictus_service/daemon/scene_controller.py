@@ -1,9 +1,10 @@
-"""What is rendered: the standing scene, a stream or an excitation over it, and the model."""
+"""What is rendered: the standing scene, or a stream or an excitation over it."""
 
 import itertools
+import math
 import secrets
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from frictus.compensation import BY_MODEL, Compensation
@@ -11,15 +12,12 @@ from frictus.errors import ArgumentError, RefusedError, TextureError
 from frictus.messages import (
     CompensationRequest,
     ExciteRequest,
-    ModelRequest,
-    ModelState,
     OpenStreamRequest,
     Reply,
     Request,
     SceneRequest,
     SceneState,
 )
-from frictus.model import Model
 from frictus.stream import StreamFrame
 from frictus.textures import Scene
 from frictus_hardware.physics.screen import Screen
@@ -27,13 +25,10 @@ from frictus_service.daemon.control import Interlock
 from frictus_service.daemon.inboxes import (
     CompensationUpdate,
     LoopInbox,
-    ModelUpdate,
-    RenderedModel,
     SceneUpdate,
 )
 from frictus_service.daemon.safety import refusal_to_render
-from frictus_service.json_text import etag_of, etag_of_scene
-from frictus_service.synthesis.compensability import inverse_of_model
+from frictus_service.json_text import etag_of_scene
 from frictus_service.synthesis.compensation import Inverse
 from frictus_service.synthesis.compensation_mode import inverse_in_mode
 from frictus_service.synthesis.scene import (
@@ -46,8 +41,6 @@ from frictus_service.synthesis.scene import (
 
 CACHED_SCENES: Final = 4
 """The newest scenes as compiled, by etag: so many, and of no more bytes than the largest."""
-MODEL_CHANGE_S: Final = 1.0
-"""Within which the loop must have taken up a new model; it takes one block."""
 
 
 @dataclass(slots=True)
@@ -56,6 +49,9 @@ class _Stream:
     arming: int
     budget: StreamBudget
     sequence: int = -1
+    frame: StreamFrame | None = None
+    """The newest, which is felt until `until_s`."""
+    until_s: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +68,26 @@ class _ChosenCompensation:
 
     arming: int
     compensation: Compensation
+
+
+@dataclass(frozen=True, slots=True)
+class CompiledFor:
+    """What is rendered, compiled for a model that is to come into force.
+
+    Attributes
+    ----------
+    state : SceneState
+        The standing scene, with what becomes of it.
+    compiled : CompiledScene
+        The same for the loop.
+    stream, update : optional
+        The open stream with its new budget, and its newest update for the loop.
+    """
+
+    state: SceneState
+    compiled: CompiledScene
+    stream: _Stream | None = None
+    update: SceneUpdate | None = None
 
 
 class SceneController:
@@ -115,11 +131,6 @@ class SceneController:
         self.scaled_scenes = 0
         self.updates = 0
         orders.scene.append(SceneUpdate(self._standing_scene))
-
-    @property
-    def model(self) -> ModelState:
-        """The model that the loop renders with."""
-        return self._orders.model.in_force.state
 
     @property
     def stream_open(self) -> bool:
@@ -182,7 +193,7 @@ class SceneController:
             `not_owner`, `conflict` or `not_feasible`.
         """
         self.check_owner(request.client)
-        self._check_match(request.if_match, self.scene.etag, "scene")
+        check_match(request.if_match, self.scene.etag, "scene")
         try:
             state, compiled = self._compiled(request.scene, self._inverse, check)
         except TextureError as error:
@@ -283,7 +294,7 @@ class SceneController:
             compiled = stream.budget.compile(frame)
         except TextureError as error:
             raise RefusedError("not_feasible", str(error)) from error
-        stream.sequence = frame.sequence
+        stream.sequence, stream.frame, stream.until_s = frame.sequence, frame, until_s
         quiet = stream.budget.quiet
         self._orders.scene.append(SceneUpdate(compiled, until_s, quiet, stream.arming))
         self.updates += 1
@@ -307,31 +318,43 @@ class SceneController:
         self._orders.compensation.append(CompensationUpdate(inverse, arming))
         return Reply(ok=True, compensation=self.compensation)
 
-    def set_model(self, request: ModelRequest) -> Reply:
-        """Replace the model; the standing scene is compiled anew for it.
+    def compiled_for(self, inverse: Inverse) -> CompiledFor:
+        """Compile what is rendered for another model, its stream with the same peak.
+
+        Parameters
+        ----------
+        inverse : Inverse
+            Of the model.
 
         Raises
         ------
-        RefusedError
-            `conflict` while not disarmed or where the etag differs, `not_feasible`.
+        TextureError
+            If something cannot be rendered with it.
         """
-        self.check_owner(request.client)
-        self._check_match(request.if_match, self.model.etag, "model")
-        if self._interlock.state.state != "disarmed":
-            raise RefusedError("conflict", "the model changes only while disarmed")
-        try:
-            model = rendered_model(request.model, self._screen)
-            state, compiled = self._compiled(self._standing.scene, model.inverse)
-        except TextureError as error:
-            raise RefusedError("not_feasible", str(error)) from error
-        order = ModelUpdate(model, compiled)
-        self._orders.model.offer(order)
-        if not order.done.wait(MODEL_CHANGE_S) and self._orders.model.withdraw(order):
-            raise RefusedError("conflict", "the rig is armed or stands still; try again")
-        order.done.wait()  # it is in force; the loop is about to say so
-        self._standing, self._standing_scene = state, compiled
-        message = remarks_on(model.inverse)
-        return Reply(ok=True, etag=model.state.etag, message=message, applied=state.applied)
+        state, compiled = self._compiled(self._standing.scene, inverse)
+        stream = self._live_stream()
+        if stream is None:
+            return CompiledFor(state, compiled)
+        budget = StreamBudget.open(stream.budget.peak_n, inverse)
+        newest = budget.quiet if stream.frame is None else budget.compile(stream.frame)
+        update = SceneUpdate(newest, stream.until_s, budget.quiet, stream.arming)
+        return CompiledFor(state, compiled, replace(stream, budget=budget), update)
+
+    def keep(self, scenes: CompiledFor) -> None:
+        """Go on with what was compiled for a model that has come into force.
+
+        Parameters
+        ----------
+        scenes : CompiledFor
+            Of `compiled_for`, with no other call between.
+        """
+        self._standing, self._standing_scene = scenes.state, scenes.compiled
+        if scenes.stream is not None and self._guest is not None:
+            applied = {"applied": scenes.stream.budget.applied}
+            self._stream = scenes.stream
+            self._guest = replace(
+                self._guest, state=self._guest.state.model_copy(update=applied)
+            )
 
     @property
     def _inverse(self) -> Inverse:
@@ -377,34 +400,23 @@ class SceneController:
             del self._cache[next(iter(self._cache))]
         return kept[1:]
 
-    def _check_match(self, wanted: str | None, present: str, what: str) -> None:
-        if wanted is not None and wanted != present:
-            raise RefusedError(
-                "conflict", f"the {what} is {present!r} now, not {wanted!r}: read it again"
-            )
 
+def check_match(wanted: str | None, present: str, what: str) -> None:
+    """Refuse a change of something else than its sender saw.
 
-def rendered_model(model: Model, screen: Screen) -> RenderedModel:
-    """Return a model with what is undone for it on a screen.
+    Parameters
+    ----------
+    wanted, present : str or None
+        Etags: of what the sender saw, None where it does not mind; and of what is in force.
+    what : str
+        Its name, for people.
 
     Raises
     ------
-    TextureError
-        If it is not one of friction, or an effect has a parameter out of its range.
+    RefusedError
+        `conflict`.
     """
-    inverse = inverse_of_model(model, screen)
-    state = ModelState(etag=etag_of(model), model=model, not_rendered=inverse.not_rendered)
-    return RenderedModel(state, inverse)
-
-
-def remarks_on(inverse: Inverse) -> str:
-    """Return in words which effects of a model are not undone, or only within limits."""
-    said = {
-        "effects that are not rendered": "; ".join(
-            f"{effect}, because {why}" for effect, why in inverse.not_rendered.items()
-        ),
-        "effects that are rendered within limits": "; ".join(
-            f"{effect}: {limit}" for effect, limit in inverse.limits.items()
-        ),
-    }
-    return ". ".join(f"{heading}: {text}" for heading, text in said.items() if text)
+    if wanted is not None and wanted != present:
+        raise RefusedError(
+            "conflict", f"the {what} is {present!r} now, not {wanted!r}: read it again"
+        )

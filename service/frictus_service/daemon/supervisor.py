@@ -41,7 +41,7 @@ from frictus_service.errors import StartError
 from frictus_service.security.members import tls_of_rig
 from frictus_service.security.router import open_secured_router
 
-ALL: Final[tuple[PartName, ...]] = ("rig", "api", "recorder")
+ALL: Final[tuple[PartName, ...]] = ("rig", "api", "recorder", "tracker")
 LOOKS: Final = 5
 """A counter must stand still over so many looks: a supervisor that was itself held up has
 looked less often, and does not blame the rig."""
@@ -88,7 +88,7 @@ class Supervisor:
     config : Config
         Of the service.
     parts : sequence of str
-        Which parts: `rig`, `api`, `recorder`.
+        Which parts: `rig`, `api`, `recorder`, `tracker`.
     host_router : bool or None
         Whether to listen at the router's endpoint; None: as configured.
     say : callable

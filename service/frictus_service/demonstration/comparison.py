@@ -1,5 +1,6 @@
 """What the demo's finger felt, beside the target and without compensation, and its picture."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -121,44 +122,34 @@ def compare(
 LABELS = [f"{centre:g}" for centre in NOMINAL_HZ]
 
 
-def draw(comparison: BandComparison, texture: str, path: Path) -> None:
+def draw(asked: FloatArray, felt: Mapping[str, FloatArray], title: str, path: Path) -> None:
     """Draw the spectra and the errors; the suffix of the path says the format.
 
     Parameters
     ----------
-    comparison : BandComparison
-        Wanted, felt and uncompensated powers.
-    texture : str
-        Its name, for the title.
+    asked : ndarray, shape (16,)
+        Power in third octaves, N².
+    felt : mapping of str to ndarray, shape (16,)
+        Two of them, by what they are called.
+    title : str
+        Over the picture.
     path : Path
         Of the file.
     """
     figure = Figure(figsize=(9, 6), layout="constrained")
     spectra, errors = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     at = np.arange(len(NOMINAL_HZ))
-    spectra.plot(at, _level_db(comparison.target), "k-", lw=2.5, label="asked for")
-    spectra.plot(at, _level_db(comparison.compensated), "o-", color="C0", label="felt")
-    spectra.plot(
-        at, _level_db(comparison.uncompensated), "s--", color="C1", label="not compensated"
-    )
-    spectra.set_ylabel("friction, dB re 1 mN")
-    spectra.set_title(f"'{texture}' under a freely moving finger (simulated rig)")
-    spectra.legend()
+    spectra.plot(at, _level_db(asked), "k-", lw=2.5, label="asked for")
     errors.axhspan(-JND_DB, JND_DB, color="0.9", label=f"difference threshold, {JND_DB} dB")
-    errors.bar(
-        at - 0.2,
-        comparison.compensated_db,
-        0.4,
-        color="C0",
-        label=f"felt, {rms_db(comparison.compensated_db):.2f} dB rms",
-    )
-    errors.bar(
-        at + 0.2,
-        comparison.uncompensated_db,
-        0.4,
-        color="C1",
-        label=f"not compensated, {rms_db(comparison.uncompensated_db):.2f} dB rms",
-    )
+    for number, (name, power) in enumerate(felt.items()):
+        colour, off_db = f"C{number}", error_db(power, asked)
+        spectra.plot(at, _level_db(power), ("o-", "s--")[number], color=colour, label=name)
+        where = at + (-0.2, 0.2)[number]
+        label = f"{name}, {rms_db(off_db):.2f} dB rms"
+        errors.bar(where, off_db, 0.4, color=colour, label=label)
+    spectra.set_ylabel("friction, dB re 1 mN")
+    spectra.set_title(title)
+    spectra.legend()
     errors.set_ylabel("error, dB")
     errors.set_xlabel("third-octave band, Hz")
     errors.set_xticks(at, LABELS)

@@ -10,7 +10,7 @@ from mcap.records import Channel, Schema
 from mcap.writer import MCAP0_MAGIC, CompressionType, IndexType, Writer
 
 from frictus.compensation import Compensation
-from frictus.messages import RigStatus
+from frictus.messages import ModelState, RigStatus
 from frictus_service.durable import sync_folder
 from frictus_service.errors import NotWrittenError, RecordingError
 from frictus_service.recording.reader import Ending, Item, RecordingReader, State
@@ -125,6 +125,28 @@ class CompensationChange:
 
 
 @dataclass(frozen=True, slots=True)
+class ModelInForce:
+    """From when on a friction model was in force.
+
+    Attributes
+    ----------
+    utc_ns : int
+        When the rig published it; at most one publication later than the change.
+    etag : str
+        Of the model.
+    adapted_from : str or None
+        Etag of the model that it was adapted from while it played; None: it was set.
+    reason : str
+        Why it was adapted.
+    """
+
+    utc_ns: int
+    etag: str
+    adapted_from: str | None
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
 class RecordingSummary:
     """What a whole reading found.
 
@@ -140,6 +162,8 @@ class RecordingSummary:
         Of each topic of state.
     compensations : tuple of CompensationChange
         The mode at the beginning, and each change of it.
+    models : tuple of ModelInForce
+        The friction model at the beginning, and each change of it.
     gaps : tuple of GapNote
         In the order of the file.
     presence : tuple of PresenceNote
@@ -155,6 +179,7 @@ class RecordingSummary:
     streams: dict[str, StreamSummary]
     states: dict[str, int]
     compensations: tuple[CompensationChange, ...]
+    models: tuple[ModelInForce, ...]
     gaps: tuple[GapNote, ...]
     presence: tuple[PresenceNote, ...]
     end: EndNote | None
@@ -177,6 +202,7 @@ class RecordingSummary:
                 {"utc_ns": change.utc_ns, **change.compensation.model_dump()}
                 for change in self.compensations
             ],
+            "models": [asdict(model) for model in self.models],
             "gaps": [gap.model_dump(mode="json") for gap in self.gaps],
             "presence": [note.model_dump(mode="json") for note in self.presence],
             "end": None if self.end is None else self.end.model_dump(mode="json"),
@@ -203,6 +229,7 @@ def summarise(reader: RecordingReader) -> RecordingSummary:
         tally.streams,
         tally.states,
         tuple(tally.compensations),
+        tuple(tally.models),
         tuple(tally.gaps),
         tuple(tally.presence),
         tally.end,
@@ -215,6 +242,7 @@ class _Tally:
     streams: dict[str, StreamSummary] = field(default_factory=dict)
     states: dict[str, int] = field(default_factory=dict)
     compensations: list[CompensationChange] = field(default_factory=list)
+    models: list[ModelInForce] = field(default_factory=list)
     gaps: list[GapNote] = field(default_factory=list)
     presence: list[PresenceNote] = field(default_factory=list)
     end: EndNote | None = None
@@ -230,6 +258,8 @@ class _Tally:
                 self.states[item.topic] = self.states.get(item.topic, 0) + 1
                 if isinstance(item.message, RigStatus):
                     self._note_compensation(item.utc_ns, item.message.compensation)
+                elif isinstance(item.message, ModelState):
+                    self._note_model(item.utc_ns, item.message)
             case GapNote():
                 self._add_gap(item)
             case PresenceNote():
@@ -240,6 +270,12 @@ class _Tally:
     def _note_compensation(self, utc_ns: int, found: Compensation) -> None:
         if not self.compensations or self.compensations[-1].compensation != found:
             self.compensations.append(CompensationChange(utc_ns, found))
+
+    def _note_model(self, utc_ns: int, found: ModelState) -> None:
+        if not self.models or self.models[-1].etag != found.etag:
+            self.models.append(
+                ModelInForce(utc_ns, found.etag, found.adapted_from, found.reason)
+            )
 
     def _add_samples(self, samples: Samples) -> None:
         name = STREAM_NAMES[samples.stream]

@@ -49,6 +49,7 @@ STATES: Final = (
     Topics.SCENE,
     Topics.MODEL,
     Topics.TIME,
+    Topics.ESTIMATE,
 )
 """Topics whose messages are recorded as they came."""
 

@@ -106,7 +106,7 @@ def _controlling() -> list[Rule]:
 
 
 def _being(keys: RigKeys) -> list[Rule]:
-    """Be one rig and its recorder."""
+    """Be one rig, its recorder and its tracker."""
     base = keys.base
     said = [keys.of(topic) for topic in _OWN]
     heard = [keys.of(topic) for topic in (*_COMMANDS, Topics.GUIDANCE)]
@@ -115,6 +115,7 @@ def _being(keys: RigKeys) -> list[Rule]:
     followed = _keys(_EVERYWHERE, [_ANY.of(topic) for topic in _OWN])
     recalled = _cached(_EVERYWHERE)
     calls = _calls(keys)
+    adapt = [keys.call("adapt")]
     return [
         *_observing(base),  # its recorder listens to it
         _rule("say", base, "ingress", (*_SEND, "reply"), said),
@@ -125,6 +126,8 @@ def _being(keys: RigKeys) -> list[Rule]:
         _rule("hear", base, "egress", _SEND, heard),
         _rule("answer", base, "ingress", ("declare_queryable", "reply"), calls),
         _rule("answer", base, "egress", ("query",), calls),
+        _rule("adapt", base, "ingress", ("query",), adapt),  # its tracker asks
+        _rule("adapt", base, "egress", ("reply", "declare_queryable"), adapt),
         _rule("alive", base, "ingress", ("liveliness_token",), [keys.alive]),
         _rule("owner", base, "ingress", _FOLLOW, [keys.any_client_alive]),
         _rule("owner", base, "egress", ("liveliness_token",), [keys.any_client_alive]),

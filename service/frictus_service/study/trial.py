@@ -3,12 +3,13 @@
 import json
 import math
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
-from frictus_hardware.physics.linear import TransferFunction
+from frictus_hardware.physics.linear import Mount, TransferFunction
 from frictus_service.errors import FieldError
 
 
@@ -145,6 +146,26 @@ ACCEPTED = (
     "highest power first, rad/s; leave the attribute away where there is no mount"
 )
 GAIN_AT_REST = (0.1, 10.0)
+
+
+def read_mount(named: str | Path) -> TransferFunction | None:
+    """Return the lateral response of a mount that an option or a configuration names.
+
+    Parameters
+    ----------
+    named : str or Path
+        ``paper``, ``none``, or a file as `frictus mount` writes it.
+
+    Raises
+    ------
+    FieldError
+        If a file does not hold one.
+    OSError
+        If there is no such file.
+    """
+    if named in ("paper", "none"):
+        return Mount().lateral if named == "paper" else None
+    return parse_mount(Path(named).read_text(encoding="utf-8"))
 
 
 def parse_mount(document: str) -> TransferFunction | None:

@@ -1,7 +1,7 @@
 """From predicted motion to screen volts, and one block from finger to screen and back."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -24,7 +24,8 @@ RAMP_S = 0.02
 """At contact, arming and stop."""
 RELEASE_S = 0.005
 """Where the finger is lifted, and nobody feels it."""
-SCENE_FADE_S = 0.02
+FADE_S = 0.02
+"""To another scene or excitation, to what inverts it, or both."""
 STREAM_FADE_S = 0.005
 """Between updates of a stream, whose bias does not change."""
 
@@ -50,6 +51,13 @@ class Rendered:
     clipped_samples: int
     extrapolated_samples: int
     level: float
+
+
+class _Voice(NamedTuple):
+    """What is played, and what turns its target into drive; a fade goes from one to another."""
+
+    scene: Playable
+    inverter: Inverter
 
 
 class Renderer:
@@ -83,11 +91,12 @@ class Renderer:
         inverse = as_inverse(law)
         self._screen = screen
         self._rate_hz = sample_rate_hz
-        self._inverter = Inverter(inverse, sample_rate_hz, block_samples, began_sample)
-        self._next_inverter: Inverter | None = None
-        self._scene: Playable = scene or compile_scene(Scene(), inverse, screen, sample_rate_hz)
-        self._next_scene: Playable | None = None
-        self._waiting: Playable | None = None
+        self._voice = _Voice(
+            scene or compile_scene(Scene(), inverse, screen, sample_rate_hz),
+            Inverter(inverse, sample_rate_hz, block_samples, began_sample),
+        )
+        self._next_voice: _Voice | None = None
+        self._waiting: _Voice | None = None
         self._share = 0.0
         self._level = 0.0
         self._target = np.zeros(block_samples + 1)
@@ -95,7 +104,6 @@ class Renderer:
         self._target_moved = np.zeros(block_samples + 1)
         self._drive = np.zeros(block_samples)
         self._drive_next = np.zeros(block_samples)
-        self._drive_inverted = np.zeros(block_samples)
         self._voltage = np.zeros(block_samples)
         nothing = np.zeros(block_samples)
         self._silence = Rendered(nothing, nothing, np.full(block_samples, np.nan), 0, 0, 0.0)
@@ -103,32 +111,64 @@ class Renderer:
     @property
     def scene(self) -> Playable:
         """What is in force, or the newest that will be."""
-        return self._waiting or self._next_scene or self._scene
+        return self._newest.scene
+
+    @property
+    def inverse(self) -> Inverse:
+        """What is undone, or the newest that will be."""
+        return self._newest.inverter.inverse
+
+    @property
+    def _newest(self) -> _Voice:
+        return self._waiting or self._next_voice or self._voice
 
     def set_scene(self, scene: Playable) -> None:
         """Cross-fade to a scene or an excitation, starting with the next block.
 
-        A fade that is under way ends first, within 20 ms; of scenes that come meanwhile the
-        newest wins.
+        A fade that is under way ends first, within 20 ms; of what comes meanwhile, and before
+        one block, the newest wins. So it is with `set_inverse` and `set_model`.
+
+        Parameters
+        ----------
+        scene : CompiledScene or CompiledExcitation
+            What is played.
         """
-        if self._next_scene is not None:
-            self._waiting = scene
-            return
-        self._next_scene = scene
-        self._share = 0.0
+        self._fade_to(self._newest._replace(scene=scene))
 
     def set_inverse(self, inverse: Inverse) -> None:
-        """Undo something else from now on; the drive cross-fades over the next block.
-
-        The scenes stay as they were compiled. Of what is set before a block the newest wins.
+        """Cross-fade to what undoes something else; scenes stay as they were compiled.
 
         Parameters
         ----------
         inverse : Inverse
             Such as `inverse_in_mode` returns.
         """
-        began_sample = self._inverter.began_sample
-        self._next_inverter = Inverter(inverse, self._rate_hz, self._drive.size, began_sample)
+        newest = self._newest
+        inverter = self._inverter_of(inverse, newest.inverter.began_sample)
+        self._fade_to(newest._replace(inverter=inverter))
+
+    def set_model(self, inverse: Inverse, scene: Playable, began_sample: float) -> None:
+        """Cross-fade to another model and what was compiled for it, together.
+
+        Parameters
+        ----------
+        inverse : Inverse
+            Of the model.
+        scene : CompiledScene or CompiledExcitation
+            Compiled for it.
+        began_sample : float
+            Device sample at which the model came into force: a drift counts from there.
+        """
+        self._fade_to(_Voice(scene, self._inverter_of(inverse, began_sample)))
+
+    def _inverter_of(self, inverse: Inverse, began_sample: float) -> Inverter:
+        return Inverter(inverse, self._rate_hz, self._drive.size, began_sample)
+
+    def _fade_to(self, voice: _Voice) -> None:
+        if self._share > 0.0:
+            self._waiting = voice
+        else:  # no block has been rendered with what was to come
+            self._next_voice = voice
 
     def render(
         self,
@@ -156,20 +196,17 @@ class Renderer:
         self._before = (
             self._level,
             self._share,
-            self._scene,
-            self._next_scene,
+            self._voice,
+            self._next_voice,
             self._waiting,
-            self._inverter,
-            self._next_inverter,
         )
         if self._level == 0.0:
-            self._inverter.settle()
+            for voice in (self._voice, self._next_voice or self._voice):
+                voice.inverter.settle()
             if not allow:
                 self._go_on_fading()
-                self._change_inverter()
                 return self._silence
         clipped, extrapolated = self._compose(first_sample, course)
-        self._change_inverter()
         self._go_on_fading()
         # A little steeper, so that rounding does not cost a block more.
         step = (1.0 + 1e-9) / ((RELEASE_S if lifted else RAMP_S) * self._rate_hz)
@@ -196,58 +233,71 @@ class Renderer:
         (
             self._level,
             self._share,
-            self._scene,
-            self._next_scene,
+            self._voice,
+            self._next_voice,
             self._waiting,
-            self._inverter,
-            self._next_inverter,
         ) = self._before
 
     def _compose(self, first_sample: int, course: PredictedMotion) -> tuple[int, int]:
-        """Write the drive, all fades included; return clipped and extrapolated samples.
+        """Write drive and target, all fades included; return clipped and extrapolated samples.
 
-        Between scenes the target fades, so that its inverse is exact; an excitation has no
-        target, and to and from it the drive fades.
+        Between scenes with the same inverse the target fades, so that its inverse is exact.
+        Elsewhere the drives fade: each is in [0, 1], so that their mixture is, and friction
+        follows it in proportion. An excitation has no target.
         """
-        scene, coming = self._scene, self._next_scene
+        now, coming = self._voice, self._next_voice
         if coming is None:
-            return self._drive_of(scene, first_sample, course, self._drive)
-        step = self._fade_step(scene, coming)
-        if isinstance(scene, CompiledScene) and isinstance(coming, CompiledScene):
-            self._trace(scene, course, first_sample, self._target)
-            self._trace(coming, course, first_sample, self._target_next)
+            return self._drive_of(now, first_sample, course, self._target, self._drive)
+        step = self._fade_step(now, coming)
+        before, after = now.scene, coming.scene
+        if (
+            now.inverter is coming.inverter
+            and isinstance(before, CompiledScene)
+            and isinstance(after, CompiledScene)
+        ):
+            self._trace(before, course, first_sample, self._target)
+            self._trace(after, course, first_sample, self._target_next)
             kernel.mix(self._target, self._target_next, self._share, step)
-            bias_n = self._bias_n(scene, coming, step)
-            return self._invert(first_sample, course, bias_n, self._drive)
-        before = self._drive_of(scene, first_sample, course, self._drive)
-        after = self._drive_of(coming, first_sample, course, self._drive_next)
+            bias_n = self._bias_n(before, after, step)
+            return now.inverter.drive(first_sample, course, bias_n, self._target, self._drive)
+        old = self._drive_of(now, first_sample, course, self._target, self._drive)
+        new = self._drive_of(coming, first_sample, course, self._target_next, self._drive_next)
         kernel.mix_drive(self._drive, self._drive_next, self._share, step)
-        self._target[:] = np.nan
-        return before[0] + after[0], before[1] + after[1]
+        kernel.mix(self._target, self._target_next, self._share, step)
+        return max(old[0], new[0]), max(old[1], new[1])
 
-    def _fade_step(self, scene: Playable, coming: Playable) -> float:
+    def _fade_step(self, now: _Voice, coming: _Voice) -> float:
         """Return how much further a fade is after each sample."""
-        streamed = coming.source == scene.source == "stream"
-        return 1.0 / ((STREAM_FADE_S if streamed else SCENE_FADE_S) * self._rate_hz)
+        streamed = (
+            now.inverter is coming.inverter
+            and now.scene.source == coming.scene.source == "stream"
+        )
+        return 1.0 / ((STREAM_FADE_S if streamed else FADE_S) * self._rate_hz)
 
     def _go_on_fading(self) -> None:
         """Let a block's time pass for the fade that is under way, if there is one."""
-        coming = self._next_scene
+        coming = self._next_voice
         if coming is None:
             return
-        self._share += self._drive.size * self._fade_step(self._scene, coming)
+        self._share += self._drive.size * self._fade_step(self._voice, coming)
         if self._share >= 1.0:
-            self._scene, self._next_scene, self._waiting = coming, self._waiting, None
+            self._voice, self._next_voice, self._waiting = coming, self._waiting, None
             self._share = 0.0
 
     def _drive_of(
-        self, scene: Playable, first_sample: int, course: PredictedMotion, out: FloatArray
+        self,
+        voice: _Voice,
+        first_sample: int,
+        course: PredictedMotion,
+        target: FloatArray,
+        out: FloatArray,
     ) -> tuple[int, int]:
-        """Write the drive that one scene or excitation asks for by itself."""
+        """Write the target and the drive that one voice asks for by itself."""
+        scene = voice.scene
         if isinstance(scene, CompiledScene):
-            self._trace(scene, course, first_sample, self._target)
+            self._trace(scene, course, first_sample, target)
             steady = scene.arrays.bias_n, scene.arrays.bias_n
-            return self._invert(first_sample, course, steady, out)
+            return voice.inverter.drive(first_sample, course, steady, target, out)
         kernel.excite(
             scene.table,
             scene.hz,
@@ -257,25 +307,8 @@ class Renderer:
             self._rate_hz,
             out,
         )
-        self._target[:] = np.nan
+        target[:] = np.nan
         return 0, 0
-
-    def _invert(
-        self, first_sample: int, course: PredictedMotion, bias_n: Ends, out: FloatArray
-    ) -> tuple[int, int]:
-        """Write the drive that the target asks for, fading to the next inverter if any."""
-        now = self._inverter.drive(first_sample, course, bias_n, self._target, out)
-        if self._next_inverter is None:
-            return now
-        other = self._drive_inverted
-        then = self._next_inverter.drive(first_sample, course, bias_n, self._target, other)
-        kernel.mix_drive(out, other, 0.0, 1.0 / out.size)
-        return max(now[0], then[0]), max(now[1], then[1])
-
-    def _change_inverter(self) -> None:
-        """Have the next inverter alone from the next block on."""
-        if self._next_inverter is not None:
-            self._inverter, self._next_inverter = self._next_inverter, None
 
     def _bias_n(self, scene: CompiledScene, coming: CompiledScene, step: float) -> Ends:
         """Return the bias while one scene fades into another, at both ends of the block."""

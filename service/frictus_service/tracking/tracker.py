@@ -1,5 +1,6 @@
 """From what a rig publishes to what is known of the finger on it: windows, estimate, watch."""
 
+from collections import deque
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -22,6 +23,8 @@ BATCH: Final = 10
 """Windows of an update: half a second of sliding."""
 COHERENT: Final = 0.5
 """Least share of the friction in the bands that follows the drive."""
+LATELY: Final = 200
+"""Windows of the last 10 s of sliding."""
 ANOTHER: Final = 3
 """So many strange batches in a row are another finger; fewer are left out."""
 
@@ -75,18 +78,24 @@ class Tracker:
         Of the rig's streams.
     prior : Prior
         Of a new person.
+    rig : str
+        Its name, for the document.
 
     Attributes
     ----------
     estimate : LawEstimate
         The newest.
+    participant : str or None
+        Pseudonym of whom the finger is taken to be of.
     new_fingers : int
         How often it began anew because nothing that was known fitted any more.
     """
 
-    def __init__(self, cutter: WindowCutter, prior: Prior) -> None:
+    def __init__(self, cutter: WindowCutter, prior: Prior, rig: str = "") -> None:
         self._cutter = cutter
         self._prior = prior
+        self._rig = rig
+        self.participant: str | None = None
         self.estimate = LawEstimate.begin(prior, cutter.bands)
         self.new_fingers = 0
         self._run = 0
@@ -98,12 +107,57 @@ class Tracker:
         self._first: FloatArray | None = None
         self._speeds_mm_s = (np.inf, -np.inf)
         self._forces_n = (np.inf, -np.inf)
+        self._lately_mm_s: deque[float] = deque(maxlen=LATELY)
         n_bands = cutter.bands.centre_hz.size
         self._errors = {
             name: PrequentialError.begin(n_bands) for name in ("in_force", "first", "newest")
         }
         self._watch = Watch.begin()
         self._alarms: tuple[Cause, ...] = ()
+
+    @property
+    def in_force(self) -> FloatArray | None:
+        """The model in force in `calibration.coordinates`; None where it is no law alone."""
+        return self._model.at
+
+    @property
+    def alarms(self) -> tuple[str, ...]:
+        """Causes that had an alarm under the model in force."""
+        return self._alarms
+
+    @property
+    def speeds_mm_s(self) -> tuple[float, float]:
+        """Between which the finger slid in 80 % of the windows of the last 10 s of sliding."""
+        if not self._lately_mm_s:
+            return coordinates.LOW_MM_S, coordinates.HIGH_MM_S
+        low, high = np.quantile(self._lately_mm_s, (0.1, 0.9)).tolist()
+        return low, high
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """What is said of a model that is made from the estimate."""
+        return {
+            "prior": self._prior.note,
+            "windows": self.estimate.windows,
+            "gain_spread_within_contacts": self.estimate.gain_scatter,
+            "new_fingers": self.new_fingers,
+        }
+
+    def begin_anew(self, prior: Prior, participant: str | None = None) -> None:
+        """Forget the finger: another one is expected.
+
+        Parameters
+        ----------
+        prior : Prior
+            What is known of it beforehand.
+        participant : str or None
+            Pseudonym of whom it is of.
+        """
+        self._prior, self.participant = prior, participant
+        self.estimate = LawEstimate.begin(prior, self._cutter.bands)
+        self._waiting, self._last, self._strange = [], None, 0
+        self._speeds_mm_s = self._forces_n = (np.inf, -np.inf)
+        self._lately_mm_s.clear()
 
     def put_in_force(self, model: ModelInForce) -> None:
         """Compare with another model from now on; the same again changes nothing.
@@ -165,6 +219,7 @@ class Tracker:
         )
         self._speeds_mm_s = _widened(self._speeds_mm_s, speeds)
         self._forces_n = _widened(self._forces_n, forces)
+        self._lately_mm_s.extend(speeds)
         return True
 
     def _judge(self, batch: Batch, known: LawEstimate) -> None:
@@ -201,7 +256,9 @@ class Tracker:
             refused=dict(self._cutter.refused),
             new_fingers=self.new_fingers,
             model_etag=self._model.etag,
+            participant=self.participant,
             law=_law_now(self.estimate) if self.estimate.updates else None,
+            model=self.document(),
             bands=tuple(
                 BandRatio(centre_hz=centre, ratio_db=ratio, half_width_db=half)
                 for centre, ratio, half in judged
@@ -213,46 +270,23 @@ class Tracker:
             alarms=self._alarms,
         )
 
-    def model(
-        self, participant: str | None, screen_peak_v: float, told: dict[str, Any]
-    ) -> Model:
-        """Return the estimate as a document.
-
-        Parameters
-        ----------
-        participant : str or None
-            Pseudonym.
-        screen_peak_v : float
-            Screen volts at a drive fraction of 1.
-        told : dict
-            What is said of it besides what the estimate knows itself.
-
-        Raises
-        ------
-        EstimateError
-            If nothing was felt, or no such model can be stored.
-        """
+    def document(self) -> Model | None:
+        """Return the estimate as a document; None where nothing was felt, or it is no law."""
         if not self.estimate.updates:
-            refused = ", ".join(f"{why}: {n}" for why, n in self._cutter.refused.items())
-            raise EstimateError(
-                "no window could be used, so nothing is known of the finger; left out: "
-                f"{refused or 'nothing came'}. Play a texture, and slide over it"
-            )
+            return None
+        drive_vpp = 2.0 * self._cutter.screen_peak_v
         validity = Validity(
             speed_mm_s=self._speeds_mm_s,
             normal_force_n=self._forces_n,
-            drive_vpp=(2.0 * screen_peak_v, 2.0 * screen_peak_v),
+            drive_vpp=(drive_vpp, drive_vpp),
         )
-        known = {
-            "source": "live",
-            "prior": self._prior.note,
-            "windows": self.estimate.windows,
-            "gain_spread_within_contacts": self.estimate.gain_scatter,
-            "new_fingers": self.new_fingers,
-        }
-        return coordinates.document(
-            self.estimate.mean, self.estimate.covariance, participant, validity, known | told
-        )
+        estimate, told = self.estimate, {"source": "live", "rig": self._rig} | self.provenance
+        try:
+            return coordinates.document(
+                estimate.mean, estimate.covariance, self.participant, validity, told
+            )
+        except (EstimateError, ValueError):  # a cutoff that is not positive where it was felt
+            return None
 
 
 def _widened(span: tuple[float, float], values: list[float]) -> tuple[float, float]:

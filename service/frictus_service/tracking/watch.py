@@ -23,6 +23,8 @@ from frictus_service.tracking.law_estimate import Batch, LawEstimate
 
 Cause = Literal["gain", "cutoff", "delay"]
 CAUSES: Final[tuple[Cause, ...]] = ("gain", "cutoff", "delay")
+INSTRUMENT: Final = frozenset({"delay"})
+"""Causes that are the rig's and never the finger's."""
 DIRECTIONS: Final = np.array([[0, 0, 1, 0], [1, 1, 0, 0], [0, 0, 0, 1]], dtype=float)
 """Of each cause in `calibration.coordinates`."""
 TOLERATED: Final = np.array([0.15, 0.10, 15e-6])

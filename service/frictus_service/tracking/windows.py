@@ -81,6 +81,8 @@ class WindowCutter:
 
     Attributes
     ----------
+    screen_peak_v : float
+        Screen volts at a drive fraction of 1.
     bands : Bands
         In which every window speaks.
     refused : Counter of str
@@ -91,7 +93,7 @@ class WindowCutter:
         self, sample_rate_hz: float, screen_peak_v: float, mount: TransferFunction | None
     ) -> None:
         self._length = 2 * round(WINDOW_S * sample_rate_hz / 2.0)
-        self._peak_v = screen_peak_v
+        self.screen_peak_v = screen_peak_v
         self.bands = Bands.of(self._length, sample_rate_hz, mount)
         frequency_hz = self.bands.frequency_hz
         self._line = np.rint(frequency_hz * self._length / sample_rate_hz).astype(np.int64)
@@ -185,7 +187,7 @@ class WindowCutter:
         self, first_sample: int, data: dict[str, FloatArray], along: FloatArray
     ) -> LawWindow | None:
         friction = np.sum(data["force"][:2] * along, axis=0)
-        drive = drive_fraction(data["voltage"][0], self._peak_v)
+        drive = drive_fraction(data["voltage"][0], self.screen_peak_v)
         spectra = np.fft.rfft(tapered(np.stack([drive, friction])), axis=-1)[:, self._line]
         driven, felt = spectra[0] * self._hold, spectra[1] / self._mount
         power = self._sum(np.square(np.abs(driven))).real

@@ -16,6 +16,8 @@ from zenoh import ext
 from frictus.compensation import BY_MODEL, Compensation
 from frictus.keys import CALLS, RigKeys, Topic, Topics
 from frictus.messages import (
+    AdaptationPolicy,
+    AdaptationRequest,
     Applied,
     CompensationRequest,
     Counters,
@@ -88,6 +90,7 @@ class FakeRig:
     publishes: bool = True
     owner: str | None = None
     compensation: Compensation = BY_MODEL
+    adaptation: AdaptationPolicy = "observe"
     calls: list[tuple[str, Request]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -138,7 +141,12 @@ class FakeRig:
             self._publishers[topic.suffix].put(message.to_json())
 
     def tell(self, **changes: Any) -> None:
-        said = {"owner": self.owner, "compensation": self.compensation, **changes}
+        said = {
+            "owner": self.owner,
+            "compensation": self.compensation,
+            "adaptation": self.adaptation,
+            **changes,
+        }
         self.publish(Topics.STATUS, status(self.name, **said))
 
     def trip(self) -> None:
@@ -189,6 +197,13 @@ class FakeRig:
             answered_ns = time.time_ns()
             self.tell(utc_ns=answered_ns, state="armed")
             return Reply(ok=True, compensation=asked.compensation, utc_ns=answered_ns)
+        if call == "adaptation":
+            chosen = AdaptationRequest.model_validate_json(payload)
+            self.calls.append((call, chosen))
+            self.adaptation = chosen.policy
+            answered_ns = time.time_ns()
+            self.tell(utc_ns=answered_ns)
+            return Reply(ok=True, etag="m0", adaptation=chosen.policy, utc_ns=answered_ns)
         self.calls.append((call, Request.model_validate_json(payload)))
         return Reply(ok=True, state="stopping" if call == "stop" else "disarmed")
 

@@ -43,7 +43,7 @@ def test_status_is_the_newest(api: TestClient, rig: Any) -> None:
 
 
 def test_absent_rig_is_404(api: TestClient, rig: Any) -> None:
-    for path in ("", "/time", "/scene", "/applied", "/compensation", "/model"):
+    for path in ("", "/time", "/scene", "/applied", "/compensation", "/model", "/adaptation"):
         answer = api.get(f"/v1/rigs/nobody{path}")
         assert answer.status_code == 404
         assert answer.json()["code"] == "no_rig"
@@ -151,6 +151,51 @@ def test_a_mode_needs_the_rig(api: TestClient, rig: Any) -> None:
     assert (answer.status_code, answer.json()["code"]) == (409, "not_armed")
 
 
+@pytest.mark.parametrize("policy", ["adapt", "suggest", "observe"])
+@pytest.mark.parametrize("undo", [False, True])
+def test_a_policy_that_is_put_is_got(
+    api: TestClient, rig: Any, policy: str, undo: bool
+) -> None:
+    path = f"/v1/rigs/{rig.name}/adaptation"
+    assert api.get(path).json() == {"policy": "observe"}
+    put = api.put(path, json={"policy": policy, "undo": undo})
+    assert (put.status_code, put.json()) == (200, {"policy": policy})
+    asked = rig.calls[-1][1]
+    assert (asked.client, asked.policy, asked.undo) == ("local.rest", policy, undo)
+    assert api.get(path).json() == put.json()  # at once: a GET shows what was PUT
+    assert api.get(f"/v1/rigs/{rig.name}").json()["adaptation"] == policy
+    assert api.put(path, json=put.json()).status_code == 200, "what is got can be put"
+    assert not rig.calls[-1][1].undo
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("", "JSON"),
+        ("{}", "policy"),
+        ('{"policy": "follow"}', "'observe', 'suggest' or 'adapt'"),
+        ('{"policy": "adapt", "undo": 1}', "undo"),
+        ('{"policy": "adapt", "undone": true}', "undone"),
+        ("[" * 100_000, "body"),
+    ],
+)
+def test_what_is_no_policy_is_refused(api: TestClient, rig: Any, body: str, said: str) -> None:
+    path = f"/v1/rigs/{rig.name}/adaptation"
+    answer = api.put(path, content=body, headers={"Content-Type": "application/json"})
+    assert answer.status_code == 422
+    assert said in answer.text
+    assert not rig.calls
+    assert api.put(path, content=body).status_code == 415
+
+
+def test_an_undo_that_the_rig_refuses_is_a_problem(api: TestClient, rig: Any) -> None:
+    rig.refusal = ("not_owner", "'ann' holds the rig and keeps its model")
+    body = {"policy": "observe", "undo": True}
+    answer = api.put(f"/v1/rigs/{rig.name}/adaptation", json=body)
+    assert (answer.status_code, answer.json()["code"]) == (409, "not_owner")
+    assert "keeps its model" in answer.json()["detail"]
+
+
 def test_model_keeps_what_newer_writers_add(api: TestClient, rig: Any) -> None:
     path = f"/v1/rigs/{rig.name}/model"
     put = api.put(path, json=MODEL, headers={"If-Match": '"m0"'})
@@ -196,6 +241,7 @@ def test_refusals_keep_their_word(api: TestClient, rig: Any, code: str, status: 
         ("PUT", "scene", SCENE),
         ("PUT", "model", MODEL),
         ("PUT", "compensation", {"mode": "none"}),
+        ("PUT", "adaptation", {"policy": "suggest"}),
         ("POST", "stop", None),
         ("POST", "reset", None),
     ],
@@ -214,6 +260,8 @@ def test_what_is_not_answered_in_time_has_an_unknown_outcome(
         found = api.get(asked)
         if path == "compensation":
             assert found.json()["mode"] == "none"
+        elif path == "adaptation":
+            assert found.json()["policy"] == "suggest"
         else:
             assert found.headers["etag"] in ('"s1"', '"m1"')
 

@@ -13,7 +13,9 @@ from frictus_service.config import Limits
 from frictus_service.daemon.commands import RENDERING_CALLS, Commands, IncomingCommand
 from frictus_service.daemon.control import Control, Interlock
 from frictus_service.daemon.inboxes import LoopInbox, ModelSlot, ModelUpdate
-from frictus_service.daemon.scene_controller import SceneController, rendered_model
+from frictus_service.daemon.model_controller import ModelController, rendered_model
+from frictus_service.daemon.safety import Safety
+from frictus_service.daemon.scene_controller import SceneController
 from frictus_service.synthesis.compensability import placeholder_model
 
 UTC_NS = 1_795_000_000_000_000_000
@@ -27,7 +29,7 @@ class Obeyed(ModelSlot):
 
     def offer(self, order: ModelUpdate) -> None:
         super().offer(order)
-        self.take()
+        self.take(Safety(), energised=False)
         order.done.set()
 
 
@@ -35,7 +37,7 @@ class TakenAtTheLastMoment(ModelSlot):
     """A slot whose orders the loop takes just before they would be withdrawn."""
 
     def withdraw(self, order: ModelUpdate) -> bool:
-        self.take()
+        self.take(Safety(), energised=False)
         order.done.set()
         return super().withdraw(order)
 
@@ -84,9 +86,18 @@ class Desk:
             self.orders,
             lambda: self.now_s,
         )
+        self.said: list[str] = []
+        self.models = ModelController(
+            Screen(),
+            self.interlock,
+            self.orders,
+            self.stage,
+            lambda: self.now_s,
+            say=self.said.append,
+        )
         control = Control(self.interlock, self.backend, self.limits, lambda: self.now_s)
         self.commands = Commands(
-            control, self.stage, self.interlock, self.limits, lambda: self.utc_ns
+            control, self.stage, self.models, self.interlock, self.limits, lambda: self.utc_ns
         )
 
     @property

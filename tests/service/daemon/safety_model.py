@@ -10,7 +10,7 @@ import copy
 import threading
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 from unittest.mock import patch
 
@@ -24,11 +24,13 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Exchange, Opened, RigInfo, TouchReport
 from frictus_hardware.errors import HardwareError
 from frictus_hardware.output import RETURN_S, OutputQueue
+from frictus_hardware.physics.screen import Screen
 from frictus_hardware.simulated.faults import ERRORS
 from frictus_service.config import Config, Limits
 from frictus_service.daemon.control import Interlock
-from frictus_service.daemon.inboxes import SceneUpdate
+from frictus_service.daemon.inboxes import ModelSlot, ModelUpdate, RenderedModel, SceneUpdate
 from frictus_service.daemon.loop import LOST, BlockLoop
+from frictus_service.daemon.model_controller import rendered_model
 from frictus_service.daemon.safety import (
     Arm,
     ClientVanished,
@@ -54,6 +56,7 @@ CONFIG: Final = Config(
 CLIENTS: Final[dict[str, Event]] = {
     "arm ann": Arm("ann", 0.0),  # for `LEASE_BLOCKS`
     "arm ben": Arm("ben", 0.0),
+    "arm ann, keep model": Arm("ann", 0.0, keep_model=True),
     "renew ann": Renew("ann"),
     "disarm ann": Disarm("ann"),
     "disarm ben": Disarm("ben"),
@@ -77,8 +80,11 @@ SENSED: Final = {
 TRIPPING: Final = (*list(SENSED)[:4], "deadline", "loop exception", "safety", *LOST[:2])
 FINGER: Final = ("finger lifted", "finger silent", "finger back")
 HEALTH: Final = ("sensor lost", "sensor back")
+ADAPT: Final = "adapt"
+"""A tracker's model is under way."""
 EVENTS: Final = (
     "nothing",
+    ADAPT,
     *CLIENTS,
     *(name + MEANWHILE for name in CLIENTS),
     *SENSED,
@@ -108,6 +114,16 @@ GROUPS: Final = {
         "finger silent",
         "finger back",
         "sensor",
+    ),
+    "model": (
+        "nothing",
+        "arm ann",
+        "arm ann, keep model",
+        "arm ann, keep model, meanwhile",
+        "stop, meanwhile",
+        "finger silent",
+        "finger back",
+        ADAPT,
     ),
     "lift": ("nothing", "arm ann", "finger lifted", "finger back", *HEALTH),
     "output": (
@@ -259,6 +275,7 @@ class Rights:
     """
 
     owner: str | None = None
+    keeps_model: bool = False
     lease_until: int = 0
     tripped: bool = False
     lost: dict[str, tuple[str, int]] = field(
@@ -268,6 +285,7 @@ class Rights:
     def lose(self, condition: str, cause: str, sample: int) -> None:
         if condition == "owner":
             self.owner = None
+            self.keeps_model = False
         self.lost.setdefault(condition, (cause, sample))
 
 
@@ -309,17 +327,24 @@ class World:
         self.last_v = 0.0
         self.wrong: list[str] = []
         self.zero_after: dict[str, int] = {}
+        self.models = (self.orders.model.in_force, _another_model())
+        self.played = (steady, compile_excitation(Excitation(bias=0.1), law, RATE_HZ))
         self._shared = (
             config,
-            steady,
+            self.models,
+            *self.models,
+            *(model.inverse for model in self.models),
+            self.played,
+            *self.played,
             self.device.info,
-            self.orders.model,
             self.loop.handover,
             self.interlock._lock,
         )
 
     def copy(self) -> "World":
-        return copy.deepcopy(self, {id(each): each for each in self._shared})
+        memo: dict[int, Any] = {id(each): each for each in self._shared}
+        memo[id(self.orders.model)] = ModelSlot(self.orders.model.in_force)  # none waits
+        return copy.deepcopy(self, memo)
 
     @property
     def sample(self) -> int:
@@ -346,6 +371,7 @@ class World:
         elif event in HEALTH:
             device.wrong = event if event == "sensor lost" else None
         device.happens = event
+        order, kept = self._offer() if event == ADAPT else None, self.rights.keeps_model
         mismatch = self._mismatch()
         if loop.parked:
             loop.wait_for_device(OneTry())
@@ -358,6 +384,12 @@ class World:
                 self.ended = True
             self._note_causes(event, began, mismatch)
             self._judge(began, device.voltage_v[played:])
+        if order is not None and order.done.is_set() and kept:
+            self.wrong.append("the model changed though its owner keeps it")
+        elif order is not None and not order.done.is_set() and not (kept or loop.parked):
+            self.wrong.append("the model did not change though nobody keeps it")
+        if order is not None:
+            self.orders.model.withdraw(order)
         device.meanwhile, device.happens = None, "nothing"
         device.voltage_v = np.zeros(0)
         while not loop.handover.empty():
@@ -367,11 +399,18 @@ class World:
         if device.armed and not loop._energised:
             self.wrong.append("the device is armed, and the loop does not know")
 
+    def _offer(self) -> ModelUpdate:
+        """Have the loop adapt the model, which here lowers the drive, or raises it again."""
+        now = self.orders.model.in_force is self.models[1]
+        order = ModelUpdate(self.models[not now], self.played[not now], fades=True)  # type: ignore[arg-type]
+        self.orders.model.offer(order)
+        return order
+
     def _ask(self, name: str) -> None:
         rights, now = self.rights, self.sample
         event, lease = CLIENTS[name], LEASE_BLOCKS * self.device.block_samples
         if isinstance(event, Arm):
-            event = Arm(event.client, lease / RATE_HZ)
+            event = replace(event, lease_s=lease / RATE_HZ)
         held = rights.owner
         refused = self.interlock.feed(event, now / RATE_HZ) is not None
         match event:
@@ -379,6 +418,7 @@ class World:
                 if rights.tripped or held not in (None, event.client):
                     self.wrong.append(f"{name} was granted though tripped or held by {held}")
                 rights.owner, rights.lease_until = event.client, now + lease
+                rights.keeps_model = event.keep_model
                 rights.lost.pop("owner", None)
             case Renew() if not refused:
                 if held != event.client:
@@ -492,6 +532,9 @@ class World:
             loop._checks.sensor_lost,
             loop._broken,
             loop._chain.renderer._level,
+            loop._chain.renderer._share,
+            self.orders.model.in_force is self.models[1],
+            safety.keep_model,
             loop._estimator.in_contact,
             min(age, 2.0 * STALE_MS),
             self._unknown(2 * device.block_samples).tobytes(),
@@ -511,6 +554,13 @@ class World:
                 )
             ),
         )
+
+
+def _another_model() -> RenderedModel:
+    """Return a model that asks for another drive."""
+    model = placeholder_model()
+    base = model.base.model_copy(update={"gain_n": 0.5})
+    return rendered_model(model.model_copy(update={"base": base}), Screen())
 
 
 @dataclass(frozen=True)

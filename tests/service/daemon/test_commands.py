@@ -16,7 +16,7 @@ from frictus_service.command_validation import MAX_DIGITS, MAX_MEMBERS, MAX_VALU
 from frictus_service.config import Limits
 from frictus_service.daemon.commands import SHORT_BYTES
 from frictus_service.daemon.inboxes import ModelSlot
-from frictus_service.daemon.safety import FaultRaised, OutputQuiet
+from frictus_service.daemon.safety import FaultRaised, OutputQuiet, Safety
 from frictus_service.synthesis.compensability import placeholder_model
 
 from .desk import SCENE, TEXTURE, WAVE, Desk, Finger, Info, TakenAtTheLastMoment
@@ -75,7 +75,7 @@ def test_whom_the_owner_does_not_name_is_told_who_holds_the_rig_and_what_to_do(
     desk: Desk, name: str, stranger: str
 ) -> None:
     desk.call("arm", share_with=["ben", "cy"])
-    model = desk.stage.model.model.model_dump(mode="json", by_alias=True)
+    model = desk.models.model.model.model_dump(mode="json", by_alias=True)
     fields = {"scene": SCENE, "peak_n": 0.06, "excitation": {"bias": 0.4}, "model": model}
     reply = desk.call(name, stranger, **fields)
     assert reply.code == "not_owner"
@@ -294,9 +294,9 @@ def test_model_changes_only_while_disarmed_and_matching(desk: Desk) -> None:
     desk.call("disarm")
     desk.interlock.feed(OutputQuiet(), desk.now_s)
     assert desk.call("model", model=model, if_match="else").code == "conflict"
-    reply = desk.call("model", model=model, if_match=desk.stage.model.etag)
+    reply = desk.call("model", model=model, if_match=desk.models.model.etag)
     assert reply.ok
-    assert reply.etag == desk.stage.model.etag
+    assert reply.etag == desk.models.model.etag
     assert desk.orders.model.in_force.inverse.law.gain_n == 0.5
 
 
@@ -304,22 +304,24 @@ def test_model_changes_only_while_disarmed_and_matching(desk: Desk) -> None:
 def test_a_model_is_in_force_if_and_only_if_the_reply_says_so(
     slot: type[ModelSlot], ok: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("frictus_service.daemon.scene_controller.MODEL_CHANGE_S", 0.0)
+    monkeypatch.setattr("frictus_service.daemon.model_controller.MODEL_CHANGE_S", 0.0)
     desk = Desk(slot=slot)
-    before = desk.stage.model.etag
+    before = desk.models.model.etag
     model = placeholder_model().model_dump(mode="json", by_alias=True)
     model["base"]["gain_n"] = 0.5
     reply = desk.call("model", model=model)
     assert reply.ok == ok
-    assert desk.orders.model.take() is None, "nothing is left that could be taken later"
+    assert desk.orders.model.take(Safety(), energised=False) is None, (
+        "nothing is left that could be taken later"
+    )
     in_force = desk.orders.model.in_force
-    assert in_force.state.etag == desk.stage.model.etag
+    assert in_force.state.etag == desk.models.model.etag
     assert (in_force.inverse.law.gain_n == 0.5) == ok
     if ok:
-        assert reply.etag == desk.stage.model.etag
+        assert reply.etag == desk.models.model.etag
     else:
         assert reply.code == "conflict"
-        assert desk.stage.model.etag == before
+        assert desk.models.model.etag == before
 
 
 def test_mobility_model_cannot_be_rendered(desk: Desk) -> None:
@@ -351,7 +353,7 @@ def test_effects_that_are_not_rendered_are_named_with_the_reason(desk: Desk) -> 
     assert "from_a_newer_version, because this version does not know it" in not_rendered
     assert "charge_leakage: " in limited
     assert "direction_asymmetry" not in said
-    told = desk.stage.model.not_rendered
+    told = desk.models.model.not_rendered
     assert set(told) == {"channel_delay", "from_a_newer_version"}
 
 
@@ -361,7 +363,7 @@ def test_a_model_with_an_effect_out_of_its_range_is_refused(desk: Desk) -> None:
     reply = desk.call("model", model=model)
     assert reply.code == "not_feasible"
     assert "share" in reply.message
-    assert desk.stage.model.model.effects == []
+    assert desk.models.model.model.effects == []
 
 
 def test_scenes_are_compiled_for_where_the_gain_is_least(desk: Desk) -> None:

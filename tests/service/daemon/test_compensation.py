@@ -225,7 +225,7 @@ def test_switching_while_it_plays_neither_trips_nor_clips(make_driven: MakeDrive
 
 def rendered_mode(driven: Driven) -> str:
     """What the loop renders with, by what it inverts."""
-    inverse = driven.bench.loop._chain.renderer._inverter.inverse
+    inverse = driven.bench.loop._chain.renderer.inverse
     return "model" if inverse is driven.bench.orders.model.in_force.inverse else "another"
 
 

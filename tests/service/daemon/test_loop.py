@@ -34,9 +34,10 @@ from frictus_service.config import Limits
 from frictus_service.daemon.block_record import blocks_of, flags_of
 from frictus_service.daemon.inboxes import ModelUpdate, SceneUpdate
 from frictus_service.daemon.loop import HANDOVER_BLOCKS
+from frictus_service.daemon.model_controller import ModelController, rendered_model
 from frictus_service.daemon.retry import RetryingBackend
 from frictus_service.daemon.safety import ClientVanished, Disarm, FaultRaised, Reset, Stop
-from frictus_service.daemon.scene_controller import SceneController, rendered_model
+from frictus_service.daemon.scene_controller import SceneController
 from frictus_service.daemon.timebase import Stamp
 from frictus_service.json_text import etag_of
 from frictus_service.synthesis.compensability import placeholder_model
@@ -582,6 +583,9 @@ def test_reply_state_and_loop_agree_on_the_model_though_the_loop_stands_still(
     stage = SceneController(
         Screen(), bench.rate_hz, bench.interlock, bench.orders, lambda: bench.now_s
     )
+    models = ModelController(
+        Screen(), bench.interlock, bench.orders, stage, lambda: bench.now_s
+    )
     bench.turn(0.1)
     stands, goes_on = threading.Event(), threading.Event()
 
@@ -601,15 +605,15 @@ def test_reply_state_and_loop_agree_on_the_model_though_the_loop_stands_still(
     try:
         request = ModelRequest(client="ann", utc_ns=0, model=stronger())
         try:
-            etag = stage.set_model(request).etag
+            etag = models.set_model(request).etag
         except RefusedError:
             etag = etag_of(placeholder_model())
     finally:
         goes_on.set()
         loop.join()
     in_force = bench.orders.model.in_force
-    assert etag == stage.model.etag == in_force.state.etag
-    assert bench.loop._chain.renderer._inverter.inverse is in_force.inverse
+    assert etag == models.model.etag == in_force.state.etag
+    assert bench.loop._chain.renderer.inverse is in_force.inverse
 
 
 def test_a_drift_counts_from_when_the_law_came_and_through_armings(

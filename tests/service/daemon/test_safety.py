@@ -75,11 +75,13 @@ class Rig(RuleBasedStateMachine):
         self.now_s += passed_s
         self.feed(Tick())
 
-    @rule(client=CLIENTS, lease_s=st.floats(0.1, 2.0))
-    def arm(self, client: str, lease_s: float) -> None:
-        effects = self.feed(Arm(client, lease_s))
+    @rule(client=CLIENTS, lease_s=st.floats(0.1, 2.0), keep_model=st.booleans())
+    def arm(self, client: str, lease_s: float, keep_model: bool) -> None:
+        effects = self.feed(Arm(client, lease_s, keep_model=keep_model))
         if not any(isinstance(effect, Refuse) for effect in effects):
             self.renewed_s, self.lease_s = self.now_s, lease_s
+            assert self.safety.keeps_model_from("") is keep_model
+            assert not self.safety.keeps_model_from(client)
 
     @rule(client=CLIENTS)
     def renew(self, client: str) -> None:
@@ -136,6 +138,7 @@ class Rig(RuleBasedStateMachine):
     def device_is_off_unless_armed(self) -> None:
         assert self.safety.energised == (self.safety.state == "armed")
         assert (self.safety.owner is not None) == (self.safety.state == "armed")
+        assert self.safety.state == "armed" or not self.safety.keep_model
 
     @invariant()
     def there_is_a_way_back_to_zero(self) -> None:

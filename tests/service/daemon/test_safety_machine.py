@@ -6,7 +6,7 @@ from .safety_model import EVENTS, GROUPS, search
 from .time_to_zero import CAUSES, LIMITS_MS, time_to_zero_ms
 
 
-@pytest.mark.parametrize("group", ["owner", "finger"])
+@pytest.mark.parametrize("group", ["owner", "finger", "model"])
 def test_no_order_of_events_drives_the_screen_without_a_right_to(group: str) -> None:
     found = search(GROUPS[group])
     assert not found.wrong, found.wrong[:3]

@@ -19,6 +19,7 @@ from typer.testing import CliRunner
 import frictus
 from frictus.keys import RECORDER_CALLS, STREAMS, Topic, Topics
 from frictus.messages import RecordingState, RecordRequest, RefusalCode, Reply
+from frictus.model import FirstOrderSpeedLaw
 from frictus.protocol import EXAMPLE_BLOCK
 from frictus_hardware import ReplayConfig, SimulatedConfig
 from frictus_hardware.replay.rig import ReplayRig
@@ -174,6 +175,49 @@ def check_contents(path: Path) -> None:
     assert {"model.json", "scene.json", "status.json", "configuration.json"} <= set(attached)
     assert b"missed_deadlines" in attached["configuration.json"]
     assert SECRET.encode() not in path.read_bytes()
+
+
+def test_a_recording_holds_every_model_of_a_rig_that_follows_the_finger(
+    rig: frictus.Rig, tmp_path: Path
+) -> None:
+    as_set = rig.model()
+    law = as_set.model.base
+    assert isinstance(law, FirstOrderSpeedLaw)
+    finer = law.model_copy(update={"gain_n": 1.1 * law.gain_n})
+    rig.set_adaptation("adapt")
+    rig.record("adapted")
+    with rig.arm(lease_ms=10_000):
+        adapted = rig.adapt(as_set.model.model_copy(update={"base": finer}), as_set.etag, "why")
+        assert rig.model().etag == adapted
+        with rig.blocks("force", timeout_s=10.0) as feed:
+            for _ in range(400):  # two seconds of strokes
+                next(feed)
+        rig.set_adaptation("observe", undo=True)
+        assert rig.model().etag == as_set.etag
+    recorded = rig.end_recording().path
+    assert recorded is not None
+    path = Path(recorded)
+    summary = summary_of(path)
+    assert summary.sound
+    found = [(model.etag, model.adapted_from, model.reason) for model in summary.models]
+    assert found == [
+        (as_set.etag, None, ""),
+        (adapted, as_set.etag, "why"),
+        (as_set.etag, None, ""),
+    ]
+    lines = [line for line in lines_of(path, summary) if line.startswith("model ")]
+    assert [line.split(" from ")[0] for line in lines] == [
+        f"model {etag}" for etag, _, _ in found
+    ]
+    assert lines[1].endswith("s, adapted: why")
+    trial = "--participant p7 --speed 60 --force 0.4 --tone 0".split()
+    for command in (
+        ["export", recorded, "--to", "replay", "--out", str(tmp_path / "tape.npz")],
+        ["export", recorded, "--to", "h5", "--out", str(tmp_path / "study.h5"), *trial],
+        ["track", recorded],
+    ):
+        told = CliRunner().invoke(app, command)
+        assert told.exit_code == 0, told.output
 
 
 def test_a_recording_says_which_compensation_was_in_force(

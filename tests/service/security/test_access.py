@@ -89,6 +89,15 @@ def test_everybody_may_stop_and_only_a_controller_may_command() -> None:
         assert not allowed(Member("rig", "lab/rig2"), "egress", "query", key)
 
 
+def test_a_rigs_tracker_may_have_its_own_model_adapted_and_nothing_else() -> None:
+    for key in CALL_KEYS:
+        asks = key in (KEYS.call("adapt"), KEYS.call("stop"))
+        assert allowed(RIG, "ingress", "query", key) is asks
+        for message in ("reply", "declare_queryable"):
+            assert allowed(RIG, "egress", message, key) is asks
+        assert not allowed(RIG, "ingress", "query", key.replace("rig1", "rig2"))
+
+
 def test_only_a_rig_answers_for_itself() -> None:
     for key in CALL_KEYS:
         for message in ("declare_queryable", "reply"):

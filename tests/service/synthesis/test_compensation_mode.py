@@ -20,13 +20,14 @@ from frictus_service.synthesis.compensation_mode import (
 )
 from frictus_service.synthesis.estimator import PredictedMotion
 from frictus_service.synthesis.kernel import BlockMotion
-from frictus_service.synthesis.renderer import Rendered, Renderer
+from frictus_service.synthesis.renderer import FADE_S, Rendered, Renderer
 from frictus_service.synthesis.scene import compile_excitation, compile_scene
 
 pytestmark = pytest.mark.compiled
 
 RATE = 20_000.0
 BLOCK = 100
+FADE = round(FADE_S * RATE)
 LAW = FrictionLaw()
 SCREEN = Screen()
 FIXED = Compensation(mode="fixed", speed_mm_s=60.0)
@@ -120,14 +121,14 @@ def test_a_speed_for_which_the_model_does_not_hold_is_refused(speed: float | Non
 def test_at_the_fixed_speed_fixed_is_the_model(inverse: Inverse) -> None:
     model, fixed = Stroke(inverse, 60.0), Stroke(inverse, 60.0)
     fixed.switch(FIXED)
-    np.testing.assert_allclose(fixed.drive(20)[BLOCK:], model.drive(20)[BLOCK:], atol=1e-9)
+    np.testing.assert_allclose(fixed.drive(20)[FADE:], model.drive(20)[FADE:], atol=1e-9)
 
 
 def test_without_compensation_the_drive_is_the_target_over_the_gain() -> None:
     stroke = Stroke(EFFECTS)
     stroke.drive(6)
     stroke.switch(NONE)
-    stroke.go()
+    stroke.drive(FADE // BLOCK)
     rendered = stroke.go()
     later = np.append(rendered.target_n[1:], np.nan)[:-1] / LAW.gain_n
     np.testing.assert_allclose(rendered.drive[:-1], later, atol=1e-9)
@@ -136,7 +137,7 @@ def test_without_compensation_the_drive_is_the_target_over_the_gain() -> None:
 @pytest.mark.parametrize("inverse", [Inverse(LAW), EFFECTS], ids=["law", "effects"])
 @pytest.mark.parametrize("before", MODES, ids=str)
 @pytest.mark.parametrize("after", MODES, ids=str)
-def test_a_switch_fades_over_one_block_and_never_jumps(
+def test_a_switch_fades_over_20_ms_and_never_jumps(
     rng: np.random.Generator, inverse: Inverse, before: Compensation, after: Compensation
 ) -> None:
     speed = float(rng.uniform(20.0, 100.0))
@@ -146,16 +147,16 @@ def test_a_switch_fades_over_one_block_and_never_jumps(
         stroke.drive(20)  # what states hold is forgotten
     strokes[0].switch(after)
     found, one, other = (stroke.drive(12) for stroke in strokes)
-    share = np.arange(BLOCK) / BLOCK
+    share = np.arange(FADE) / FADE
     share = share * share * (3.0 - 2.0 * share)
     assert found[0] == one[0], "it begins where it was"
     if inverse.plain:
-        mixed = one[:BLOCK] + share * (other[:BLOCK] - one[:BLOCK])
-        np.testing.assert_allclose(found[:BLOCK], mixed, atol=1e-12)
-        np.testing.assert_array_equal(found[BLOCK:], other[BLOCK:])
+        mixed = one[:FADE] + share * (other[:FADE] - one[:FADE])
+        np.testing.assert_allclose(found[:FADE], mixed, atol=1e-12)
+        np.testing.assert_array_equal(found[FADE:], other[FADE:])
     own = max(float(np.abs(np.diff(part)).max()) for part in (one, other))
     apart = float(np.abs(one - other).max())
-    assert np.abs(np.diff(found)).max() <= 1.1 * (own + 1.5 / BLOCK * apart) + 1e-9
+    assert np.abs(np.diff(found)).max() <= 1.1 * (own + 1.5 / FADE * apart) + 1e-9
     assert found.min() >= 0.0
     assert found.max() <= 1.0
 

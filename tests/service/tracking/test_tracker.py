@@ -19,7 +19,6 @@ from frictus_hardware.simulated.config import Participant
 from frictus_hardware.simulated.human import HumanStrokes
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
-from frictus_service.errors import EstimateError
 from frictus_service.fidelity.measure import feel, full_gain
 from frictus_service.fidelity.path import walk
 from frictus_service.library import SHIPPED
@@ -64,7 +63,7 @@ def parts(signals: Signals, samples: int = 100) -> Iterator[AlignedSamples]:
 
 
 def tracker() -> Tracker:
-    found = Tracker(WindowCutter(RATE_HZ, 75.0, Mount().lateral), Prior.weak())
+    found = Tracker(WindowCutter(RATE_HZ, 75.0, Mount().lateral), Prior.weak(), "rig1")
     found.put_in_force(ModelInForce.of("etag", placeholder_model()))
     return found
 
@@ -101,9 +100,10 @@ def test_the_model_says_where_it_comes_from_and_puts_an_end_to_the_alarm(felt: S
     found = tracker()
     for part in parts(felt):
         found.take(part)
-    model = found.model("P07", 75.0, {"rig": "rig1"})
-    assert (model.participant, model.placeholder) == ("P07", False)
-    assert model.provenance["source"] == "live"
+    model = found.state(0).model
+    assert model is not None
+    assert (model.participant, model.placeholder) == (None, False)
+    assert (model.provenance["source"], model.provenance["rig"]) == ("live", "rig1")
     assert model.validity.speed_mm_s[0] >= 20.0
     found.put_in_force(ModelInForce.of("other", model))
     assert found.state(1).alarms == ()
@@ -140,12 +140,30 @@ def test_a_gap_a_restart_and_dead_sensors_are_left_out_and_counted(felt: Signals
     assert found.new_fingers == 0
 
 
+def test_another_person_begins_from_what_is_known_of_them(felt: Signals) -> None:
+    found = tracker()
+    for part in list(parts(felt))[:1200]:
+        found.take(part)
+    own = found.state(0).model
+    assert own is not None
+    weak = Prior.weak()
+    prior = Prior.of_person(own, weak)
+    # Theirs, a little wider than it was known; the delay is the rig's and not carried over.
+    np.testing.assert_allclose(prior.mean[:3], found.estimate.mean[:3], rtol=1e-9)
+    assert np.all(np.diag(prior.covariance)[:3] > np.diag(found.estimate.covariance)[:3])
+    assert prior.covariance[3, 3] == weak.covariance[3, 3]
+    assert np.all(prior.covariance[3, :3] == 0.0)
+    found.begin_anew(prior, "P07")
+    assert (found.state(0).participant, found.state(0).windows) == ("P07", 0)
+    assert found.state(0).law is None
+    assert Prior.of_person(placeholder_model(), weak) is weak
+
+
 def test_nothing_is_said_of_a_finger_that_felt_nothing() -> None:
     found = tracker()
     state = found.state(1)
     assert (state.law, state.windows, state.error_db, state.alarms) == (None, 0, {}, ())
-    with pytest.raises(EstimateError, match="Play a texture"):
-        found.model(None, 75.0, {})
+    assert state.model is None
 
 
 def test_a_model_without_a_law_of_friction_is_not_compared_with(felt: Signals) -> None:

@@ -39,8 +39,7 @@ function judged(estimate) {
   const at20 = frequency(law.cutoff_20_hz.value);
   const at100 = frequency(law.cutoff_100_hz.value);
   const felt = seconds(windows * WINDOW_S);
-  const follows = `This finger follows the drive up to ${at20} at 20 mm/s`;
-  const parts = [`${follows} and ${at100} at 100 mm/s.`];
+  const parts = [`This finger follows the drive up to ${at20} at 20 and ${at100} at 100 mm/s.`];
   if (error.in_force != null && error.newest != null) {
     parts.push(`The model in force is ${decibels(error.in_force)} off; what was learned from ` +
       `${felt} of sliding is ${decibels(error.newest)} off.`);

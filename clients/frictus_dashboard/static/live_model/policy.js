@@ -4,6 +4,7 @@ import { POLICIES } from "../adaptation.js";
 import { request } from "../api.js";
 import { element, say } from "../element.js";
 import { Outcome } from "../outcome.js";
+import { coded } from "./coded.js";
 import { times } from "./units.js";
 
 export class Policy {
@@ -59,9 +60,9 @@ export class Policy {
       button.disabled = why !== "";
     }
     this.undo.disabled = why !== "" || adaptations === 0;
-    const changed = `The model was changed ${times(adaptations)} since it was set`;
+    const changed = `Changed ${times(adaptations)} since it was set`;
     say(this.count, adaptations === 0 ? "The model is as it was set" : changed);
-    say(this.heldBack, heldBack === "" ? "" : `The model stays as it is: ${heldBack}`);
+    this.heldBack.replaceChildren(...coded(`The model stays as it is: ${heldBack}.`));
     this.heldBack.hidden = heldBack === "";
     say(this.proposal, proposal);
     this.proposal.hidden = proposal === "";

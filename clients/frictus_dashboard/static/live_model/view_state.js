@@ -12,6 +12,11 @@ import { groupsOf } from "./speed_groups.js";
 import { frequency, seconds } from "./units.js";
 
 const ERRORS = { first: "First model", in_force: "Model in force", newest: "Learned now" };
+const PROPOSALS = {
+  observe: "Under Adapt this would be put in force",
+  suggest: "Suggested",
+  adapt: "Put in force as it is learned",
+};
 
 /**
  * @param {{rig: string|null, status: object|null, estimate: object|null, ageMs: number,
@@ -51,9 +56,9 @@ export function viewStateOf({ rig, status, estimate, ageMs, entries }) {
 
 /** What would be put in force now, where nothing holds it back; empty else. */
 function proposalOf(policy, { law, held_back: heldBack }) {
-  if (law === null || heldBack !== "" || policy === "observe") return "";
+  if (law === null || heldBack !== "") return "";
   const [at20, at100] = [law.cutoff_20_hz, law.cutoff_100_hz].map(({ value }) => frequency(value));
   const gain = `gain ${law.gain_n.value.toFixed(3)} N`;
   const values = `${gain}, cutoff ${at20} at 20 and ${at100} at 100 mm/s`;
-  return policy === "adapt" ? `Put in force as it is learned: ${values}.` : `Suggested: ${values}.`;
+  return `${PROPOSALS[policy]}: ${values}.`;
 }

@@ -1,6 +1,5 @@
-"""The finger on a rig, and the one in a recording: the same samples for the same tracker."""
+"""The finger in a recording: the same samples for the same tracker as on a rig."""
 
-import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Final
@@ -8,9 +7,8 @@ from typing import Final
 import frictus
 from frictus.aligned import AlignedSamples
 from frictus.block import Block
-from frictus.keys import FORCE, RENDER, VOLTAGE, Topics
+from frictus.keys import FORCE, RENDER, VOLTAGE
 from frictus.messages import EstimateState, Message, ModelState, RigStatus
-from frictus.rig import Rig
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.errors import RecordingError
@@ -19,7 +17,6 @@ from frictus_service.recording.samples import Samples
 from frictus_service.tracking.tracker import ModelInForce, Tracker
 from frictus_service.tracking.windows import WindowCutter
 
-SILENT_S: Final = 3.0
 STATE_S: Final = 0.5
 """The estimate is told this often."""
 _WANTED: Final = {FORCE: "force", VOLTAGE: "voltage", RENDER: "render"}
@@ -27,62 +24,9 @@ _WANTED: Final = {FORCE: "force", VOLTAGE: "voltage", RENDER: "render"}
 Tell = Callable[[EstimateState], None]
 
 
-def tracker_of(status: RigStatus, mount: TransferFunction | None, prior: Prior) -> Tracker:
-    """Return a tracker for the streams of a rig.
-
-    Parameters
-    ----------
-    status : RigStatus
-        What the rig says of itself.
-    mount : TransferFunction or None
-        Between screen and force sensor, lateral, force to force.
-    prior : Prior
-        Of a new person.
-    """
-    cutter = WindowCutter(status.sample_rate_hz, status.screen_peak_v, mount)
-    return Tracker(cutter, prior)
-
-
-def follow_rig(rig: Rig, tracker: Tracker, tell: Tell, over: Callable[[], bool]) -> None:
-    """Follow the finger on a rig until it is over.
-
-    Parameters
-    ----------
-    rig : Rig
-        Of a client; nothing is sent to it.
-    tracker : Tracker
-        For its streams.
-    tell : callable
-        Told the estimate twice a second.
-    over : callable
-        Asked with every part; true ends it.
-
-    Raises
-    ------
-    SilenceError
-        If the rig says nothing for 3 s.
-    """
-    told_s = -STATE_S
-    with (
-        rig.blocks("force", timeout_s=SILENT_S) as force,
-        rig.blocks("voltage", timeout_s=SILENT_S) as voltage,
-        rig.blocks("render", timeout_s=SILENT_S) as render,
-        rig.watch(Topics.MODEL) as models,
-    ):
-        for part in frictus.align(force=force, voltage=voltage, render=render):
-            for model in models.drain():
-                _put_in_force(tracker, model)
-            tracker.take(part)
-            if over():
-                return
-            if time.monotonic() - told_s >= STATE_S:
-                told_s = time.monotonic()
-                tell(tracker.state(time.time_ns()))
-
-
 def follow_recording(
     reader: RecordingReader, mount: TransferFunction | None, prior: Prior, tell: Tell
-) -> tuple[Tracker, RigStatus]:
+) -> EstimateState:
     """Follow the finger in a recording, as fast as it can be read.
 
     Parameters
@@ -98,10 +42,8 @@ def follow_recording(
 
     Returns
     -------
-    Tracker
+    EstimateState
         After the last sample.
-    RigStatus
-        The first in the recording.
 
     Raises
     ------
@@ -118,7 +60,8 @@ def follow_recording(
     )
     if status is None:
         raise RecordingError(f"{reader.path} holds no status of its rig: its screen is unknown")
-    tracker = tracker_of(status, mount, prior)
+    cutter = WindowCutter(status.sample_rate_hz, status.screen_peak_v, mount)
+    tracker = Tracker(cutter, prior, status.rig)
     streams = _Streams(reader, lambda message: _put_in_force(tracker, message))
     told_ns = 0
     for part in streams.parts():
@@ -132,8 +75,9 @@ def follow_recording(
             f"{reader.path} has no stream {' and '.join(missing)}: record it with this version "
             "of frictus, which keeps what was rendered"
         )
-    tell(tracker.state(told_ns))
-    return tracker, status
+    state = tracker.state(told_ns)
+    tell(state)
+    return state
 
 
 def _put_in_force(tracker: Tracker, message: Message) -> None:

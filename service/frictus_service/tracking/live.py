@@ -1,0 +1,298 @@
+"""The finger on a rig, live: reads its streams, tells the estimate, asks for a change of model.
+
+A plain reader of the rig but for one call: under the policy `adapt`, which the rig holds and
+judges, it asks for the model to follow the finger. If it lags, dies or stands still, the rig
+goes on with the model that it has.
+"""
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from types import TracebackType
+from typing import Final, Self
+
+import frictus
+from frictus.block import Block
+from frictus.errors import FrictusError, LinkError, SilenceError
+from frictus.gaps import BlockFeed, Gap
+from frictus.keys import Topics
+from frictus.messages import (
+    EstimateState,
+    GuidanceState,
+    Message,
+    ModelChange,
+    ModelState,
+    RigStatus,
+    SceneState,
+)
+from frictus.model import Model
+from frictus.rig import Rig
+from frictus_hardware.arrays import FloatArray
+from frictus_hardware.physics.linear import TransferFunction
+from frictus_service.calibration.coordinates import Prior
+from frictus_service.errors import EstimateError
+from frictus_service.recording.samples import Coalescer
+from frictus_service.tracking.audit import Audit
+from frictus_service.tracking.law_estimate import LawEstimate
+from frictus_service.tracking.policy import Circumstances, adapted, held_back, law_values
+from frictus_service.tracking.tracker import ModelInForce, Tracker
+from frictus_service.tracking.watch import INSTRUMENT
+from frictus_service.tracking.windows import WindowCutter
+
+SILENT_S: Final = 3.0
+STATE_S: Final = 0.5
+"""The estimate is told this often."""
+BEAT_S: Final = 0.1
+"""What has come is taken this often: a block at a time costs four times as much."""
+CHANGES: Final = 16
+"""The newest changes of the model that are told."""
+GUIDED: Final = ("approach", "record")
+"""Phases of a guided trial."""
+
+Tell = Callable[[EstimateState], None]
+
+
+class LiveTracker:
+    """Follows the finger on one rig; a context manager.
+
+    Parameters
+    ----------
+    rig : Rig
+        Of a client.
+    mount : TransferFunction or None
+        Between screen and force sensor, lateral, force to force.
+    population : Prior
+        Of a person of whom nothing is known.
+    tell : callable
+        Told the estimate twice a second.
+    audit : Audit or None
+        Takes each change of the model.
+    monotonic_s : callable
+        Monotonic clock, s.
+
+    Attributes
+    ----------
+    tracker : Tracker
+        With the newest estimate.
+    status : RigStatus
+        The newest.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        mount: TransferFunction | None,
+        population: Prior,
+        tell: Tell,
+        audit: Audit | None = None,
+        monotonic_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._rig = rig
+        self._population = population
+        self._tell = tell
+        self._audit = audit
+        self._monotonic_s = monotonic_s
+        self.status: RigStatus = rig.status()
+        rate_hz, peak_v = self.status.sample_rate_hz, self.status.screen_peak_v
+        cutter = WindowCutter(rate_hz, peak_v, mount)
+        self.tracker = Tracker(cutter, population, rig.name)
+        self._states = [
+            rig.watch(topic)
+            for topic in (Topics.STATUS, Topics.MODEL, Topics.SCENE, Topics.GUIDANCE)
+        ]
+        self._model: ModelState | None = None
+        self._scene: SceneState | None = None
+        self._guided_s = self._changed_s = self._felt_s = -float("inf")
+        self._changes: deque[ModelChange] = deque(maxlen=CHANGES)
+        self._unaudited = ""
+
+    def __enter__(self) -> Self:
+        """Return self."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Stop listening."""
+        for feed in self._states:
+            feed.close()
+
+    def follow(self, over: Callable[[], bool]) -> None:
+        """Follow the finger until it is over.
+
+        Parameters
+        ----------
+        over : callable
+            Asked ten times a second; true ends it.
+
+        Raises
+        ------
+        SilenceError
+            If the rig says nothing for 3 s.
+        LinkError
+            If the router is gone.
+        """
+        told_s = -float("inf")
+        with (
+            self._rig.blocks("force") as force,
+            self._rig.blocks("voltage") as voltage,
+            self._rig.blocks("render") as render,
+        ):
+            streams = {
+                name: self._joined(feed, over)
+                for name, feed in (("force", force), ("voltage", voltage), ("render", render))
+            }
+            for part in frictus.align(**streams):
+                self._hear()
+                if self.tracker.take(part):
+                    self._felt_s = self._monotonic_s()
+                if self._monotonic_s() - told_s >= STATE_S:
+                    told_s = self._monotonic_s()
+                    self._conclude()
+                if over():
+                    return
+
+    def _joined(self, feed: BlockFeed, over: Callable[[], bool]) -> Iterator[Block]:
+        """Yield what a stream brings, a tenth of a second at a time."""
+        joined = Coalescer()
+        heard_s = due_s = self._monotonic_s()
+        while not over():
+            blocks = [item for item in feed.drain() if not isinstance(item, Gap)]
+            for block in blocks:
+                for samples in joined.add(block):
+                    yield samples.block()
+            for samples in joined.flush():
+                yield samples.block()
+            now_s = self._monotonic_s()
+            if blocks:
+                heard_s = now_s
+                due_s = max(due_s + BEAT_S, now_s)
+            elif now_s - heard_s > SILENT_S:
+                raise SilenceError(f"rig {self._rig.name} has said nothing for {SILENT_S:g} s")
+            else:
+                due_s = now_s + 0.1 * BEAT_S
+            time.sleep(due_s - now_s)
+
+    def _hear(self) -> None:
+        """Take note of what else the rig has said."""
+        for feed in self._states:
+            for message in feed.drain():
+                self._note(message)
+
+    def _note(self, message: Message) -> None:
+        match message:
+            case RigStatus():
+                self.status = message
+            case SceneState():
+                self._scene = message
+            case GuidanceState():
+                if message.phase in GUIDED:
+                    self._guided_s = self._monotonic_s()
+            case ModelState():
+                self._note_model(message)
+
+    def _note_model(self, new: ModelState) -> None:
+        """Take note of the model in force; one that was set is of another person, perhaps."""
+        old, self._model = self._model, new
+        if old is not None and new.etag == old.etag:
+            return
+        self._changed_s = self._monotonic_s()
+        if old is None or new.adapted_from != old.etag:
+            prior = Prior.of_person(new.model, self._population)
+            self.tracker.begin_anew(prior, new.model.participant)
+        elif (change := _change(old, new)) is not None:
+            self._changes.append(change)
+            self._keep(change, old.model, new.model)
+        self.tracker.put_in_force(ModelInForce.of(new.etag, new.model))
+
+    def _keep(self, change: ModelChange, before: Model, after: Model) -> None:
+        if self._audit is None:
+            return
+        try:
+            self._audit.add(self.status, change, before, after)
+        except OSError as error:
+            self._unaudited = f"changes of the model cannot be written down: {error}"
+
+    def _conclude(self) -> None:
+        """Have the model follow the finger where it may, and tell what is known."""
+        why = self._held_back()
+        if not why and self.status.adaptation == "adapt":
+            why = self._adapt()
+        state = self.tracker.state(time.time_ns())
+        self._tell(
+            state.model_copy(
+                update={
+                    "policy": self.status.adaptation,
+                    "held_back": why,
+                    "changes": tuple(self._changes),
+                }
+            )
+        )
+
+    def _held_back(self) -> str:
+        if self._model is None:
+            return "the rig has not said yet which model it renders by"
+        if self._unaudited:
+            return self._unaudited
+        tracker, now_s = self.tracker, self._monotonic_s()
+        return held_back(
+            tracker.estimate,
+            tracker.in_force,
+            self._population,
+            tracker.speeds_mm_s,
+            INSTRUMENT.intersection(tracker.alarms),
+            Circumstances(
+                policy=self.status.adaptation,
+                source=self._scene.source if self._scene else "scene",
+                compensated=self.status.compensation.mode == "model",
+                guided=now_s - self._guided_s < 1.0,
+                since_change_s=now_s - self._changed_s,
+                since_felt_s=now_s - self._felt_s,
+            ),
+        )
+
+    def _adapt(self) -> str:
+        """Ask the rig to follow; return why it does not."""
+        estimate, old, in_force = self.tracker.estimate, self._model, self.tracker.in_force
+        assert old is not None
+        assert in_force is not None
+        try:
+            model = adapted(old.model, estimate, self.tracker.provenance)
+            reason = _reason(in_force, estimate)
+            self._rig.adapt(model, old.etag, reason)
+        except EstimateError as error:
+            return str(error)
+        except LinkError as error:
+            return f"the rig did not answer: {error}"
+        except FrictusError as error:
+            return f"the rig refused: {error}"
+        self._changed_s = self._monotonic_s()
+        return ""
+
+
+def _reason(in_force: FloatArray, estimate: LawEstimate) -> str:
+    """Return in words why a law takes the place of another."""
+    before, after = law_values(in_force), law_values(estimate.mean)
+    return (
+        f"from {estimate.windows} windows: gain {before.gain_n:.3f} to {after.gain_n:.3f} N, "
+        f"cutoff {before.cutoff_20_hz:.0f} to {after.cutoff_20_hz:.0f} Hz at 20 and "
+        f"{before.cutoff_100_hz:.0f} to {after.cutoff_100_hz:.0f} Hz at 100 mm/s"
+    )
+
+
+def _change(old: ModelState, new: ModelState) -> ModelChange | None:
+    """Return how a model became another; None where either is not a law alone."""
+    before, after = (ModelInForce.of(state.etag, state.model).at for state in (old, new))
+    if before is None or after is None:
+        return None
+    return ModelChange(
+        utc_ns=new.utc_ns or time.time_ns(),
+        etag_before=old.etag,
+        etag_after=new.etag,
+        before=law_values(before),
+        after=law_values(after),
+        reason=new.reason,
+    )

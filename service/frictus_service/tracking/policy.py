@@ -1,0 +1,217 @@
+"""Whether what was learned is put in force: the bounds of a model that follows the finger.
+
+The estimate replaces gain and cutoff of the model in force where it is known well, where the
+model in force is not, and where nothing else happens that such a change would spoil. What is
+the rig's (the delay of its channels) never goes into a finger's law.
+"""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from frictus.errors import FrictusError
+from frictus.messages import AdaptationPolicy, LawValues
+from frictus.model import FirstOrderSpeedLaw, Model
+from frictus_hardware.arrays import FloatArray
+from frictus_service.calibration import coordinates
+from frictus_service.calibration.coordinates import Prior
+from frictus_service.errors import EstimateError
+from frictus_service.tracking.law_estimate import LawEstimate
+
+KNOWN_WITHIN: Final = 0.05
+"""Half of the 95 % interval of gain and cutoff at the speeds that were explored."""
+WITHIN_SD: Final = 3.0
+"""Standard deviations of the population within which a finger is believed."""
+DIFFERENT: Final = 16.0
+"""Squared distance of the model in force from the estimate, in standard deviations: at least.
+Of three values that are right it exceeds this with a chance of 0.1 %."""
+LEAST_DB: Final = 0.05
+"""A rendering that differs by less is left as it is."""
+EVERY_S: Final = 2.0
+FRESH_S: Final = 2.0
+"""What was felt longer ago may have been another finger."""
+FELT_HZ: Final = np.geomspace(40.0, 1_000.0, 15)
+"""Where two laws are compared, as bands of a third of an octave are spaced."""
+LAW: Final = slice(0, 3)
+"""The finger's part of `calibration.coordinates`: the cutoffs and the gain."""
+
+
+@dataclass(frozen=True, slots=True)
+class Circumstances:
+    """What the rig is doing, as far as it matters to a change of its model.
+
+    Attributes
+    ----------
+    policy : {'observe', 'suggest', 'adapt'}
+        As the rig publishes it.
+    source : str
+        Of what plays: ``scene``, ``stream`` or ``excitation``.
+    compensated : bool
+        Whether the compensation mode is `model`.
+    guided : bool
+        Whether a participant is guided through a trial.
+    since_change_s : float
+        Since the model last became another.
+    since_felt_s : float
+        Since the newest window ended.
+    """
+
+    policy: AdaptationPolicy = "observe"
+    source: str = "scene"
+    compensated: bool = True
+    guided: bool = False
+    since_change_s: float = np.inf
+    since_felt_s: float = 0.0
+
+
+def held_back(
+    estimate: LawEstimate,
+    in_force: FloatArray | None,
+    prior: Prior,
+    speeds_mm_s: tuple[float, float],
+    wrong: Collection[str],
+    now: Circumstances,
+) -> str:
+    """Return why the model in force stays; empty: the estimate is to be put in force.
+
+    Parameters
+    ----------
+    estimate : LawEstimate
+        The newest.
+    in_force : ndarray, shape (4,), or None
+        In `calibration.coordinates`; None where the model is not a law without effects.
+    prior : Prior
+        Of the population.
+    speeds_mm_s : tuple of float
+        Slowest and fastest that were explored.
+    wrong : collection of str
+        Causes of the rig with an alarm.
+    now : Circumstances
+        What the rig is doing.
+    """
+    if not estimate.updates:
+        return "nothing was felt yet: play a texture, and slide over it at 10 to 150 mm/s"
+    if in_force is None:
+        return "the model in force has effects, or another law than gain and cutoff"
+    if wrong:
+        return f"the rig seems wrong ({', '.join(sorted(wrong))}), which no finger is fitted to"
+    if now.since_felt_s > FRESH_S:
+        return f"the finger was last felt {now.since_felt_s:.0f} s ago"
+    loosest = loosest_half_width(estimate, speeds_mm_s)
+    if loosest > KNOWN_WITHIN:
+        return (
+            f"gain and cutoff are known within {100.0 * loosest:.1f} % where the finger went; "
+            f"{100.0 * KNOWN_WITHIN:.0f} % is asked"
+        )
+    sd = np.sqrt(np.diag(prior.covariance))
+    away = np.abs(estimate.mean - prior.mean)[LAW] / sd[LAW]
+    if away.max() > WITHIN_SD:
+        name = ("cutoff at 20 mm/s", "cutoff at 100 mm/s", "gain")[int(away.argmax())]
+        return (
+            f"its {name} is {away.max():.1f} standard deviations from that of other people "
+            f"({WITHIN_SD:g} is believed): calibrate this person, or check the rig"
+        )
+    gap = (estimate.mean - in_force)[LAW]
+    distance = gap @ coordinates.inverse(estimate.covariance[LAW, LAW]) @ gap
+    if distance < DIFFERENT or difference_db(estimate.mean, in_force, speeds_mm_s) < LEAST_DB:
+        return "the model in force fits as well"
+    return _spoilt(now)
+
+
+def _spoilt(now: Circumstances) -> str:
+    """Return what a change would spoil just now."""
+    if now.source == "excitation":
+        return "an excitation plays"
+    if not now.compensated:
+        return "another compensation mode than `model` was chosen"
+    if now.guided:
+        return "a participant is in a trial"
+    if now.since_change_s < EVERY_S:
+        return f"the model became another {now.since_change_s:.1f} s ago"
+    return ""
+
+
+def loosest_half_width(estimate: LawEstimate, speeds_mm_s: tuple[float, float]) -> float:
+    """Return half of the widest 95 % interval of gain and cutoff, as a share of the value.
+
+    Parameters
+    ----------
+    estimate : LawEstimate
+        The newest.
+    speeds_mm_s : tuple of float
+        Slowest and fastest at which the cutoff counts.
+    """
+    speeds = np.clip(speeds_mm_s, coordinates.LOW_MM_S, coordinates.HIGH_MM_S)
+    of_cutoffs = coordinates.cutoff_gradient(estimate.mean, speeds)
+    directions = np.vstack([of_cutoffs, [0.0, 0.0, 1.0, 0.0]])
+    variance = np.einsum("ni,ij,nj->n", directions, estimate.covariance, directions)
+    return float(1.96 * np.sqrt(variance.max()))
+
+
+def difference_db(
+    one: FloatArray, other: FloatArray, speeds_mm_s: tuple[float, float]
+) -> float:
+    """Return how far renderings that undo two laws differ, dB rms over bands and speeds.
+
+    Parameters
+    ----------
+    one, other : ndarray, shape (4,)
+        In `calibration.coordinates`.
+    speeds_mm_s : tuple of float
+        Slowest and fastest at which they count.
+    """
+    low, high = np.clip(speeds_mm_s, coordinates.LOW_MM_S, coordinates.HIGH_MM_S)
+    speeds = np.linspace(low, high, 5)
+    size = [
+        np.abs(coordinates.response(at, speeds[:, np.newaxis], FELT_HZ)) for at in (one, other)
+    ]
+    return float(np.sqrt(np.mean(np.square(20.0 * np.log10(size[0] / size[1])))))
+
+
+def law_values(at: FloatArray) -> LawValues:
+    """Return a law as it is told.
+
+    Parameters
+    ----------
+    at : ndarray, shape (4,)
+        In `calibration.coordinates`.
+    """
+    low, high, gain = np.exp(at[LAW])
+    return LawValues(gain_n=float(gain), cutoff_20_hz=float(low), cutoff_100_hz=float(high))
+
+
+def adapted(model: Model, estimate: LawEstimate, told: dict[str, Any]) -> Model:
+    """Return a model with gain and cutoff of the estimate; all else stays.
+
+    Its delay, screen and validity are those of the model in force: they are not the finger's.
+
+    Parameters
+    ----------
+    model : Model
+        In force: a law without effects.
+    estimate : LawEstimate
+        The newest.
+    told : dict
+        What is said of it in its provenance.
+
+    Raises
+    ------
+    EstimateError
+        If there is no such model: its cutoff is not positive somewhere.
+    """
+    whole = coordinates.document(
+        estimate.mean, estimate.covariance, model.participant, model.validity, {}
+    )
+    assert isinstance(whole.base, FirstOrderSpeedLaw)
+    changed = {
+        "base": whole.base,
+        "covariance": whole.covariance,
+        "placeholder": False,
+        "provenance": model.provenance | {"source": "live"} | told,
+    }
+    try:
+        return Model.model_validate(dict(model) | changed)
+    except (FrictusError, ValueError) as error:
+        raise EstimateError(f"the estimate makes no model: {error}") from error

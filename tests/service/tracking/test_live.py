@@ -1,0 +1,163 @@
+"""The tracker as a part of the service, beside a rig with a person whom nobody measured."""
+
+import json
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+import frictus
+from frictus.errors import RefusedError
+from frictus.keys import Topics
+from frictus.messages import AdaptationPolicy, EstimateState
+from frictus.model import FirstOrderSpeedLaw, Model
+from frictus.recordings import texture_of
+from frictus.rig import Rig
+from frictus.textures import Region, Scene
+from frictus_hardware import SimulatedConfig
+from frictus_hardware.simulated.config import Participant
+from frictus_hardware.simulated.strokes import SteadyStrokes
+from frictus_service.calibration.coordinates import Prior
+from frictus_service.config import (
+    ApiConfig,
+    Config,
+    Limits,
+    RegistryConfig,
+    RouterConfig,
+    TrackerConfig,
+)
+from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.library import SHIPPED
+from frictus_service.processes import free_endpoint
+from frictus_service.tracking.audit import Audit
+from frictus_service.tracking.live import LiveTracker
+
+PERSON = Participant(gain_n=0.3, cutoff_0_hz=700.0, slope_hz_per_mm_s=25.0)
+PATIENCE_S = 100.0
+
+
+def config_in(folder: Path, policy: AdaptationPolicy = "observe") -> Config:
+    return Config(
+        backend=SimulatedConfig(
+            finger=SteadyStrokes(speed_mm_s=40.0), participant=PERSON, lead_ms=100.0
+        ),
+        block_ms=10.0,
+        router=RouterConfig(endpoint=free_endpoint()),
+        api=ApiConfig(port=0),
+        registry=RegistryConfig(url=f"sqlite:///{(folder / 'frictus.db').as_posix()}"),
+        tracker=TrackerConfig(policy=policy, audit=folder / "audit" / "changes.jsonl"),
+        limits=Limits(freeze_ms=5_000, missed_deadlines=1_000),  # for busy machines
+    )
+
+
+@contextmanager
+def playing(config: Config, *parts: str) -> Iterator[tuple[Supervisor, Rig]]:
+    """A texture plays on an armed rig."""
+    flat = texture_of((SHIPPED / "flat.json").read_text(encoding="utf-8"))
+    with Supervisor(config, ("rig", *parts), say=lambda _line: None) as supervisor:  # type: ignore[arg-type]
+        supervisor.wait_ready(PATIENCE_S)
+        with frictus.connect(config.router.endpoint, "test") as client:
+            rig = client.rig("rig1", wait_s=5.0)
+            rig.set_scene(Scene(regions=[Region(texture=flat, gain=0.5)]))
+            with rig.arm(lease_ms=10_000):
+                yield supervisor, rig
+
+
+def cutoff_at_40(model: Model) -> float:
+    law = model.base
+    assert isinstance(law, FirstOrderSpeedLaw)
+    return law.cutoff_0_hz + 40.0 * law.slope_hz_per_mm_s
+
+
+@pytest.mark.timeout(300)
+def test_the_model_follows_the_finger_and_is_put_back(tmp_path: Path) -> None:
+    config = config_in(tmp_path, "adapt")
+    with playing(config, "tracker") as (_, rig):
+        begun = rig.model()
+        with rig.watch(Topics.ESTIMATE, timeout_s=PATIENCE_S) as states:
+            for state in states:
+                assert isinstance(state, EstimateState)
+                if state.changes and state.error_db.get("in_force", 9.0) < 0.3:
+                    break
+        change = state.changes[0]
+        assert change.etag_before == begun.etag
+        assert change.before.gain_n == pytest.approx(0.39, rel=1e-3)
+        assert change.after.gain_n == pytest.approx(PERSON.gain_n, rel=0.05)
+        model = rig.model()
+        assert model.adapted_from is not None
+        assert "gain 0.390 to 0.3" in change.reason
+        assert not model.model.placeholder
+        assert cutoff_at_40(model.model) == pytest.approx(1700.0, rel=0.1)
+        assert rig.status().state == "armed"  # nothing was interrupted
+        assert rig.status().adaptations == len(state.changes)
+        rig.set_adaptation("observe", undo=True)
+        assert rig.model().model == begun.model
+        assert rig.status().adaptation == "observe"
+        with rig.watch(Topics.ESTIMATE, timeout_s=PATIENCE_S) as states:
+            for state in states:
+                assert isinstance(state, EstimateState)
+                if state.model_etag == begun.etag:
+                    break
+        assert state.changes[-1].etag_after == begun.etag
+    lines = [json.loads(line) for line in config.tracker.audit.read_text().splitlines()]
+    assert [line["etag_after"] for line in lines] == [c.etag_after for c in state.changes]
+    assert Model.model_validate(lines[0]["model_before"]) == begun.model
+    assert Model.model_validate(lines[0]["model_after"]).provenance["source"] == "live"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGSTOP")
+@pytest.mark.timeout(300)
+def test_a_tracker_that_stands_still_or_dies_leaves_the_rig_as_it_is(tmp_path: Path) -> None:
+    with playing(config_in(tmp_path), "tracker") as (supervisor, rig):
+        before, pid = rig.model(), supervisor.pid_of("tracker")
+        with rig.watch(Topics.ESTIMATE, timeout_s=PATIENCE_S) as states:
+            next(states)
+            os.kill(pid, signal.SIGSTOP)
+            states.drain()
+            with rig.blocks("voltage", timeout_s=PATIENCE_S) as blocks:
+                played = sum(isinstance(next(blocks), frictus.Block) for _ in range(300))
+            assert played > 0
+            os.kill(pid, signal.SIGCONT)
+            next(states)  # it goes on by itself
+            os.kill(pid, signal.SIGKILL)
+            states.drain()
+            after = next(states)  # another one has taken its place
+        assert isinstance(after, EstimateState)
+        assert rig.model() == before
+        assert rig.status().state == "armed"
+
+
+@pytest.mark.timeout(300)
+def test_what_cannot_be_written_down_is_not_done(tmp_path: Path) -> None:
+    """A change that is not in the audit is the last."""
+    config = config_in(tmp_path, "adapt")
+    in_the_way = tmp_path / "file"
+    in_the_way.write_text("not a folder")
+    told = list[EstimateState]()
+    changed = threading.Event()
+
+    def tell(state: EstimateState) -> None:
+        told.append(state)
+        if state.changes and "cannot be written down" in state.held_back:
+            changed.set()
+
+    with (
+        playing(config) as (_, rig),
+        LiveTracker(rig, None, Prior.weak(), tell, Audit(in_the_way / "changes.jsonl")) as live,
+    ):
+        live.follow(changed.is_set)
+    assert len(told[-1].changes) == 1
+
+
+@pytest.mark.timeout(300)
+def test_what_a_tracker_may_not_do_the_rig_refuses(tmp_path: Path) -> None:
+    with playing(config_in(tmp_path)) as (_, rig):
+        now = rig.model()
+        with pytest.raises(RefusedError, match="observe"):
+            rig.adapt(now.model, now.etag, "because")
+        assert rig.model().etag == now.etag

@@ -1,0 +1,127 @@
+"""What is put in force: each bound alone holds a change back, and says so."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from frictus.model import Effect, FirstOrderSpeedLaw
+from frictus_hardware.arrays import FloatArray
+from frictus_service.calibration import coordinates
+from frictus_service.calibration.coordinates import Prior
+from frictus_service.errors import EstimateError
+from frictus_service.synthesis.compensability import placeholder_model
+from frictus_service.tracking.law_estimate import LawEstimate
+from frictus_service.tracking.policy import (
+    KNOWN_WITHIN,
+    Circumstances,
+    adapted,
+    difference_db,
+    held_back,
+    law_values,
+    loosest_half_width,
+)
+
+PRIOR = Prior.weak()
+IN_FORCE = PRIOR.mean
+SPEEDS_MM_S = (20.0, 100.0)
+FREE = Circumstances("adapt")
+
+
+def estimate(off: FloatArray, sd: float = 0.01) -> LawEstimate:
+    covariance = np.diag([sd**2, sd**2, sd**2, 1e-12])
+    return LawEstimate(IN_FORCE + off, covariance, np.ones(3), 0.02, 5, 50)
+
+
+TWICE = np.array([np.log(2.0), np.log(2.0), 0.0, 0.0])
+
+
+def told(known: LawEstimate, now: Circumstances = FREE, wrong: tuple[str, ...] = ()) -> str:
+    return held_back(known, IN_FORCE, PRIOR, SPEEDS_MM_S, wrong, now)
+
+
+def test_a_finger_that_is_known_and_another_is_put_in_force() -> None:
+    assert told(estimate(TWICE)) == ""
+
+
+@pytest.mark.parametrize(
+    ("now", "why"),
+    [
+        (replace(FREE, source="excitation"), "excitation"),
+        (replace(FREE, compensated=False), "compensation mode"),
+        (replace(FREE, guided=True), "trial"),
+        (replace(FREE, since_change_s=1.5), "1.5 s ago"),
+        (replace(FREE, since_felt_s=9.0), "last felt 9 s ago"),
+    ],
+)
+def test_what_the_rig_does_holds_it_back(now: Circumstances, why: str) -> None:
+    assert why in told(estimate(TWICE), now)
+
+
+def test_what_is_wrong_with_the_rig_holds_it_back() -> None:
+    assert "delay" in told(estimate(TWICE), wrong=("delay",))
+
+
+def test_what_is_not_known_well_holds_it_back() -> None:
+    # The half width of a normal estimate is 1.96 standard deviations: analytic bound.
+    assert told(estimate(TWICE, sd=0.99 * KNOWN_WITHIN / 1.96)) == ""
+    assert "5 % is asked" in told(estimate(TWICE, sd=1.01 * KNOWN_WITHIN / 1.96))
+    nothing = replace(estimate(TWICE), updates=0)
+    assert "nothing was felt yet" in told(nothing)
+
+
+def test_only_the_speeds_that_were_explored_count() -> None:
+    known = replace(estimate(TWICE), covariance=np.diag([1e-4, 1.0, 1e-4, 1e-12]))
+    assert loosest_half_width(known, (20.0, 20.0)) == pytest.approx(0.0196, rel=1e-3)
+    assert loosest_half_width(known, (20.0, 100.0)) == pytest.approx(1.96, rel=1e-3)
+
+
+def test_a_finger_unlike_all_others_is_not_believed() -> None:
+    sd = float(np.sqrt(PRIOR.covariance[2, 2]))
+    assert told(estimate(np.array([0.0, 0.0, 2.9 * sd, 0.0]))) == ""
+    assert "gain is 3.1 standard" in told(estimate(np.array([0.0, 0.0, 3.1 * sd, 0.0])))
+
+
+def test_a_model_that_fits_stays(rng: np.random.Generator) -> None:
+    sd = 0.02
+    changed = [
+        told(estimate(np.append(sd * rng.standard_normal(3), 0.0), sd)) == ""
+        for _ in range(2_000)
+    ]
+    # Chi-squared with three degrees of freedom exceeds 16 with a chance of 0.11 %.
+    assert np.sum(changed) <= 10
+    # Known without error, a difference that is not felt is left as it is.
+    assert "fits as well" in told(estimate(np.array([0.0, 0.0, 0.005, 0.0]), sd=1e-4))
+
+
+def test_a_model_with_effects_is_left_alone() -> None:
+    assert "effects" in held_back(estimate(TWICE), None, PRIOR, SPEEDS_MM_S, (), FREE)
+
+
+def test_a_gain_is_a_difference_in_decibels_at_any_speed() -> None:
+    off = np.array([0.0, 0.0, 0.1, 0.0])
+    expected = 0.1 * 20.0 / np.log(10.0)
+    assert difference_db(IN_FORCE + off, IN_FORCE, SPEEDS_MM_S) == pytest.approx(expected)
+
+
+def test_only_gain_and_cutoff_become_others() -> None:
+    model = placeholder_model().model_copy(update={"skew_s": 1e-4})
+    known = estimate(TWICE + np.array([0.0, 0.0, 0.1, 5e-5]))
+    found = adapted(model, known, {"windows": 50})
+    law = found.base
+    assert isinstance(law, FirstOrderSpeedLaw)
+    at = coordinates.from_law(law.gain_n, law.cutoff_0_hz, law.slope_hz_per_mm_s, 0.0)
+    np.testing.assert_allclose(at[:3], known.mean[:3], rtol=1e-12)
+    assert found.skew_s == model.skew_s
+    assert found.validity == model.validity
+    assert not found.placeholder
+    assert found.provenance["source"] == "live"
+    assert law_values(known.mean).gain_n == pytest.approx(law.gain_n)
+
+
+def test_an_estimate_that_is_no_law_makes_no_model() -> None:
+    steep = estimate(np.array([-3.0, 1.0, 0.0, 0.0]))  # would be negative at rest
+    with pytest.raises(EstimateError, match="at rest"):
+        adapted(placeholder_model(), steep, {})
+    with_effect = placeholder_model().model_copy(update={"effects": [Effect(id="x")]})
+    assert adapted(with_effect, estimate(TWICE), {}).effects == with_effect.effects
