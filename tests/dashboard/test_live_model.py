@@ -228,6 +228,14 @@ def test_a_policy_is_asked_for_and_shown_once_the_rig_says_so(
         expect(badge).to_have_count(0)
 
 
+def test_the_rig_takes_the_policy(page: Page, lab: Lab) -> None:
+    for name, chosen in (("Suggest", "suggest"), ("Observe", "observe")):
+        policy(page, name).click()
+        lab.status(lambda status: status.adaptation == chosen)  # noqa: B023
+        expect(policy(page, name)).to_have_attribute("aria-pressed", "true")
+        expect(view(page).locator(".policy .outcome")).to_have_text("")
+
+
 def test_a_refusal_is_told(lab: Lab, open_page: OpenPage) -> None:
     with open_page("Failed to load resource") as page:
         arrive(page, lab)

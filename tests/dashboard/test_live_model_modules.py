@@ -123,8 +123,8 @@ def test_the_sentence_has_the_numbers_of_the_bars(page: Page) -> None:
     assert shown["jndDb"] == JND_DB
     assert shown["sentence"] == (
         "This finger follows the drive up to 1.40 kHz at 20 and 2.20 kHz at 100 mm/s. "
-        "The model in force is 2.1 dB off; what was learned from 12 s of sliding is 0.02 dB "
-        "off. Another finger came once: learned anew since."
+        "With this texture the model in force is 2.1 dB off; what was learned from 12 s of "
+        "sliding, 0.02 dB. Another finger came once: learned anew since."
     )
     assert [row["db"] for row in shown["errors"]] == [2.14, 2.14, 0.02]
     missing = view_state(page, felt(error_db={}))

@@ -43,10 +43,7 @@ export class LiveBode {
     this.place.dataset.points = shown.reduce((sum, { points }) => sum + points.length, 0);
     this.place.dataset.curves = shown.reduce((sum, { inForce }) => sum + (inForce ? 2 : 1), 0);
     say(this.values, shown.map(described).join(" ") || "Nothing is measured yet.");
-    const named = shown.map(({ sign, speedMmS }) => `${sign} ${speedMmS.toFixed(0)} mm/s`);
-    if (named.join() === this.named) return;
-    this.named = named.join();
-    this.keys.replaceChildren(...keysOf(shown, named));
+    this.keys.replaceChildren(...keysOf(shown));
   }
 
   #data() {
@@ -158,20 +155,23 @@ const SHAPES = {
   },
 };
 
-function keysOf(shown, named) {
-  const groups = shown.map(({ ink }, i) => {
-    const made = element("li", {}, named[i]);
+function keysOf(shown) {
+  const groups = shown.map(({ ink, sign, speedMmS, points }) => {
+    const what = points.length > 0 ? `${sign} ` : "";
+    const made = element("li", {}, `${what}${speedMmS.toFixed(0)} mm/s`);
     made.style.setProperty("color", `var(${ink})`);
     return made;
   });
   const line = (look, text) => {
     return element("li", {}, element("span", { class: look, "aria-hidden": "true" }), text);
   };
+  const measured = shown.some(({ points }) => points.length > 0);
+  const inForce = shown.some((group) => group.inForce !== null);
   return [
     ...groups,
-    element("li", {}, "┼ measured, 95 %"),
+    ...(measured ? [element("li", {}, "┼ measured, 95 %")] : []),
     line("key", "learned, band 95 %"),
-    line("key broken", "model in force"),
+    ...(inForce ? [line("key broken", "model in force")] : []),
   ];
 }
 

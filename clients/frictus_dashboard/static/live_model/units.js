@@ -2,6 +2,7 @@
 
 /** An error in dB: two digits where it is small, as thresholds are. */
 export function decibels(db) {
+  if (Math.abs(db) < 0.005) return "<0.01 dB";
   return `${db.toFixed(Math.abs(db) < 2 ? 2 : 1)} dB`;
 }
 
