@@ -38,7 +38,7 @@ table = csv.writer(sys.stdout)
 table.writerow(["trial", "amplitude_n", "applied_gain", "interval", "answer", "right"])
 with frictus.connect(ROUTER) as client:
     rig = client.rig("rig1")
-    with rig.arm(lease_ms=2_000):
+    with rig.arm(lease_ms=2_000, keep_model=True):  # the same for every trial
         for trial in range(TRIALS):
             texture_in = rng.randrange(2)
             gain = 1.0

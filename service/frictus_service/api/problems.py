@@ -128,6 +128,12 @@ class RigNotFoundError(ApiError):
     status, code, title = 404, "no_rig", "No such rig"
 
 
+class NoEstimateError(ApiError):
+    """Nobody tracks the finger on this rig, or nothing was felt yet."""
+
+    status, code, title = 404, "no_estimate", "No estimate"
+
+
 class TextureNotFoundError(ApiError):
     """The library has no texture of this name."""
 

@@ -219,7 +219,7 @@ class TrialSession:
         RefusedError
             If the rig does not let itself be armed, or cannot play this.
         """
-        with self._rig.arm(LEASE_MS) as lease:
+        with self._rig.arm(LEASE_MS, keep_model=True) as lease:
             self._rig.excite(ask.excitation)
             # Only now: whatever is heard from here on is sensed with the drive ordered.
             with StreamReader(self._rig, self.strokes) as heard:

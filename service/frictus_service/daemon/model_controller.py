@@ -15,13 +15,13 @@ from frictus.messages import (
 )
 from frictus.model import Model
 from frictus_hardware.physics.screen import Screen
-from frictus_service.daemon.adaptation import ADAPT_EVERY_S, change_of, check_adapted
 from frictus_service.daemon.control import Interlock
 from frictus_service.daemon.inboxes import LoopInbox, ModelUpdate, RenderedModel
 from frictus_service.daemon.scene_controller import SceneController, check_match
 from frictus_service.json_text import etag_of
 from frictus_service.synthesis.compensability import inverse_of_model
 from frictus_service.synthesis.compensation import Inverse
+from frictus_service.tracking.adaptation import ADAPT_EVERY_S, change_of, check_adapted
 
 MODEL_CHANGE_S: Final = 1.0
 """Within which the loop must have taken up a new model; it takes one block."""

@@ -27,14 +27,13 @@ from frictus.messages import (
 )
 from frictus.model import Model
 from frictus.rig import Rig
-from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.errors import EstimateError
 from frictus_service.recording.samples import Coalescer
+from frictus_service.tracking.adaptation import change_of, law_values
 from frictus_service.tracking.audit import Audit
-from frictus_service.tracking.law_estimate import LawEstimate
-from frictus_service.tracking.policy import Circumstances, adapted, held_back, law_values
+from frictus_service.tracking.policy import Circumstances, adapted, held_back
 from frictus_service.tracking.tracker import ModelInForce, Tracker
 from frictus_service.tracking.watch import INSTRUMENT
 from frictus_service.tracking.windows import WindowCutter
@@ -46,6 +45,7 @@ BEAT_S: Final = 0.1
 """What has come is taken this often: a block at a time costs four times as much."""
 CHANGES: Final = 16
 """The newest changes of the model that are told."""
+PUT_BACK: Final = "put back as it was set"
 GUIDED: Final = ("approach", "record")
 """Phases of a guided trial."""
 
@@ -101,6 +101,7 @@ class LiveTracker:
             for topic in (Topics.STATUS, Topics.MODEL, Topics.SCENE, Topics.GUIDANCE)
         ]
         self._model: ModelState | None = None
+        self._as_set: str | None = None  # etag of the model before it was adapted
         self._scene: SceneState | None = None
         self._guided_s = self._changed_s = self._felt_s = -float("inf")
         self._changes: deque[ModelChange] = deque(maxlen=CHANGES)
@@ -200,7 +201,9 @@ class LiveTracker:
         if old is not None and new.etag == old.etag:
             return
         self._changed_s = self._monotonic_s()
-        if old is None or new.adapted_from != old.etag:
+        put_back = self._as_set is not None and new.etag == self._as_set
+        if old is None or not (put_back or new.adapted_from == old.etag):
+            self._as_set = new.etag if new.adapted_from is None else None
             prior = Prior.of_person(new.model, self._population)
             self.tracker.begin_anew(prior, new.model.participant)
         elif (change := _change(old, new)) is not None:
@@ -256,12 +259,11 @@ class LiveTracker:
 
     def _adapt(self) -> str:
         """Ask the rig to follow; return why it does not."""
-        estimate, old, in_force = self.tracker.estimate, self._model, self.tracker.in_force
+        estimate, old = self.tracker.estimate, self._model
         assert old is not None
-        assert in_force is not None
         try:
             model = adapted(old.model, estimate, self.tracker.provenance)
-            reason = _reason(in_force, estimate)
+            reason = f"from {estimate.windows} windows: {change_of(old.model, model)}"
             self._rig.adapt(model, old.etag, reason)
         except EstimateError as error:
             return str(error)
@@ -273,26 +275,16 @@ class LiveTracker:
         return ""
 
 
-def _reason(in_force: FloatArray, estimate: LawEstimate) -> str:
-    """Return in words why a law takes the place of another."""
-    before, after = law_values(in_force), law_values(estimate.mean)
-    return (
-        f"from {estimate.windows} windows: gain {before.gain_n:.3f} to {after.gain_n:.3f} N, "
-        f"cutoff {before.cutoff_20_hz:.0f} to {after.cutoff_20_hz:.0f} Hz at 20 and "
-        f"{before.cutoff_100_hz:.0f} to {after.cutoff_100_hz:.0f} Hz at 100 mm/s"
-    )
-
-
 def _change(old: ModelState, new: ModelState) -> ModelChange | None:
     """Return how a model became another; None where either is not a law alone."""
-    before, after = (ModelInForce.of(state.etag, state.model).at for state in (old, new))
+    before, after = law_values(old.model), law_values(new.model)
     if before is None or after is None:
         return None
     return ModelChange(
         utc_ns=new.utc_ns or time.time_ns(),
         etag_before=old.etag,
         etag_after=new.etag,
-        before=law_values(before),
-        after=law_values(after),
-        reason=new.reason,
+        before=before,
+        after=after,
+        reason=new.reason or PUT_BACK,
     )

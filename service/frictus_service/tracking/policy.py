@@ -12,12 +12,13 @@ from typing import Any, Final
 import numpy as np
 
 from frictus.errors import FrictusError
-from frictus.messages import AdaptationPolicy, LawValues
+from frictus.messages import AdaptationPolicy
 from frictus.model import FirstOrderSpeedLaw, Model
 from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.errors import EstimateError
+from frictus_service.tracking.adaptation import ADAPT_EVERY_S
 from frictus_service.tracking.law_estimate import LawEstimate
 
 KNOWN_WITHIN: Final = 0.05
@@ -29,7 +30,6 @@ DIFFERENT: Final = 16.0
 Of three values that are right it exceeds this with a chance of 0.1 %."""
 LEAST_DB: Final = 0.05
 """A rendering that differs by less is left as it is."""
-EVERY_S: Final = 2.0
 FRESH_S: Final = 2.0
 """What was felt longer ago may have been another finger."""
 FELT_HZ: Final = np.geomspace(40.0, 1_000.0, 15)
@@ -128,7 +128,7 @@ def _spoilt(now: Circumstances) -> str:
         return "another compensation mode than `model` was chosen"
     if now.guided:
         return "a participant is in a trial"
-    if now.since_change_s < EVERY_S:
+    if now.since_change_s < ADAPT_EVERY_S:
         return f"the model became another {now.since_change_s:.1f} s ago"
     return ""
 
@@ -168,18 +168,6 @@ def difference_db(
         np.abs(coordinates.response(at, speeds[:, np.newaxis], FELT_HZ)) for at in (one, other)
     ]
     return float(np.sqrt(np.mean(np.square(20.0 * np.log10(size[0] / size[1])))))
-
-
-def law_values(at: FloatArray) -> LawValues:
-    """Return a law as it is told.
-
-    Parameters
-    ----------
-    at : ndarray, shape (4,)
-        In `calibration.coordinates`.
-    """
-    low, high, gain = np.exp(at[LAW])
-    return LawValues(gain_n=float(gain), cutoff_20_hz=float(low), cutoff_100_hz=float(high))
 
 
 def adapted(model: Model, estimate: LawEstimate, told: dict[str, Any]) -> Model:

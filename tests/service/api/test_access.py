@@ -19,6 +19,8 @@ NEEDS = [
     ("GET", "/v1/rigs/{rig}/model", "read"),
     ("GET", "/v1/rigs/{rig}/compensation", "read"),
     ("GET", "/v1/rigs/{rig}/adaptation", "read"),
+    ("GET", "/v1/rigs/{rig}/estimate", "read"),
+    ("POST", "/v1/rigs/{rig}/estimate/publish", "calibrate"),
     ("PUT", "/v1/rigs/{rig}/scene", "render"),
     ("PUT", "/v1/rigs/{rig}/compensation", "render"),
     ("PUT", "/v1/rigs/{rig}/model", "calibrate"),

@@ -17,7 +17,6 @@ from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.config import ApiConfig, Config, Limits, RouterConfig, TrackerConfig
-from frictus_service.daemon.adaptation import ADAPT_EVERY_S, ADAPT_WITHIN, law_values
 from frictus_service.daemon.commands import SHORT_BYTES
 from frictus_service.daemon.inboxes import (
     CompensationUpdate,
@@ -33,6 +32,7 @@ from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.synthesis.compensation import Inverse
 from frictus_service.synthesis.renderer import FADE_S
 from frictus_service.synthesis.scene import StreamBudget, compile_scene
+from frictus_service.tracking.adaptation import ADAPT_EVERY_S, ADAPT_WITHIN, law_values
 
 from .desk import SCENE, Desk, TakenAtTheLastMoment
 

@@ -24,9 +24,11 @@ def test_what_is_shipped_loads(path: Path) -> None:
 
 def test_shipped_example_states_the_defaults() -> None:
     shipped = load(ROOT / "deploy" / "frictus.toml")
-    relative = ("textures", "recordings", "studies", "registry")
+    relative = ("textures", "recordings", "studies", "registry", "tracker")
     defaults = {name: getattr(Config(), name) for name in relative}
     assert shipped.model_copy(update=defaults) == Config()
+    tracker = Config().tracker.within(ROOT / "deploy")
+    assert shipped.tracker == tracker
 
 
 def test_no_file_is_a_simulated_rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -52,6 +54,7 @@ def test_paths_are_relative_to_the_file(tmp_path: Path) -> None:
     assert config.model_file == tmp_path / "m.json"
     assert config.textures == tmp_path / "t"
     assert config.registry.url == f"sqlite:///{(tmp_path / 'frictus.db').as_posix()}"
+    assert config.tracker.audit == tmp_path / "adaptations.jsonl"
 
 
 @pytest.mark.parametrize(

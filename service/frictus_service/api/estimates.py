@@ -1,0 +1,112 @@
+"""Paths of what a rig's tracker knows of the finger on it, and its way into the registry."""
+
+from typing import Annotated, Final
+
+from fastapi import APIRouter, Depends, Request, Response
+from pydantic import BaseModel, Field, TypeAdapter
+
+from frictus.errors import LinkError
+from frictus.messages import EstimateState
+from frictus.rig import Rig
+from frictus_service.api import problems
+from frictus_service.api.access import needs
+from frictus_service.api.models import body_of
+from frictus_service.api.requests import JSON, parse_json, raw_body, require_media
+from frictus_service.api.rigs import Given, RigName
+from frictus_service.registry.documents import NAME, Published
+
+router = APIRouter(prefix="/v1/rigs", tags=["rigs"])
+_READ: Final = (
+    problems.UnauthenticatedError,
+    problems.MissingScopeError,
+    problems.InvalidError,
+    problems.RigNotFoundError,
+    problems.NoEstimateError,
+    problems.UnreadableRigError,
+    problems.NoLinkError,
+)
+
+
+class EstimatePublication(BaseModel):
+    """How an estimate is published."""
+
+    participant: Annotated[
+        str | None,
+        Field(
+            max_length=64,
+            description="Pseudonym; null: of whom the model in force is",
+            json_schema_extra={"pattern": r"^[A-Za-z0-9._-]+$"},
+        ),
+    ] = None
+    name: Annotated[
+        str | None,
+        Field(
+            max_length=200,
+            description="null: RIG/PARTICIPANT",
+            json_schema_extra={"pattern": f"^{NAME}$"},
+        ),
+    ] = None
+    comment: Annotated[str, Field(max_length=1_000)] = ""
+
+
+_PUBLICATION: Final[TypeAdapter[EstimatePublication]] = TypeAdapter(EstimatePublication)
+
+
+def _estimate(rig: Rig) -> EstimateState:
+    try:
+        return rig.estimate()
+    except LinkError as error:
+        raise problems.NoEstimateError(str(error)) from error
+
+
+@router.get(
+    "/{rig}/estimate",
+    dependencies=[Depends(needs("read"))],
+    responses=problems.documented(*_READ),
+)
+def get_estimate(rig: RigName, given: Given) -> EstimateState:
+    """Return what is known of the finger on the screen now, twice a second anew."""
+    return _estimate(given.link.rig(rig))
+
+
+@router.post(
+    "/{rig}/estimate/publish",
+    status_code=201,
+    responses=problems.documented(
+        *_READ,
+        problems.NoRegistryError,
+        problems.TooLargeError,
+        problems.UnsupportedMediaError,
+    ),
+    openapi_extra=body_of(EstimatePublication),
+)
+def publish_estimate(
+    rig: RigName,
+    given: Given,
+    by: Annotated[str, Depends(needs("calibrate"))],
+    request: Request,
+    response: Response,
+    body: Annotated[bytes, Depends(raw_body)],
+) -> Published:
+    """Publish the estimate as the next version of a name, with the provenance `live`."""
+    require_media(request, JSON)
+    wanted = parse_json(_PUBLICATION, body)
+    model = _estimate(given.link.rig(rig)).model
+    if model is None:
+        raise problems.NoEstimateError(
+            "nothing was felt yet: play a texture, and slide over it at 10 to 150 mm/s"
+        )
+    participant = wanted.participant or model.participant
+    if participant is None:
+        raise problems.InvalidError(
+            "participant: the model in force is of nobody in particular; say whose finger it is"
+        )
+    published = given.registry.publish(
+        model.model_copy(update={"participant": participant}),
+        wanted.name or f"{rig}/{participant}",
+        by=by,
+        rig=rig,
+        comment=wanted.comment,
+    )
+    response.headers["Location"] = f"/v1/models/{published.reference}"
+    return published
