@@ -110,7 +110,14 @@ def nothing_felt() -> EstimateState:
 def alarmed() -> EstimateState:
     """Return an estimate under which the model in force is wrong."""
     return felt(
-        evidence={"cutoff": 31.0, "unknown": 9.2, "gain": 2.2, "delay": 0.02},
+        evidence={
+            "cutoff": 31.0,
+            "speed_dependent_cutoff": 12.0,
+            "unknown": 9.2,
+            "gain": 2.2,
+            "cutoff_drift": 1.4,
+            "delay": 0.02,
+        },
         alarms=("cutoff", "unknown"),
         advice={
             "cutoff": "1.9 times that of the model so far: recalibrate this person",

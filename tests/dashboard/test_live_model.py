@@ -164,6 +164,9 @@ def test_an_alarm_names_the_cause_and_what_to_do(page: Page, lab: Lab) -> None:
             ]
         )
         expect(view(page).locator("[data-look=alarm]")).to_have_count(2)
+        expect(view(page).locator(".evidence")).to_contain_text(
+            "another cause explains it better"
+        )
         expect_no_violations(page)
 
 

@@ -123,8 +123,8 @@ def test_the_sentence_has_the_numbers_of_the_bars(page: Page) -> None:
     assert shown["jndDb"] == JND_DB
     assert shown["sentence"] == (
         "This finger follows the drive up to 1.40 kHz at 20 and 2.20 kHz at 100 mm/s. "
-        "With this texture the model in force is 2.1 dB off; what was learned from 12 s of "
-        "sliding, 0.02 dB. Another finger came once: learned anew since."
+        "With this texture the model in force is 2.1 dB off, what was learned in 12 s 0.02 dB. "
+        "Another finger came once: learned anew since."
     )
     assert [row["db"] for row in shown["errors"]] == [2.14, 2.14, 0.02]
     missing = view_state(page, felt(error_db={}))
@@ -144,6 +144,7 @@ def test_what_speaks_loudest_comes_first_and_an_alarm_is_never_quiet(page: Page)
         ("cutoff", False, False),
         ("gain", True, False),
     ]
+    assert [row["shared"] for row in evidence["rows"]] == [True, False, False]
     assert evidence["quiet"] == 1
     assert evidence["rows"][0]["share"] == 1.0
     assert evidence["rows"][0]["where"] == "about 400 Hz"

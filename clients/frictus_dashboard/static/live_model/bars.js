@@ -13,6 +13,16 @@ function bar(title, share, text, look) {
   return row;
 }
 
+/** One cause, with what `evidenceOf` says of it. */
+function causeRow({ cause, title, share, nats: value, alarmed, shared, beyond, where }) {
+  const look = alarmed ? "alarm" : shared ? "warn" : "quiet";
+  const row = bar(title, share, `${nats(value)}${beyond ? " ▸" : ""}`, look);
+  row.dataset.cause = cause;
+  if (alarmed) row.firstChild.append(element("em", {}, "alarm"));
+  if (where !== "" && !alarmed) row.append(element("small", {}, where));
+  return row;
+}
+
 /** Evidence against the model in force, towards the line at which it is an alarm. */
 export class Evidence {
   constructor() {
@@ -30,20 +40,15 @@ export class Evidence {
     }
     const { rows, quiet, alarmNats, alarmShare } = evidence;
     this.bars.style.setProperty("--line", `${(100 * alarmShare).toFixed(1)}%`);
-    const made = rows.map(({ cause, title, share, nats: value, alarmed, beyond, where }) => {
-      const text = `${nats(value)}${beyond ? " ▸" : ""}`;
-      const row = bar(title, share, text, alarmed ? "alarm" : "quiet");
-      row.dataset.cause = cause;
-      if (alarmed) row.firstChild.append(element("em", {}, "alarm"));
-      if (where !== "" && !alarmed) row.append(element("small", {}, where));
-      return row;
-    });
-    this.bars.replaceChildren(...made);
-    this.bars.hidden = made.length === 0;
+    this.bars.replaceChildren(...rows.map(causeRow));
+    this.bars.hidden = rows.length === 0;
     const others = quiet === 1 ? "1 other is quiet" : `${quiet} others are quiet`;
     const all = quiet === 0 ? "No cause is watched yet" : "Nothing speaks against it";
-    say(this.note, `${made.length === 0 ? all : others}. The line is the alarm, ` +
-      `${nats(alarmNats)}: a right model reaches it in at most 1 % of sessions.`);
+    const shared = rows.some((row) => row.shared)
+      ? " Beyond it without an alarm: another cause explains it better."
+      : "";
+    say(this.note, `${rows.length === 0 ? all : others}. The line is the alarm, ` +
+      `${nats(alarmNats)}: a right model reaches it in at most 1 % of sessions.${shared}`);
   }
 }
 

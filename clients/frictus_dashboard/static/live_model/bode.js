@@ -7,7 +7,7 @@ import { FREQUENCIES_HZ } from "./law.js";
 import { GROUPS } from "./speed_groups.js";
 import { frequency } from "./units.js";
 
-const HEIGHT_PX = 250;
+const HEIGHT_PX = 236;
 const TICKS_HZ = [50, 100, 200, 500, 1000, 2000];
 const FROM_TO_HZ = [FREQUENCIES_HZ[0], FREQUENCIES_HZ.at(-1)];
 /** The level's axis ends at multiples of this, dB: it does not move with every estimate. */

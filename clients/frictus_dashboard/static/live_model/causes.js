@@ -28,6 +28,7 @@ export function evidenceOf({ evidence, alarm_nats: alarmNats, alarms, advice }) 
     nats,
     title: titleOf(cause),
     alarmed: alarms.includes(cause),
+    shared: !alarms.includes(cause) && nats >= alarmNats,
     share: full > 0 ? Math.min(1, Math.max(0, nats / full)) : 0,
     beyond: nats > full,
     where: cause === "unknown" ? (advice.unknown ?? "") : "",

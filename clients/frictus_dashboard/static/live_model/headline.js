@@ -41,8 +41,8 @@ function judged(estimate) {
   const felt = seconds(windows * WINDOW_S);
   const parts = [`This finger follows the drive up to ${at20} at 20 and ${at100} at 100 mm/s.`];
   if (error.in_force != null && error.newest != null) {
-    parts.push(`With this texture the model in force is ${decibels(error.in_force)} off; what ` +
-      `was learned from ${felt} of sliding, ${decibels(error.newest)}.`);
+    parts.push(`With this texture the model in force is ${decibels(error.in_force)} off, what ` +
+      `was learned in ${felt} ${decibels(error.newest)}.`);
   } else {
     parts.push(`Learned from ${felt} of sliding so far.`);
   }

@@ -5,7 +5,7 @@ import { element, say } from "../element.js";
 import uPlot from "../vendor/uplot.mjs";
 import { axisSpanS, columnsOf, marksOf, rangeOf } from "./history.js";
 
-const HEIGHT_PX = 96;
+const HEIGHT_PX = 88;
 const BAND_ALPHA = "38";
 const SHOWN = [
   { name: "gain_n", title: "Gain", unit: "N", digits: 3 },
