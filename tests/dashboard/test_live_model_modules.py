@@ -145,7 +145,11 @@ def test_what_speaks_loudest_comes_first_and_an_alarm_is_never_quiet(page: Page)
         ("gain", True, False),
     ]
     assert [row["shared"] for row in evidence["rows"]] == [True, False, False]
-    assert evidence["quiet"] == 1
+    assert (evidence["others"], evidence["quiet"]) == (1, True)
+    many = view_state(page, felt(evidence={f"cause_{n}": 2.0 + n for n in range(7)}))[
+        "evidence"
+    ]
+    assert (len(many["rows"]), many["others"], many["quiet"]) == (4, 3, False)
     assert evidence["rows"][0]["share"] == 1.0
     assert evidence["rows"][0]["where"] == "about 400 Hz"
     assert evidence["rows"][1]["share"] == pytest.approx(5.0 / 6.4 * evidence["alarmShare"])

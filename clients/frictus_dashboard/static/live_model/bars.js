@@ -38,16 +38,17 @@ export class Evidence {
       say(this.note, "");
       return;
     }
-    const { rows, quiet, alarmNats, alarmShare } = evidence;
+    const { rows, others, quiet, alarmNats, alarmShare } = evidence;
     this.bars.style.setProperty("--line", `${(100 * alarmShare).toFixed(1)}%`);
     this.bars.replaceChildren(...rows.map(causeRow));
     this.bars.hidden = rows.length === 0;
-    const others = quiet === 1 ? "1 other is quiet" : `${quiet} others are quiet`;
-    const all = quiet === 0 ? "No cause is watched yet" : "Nothing speaks against it";
+    const [one, many] = quiet ? ["is quiet", "are quiet"] : ["has less", "have less"];
+    const left = others === 1 ? `1 other ${one}` : `${others} others ${many}`;
+    const all = others === 0 ? "No cause is watched yet" : "Nothing speaks against it";
     const shared = rows.some((row) => row.shared)
       ? " Beyond it without an alarm: another cause explains it better."
       : "";
-    say(this.note, `${rows.length === 0 ? all : others}. The line is the alarm, ` +
+    say(this.note, `${rows.length === 0 ? all : left}. The line is the alarm, ` +
       `${nats(alarmNats)}: a right model reaches it in at most 1 % of sessions.${shared}`);
   }
 }

@@ -5,7 +5,7 @@ export const SMALL_NATS = 1;
 /** The bars reach so far beyond the alarm line. */
 const REACH = 1.6;
 /** As many as there is room for. */
-const MOST = 5;
+const MOST = 4;
 
 /** The id of a cause as words. */
 export function titleOf(cause) {
@@ -16,8 +16,9 @@ export function titleOf(cause) {
  * Causes from the most to the least evidence; those that ever alarmed are always among them.
  *
  * @param {object} estimate an EstimateState
- * @returns {{rows: object[], quiet: number, alarmNats: number, alarmShare: number}} shares are of
- *   the length of a bar
+ * @returns {{rows: object[], others: number, quiet: boolean, alarmNats: number,
+ *   alarmShare: number}} how many are not shown, and whether all of them are below `SMALL_NATS`;
+ *   shares are of the length of a bar
  */
 export function evidenceOf({ evidence, alarm_nats: alarmNats, alarms, advice }) {
   const sorted = Object.entries(evidence).sort(([, a], [, b]) => b - a);
@@ -33,5 +34,6 @@ export function evidenceOf({ evidence, alarm_nats: alarmNats, alarms, advice }) 
     beyond: nats > full,
     where: cause === "unknown" ? (advice.unknown ?? "") : "",
   }));
-  return { rows, quiet: sorted.length - rows.length, alarmNats, alarmShare: 1 / REACH };
+  const others = sorted.length - rows.length;
+  return { rows, others, quiet: shown.length <= MOST, alarmNats, alarmShare: 1 / REACH };
 }
