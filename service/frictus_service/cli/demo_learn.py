@@ -83,7 +83,7 @@ def demo_learn(
     laws = {"placeholder": law_of(learned.before), "learned": law_of(learned.after)}
     target, felt = same_strokes(config, texture, seconds, laws)
     if plot is not None:
-        title = f"'{TEXTURE}' under a finger at twice the placeholder's cutoff (simulated rig)"
+        title = f"'{TEXTURE}' under a finger that the placeholder does not fit (simulated rig)"
         draw(target, felt, title, plot)
     summary = _summary(learned, seed, {n: rms_db(error_db(p, target)) for n, p in felt.items()})
     if lines:

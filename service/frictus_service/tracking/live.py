@@ -31,9 +31,9 @@ from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.errors import EstimateError
 from frictus_service.recording.samples import Coalescer
-from frictus_service.tracking.adaptation import change_of, law_values
+from frictus_service.tracking.adaptation import law_values
 from frictus_service.tracking.audit import Audit
-from frictus_service.tracking.policy import Circumstances, adapted, held_back
+from frictus_service.tracking.policy import Circumstances, adapted, difference_db, held_back
 from frictus_service.tracking.tracker import ModelInForce, Tracker
 from frictus_service.tracking.watch import INSTRUMENT
 from frictus_service.tracking.windows import WindowCutter
@@ -246,7 +246,7 @@ class LiveTracker:
             tracker.in_force,
             self._population,
             tracker.speeds_mm_s,
-            INSTRUMENT.intersection(tracker.alarms),
+            INSTRUMENT.intersection(alarm.cause for alarm in tracker.alarms),
             Circumstances(
                 policy=self.status.adaptation,
                 source=self._scene.source if self._scene else "scene",
@@ -263,8 +263,7 @@ class LiveTracker:
         assert old is not None
         try:
             model = adapted(old.model, estimate, self.tracker.provenance)
-            reason = f"from {estimate.windows} windows: {change_of(old.model, model)}"
-            self._rig.adapt(model, old.etag, reason)
+            self._rig.adapt(model, old.etag, self._reason())
         except EstimateError as error:
             return str(error)
         except LinkError as error:
@@ -273,6 +272,13 @@ class LiveTracker:
             return f"the rig refused: {error}"
         self._changed_s = self._monotonic_s()
         return ""
+
+    def _reason(self) -> str:
+        """Return why the estimate takes the place of the model in force."""
+        tracker = self.tracker
+        assert tracker.in_force is not None
+        off_db = difference_db(tracker.estimate.mean, tracker.in_force, tracker.speeds_mm_s)
+        return f"{off_db:.2f} dB off, as {tracker.estimate.windows} windows say"
 
 
 def _change(old: ModelState, new: ModelState) -> ModelChange | None:

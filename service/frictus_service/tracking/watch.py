@@ -1,74 +1,135 @@
 """Evidence that the model in force is wrong, valid whenever somebody looks at it.
 
-For each cause and each side an e-process: a likelihood ratio, averaged over sizes beyond what
-is tolerated, against the model at the edge of what is tolerated. Under a model within the
-tolerance its expectation is at most 1 at every time, so that it ever exceeds 1/a has a chance
-of at most a (Ville's inequality). A process begins every ten seconds, and they share what one
-would have: a change late in a session is found as soon as one at its beginning.
+For each cause an e-process: a likelihood ratio of the innovations (`tracking.innovations`),
+averaged over both signs and over sizes beyond what is tolerated, against the model at the edge
+of what is tolerated. Under a model within the tolerance its expectation is at most 1 at every
+time, so that it ever exceeds 1/a has a chance of at most a (Ville's inequality). A process
+begins every ten seconds, and they share what one would have: a change late in a session is
+found as soon as one at its beginning.
+
+Gain, cutoff and delay are judged against the model in force, the others free; effects against
+any law at all; what is unknown against any law with any effects.
 
 Ramdas, Grünwald, Vovk, Shafer 2023, Game-theoretic statistics and safe anytime-valid inference.
 """
 
-from dataclasses import dataclass
-from typing import Final, Literal, Self
+from dataclasses import dataclass, replace
+from typing import Final, Self
 
 import numpy as np
-from scipy.special import log_ndtr
 
 from frictus_hardware.arrays import FloatArray
-from frictus_service.calibration.coordinates import inverse
-from frictus_service.calibration.posterior import EXPECTED, wandered
-from frictus_service.calibration.score_information import GainScatter, scores
-from frictus_service.tracking.law_estimate import Batch, LawEstimate
+from frictus_hardware.physics.linear import TransferFunction
+from frictus_service.tracking.evidence import Sums, with_another
+from frictus_service.tracking.innovations import (
+    LAW,
+    STATE,
+    UNITS,
+    WIDE,
+    Nuisance,
+    batch_score,
+)
+from frictus_service.tracking.law_estimate import GAIN_PER_CONTACT, Batch, LawEstimate
+from frictus_service.tracking.mains_line import line_evidence
+from frictus_service.tracking.signatures import (
+    EFFECT_CAUSES,
+    INSTRUMENT,
+    LAW_CAUSES,
+    PATTERNS,
+    effect_directions,
+    law_directions,
+    pattern_directions,
+)
 
-Cause = Literal["gain", "cutoff", "delay"]
-CAUSES: Final[tuple[Cause, ...]] = ("gain", "cutoff", "delay")
-INSTRUMENT: Final = frozenset({"delay"})
-"""Causes that are the rig's and never the finger's."""
-DIRECTIONS: Final = np.array([[0, 0, 1, 0], [1, 1, 0, 0], [0, 0, 0, 1]], dtype=float)
-"""Of each cause in `calibration.coordinates`."""
-TOLERATED: Final = np.array([0.15, 0.10, 15e-6])
-"""ln gain, ln cutoff, s: smaller errors raise no alarm."""
-EXPECTED_SIZE: Final = np.array([0.3, 0.5, 100e-6])
-"""Beyond what is tolerated: standard deviation of the sizes that are tried."""
+__all__ = ["ALARM", "CAUSES", "INSTRUMENT", "Watch"]
+
+MAINS: Final = "mains_interference"
+UNKNOWN: Final = "unknown"
+CAUSES: Final = (*LAW_CAUSES, *EFFECT_CAUSES, MAINS, UNKNOWN)
 LEVEL: Final = 0.01
 """Chance that a session in which the model is right ever raises an alarm."""
-ALARM: Final = float(np.log(2 * len(CAUSES) / LEVEL))
-"""Of a cause's log evidence: causes and sides share the level."""
+ALARM: Final = float(np.log(len(CAUSES) / LEVEL))
+"""Of a cause's log evidence: causes share the level."""
 BEGIN_BATCHES: Final = 20
-MOST: Final = 64
+MOST: Final = 32
 """Processes of a cause that are followed; beyond, that with the least evidence ends."""
+FLOOR: Final = -20.0
+"""Nats; less is not told apart."""
+
+_N_EFFECTS: Final = len(EFFECT_CAUSES)
 
 
 @dataclass(frozen=True, slots=True)
 class Watch:
-    """The processes so far; arrays of shape (n_begun, 2, n_causes).
+    """The processes so far.
 
     Attributes
     ----------
+    mount : TransferFunction or None
+        Nominal, between screen and force sensor.
     batches : int
-        That were taken.
+        Since a process began.
     begun : int
-        Processes that have begun, ended ones too.
-    log_share : ndarray, shape (n_begun,)
-        Of the chance of an alarm, that each process has.
-    score, information : ndarray
-        At the edge of what is tolerated; the sides are too large and too small.
+        Processes that have begun in the session, ended ones too.
+    began_minutes : float
+        Of the device, at the first batch; drifts count from there.
+    filters : tuple of Nuisance
+        With the law free; with each of `LAW_CAUSES` held; with law and effects free. Empty
+        before the first batch.
+    sums : Sums
+        Of all processes.
+    log_evidence : ndarray, shape (n_causes,)
+        Of each of `CAUSES`, nats.
+    raised : tuple of str
+        Causes whose evidence has reached `ALARM`.
     """
 
+    mount: TransferFunction | None
     batches: int
     begun: int
-    log_share: FloatArray
-    score: FloatArray
-    information: FloatArray
+    began_minutes: float
+    filters: tuple[Nuisance, ...]
+    sums: Sums
+    log_evidence: FloatArray
+    raised: tuple[str, ...]
 
     @classmethod
-    def begin(cls) -> Self:
-        """Return the watch over a model that was just put in force."""
-        nothing = np.zeros((0, 2, len(CAUSES)))
-        return cls(0, 0, np.zeros(0), nothing, nothing)
+    def begin(cls, mount: TransferFunction | None = None, begun: int = 0) -> Self:
+        """Return the watch over a finger that was just put on the screen.
 
-    def seen(self, batch: Batch, at: FloatArray, estimate: LawEstimate) -> Self:
+        Parameters
+        ----------
+        mount : TransferFunction or None
+            Nominal, between screen and force sensor.
+        begun : int
+            Processes that have begun in the session before.
+        """
+        nothing = np.zeros(len(CAUSES))
+        return cls(mount, 0, begun, 0.0, (), Sums.zeros(0), nothing, ())
+
+    def of_another_model(self) -> Self:
+        """Return the watch over another model, on the same finger.
+
+        What was seen of effects remains: it does not depend on the law in force.
+        """
+        ended = np.full_like(self.sums.log_share, -np.inf)
+        sums = replace(self.sums, law_log_share=ended)
+        law = np.zeros(len(LAW_CAUSES))
+        evidence = np.concatenate([law, self.log_evidence[law.size :]])
+        filters = self.filters[:1] + self.filters[-1:]
+        return replace(
+            self, batches=0, filters=filters, sums=sums, log_evidence=evidence, raised=()
+        )
+
+    def seen(
+        self,
+        batch: Batch,
+        at: FloatArray,
+        estimate: LawEstimate,
+        seconds: float = 0.5,
+        new_contact: bool = False,
+        sample_rate_hz: float = 20_000.0,
+    ) -> Self:
         """Return the watch after one more batch.
 
         Parameters
@@ -79,81 +140,112 @@ class Watch:
             The model in force, in `calibration.coordinates`.
         estimate : LawEstimate
             Before the batch.
+        seconds : float
+            Since the batch before.
+        new_contact : bool
+            Whether the finger left the screen meanwhile.
+        sample_rate_hz : float
+            Samples per second of the device's clock.
         """
-        share, score, information = self.log_share, self.score, self.information
-        begun = self.begun
+        first = float(batch.conditions.minutes[0])
+        began = self.began_minutes if self.filters else first
+        filters = _begun(self.filters, at, estimate)
+        filters = tuple(each.advanced(seconds, new_contact) for each in filters)
+        own = law_directions(at) / UNITS
+        filters, (*news, certainty) = _innovations(
+            batch, filters, estimate, own, self.mount, began
+        )
+        none = np.zeros(())
+        news += [line_evidence(batch, estimate, sample_rate_hz), certainty, none, none]
+        sums, begun = self.sums, self.begun
         if self.batches % BEGIN_BATCHES == 0:
             begun += 1
-            # The shares 6 / (pi k)^2 of all that will ever begin sum to 1.
-            share = np.append(share, np.log(6.0) - 2.0 * np.log(np.pi * begun))
-            fresh = np.zeros((1, 2, len(CAUSES)))
-            score, information = (
-                np.concatenate([each, fresh]) for each in (score, information)
-            )
-        if share.size > MOST:
-            weakest = int(np.argmin(_log_evidence(share, score, information).max(axis=(1, 2))))
-            share, score, information = (
-                np.delete(each, weakest, axis=0) for each in (share, score, information)
-            )
-        own, known = _efficient(batch, at, estimate)
-        sides = np.stack([own, -own]) - TOLERATED * known
-        return type(self)(self.batches + 1, begun, share, score + sides, information + known)
-
-    @property
-    def log_evidence(self) -> FloatArray:
-        """Of each cause against the model in force, nats, shape (n_causes,).
-
-        At `ALARM` and above the model is wrong by more than what is tolerated.
-        """
-        if not self.log_share.size:
-            return np.zeros(len(CAUSES))
-        each = _log_evidence(self.log_share, self.score, self.information)
-        total: FloatArray = np.logaddexp.reduce(each, axis=0).max(axis=0)
-        return total
-
-    @property
-    def alarms(self) -> tuple[Cause, ...]:
-        """Causes with an alarm."""
-        return tuple(
+            sums = with_another(sums, begun)
+        sums = Sums(*(each + new for each, new in zip(sums.arrays(), news, strict=True)))
+        each = sums.log_evidence()
+        if each.shape[0] > MOST:
+            kept = np.arange(each.shape[0]) != np.argmin(each.max(axis=1))
+            sums, each = Sums(*(array[kept] for array in sums.arrays())), each[kept]
+        evidence = np.maximum(np.logaddexp.reduce(each, axis=0), FLOOR)
+        fresh = [
             cause
-            for cause, evidence in zip(CAUSES, self.log_evidence, strict=True)
-            if evidence >= ALARM
+            for cause, nats in zip(CAUSES, evidence, strict=True)
+            if nats >= ALARM and cause not in self.raised
+        ]
+        return replace(
+            self,
+            batches=self.batches + 1,
+            begun=begun,
+            began_minutes=began,
+            filters=filters,
+            sums=sums,
+            log_evidence=evidence,
+            raised=(*self.raised, *fresh),
         )
 
 
-def _log_evidence(
-    log_share: FloatArray, score: FloatArray, information: FloatArray
-) -> FloatArray:
-    """Return the logarithm of share times the ratio, averaged over half-normal sizes."""
-    variance = np.square(EXPECTED_SIZE)
-    width = 1.0 + variance * information
-    found: FloatArray = (
-        log_share[:, np.newaxis, np.newaxis]
-        + np.log(2.0)
-        - 0.5 * np.log(width)
-        + 0.5 * variance * np.square(score) / width
-        + log_ndtr(EXPECTED_SIZE * score / np.sqrt(width))
+def _begun(
+    filters: tuple[Nuisance, ...], at: FloatArray, estimate: LawEstimate
+) -> tuple[Nuisance, ...]:
+    """Return the filters, those that there are not yet at their beginning."""
+    if len(filters) == 2 + len(LAW_CAUSES):
+        return filters
+    sd = np.array([WIDE, WIDE, WIDE, 5.0 * WIDE, GAIN_PER_CONTACT])
+    free = np.append(estimate.mean / UNITS, 0.0)
+    held = []
+    for cause, own in zip(LAW_CAUSES, law_directions(at), strict=True):
+        fixed = np.append(own != 0.0, False)
+        mean = np.where(fixed, np.append(at / UNITS, 0.0), free)
+        begun = Nuisance.begin(mean, np.where(fixed, 0.0, sd), _N_EFFECTS + 1)
+        if cause == "speed_dependent_cutoff":  # both ends may be off, alike
+            begun.covariance[:2, :2] = WIDE**2
+        held.append(begun)
+    if filters:
+        return (filters[0], *held, filters[-1])
+    effects = np.zeros(_N_EFFECTS)
+    everything = Nuisance.begin(
+        np.concatenate([free, effects]), np.concatenate([sd, effects + 2.0]), len(PATTERNS)
     )
-    return found
+    return (Nuisance.begin(free, sd, _N_EFFECTS), *held, everything)
 
 
-def _efficient(
-    batch: Batch, at: FloatArray, estimate: LawEstimate
-) -> tuple[FloatArray, FloatArray]:
-    """Return the efficient score and information of each cause: what the others cannot say.
-
-    Taken where the model in force holds for the cause, and the estimate for the others, so that
-    a cutoff that is off by far is not seen as a delay.
-    """
-    data = batch.rows(estimate.noise_n2)
-    every = np.ones(data.tone_hz.size)
-    found = np.empty((2, len(CAUSES)))
-    for number, along in enumerate(DIRECTIONS):
-        where = np.where(along > 0.0, at, estimate.mean)
-        raw = scores(data, where, GainScatter(0.0, estimate.gain_scatter), every)
-        _, score, own = wandered(*raw, EXPECTED)
-        pull, known = DIRECTIONS @ score[0], DIRECTIONS @ own[0] @ DIRECTIONS.T
-        covariance = inverse(known)
-        information = 1.0 / covariance[number, number]
-        found[:, number] = information * (covariance[number] @ pull), information
-    return found[0], found[1]
+def _innovations(
+    batch: Batch,
+    filters: tuple[Nuisance, ...],
+    estimate: LawEstimate,
+    own: FloatArray,
+    mount: TransferFunction | None,
+    began_minutes: float,
+) -> tuple[tuple[Nuisance, ...], tuple[FloatArray, ...]]:
+    """Return the filters after a batch, and what is added to `Sums` (without `mains`)."""
+    effects = effect_directions(batch, estimate.mean, mount, began_minutes)
+    further = np.concatenate([effects, pattern_directions(batch)], axis=-1)
+    score, information, certainty = batch_score(batch, estimate, further)
+    at = np.append(estimate.mean / UNITS, 0.0)
+    # The gain's wandering has the column of the gain.
+    place = np.array([0, 1, 2, 3, 2, *range(LAW, LAW + _N_EFFECTS + len(PATTERNS))])
+    score, information = score[place], information[np.ix_(place, place)]
+    small = STATE + _N_EFFECTS
+    free, *held, everything = filters
+    free, pulled, known = free.seen(score[:small], information[:small, :small], at)
+    after, scores, informations = [], [], []
+    for each, direction in zip(held, own, strict=True):
+        turn = np.eye(small + 1, small)
+        turn[-1, :LAW] = direction
+        seen = turn @ information[:small, :small] @ turn.T
+        new, of_law, known_of_law = each.seen(turn @ score[:small], seen, at)
+        after.append(new)
+        scores.append(of_law)
+        informations.append(known_of_law)
+    none = np.concatenate([at, np.zeros(_N_EFFECTS)])
+    everything, patterns, known_of_patterns = everything.seen(score, information, none)
+    sums = (
+        pulled,
+        known,
+        np.array(scores),
+        np.array(informations),
+        patterns,
+        np.diag(known_of_patterns),
+        np.array(certainty),
+    )
+    return (free, *after, everything), sums
