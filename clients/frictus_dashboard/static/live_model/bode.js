@@ -104,8 +104,8 @@ export class LiveBode {
     });
     if (levels.length === 0) return [-20, 0];
     return [
-      STEP_DB * Math.floor((Math.min(...levels) - 1) / STEP_DB),
-      STEP_DB * Math.ceil((Math.max(...levels) + 1) / STEP_DB),
+      STEP_DB * Math.floor((Math.min(...levels) - 0.5) / STEP_DB),
+      STEP_DB * Math.ceil((Math.max(...levels) + 0.5) / STEP_DB),
     ];
   }
 
