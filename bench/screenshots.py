@@ -5,6 +5,7 @@ guidance and is calibrated twice; in a study something is hidden that a discover
 that the pictures show is done by clicks in Chromium.
 """
 
+import re
 import shutil
 import sys
 import tempfile
@@ -23,13 +24,21 @@ import frictus
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.config import Participant
 from frictus_hardware.simulated.guided import GuidedStrokes
-from frictus_service.config import ApiConfig, Config, RegistryConfig, RouterConfig
+from frictus_service.config import (
+    ApiConfig,
+    Config,
+    RegistryConfig,
+    RouterConfig,
+    TrackerConfig,
+)
 from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.processes import free_endpoint, free_port
 
 DOCS: Final = Path(__file__).parents[1] / "docs"
 STROKED: Final = "rig1"
 GUIDED: Final = "rig2"
+FEELER: Final = Participant(cutoff_0_hz=800.0, slope_hz_per_mm_s=11.0)
+"""Whom the model in force does not fit."""
 PERSON: Final = Participant(cutoff_0_hz=460.0, slope_hz_per_mm_s=11.0)
 LINES: Final = (0.4, 0.5, 0.63, 0.8, 1.0, 1.25, 1.6, 2.0, 2.5, 3.15, 4.0, 5.0, 6.3, 8.0)
 BRIEF: Final = {
@@ -75,12 +84,13 @@ def site(folder: Path) -> Iterator[Config]:
     """Run two rigs and a service that disturb nothing else on this machine."""
     config = Config(
         rig=STROKED,
-        backend=SimulatedConfig(),
+        backend=SimulatedConfig(participant=FEELER),
         router=RouterConfig(endpoint=free_endpoint()),
         api=ApiConfig(port=free_port()),
         registry=RegistryConfig(url=f"sqlite:///{folder / 'registry.db'}"),
         textures=folder / "textures",
         studies=folder / "studies",
+        tracker=TrackerConfig(audit=folder / "adaptations.jsonl"),
     )
     guided = config.model_copy(
         update={
@@ -92,7 +102,7 @@ def site(folder: Path) -> Iterator[Config]:
     config.studies.mkdir()
     make_study(config.studies / "visit1.h5", Case("picture", HIDDEN, DESIGN), Seeds(1, 2))
     with ExitStack() as stack:
-        for each, parts in ((config, ("rig", "api")), (guided, ("rig",))):
+        for each, parts in ((config, ("rig", "api", "tracker")), (guided, ("rig",))):
             supervisor = stack.enter_context(Supervisor(each, parts))  # type: ignore[arg-type]
             supervisor.wait_ready(120.0)
         yield config
@@ -109,6 +119,12 @@ def textures(page: Page) -> None:
     view = page.locator("#view-textures")
     view.get_by_role("link", name="sandpaper", exact=True).click()
     expect(view.get_by_text(f"On {STROKED}: ")).to_be_visible()
+
+
+def live_model(page: Page) -> None:
+    """Watch the finger being learned for a minute."""
+    gain = page.locator("[data-parameter=gain_n] .chart")
+    expect(gain).to_have_attribute("data-entries", re.compile("^1[0-9]{2}$"), timeout=DONE_MS)
 
 
 def calibrate(page: Page) -> None:
@@ -164,10 +180,12 @@ class Looking:
         self._url = url
 
     @contextmanager
-    def at(self, view: str, rig: str, scheme: str = "light", tall: int = 800) -> Iterator[Page]:
+    def at(
+        self, view: str, rig: str, scheme: str = "light", tall: int = 800, wide: int = 1280
+    ) -> Iterator[Page]:
         """Open a view of a rig."""
         page = self._browser.new_page(
-            viewport={"width": 1280, "height": tall},
+            viewport={"width": wide, "height": tall},
             color_scheme=scheme,  # type: ignore[arg-type]
             locale="en-GB",
         )
@@ -196,6 +214,9 @@ def take_all(looking: Looking) -> None:
             show(page)
             page.evaluate("scrollTo(0, 0)")
             looking.take(page, name)
+    with looking.at("live-model", STROKED, tall=900, wide=1440) as page:
+        live_model(page)
+        looking.take(page, "dashboard_live_model.png")
     for session in (1, 2):
         with looking.at("calibrate", GUIDED, tall=1000) as page:
             calibrate(page)

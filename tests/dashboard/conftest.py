@@ -1,11 +1,17 @@
 """A browser without a window, and pages of it that may not complain."""
 
+import functools
 import shutil
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
+
+from frictus_dashboard import FOLDER
 
 OpenPage = Callable[..., AbstractContextManager[Page]]
 
@@ -50,3 +56,28 @@ def open_page(browser: Browser) -> OpenPage:
         assert len(hosts - {""}) <= 1, f"it asked elsewhere: {hosts}"
 
     return opened
+
+
+class _Quiet(SimpleHTTPRequestHandler):
+    def do_GET(self) -> None:
+        """Serve files; browsers ask for an icon besides."""
+        if self.path == "/favicon.ico":
+            self.send_response(204)
+            self.end_headers()
+        else:
+            super().do_GET()
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Say nothing."""
+
+
+@pytest.fixture(scope="session")
+def folder_url() -> Iterator[str]:
+    """The page's files, without a service."""
+    handler = functools.partial(_Quiet, directory=str(FOLDER))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_address[1]}"
+        server.shutdown()
+        thread.join()

@@ -1,10 +1,7 @@
 """The page's pure modules, in the browser that runs them, against the service's own figures."""
 
-import functools
 import struct
-import threading
 from collections.abc import Iterator
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
 import numpy as np
@@ -12,7 +9,6 @@ import pytest
 from playwright.sync_api import Page, expect
 from tests.dashboard.conftest import OpenPage
 
-from frictus_dashboard import FOLDER
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_service.fidelity.preview import CENTRES_HZ, band_power, error_db
 
@@ -20,30 +16,6 @@ pytestmark = pytest.mark.browser
 
 RATE_HZ = 20_000.0
 SEGMENT = 8_192
-
-
-class _Quiet(SimpleHTTPRequestHandler):
-    def do_GET(self) -> None:
-        """Serve files; browsers ask for an icon besides."""
-        if self.path == "/favicon.ico":
-            self.send_response(204)
-            self.end_headers()
-        else:
-            super().do_GET()
-
-    def log_message(self, format: str, *args: Any) -> None:
-        """Say nothing."""
-
-
-@pytest.fixture(scope="module")
-def folder_url() -> Iterator[str]:
-    handler = functools.partial(_Quiet, directory=str(FOLDER))
-    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        thread = threading.Thread(target=server.serve_forever)
-        thread.start()
-        yield f"http://127.0.0.1:{server.server_address[1]}"
-        server.shutdown()
-        thread.join()
 
 
 @pytest.fixture(scope="module")

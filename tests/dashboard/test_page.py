@@ -289,6 +289,7 @@ def follows(page: Page) -> bool:
     ("view", "shown"),
     [
         ("Live", "No finger touches the screen."),
+        ("Live model", "No tracker runs at rig1"),
         ("Textures", "textures, "),
         ("Calibrate", "None was started yet."),
         ("Models", "No model is published that fits."),

@@ -3,6 +3,7 @@
 /** Names as they stand in the address, `#/textures/rig1`, and on the page. */
 export const VIEWS = {
   live: "Live",
+  "live-model": "Live model",
   textures: "Textures",
   calibrate: "Calibrate",
   models: "Models",

@@ -1,5 +1,6 @@
 /** What a viewer must know of the data: badges from status, scene, model and block flags. */
 
+import { followed } from "./adaptation.js";
 import { remark } from "./compensation.js";
 import { FLAGS } from "./frames.js";
 import { element } from "./element.js";
@@ -46,11 +47,8 @@ export class Badges {
     const badges = names.map((name) => [name, MEANINGS[name]]);
     const mode = remark(status?.compensation);
     if (mode !== "") badges.unshift(["compensation", mode]);
-    const adapted = status?.adaptations ?? 0;
-    if (adapted > 0) {
-      const times = adapted === 1 ? "once" : `${adapted} times`;
-      badges.unshift(["adapted", `Adapted: the model has followed the finger ${times}`]);
-    }
+    const follows = followed(status);
+    if (follows !== "") badges.unshift(["adaptation", follows]);
     if (badges.join() === this.shown) return;
     this.shown = badges.join();
     this.root.replaceChildren(...badges.map(badge));

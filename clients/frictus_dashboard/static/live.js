@@ -5,6 +5,7 @@ import { Badges } from "./badges.js";
 import { onSchemeChange } from "./colours.js";
 import { Compensation } from "./compensation.js";
 import { at, element, say } from "./element.js";
+import { EstimateLog } from "./estimate_log.js";
 import { decode } from "./frames.js";
 import { Gauge } from "./gauge.js";
 import { Health } from "./health.js";
@@ -36,6 +37,7 @@ export class Live {
     this.health = new Health();
     this.arming = new Arming(link);
     this.compensation = new Compensation();
+    this.estimates = new EstimateLog();
     this.pointing = new Pointing(this.surface, (message) => link.send(message));
     this.listening = new Listening(at("spectrum"), () => this.state);
     this.speed = new Gauge(at("speed"), { name: "Speed", unit: "mm/s", digits: 0, least: 120 });
@@ -59,6 +61,7 @@ export class Live {
   open(rig) {
     this.rig = rig;
     this.state = { status: null, scene: null, model: null, finger: null };
+    this.estimates.clear();
     this.heardMs = -Infinity;
     this.present = false;
     this.#watch();
@@ -109,6 +112,9 @@ export class Live {
     this.arming.hear(message);
     if (message.rig !== this.rig) return;
     if (message.op === "lost") this.lose();
+    if (message.op === "estimate") {
+      this.estimates.take(message.estimate, performance.now(), this.state.status?.utc_ns);
+    }
     if (!Object.hasOwn(this.state, message.op)) return;
     this.state[message.op] = message[message.op];
     // What a rig last said is kept for late joiners: only a finger or news show that it lives.

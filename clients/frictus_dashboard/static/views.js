@@ -9,6 +9,7 @@ import { keptOut } from "./holder.js";
 const CHECK_MS = 10_000;
 
 const MAKERS = {
+  "live-model": () => import("./live_model/view.js"),
   textures: () => import("./textures/view.js"),
   calibrate: () => import("./calibrate/view.js"),
   models: () => import("./models/view.js"),
@@ -21,7 +22,7 @@ const MAKERS = {
  * `open(rig, rest)`: it is shown, for a rig or null, with what stands behind that in the address
  * (an array of words); called again whenever the address or the rig changes;
  * `close()`: another view is shown: stop what is only needed on screen;
- * `hear(message)`: a message of the live connection (`status`, `scene`, `model`, `rigs`, …).
+ * `hear(message)`: a message of the live connection (`status`, `scene`, `estimate`, `rigs`, …).
  */
 export class Page {
   /** @param {import("./link.js").Link} link @param {import("./live.js").Live} live */
@@ -106,6 +107,7 @@ export class Views {
     const wanted = (this.wanted = {});
     if (this.name !== name) this.made.get(this.name)?.close();
     this.name = name;
+    document.body.dataset.view = name;
     this.page.live.reveal(name === "live");
     for (const each of Object.keys(MAKERS)) {
       const section = document.getElementById(`view-${each}`);

@@ -16,7 +16,9 @@ from tests.service.dashboard.page import SECRETS, Page, configuration, page_at, 
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 import frictus
-from frictus.keys import STREAMS
+from frictus.keys import STREAMS, Topics
+from frictus.messages import EstimateState
+from frictus.session import declare_latest_publisher
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.guided import ClientFinger
 from frictus_service.api.dashboard.frames import Frame, Kind
@@ -66,6 +68,25 @@ def test_a_page_sees_the_rig(port: int) -> None:
                 seen.add(message["op"])
         page.say("ping", id=12)
         page.wait("pong", lambda pong: pong["id"] == 12)
+
+
+def test_an_estimate_is_passed_on_also_to_who_comes_late(port: int, router: str) -> None:
+    with page_at(port, who="read") as page:
+        page.say("watch", rig="rig1")
+        page.wait("finger")
+        page.wait("finger")
+        assert not [told for told in page.told if told["op"] == "estimate"]  # nothing tracks
+        with frictus.connect(router, name="tracker") as client:
+            key = client.rig("rig1").keys.of(Topics.ESTIMATE)
+            publisher = declare_latest_publisher(client.session, key, Topics.ESTIMATE)
+            state = EstimateState(utc_ns=1, run=3, windows=0, refused={"nothing plays": 4})
+            publisher.put(state.to_json())
+            assert page.wait("estimate")["estimate"] == json.loads(state.to_json())
+            with page_at(port, who="read") as late:
+                late.say("watch", rig="rig1")
+                told = late.wait("estimate")
+                assert (told["rig"], told["estimate"]["run"]) == ("rig1", 3)
+            publisher.undeclare()  # type: ignore[no-untyped-call]
 
 
 @pytest.mark.parametrize("raw", [True, False])

@@ -21,6 +21,7 @@ VALUES: Final[dict[str, Topic]] = {
     "finger": Topics.FINGER,
     "guidance": Topics.GUIDANCE,
     "recording": Topics.RECORDING,
+    "estimate": Topics.ESTIMATE,
 }
 """Name of each JSON message that is passed on; of each, the newest wins."""
 ALWAYS_TOLD: Final = frozenset({"status", "scene", "model"})
