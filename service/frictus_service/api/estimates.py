@@ -3,17 +3,18 @@
 from typing import Annotated, Final
 
 from fastapi import APIRouter, Depends, Request, Response
-from pydantic import BaseModel, Field, TypeAdapter
+from pydantic import Field, TypeAdapter
 
 from frictus.errors import LinkError
 from frictus.messages import EstimateState
 from frictus.rig import Rig
 from frictus_service.api import problems
 from frictus_service.api.access import needs
+from frictus_service.api.calibrations import Publication
 from frictus_service.api.models import body_of
 from frictus_service.api.requests import JSON, parse_json, raw_body, require_media
 from frictus_service.api.rigs import Given, RigName
-from frictus_service.registry.documents import NAME, Published
+from frictus_service.registry.documents import Published
 
 router = APIRouter(prefix="/v1/rigs", tags=["rigs"])
 _READ: Final = (
@@ -27,7 +28,7 @@ _READ: Final = (
 )
 
 
-class EstimatePublication(BaseModel):
+class EstimatePublication(Publication):
     """How an estimate is published."""
 
     participant: Annotated[
@@ -38,15 +39,6 @@ class EstimatePublication(BaseModel):
             json_schema_extra={"pattern": r"^[A-Za-z0-9._-]+$"},
         ),
     ] = None
-    name: Annotated[
-        str | None,
-        Field(
-            max_length=200,
-            description="null: RIG/PARTICIPANT",
-            json_schema_extra={"pattern": f"^{NAME}$"},
-        ),
-    ] = None
-    comment: Annotated[str, Field(max_length=1_000)] = ""
 
 
 _PUBLICATION: Final[TypeAdapter[EstimatePublication]] = TypeAdapter(EstimatePublication)
