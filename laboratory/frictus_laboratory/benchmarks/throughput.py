@@ -23,7 +23,7 @@ from frictus_laboratory.benchmarks.neighbour import Neighbour, Pipe, await_subsc
 from frictus_service.daemon.block_record import BlockRecord, blocks_of, finger_of, flags_of
 from frictus_service.daemon.timebase import Timebase, UtcReading
 from frictus_service.processes import free_endpoint
-from frictus_service.synthesis.renderer import make_chain
+from frictus_service.synthesis.chain import make_chain
 
 KEYS: Final = RigKeys("bench", "rig")
 TOPICS: Final = (*STREAMS.values(), Topics.FINGER)

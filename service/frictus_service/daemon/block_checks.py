@@ -14,7 +14,7 @@ from frictus_hardware.base import Backend, Exchange
 from frictus_hardware.output import SampleRing
 from frictus_service.config import Limits
 from frictus_service.daemon.safety import Event, FaultCleared, FaultRaised
-from frictus_service.synthesis.renderer import RenderedBlock
+from frictus_service.synthesis.chain import RenderedBlock
 
 RING_SAMPLES = 1 << 16
 """More than any lead and block together."""

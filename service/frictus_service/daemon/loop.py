@@ -41,10 +41,11 @@ from frictus_service.daemon.safety import (
 )
 from frictus_service.daemon.timebase import UtcReading
 from frictus_service.processes import Heartbeat
+from frictus_service.synthesis.chain import Chain, RenderedBlock
 from frictus_service.synthesis.compensability import screen_of
 from frictus_service.synthesis.compensation import Inverse
 from frictus_service.synthesis.estimator import EstimatorTuning, FingerEstimator
-from frictus_service.synthesis.renderer import RAMP_S, Chain, RenderedBlock, Renderer
+from frictus_service.synthesis.renderer import RAMP_S, Renderer
 
 HANDOVER_BLOCKS: Final = 64
 """Blocks that the publisher may lag behind: 320 ms."""

@@ -23,8 +23,9 @@ from frictus.textures import Component, Map, Region, Scene, Spectrum
 from frictus_hardware import SimulatedConfig, open_backend
 from frictus_hardware.simulated.human import HumanStrokes
 from frictus_hardware.simulated.strokes import SteadyStrokes
+from frictus_service.synthesis.chain import Chain, make_chain
 from frictus_service.synthesis.compensability import inverse_of, law_of, placeholder_model
-from frictus_service.synthesis.renderer import Chain, Playable, Renderer, make_chain
+from frictus_service.synthesis.renderer import Playable, Renderer
 from frictus_service.synthesis.scene import StreamBudget, compile_excitation, compile_scene
 
 FREE_SHARE: Final = 0.25

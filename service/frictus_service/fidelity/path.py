@@ -15,11 +15,12 @@ from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.motion import Finger
 from frictus_hardware.simulated.rig import SimulatedRig
+from frictus_service.synthesis.chain import Chain, Follower
 from frictus_service.synthesis.compensation import Invertible
 from frictus_service.synthesis.components import Components
 from frictus_service.synthesis.estimator import FingerEstimator, PredictedMotion
 from frictus_service.synthesis.kernel import BlockMotion
-from frictus_service.synthesis.renderer import Chain, Follower, Renderer
+from frictus_service.synthesis.renderer import Renderer
 from frictus_service.synthesis.scene import CompiledScene
 
 

@@ -15,8 +15,9 @@ from frictus_hardware.nidaq.backend import NiRig
 from frictus_hardware.nidaq.config import NiConfig
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
+from frictus_service.synthesis.chain import Chain
 from frictus_service.synthesis.estimator import FingerEstimator
-from frictus_service.synthesis.renderer import Chain, Renderer
+from frictus_service.synthesis.renderer import Renderer
 from frictus_service.synthesis.scene import compile_scene
 
 RATE_HZ = 20_000.0

@@ -16,14 +16,9 @@ from frictus_hardware.simulated.human import HumanStrokes
 from frictus_hardware.simulated.rig import SimulatedRig, make_twin
 from frictus_service.fidelity.measure import feel
 from frictus_service.fidelity.path import BLOCK_SAMPLES, walk
+from frictus_service.synthesis.chain import Chain, RenderedBlock, make_chain
 from frictus_service.synthesis.estimator import FingerEstimator
-from frictus_service.synthesis.renderer import (
-    RAMP_S,
-    Chain,
-    RenderedBlock,
-    Renderer,
-    make_chain,
-)
+from frictus_service.synthesis.renderer import RAMP_S, Renderer
 from frictus_service.synthesis.scene import CompiledScene, compile_scene
 
 RATE = 20_000.0

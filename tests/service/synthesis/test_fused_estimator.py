@@ -24,8 +24,9 @@ from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.fidelity.measure import full_gain
 from frictus_service.fidelity.path import BLOCK_SAMPLES
 from frictus_service.library import SHIPPED
+from frictus_service.synthesis.chain import Chain, RenderedBlock
 from frictus_service.synthesis.estimator import DEFAULT_TUNING, FingerEstimator
-from frictus_service.synthesis.renderer import Chain, RenderedBlock, Renderer
+from frictus_service.synthesis.renderer import Renderer
 from frictus_service.synthesis.scene import CompiledScene
 
 pytestmark = pytest.mark.compiled
