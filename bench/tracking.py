@@ -62,13 +62,13 @@ EFFECTS: Final = {
     "force_dependent_cutoff": {"exponent": 0.18},
     "force_dependent_gain": {"exponent": 0.18},
     "mains_interference": {"amplitude_n": 0.004},
-    "mount_resonance_shift": {"share": 0.02},
+    "mount_resonance_shift": {"share": 0.05},
     "position_dependent_gain": {"per_mm": 0.005},
     "speed_dependent_cutoff": {"slope_hz_per_mm_s": 4.8},
     "speed_dependent_gain": {"exponent": 0.25},
 }
 """Twice the smallest size that a study finds; of leakage and roll-off twice, and of the mount
-four times that. Drifts need a session that lasts, and what is not here is not seen live."""
+ten times that. Drifts need a session that lasts, and what is not here is not seen live."""
 
 
 @dataclass(frozen=True, slots=True)
