@@ -36,7 +36,8 @@ from frictus_service.errors import RecordingError
 from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.summary import summarise
 
-TARGETS: Final = ("client", "rig", "api", "recorder", "supervisor")
+PARTS: Final = ("rig", "api", "recorder", "tracker")
+TARGETS: Final = ("client", *PARTS, "supervisor")
 SILENCING: Final = ("client", "rig", "supervisor")
 """After whose end nobody drives; the supervisor's takes the router with it."""
 SIGNALS: Final = ("SIGKILL", "SIGSTOP")
@@ -144,11 +145,12 @@ class Site:
         time.sleep(max(0.0, hit_s + FROZEN_S - time.monotonic()) if frozen else 0.0)
         for target in frozen:
             send(pids[target], "SIGCONT")
+        # A rig that stands still is ended; the others go on where they were.
         ends = attack.signals.get("rig") or "SIGKILL" in [
-            attack.signals.get(part) for part in ("api", "recorder")
+            attack.signals.get(part) for part in PARTS
         ]
         if attack.signals.get("supervisor") == "SIGKILL":
-            parts = [pids[target] for target in ("rig", "api", "recorder")]
+            parts = [pids[target] for target in PARTS]
             left = self.hosted.end_with(parts)
             if left:
                 failures.append(
