@@ -28,12 +28,13 @@ if TYPE_CHECKING:
     from frictus_service.config import Config
 
 SILENT_S: Final = 3.0
+STUDIES: Final = (".h5", ".hdf5")
 
 
 def track(
     file: Annotated[
         Path | None,
-        typer.Argument(metavar="[RECORDING]", help="A recording.  [default: a rig, live]"),
+        typer.Argument(metavar="[FILE]", help="A recording or study.  [default: a rig, live]"),
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="Write the model at the end.")
@@ -56,6 +57,8 @@ def track(
     """
     if file is None:
         state = _live(TargetRig.of(config, router, site, rig), mount, seconds, as_json)
+    elif file.suffix.lower() in STUDIES:
+        state = _studied(file, participant, as_json)
     else:
         state = _recorded(file, mount, as_json)
     if state is not None and not wants_lines(as_json):
@@ -155,6 +158,26 @@ def _recorded(file: Path, mount: str, as_json: bool) -> "EstimateState":
         if not reader.ending.complete:
             sys.stderr.write(f"the recording {reader.ending}\n")
     return state
+
+
+def _studied(file: Path, participant: str | None, as_json: bool) -> "EstimateState":
+    """Follow each participant of a study; return the estimate of the one that was named."""
+    from frictus_service.calibration.coordinates import Prior
+    from frictus_service.errors import EstimateError
+    from frictus_service.study.reader import StudyReader
+    from frictus_service.tracking.recorded import follow_study
+
+    with StudyReader(file) as reader:
+        states = follow_study(reader, Prior.weak(), lambda told: _show(told, as_json))
+        for left_out in reader.excluded:
+            sys.stderr.write(f"trial {left_out.trial} is left out: {left_out.reason}\n")
+    if participant is None and len(states) == 1:
+        return next(iter(states.values()))
+    if participant not in states:
+        known = ", ".join(states)
+        named = f"{participant!r} is none of them" if participant else "name one"
+        raise EstimateError(f"{file} has the participants {known}: {named} with --participant")
+    return states[participant]
 
 
 def document_of(state: "EstimateState | None", participant: str | None) -> "Model":

@@ -1,19 +1,24 @@
-"""The finger in a recording: the same samples for the same tracker as on a rig."""
+"""The finger in a recording or a study: the same samples for the same tracker as on a rig."""
 
 from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Final
 
+import numpy as np
+
 import frictus
 from frictus.aligned import AlignedSamples
-from frictus.block import Block
+from frictus.block import Block, Flag
 from frictus.keys import FORCE, RENDER, VOLTAGE
 from frictus.messages import EstimateState, Message, ModelState, RigStatus
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.calibration.coordinates import Prior
-from frictus_service.errors import RecordingError
+from frictus_service.errors import RecordingError, TrialError
+from frictus_service.identification.observation.sweeps import smooth
 from frictus_service.recording.reader import RecordingReader, State
 from frictus_service.recording.samples import Samples
+from frictus_service.study.reader import StudyReader
+from frictus_service.study.trial import Trial
 from frictus_service.tracking.tracker import ModelInForce, Tracker
 from frictus_service.tracking.windows import WindowCutter
 
@@ -78,6 +83,64 @@ def follow_recording(
     state = tracker.state(told_ns)
     tell(state)
     return state
+
+
+def follow_study(reader: StudyReader, prior: Prior, tell: Tell) -> dict[str, EstimateState]:
+    """Follow the fingers of a study, each participant's trials in their order.
+
+    Parameters
+    ----------
+    reader : StudyReader
+        Open.
+    prior : Prior
+        Of a new person.
+    tell : callable
+        Told the estimate after every trial.
+
+    Returns
+    -------
+    dict of str to EstimateState
+        By participant, after the last trial.
+    """
+    states: dict[str, EstimateState] = {}
+    trackers: dict[str, Tracker] = {}
+    for asked in reader.trials:
+        participant = asked.participant
+        if participant not in trackers:
+            cutter = WindowCutter(
+                asked.sample_rate_hz, reader.info.screen_peak_v, reader.info.mount
+            )
+            trackers[participant] = Tracker(cutter, prior, reader.info.rig)
+            trackers[participant].begin_anew(prior, participant)
+        tracker = trackers[participant]
+        try:
+            part = _part_of(reader.read(asked.id), asked.order)
+        except TrialError:
+            part = None
+        if part is None:
+            tracker.leave_out("a trial without drive or finger, or damaged")
+        else:
+            tracker.take(part)
+        states[participant] = tracker.state(0)
+        tell(states[participant])
+    return states
+
+
+def _part_of(trial: Trial, order: int) -> AlignedSamples | None:
+    """Return a trial as samples of a rig, a run of their own; None without drive or finger."""
+    motion = smooth(trial.position_mm, trial.position_t_s)
+    if trial.voltage_v is None or motion.time_s.size < 2:
+        return None
+    rate_hz = trial.info.sample_rate_hz
+    time_s = np.arange(trial.voltage_v.size) / rate_hz
+    speed = np.interp(time_s, motion.time_s, motion.speed_mm_s, left=0.0, right=0.0)
+    data = {
+        "force": trial.force_n.T,
+        "voltage": trial.voltage_v[np.newaxis],
+        "render": np.vstack([motion.position_at(time_s).T, speed]),
+    }
+    held = {name: rows.astype(np.float32) for name, rows in data.items()}
+    return AlignedSamples(order, 0, 0, rate_hz, 0, Flag(0), held)
 
 
 def _put_in_force(tracker: Tracker, message: Message) -> None:

@@ -185,6 +185,16 @@ class Tracker:
         self._gain = self._gain.without_noise_of("in_force")
         self._watch = self._watch.of_another_model()
 
+    def leave_out(self, reason: str) -> None:
+        """Count something that could not be used.
+
+        Parameters
+        ----------
+        reason : str
+            Of a few: each is told with how often it was.
+        """
+        self._cutter.refused[reason] += 1
+
     def take(self, part: AlignedSamples) -> bool:
         """Take what was published; return whether the estimate is another.
 

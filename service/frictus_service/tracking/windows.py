@@ -148,8 +148,10 @@ class WindowCutter:
             Of the streams `STREAMS`.
         """
         if part.run != self._run or part.missing_samples:
-            if self._run is not None:
+            if part.run == self._run:
                 self.refused["samples are missing"] += 1
+            else:
+                self._contact += 1
             self._run, self._parts, self._used, self._held = part.run, [], 0, 0
         self._parts.append(part)
         self._held += part.data["force"].shape[1]

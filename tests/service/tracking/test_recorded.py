@@ -1,0 +1,81 @@
+"""The tracker over a study: the law that a rig would have learned live, from its trials."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.service.identification.trials import LAW, STUDY, Made, trial
+from typer.testing import CliRunner, Result
+
+from frictus.messages import EstimateState
+from frictus.model import FirstOrderSpeedLaw, Model
+from frictus_service.calibration import coordinates
+from frictus_service.calibration.coordinates import Prior
+from frictus_service.cli.app import app
+from frictus_service.cli.options import Exit
+from frictus_service.study.reader import StudyReader
+from frictus_service.study.writer import StudyWriter
+from frictus_service.tracking.recorded import follow_study
+
+TONES_HZ = tuple(np.geomspace(60.0, 1_500.0, 12).tolist())
+SPEEDS_MM_S = (25.0, 60.0, 95.0)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory, module_seed: int) -> Path:
+    """Two participants, three speeds each, and a trial without drive."""
+    rng = np.random.default_rng(module_seed)
+    path = tmp_path_factory.mktemp("study") / "study.h5"
+    silent = Made(tones_hz=(), noise_n=0.002)
+    made = [Made(TONES_HZ, speed, noise_n=0.002) for speed in SPEEDS_MM_S]
+    with StudyWriter(path, STUDY) as writer:
+        for participant in ("P01", "P02"):
+            for order, each in enumerate((*made, silent)):
+                one = trial(each, rng)
+                info = replace(
+                    one.info,
+                    id=f"{participant}-{order}",
+                    participant=participant,
+                    order=order,
+                    drive_vpp=150.0 if each.tones_hz else 0.0,
+                )
+                writer.add(replace(one, info=info))
+    return path
+
+
+def test_each_participant_of_a_study_is_followed(study: Path) -> None:
+    told: list[EstimateState] = []
+    with StudyReader(study) as reader:
+        assert not reader.excluded
+        states = follow_study(reader, Prior.weak(), told.append)
+    assert list(states) == ["P01", "P02"]
+    assert [state.participant for state in told] == ["P01"] * 4 + ["P02"] * 4
+    true = coordinates.from_law(LAW.gain_n, LAW.cutoff_0_hz, LAW.slope_hz_per_mm_s, 0.0)
+    for state in states.values():
+        assert state.refused["a trial without drive or finger, or damaged"] == 1
+        assert "samples are missing" not in state.refused
+        law = state.law
+        assert law is not None
+        assert law.gain_n.value == pytest.approx(np.exp(true[2]), rel=0.02)
+        for found, at in ((law.cutoff_20_hz, true[0]), (law.cutoff_100_hz, true[1])):
+            assert found.value == pytest.approx(np.exp(at), rel=0.1)
+
+
+def test_the_command_writes_the_model_of_the_one_that_is_named(
+    study: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "P02.json"
+
+    def run(*more: str) -> Result:
+        return CliRunner().invoke(app, ["track", str(study), "--out", str(out), *more])
+
+    unnamed = run()
+    assert unnamed.exit_code == Exit.CHECK_FAILED
+    assert "P01, P02: name one with --participant" in unnamed.stderr
+    assert not out.exists()
+    assert run("--participant", "P02").exit_code == Exit.OK
+    model = Model.model_validate_json(out.read_bytes())
+    assert (model.participant, model.provenance["source"]) == ("P02", "live")
+    assert isinstance(model.base, FirstOrderSpeedLaw)
+    assert model.base.gain_n == pytest.approx(LAW.gain_n, rel=0.02)
