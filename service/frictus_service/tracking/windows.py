@@ -207,8 +207,14 @@ class WindowCutter:
 
 
 def _direction(position_mm: FloatArray) -> FloatArray:
-    """Return the unit vector along the motion at every sample, shape (2, n_samples)."""
-    step = np.gradient(position_mm, axis=1)
+    """Return the unit vector along the motion at every sample, shape (2, n_samples).
+
+    Over a tenth of the window: where a prediction is corrected the rendered position jumps from
+    one block to the next, often backwards, and the finger does not.
+    """
+    span = position_mm.shape[1] // 10
+    ends = np.pad(position_mm, ((0, 0), (span // 2, span - span // 2)), mode="edge")
+    step = ends[:, span:] - ends[:, :-span]
     length = np.maximum(np.hypot(step[0], step[1]), 1e-12)
     along: FloatArray = step / length
     return along

@@ -157,3 +157,15 @@ def test_a_model_without_a_law_of_friction_is_not_compared_with(felt: Signals) -
     state = found.state(1)
     assert "in_force" not in state.error_db
     assert "newest" in state.error_db
+
+
+def test_a_corrected_prediction_is_no_turn(felt: Signals) -> None:
+    """The rendered position jumps back by 0.4 mm four times a second; the finger does not."""
+    straight, jumping = tracker(), tracker()
+    for number, part in enumerate(parts(felt)):
+        straight.take(part)
+        behind = np.float32(0.4 * (number // 50 % 2))
+        render = part.data["render"] - np.array([[behind], [0.0], [0.0]], np.float32)
+        jumping.take(replace(part, data={**part.data, "render": render}))
+    lost = straight.estimate.windows - jumping.estimate.windows
+    assert lost < 0.1 * straight.estimate.windows
