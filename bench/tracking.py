@@ -1,274 +1,330 @@
-"""Measure how the finger is followed while it plays: `python bench/tracking.py --help`.
+"""Write how the finger is followed while it plays: `python bench/tracking.py --help`.
 
-Simulated people on the twin, free strokes over shipped textures that a placeholder model
-renders: how soon the estimate renders as the true law would, whether its intervals hold, and
-how soon an alarm names what is wrong. The seed is fresh each time, and in the document.
+The campaign itself is `python -m tests.campaigns.live_model bench/live_model.jsonl`; this reads
+its lines.
 """
 
 import argparse
-import secrets
 import sys
-import textwrap
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from pathlib import Path as File
-from typing import Final
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
+from scipy import stats
 
-from frictus.aligned import AlignedSamples
-from frictus.block import Flag
-from frictus.recordings import texture_of
-from frictus_hardware.arrays import FloatArray
-from frictus_hardware.physics.friction import FrictionLaw
-from frictus_hardware.physics.linear import Mount
-from frictus_hardware.physics.stages import FrictionResponse, SensorNoise, standard_twin
-from frictus_hardware.physics.twin import Twin
-from frictus_hardware.simulated.config import Participant, SimulatedConfig, draw_participant
-from frictus_hardware.simulated.human import HumanStrokes
-from frictus_service.calibration import coordinates
-from frictus_service.calibration.coordinates import Prior
-from frictus_service.fidelity.measure import feel, full_gain
-from frictus_service.fidelity.path import walk
-from frictus_service.fidelity.preview import NOMINAL_HZ
-from frictus_service.library import SHIPPED
-from frictus_service.synthesis.compensability import placeholder_model
-from frictus_service.tracking.tracker import ModelInForce, Tracker
-from frictus_service.tracking.windows import WindowCutter
+sys.path.insert(0, str(Path(__file__).parents[1]))  # so that a script finds the tests
 
-OUT: Final = File(__file__).parents[1] / "docs" / "live_model.md"
-RATE_HZ: Final = 20_000.0
-PART: Final = 2_000
-SPEEDS_MM_S: Final = np.array([20.0, 40.0, 60.0, 80.0, 100.0])
-WITHIN_DB: Final = 0.1
-FACTORS: Final = (0.5, 1.0, 2.0)
-"""Of the population's cutoff."""
-CAUSES: Final = {
-    "gain, 1.5 times": {"gain_n": 1.5},
-    "cutoff, half": {"cutoff_0_hz": 0.5, "slope_hz_per_mm_s": 0.5},
-    "cutoff, twice": {"cutoff_0_hz": 2.0, "slope_hz_per_mm_s": 2.0},
-    "delay, 100 us": {},
-    "nothing": {},
-}
+from tests.campaigns.lines import Line, read
+from tests.campaigns.live_model import FACTORS, RIG, SIZES, STARTS, TEXTURES, UNKNOWN
+
+from frictus_laboratory.live_model.disturbances import FAULTS
+
+ROOT: Final = Path(__file__).parents[1]
+LINES: Final = ROOT / "bench" / "live_model.jsonl"
+STUDIES: Final = ROOT / "bench" / "blind.jsonl"
+OUT: Final = ROOT / "docs" / "live_model.md"
+COORDINATES: Final = ("cutoff at 20 mm/s", "cutoff at 100 mm/s", "gain", "delay")
+WORSE_DB: Final = 0.02
+"""By which the model in force may be worse than the right one."""
+ALIKE_DB: Final = 0.1
 
 
-@dataclass(frozen=True, slots=True)
-class Course:
-    """How one session went; arrays of one entry per update.
+class Sessions:
+    """Lines of a campaign of one kind.
 
-    Attributes
+    Parameters
     ----------
-    at_s : ndarray
-        Of each update, since the session began.
-    error_db : ndarray
-        Of a rendering that undoes the estimate.
-    covered : ndarray of bool, shape (4,)
-        Which coordinates lie in their intervals at the end.
-    named : dict of str to float
-        Causes with an alarm, and when it rose, s.
+    lines : iterable of dict
+        Of the campaign.
+    start : str
+        With which their names begin.
     """
 
-    at_s: FloatArray
-    error_db: FloatArray
-    covered: np.ndarray[tuple[int], np.dtype[np.bool_]]
-    named: dict[str, float]
+    def __init__(self, lines: Iterable[Line], start: str) -> None:
+        self.lines = [line for line in lines if f"{line['name']}/".startswith(start)]
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self.lines)
+
+    def of(self, value: Callable[[Line], Any]) -> list[Any]:
+        """Return a value of each."""
+        return [value(line) for line in self.lines]
+
+    def count(self, holds: Callable[[Line], Any]) -> int:
+        """Return of how many something holds."""
+        return sum(bool(holds(line)) for line in self.lines)
 
 
-def error_db(at: FloatArray, true: FloatArray) -> float:
-    """Return the error of a rendering that undoes a law which is not the true one, dB rms."""
-    frequency = np.array(NOMINAL_HZ)
-    ratio = 0.0
-    for one, sign in ((true, 1.0), (at, -1.0)):
-        cutoff = coordinates.cutoff_hz(one, SPEEDS_MM_S)[:, np.newaxis]
-        size = np.exp(one[2]) * cutoff / np.hypot(cutoff, frequency)
-        ratio = ratio + sign * 20.0 * np.log10(size)
-    return float(np.sqrt(np.mean(np.square(ratio))))
+def share(hits: int, of: int) -> str:
+    """Return a share with its binomial 95 % interval (Clopper and Pearson)."""
+    if not of:
+        return "-"
+    low, high = stats.binomtest(hits, of).proportion_ci(0.95)
+    return f"{100 * hits / of:.0f} % [{100 * low:.0f}, {100 * high:.0f}] ({hits} of {of})"
 
 
-def session(
-    texture: str, person: Participant, delay_s: float, seconds: float, seed: int
-) -> Course:
-    """Return the course of one session: the placeholder renders, nothing is adapted."""
-    config = SimulatedConfig(seed=seed, finger=HumanStrokes(), participant=person)
-    path = walk(config, seconds)
-    scene = full_gain(
-        texture_of((SHIPPED / f"{texture}.json").read_text(encoding="utf-8")),
-        FrictionLaw(),
-        config.screen,
-        RATE_HZ,
+def quantile(values: Sequence[float | None], at: float, unit: str = " s") -> str:
+    """Return a quantile; None is later than any."""
+    if not values:
+        return "-"
+    found = float(
+        np.quantile([np.inf if v is None else v for v in values], at, method="higher")
     )
-    twin = standard_twin(
-        config.screen, person.law, person.mobility, sensors=(SensorNoise(0.002, 0.05, seed),)
+    return f"{found:.1f}{unit}" if np.isfinite(found) else "not reached"
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table in markdown."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def worst(values: Sequence[float]) -> str:
+    """Return the median, 95th percentile and largest of some values, dB."""
+    if not values:
+        return "-"
+    return f"{np.median(values):.3f} ({np.quantile(values, 0.95):.3f}, {max(values):.3f})"
+
+
+def learned(lines: list[Line]) -> str:
+    """Return how soon the estimate and the model in force render as the true law would."""
+    rows = []
+    for texture in (*TEXTURES, "all"):
+        found = Sessions(lines, "learn/" if texture == "all" else f"learn/{texture}/")
+        if not len(found):
+            continue
+        end = found.of(lambda line: line["observe"]["newest_db"])
+        rows.append(
+            [
+                f"{texture}, {len(found)}",
+                f"{np.median(found.of(lambda line: line['begins_db'])):.2f}",
+                quantile(found.of(lambda line: line["observe"]["newest_within_s"]), 0.5),
+                quantile(found.of(lambda line: line["observe"]["newest_within_s"]), 0.9),
+                f"{np.median(end):.3f} ({max(end):.3f})",
+                quantile(found.of(lambda line: line["in_force_within_s"]), 0.5),
+                quantile(found.of(lambda line: line["in_force_within_s"]), 0.9),
+                worst(found.of(lambda line: line["in_force_db"])),
+            ]
+        )
+    header = (
+        *("texture, sessions", "begins at, dB", "estimate within 0.1 dB, median", "90 %"),
+        *("estimate at the end, median (worst), dB", "in force within 0.1 dB, median", "90 %"),
+        "in force at the end, median (95 %, worst), dB",
     )
-    late = tuple(
-        replace(stage, delay_s=delay_s) if isinstance(stage, FrictionResponse) else stage
-        for stage in twin.stages
+    return table(header, rows)
+
+
+def coverage(lines: list[Line]) -> str:
+    """Return how many of the intervals at the end hold, observed and adapted."""
+    found = Sessions(lines, "learn/")
+    open_ = np.array(found.of(lambda line: line["observe"]["z"]))
+    closed = np.array(found.of(lambda line: line["z"]))
+    rows = []
+    for number, name in enumerate(COORDINATES):
+        row = [name]
+        for z in (open_, closed):
+            at = z[:, number]
+            row += [
+                share(int(np.sum(np.abs(at) < 1.96)), at.size),
+                f"{at.mean():+.2f} and {at.std(ddof=1):.2f}",
+            ]
+        rows.append(row)
+    deviation = "mean and SD of the deviation, in standard deviations"
+    return table(
+        ("interval of", "`observe`: holds", deviation, "`adapt`: holds", deviation), rows
     )
-    signals, _ = feel(path, scene, FrictionLaw(), config.screen, Twin(late))
-    law = person.law
-    true = coordinates.from_law(law.gain_n, law.cutoff_0_hz, law.slope_hz_per_mm_s, delay_s)
-    tracker = Tracker(
-        WindowCutter(RATE_HZ, config.screen.peak_v, Mount().lateral), Prior.weak()
+
+
+def nulls(lines: list[Line]) -> str:
+    """Return by how much a model that was right became worse, and the alarms."""
+    rows = []
+    for which, told in (("exact", "constant"), ("scatter", "scatters within the person")):
+        found = Sessions(lines, f"null/{which}/")
+        alarms = found.count(lambda line: line["named"])
+        rows.append(
+            [
+                f"{told}, {len(found)}",
+                worst(found.of(lambda line: line["excess_db"]["median"])),
+                worst(found.of(lambda line: line["excess_db"]["q95"])),
+                worst(found.of(lambda line: line["excess_db"]["worst"])),
+                f"{100 * np.mean(found.of(lambda line: line['excess_db']['above_0.02'])):.1f} %"
+                if len(found)
+                else "-",
+                f"{np.mean(found.of(lambda line: line['excess_db']['mean'])):+.3f}"
+                if len(found)
+                else "-",
+                str(np.median(found.of(lambda line: len(line["changes"]))))
+                if len(found)
+                else "-",
+                share(alarms, len(found)),
+            ]
+        )
+    header = (
+        *("the finger, sessions", "median in time", "95 % in time", "worst in time"),
+        *("time above 0.02 dB", "mean", "changes", "sessions with an alarm"),
     )
-    tracker.put_in_force(ModelInForce.of("placeholder", placeholder_model()))
-    at_s, errors, named = [], [], dict[str, float]()
-    speed = np.hypot(*signals.velocity_mm_s.T)
-    render = np.vstack([signals.position_mm.T, speed])
-    for first in range(0, speed.size, PART):
-        cut = slice(first, first + PART)
-        data = {
-            "force": signals.force_n[cut].T,
-            "voltage": signals.voltage_v[np.newaxis, cut],
-            "render": render[:, cut],
-        }
-        held = {name: rows.astype(np.float32) for name, rows in data.items()}
-        if tracker.take(AlignedSamples(1, first, 0, RATE_HZ, 0, Flag(0), held)):
-            at_s.append((first + PART) / RATE_HZ)
-            errors.append(error_db(tracker.estimate.mean, true))
-            for cause in tracker.state(0).alarms:
-                named.setdefault(cause, at_s[-1])
-    estimate = tracker.estimate
-    covered = np.abs(estimate.mean - true) < estimate.half_width
-    return Course(np.array(at_s), np.array(errors), covered, named)
+    return table(header, rows)
 
 
-TEXT: Final = """# The model while it plays
+def followed(lines: list[Line]) -> str:
+    """Return how a finger that changes is followed."""
+    rows = []
+    for kind, told in (("moisture", "gain times 0.8 within 1 s"), ("new_finger", "new finger")):
+        found = Sessions(lines, f"{kind}/")
+        noticed = found.of(_noticed)
+        within = sum(at is not None and at <= 10.0 for at in noticed)
+        rows.append(
+            [
+                f"{told}, {len(found)}",
+                worst(found.of(lambda line: line["followed"]["step_db"])),
+                quantile(found.of(lambda line: line["followed"]["newest_s"]), 0.5),
+                quantile(found.of(lambda line: line["followed"]["newest_s"]), 0.9),
+                quantile(found.of(lambda line: line["followed"]["in_force_s"]), 0.5),
+                quantile(found.of(lambda line: line["followed"]["in_force_s"]), 0.9),
+                share(within, len(found)),
+                quantile(noticed, 0.5),
+            ]
+        )
+    header = (
+        *("change, sessions", "error if not followed, median (95 %, worst), dB"),
+        *("estimate, 90 % of the step: median", "90 % of sessions"),
+        *("in force, 90 % of the step: median", "90 % of sessions"),
+        *("noticed within 10 s", "median"),
+    )
+    return table(header, rows)
 
-Made by `uv run python bench/tracking.py`, on the twin: people drawn from the population of
-the simulated participants, free strokes, shipped textures rendered by the placeholder model,
-sensors with noise. `frictus track` does the same on a rig or with a recording. Nothing was
-measured on a real finger. The rig's model is not changed meanwhile: adapting it while it plays
-is not built.
 
-## How soon it renders as the true law would
-{sessions} sessions of {seconds:g} s, people drawn at random at 0.5, 1 and 2 times their cutoff.
-*Begins at*: error of a rendering by the placeholder, dB rms over third octaves at 20 to 100
-mm/s. *Within {within:g} dB*: seconds of free strokes, turns and pauses included, after which
-the error of the estimate stays below it.
+def _noticed(line: Line) -> float | None:
+    """Return how long after its change a new finger or an alarm is noticed, s."""
+    times = [*line["new_fingers"], *line["named"].values()]
+    after = [at - 30.0 for at in times if at > 30.0]
+    return min(after, default=None)
 
-| texture | begins at, dB | within {within:g} dB, median (90 %) | at the end, median (worst) |
-|---|---|---|---|
-{rows}
 
-Of the 95 % intervals at the end, those hold: {covered}.
+def drifts(lines: list[Line]) -> str:
+    """Return how a drift is followed."""
+    found = Sessions(lines, "drift/")
+    rows = []
+    for of, told in (
+        ("newest_db", "estimate"),
+        ("in_force_db", "model in force"),
+        ("first_db", "if not followed"),
+    ):
+        median, most = np.array(found.of(lambda line, of=of: line["followed"][of])).T
+        rows.append([told, f"{np.median(median):.3f}", f"{max(most):.3f}"])
+    head = f"{len(found)} sessions of 5 minutes"
+    return table((head, "error after the first minute, median, dB", "worst"), rows)
 
-## How soon it says what is wrong
-{each} sessions of {seconds:g} s each with the placeholder in force and one thing different. An
-alarm has a chance of 1 % in a session whose model is right within 15 % of gain, 10 % of cutoff
-and 15 us of delay.
 
-| different | named | median time, s | anything else named |
-|---|---|---|---|
-{alarms}
+def causes(lines: list[Line]) -> str:
+    """Return which causes are named."""
+    rows = []
+    by_discover = Counter(
+        line["task"]["which"] for line in read(STUDIES) if _found_by_discover(line)
+    )
+    ids = sorted({line["name"].split("/")[1] for line in Sessions(lines, "cause/").lines})
+    for id_ in ids:
+        row = [id_]
+        for size in SIZES:
+            row += _named(Sessions(lines, f"cause/{id_}/{size}/"), id_)
+        rows.append([*row, f"{by_discover[id_]} of 10"])
+    for id_ in UNKNOWN:
+        row = [f"{id_} (unknown)", *_named(Sessions(lines, f"unknown/{id_}/"), "unknown")]
+        rows.append([*row, "", "", "", f"{by_discover[id_]} of 10"])
+    header = ["cause"]
+    for size in SIZES:
+        header += [f"size {size}: named", "median time", "other alarms"]
+    return table([*header, "`discover`, a study of 12 people at size 1"], rows)
 
-{seeds}
-"""
+
+def _found_by_discover(line: Line) -> bool:
+    if line["task"]["kind"] == "single":
+        return line["task"]["which"] in line.get("score", {}).get("found", {})
+    return bool(line["task"]["kind"] == "unknown" and line.get("score", {}).get("flagged"))
+
+
+def _named(found: Sessions, id_: str) -> list[str]:
+    times = [line["named"][id_] for line in found.lines if id_ in line["named"]]
+    others = Counter(name for line in found.lines for name in line["named"] if name != id_)
+    told = ", ".join(f"{name} {count}" for name, count in others.most_common(3))
+    return [f"{len(times)} of {len(found)}", quantile(times, 0.5), told or "-"]
+
+
+def harm(lines: list[Line], kind: str, ids: Iterable[str]) -> str:
+    """Return what becomes of the model in force where the rig is wrong."""
+    rows = []
+    for id_ in ids:
+        for start in STARTS:
+            found = Sessions(lines, f"{kind}/{id_}/{start}/")
+            if not len(found):
+                continue
+            rows.append(
+                [
+                    f"{id_}, {start}, {len(found)}",
+                    f"{sum(found.of(lambda line: len(line['changes'])))}",
+                    worst(found.of(lambda line: line["first_db"])),
+                    worst(found.of(lambda line: line["in_force_db"])),
+                    f"{max(found.of(lambda line: line['excess_db']['worst'])):+.3f}",
+                    _reasons(found, "refused"),
+                    _reasons(found, "held"),
+                ]
+            )
+    header = (
+        *("what is wrong, model at the beginning, sessions", "changes"),
+        *("error of the first model, dB", "of the model in force after 60 s"),
+        *("worst against the first, dB", "windows refused", "why the model stayed"),
+    )
+    return table(header, rows)
+
+
+USUAL: Final = ("slower than", "the speed changes", "the model in force fits")
+
+
+def _reasons(found: Sessions, of: str) -> str:
+    """Return the most frequent reasons but those of every session."""
+    total: Counter[str] = Counter()
+    for line in found.lines:
+        total.update(line[of])
+    unusual = [why for why, _ in total.most_common() if not why.startswith(USUAL)]
+    return "; ".join(why.split(":")[0] for why in unusual[:2]) or "-"
+
+
+def cost(lines: list[Line]) -> str:
+    """Return the processor time of the arithmetic, as a share of the session's time."""
+    each = [100.0 * line["arithmetic_s"] / line["seconds"] for line in lines]
+    seconds = sum(line["seconds"] for line in lines)
+    total = sum(line["arithmetic_s"] for line in lines) / seconds
+    return (
+        f"{100 * total:.2f} % of a core over {seconds / 3600:.1f} h of sessions; the dearest "
+        f"session {max(each):.2f} %"
+    )
 
 
 def main() -> None:
-    """Run the sessions and write the document."""
+    """Write the document from the lines."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--people", type=int, default=3, help="for each texture and factor")
-    parser.add_argument("--each", type=int, default=6, help="sessions for each cause")
-    parser.add_argument("--seconds", type=float, default=30.0)
-    parser.add_argument("--seed", type=int, default=None)
-    parser.add_argument("--out", type=File, default=OUT)
+    parser.add_argument("--lines", type=Path, default=LINES)
+    parser.add_argument("--out", type=Path, default=OUT)
     given = parser.parse_args()
-    seed = secrets.randbits(31) if given.seed is None else given.seed
-    rng = np.random.default_rng(seed)
-    rows, covered = [], []
-    for texture in ("flat", "paper", "sandpaper", "fabric1", "fabric2", "vinyl"):
-        courses, begins = [], []
-        for person in _people(rng, given.people):
-            begins.append(_placeholder_db(person))
-            courses.append(session(texture, person, 0.0, given.seconds, _seed(rng)))
-        covered += [course.covered for course in courses]
-        rows.append(_row(texture, begins, courses))
-        sys.stderr.write(f"{rows[-1]}\n")
-    alarms = []
-    for cause, factors in CAUSES.items():
-        courses = [
-            session(
-                "paper",
-                _changed(Participant(), factors),
-                100e-6 if cause.startswith("delay") else 0.0,
-                given.seconds,
-                _seed(rng),
-            )
-            for _ in range(given.each)
-        ]
-        alarms.append(_alarm_row(cause, courses))
-        sys.stderr.write(f"{alarms[-1]}\n")
-    names = ("cutoff at 20 mm/s", "cutoff at 100 mm/s", "gain", "delay")
-    share = np.mean(covered, axis=0)
-    told = ", ".join(
-        f"{name} {100 * part:.0f} %" for name, part in zip(names, share, strict=True)
-    )
-    text = TEXT.format(
-        sessions=len(covered),
-        seconds=given.seconds,
-        within=WITHIN_DB,
-        rows="\n".join(rows),
-        covered=told,
-        each=given.each,
-        alarms="\n".join(alarms),
-        seeds=textwrap.fill(f"Seed {seed}.", 96),
+    lines = read(given.lines)
+    template = (ROOT / "bench" / "live_model.md").read_text(encoding="utf-8")
+    text = template.format(
+        learned=learned(lines),
+        coverage=coverage(lines),
+        nulls=nulls(lines),
+        drifts=drifts(lines),
+        followed=followed(lines),
+        causes=causes(lines),
+        rig=harm(lines, "rig", RIG),
+        faults=harm(lines, "fault", FAULTS),
+        cost=cost(lines),
+        sessions=len(lines),
+        factors=", ".join(FACTORS),
     )
     given.out.write_text(text, encoding="utf-8")
-
-
-def _people(rng: np.random.Generator, count: int) -> Iterator[Participant]:
-    for _ in range(count):
-        person = draw_participant(rng)
-        for factor in FACTORS:
-            yield _changed(person, {"cutoff_0_hz": factor, "slope_hz_per_mm_s": factor})
-
-
-def _changed(person: Participant, factors: dict[str, float]) -> Participant:
-    return person.model_copy(
-        update={name: factor * getattr(person, name) for name, factor in factors.items()}
-    )
-
-
-def _seed(rng: np.random.Generator) -> int:
-    return int(rng.integers(2**31))
-
-
-def _placeholder_db(person: Participant) -> float:
-    laws = [
-        coordinates.from_law(law.gain_n, law.cutoff_0_hz, law.slope_hz_per_mm_s, 0.0)
-        for law in (FrictionLaw(), person.law)
-    ]
-    return error_db(*laws)
-
-
-def _row(texture: str, begins: list[float], courses: list[Course]) -> str:
-    within = []
-    for course in courses:
-        above = np.flatnonzero(course.error_db > WITHIN_DB)
-        first = above[-1] + 1 if above.size else 0
-        within.append(course.at_s[first] if first < course.at_s.size else np.inf)
-    ends = [course.error_db[-1] for course in courses]
-    middle, most = (
-        _seconds(float(np.quantile(within, q, method="higher"))) for q in (0.5, 0.9)
-    )
-    return (
-        f"| {texture} | {np.median(begins):.2f} | {middle} ({most}) s "
-        f"| {np.median(ends):.3f} ({max(ends):.3f}) dB |"
-    )
-
-
-def _seconds(value: float) -> str:
-    return f"{value:.1f}" if np.isfinite(value) else "not reached"
-
-
-def _alarm_row(cause: str, courses: list[Course]) -> str:
-    meant = cause.split(",")[0]
-    times = [course.named[meant] for course in courses if meant in course.named]
-    others = sum(bool(set(course.named) - {meant}) for course in courses)
-    named = f"{len(times)} of {len(courses)}" if cause != "nothing" else "-"
-    when = f"{np.median(times):.1f}" if times else "-"
-    return f"| {cause} | {named} | {when} | {others} of {len(courses)} |"
 
 
 if __name__ == "__main__":

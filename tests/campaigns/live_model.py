@@ -16,7 +16,7 @@ from tests.campaigns.lines import Line, asked, go_on
 
 from frictus.recordings import texture_of
 from frictus.textures import Texture
-from frictus_hardware.simulated.config import Participant, draw_participant
+from frictus_hardware.simulated.config import draw_participant
 from frictus_laboratory.live_model.closed_loop import (
     ClosedLoop,
     Moment,
