@@ -94,6 +94,8 @@ class Batch:
     ----------
     speed_mm_s : ndarray, shape (n_windows,)
         Mean of each window, without sign.
+    band_speed_mm_s : ndarray
+        At which the drive of each band was felt.
     drive_power, friction_power : ndarray
         Of the drive fraction, and of the friction in N².
     cross : ndarray of complex
@@ -105,6 +107,7 @@ class Batch:
     """
 
     speed_mm_s: FloatArray
+    band_speed_mm_s: FloatArray
     drive_power: FloatArray
     cross: ComplexArray
     friction_power: FloatArray
@@ -126,6 +129,14 @@ class Batch:
         density = power / bands.lines
         return cls(
             np.array([window.speed_mm_s for window in windows]),
+            np.array(
+                [
+                    np.full(bands.centre_hz.size, window.speed_mm_s)
+                    if window.band_speed_mm_s is None
+                    else window.band_speed_mm_s
+                    for window in windows
+                ]
+            ),
             power,
             np.array([window.cross for window in windows]),
             np.array([window.friction_power for window in windows]),
@@ -150,7 +161,7 @@ class Batch:
         at : ndarray, shape (4,)
             In `calibration.coordinates`.
         """
-        return coordinates.response(at, self.speed_mm_s[:, np.newaxis], self.bands.centre_hz)
+        return coordinates.response(at, self.band_speed_mm_s, self.bands.centre_hz)
 
     def unexplained(self, response: ComplexArray) -> FloatArray:
         """Return the power of the friction that a response leaves, per frequency, N².
@@ -177,7 +188,7 @@ class Batch:
         power = self.drive_power[window, band]
         share = (self.bands.lines / (self.bands.lines + 0.9))[band]
         return Data(
-            self.speed_mm_s[window],
+            self.band_speed_mm_s[window, band],
             self.bands.centre_hz[band],
             self.cross[window, band] / power,
             noise_n2[band] * share / power,

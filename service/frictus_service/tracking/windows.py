@@ -56,6 +56,9 @@ class LawWindow:
         Conjugate of the drive times friction, summed likewise, N.
     friction_power : ndarray
         Of the friction, N².
+    band_speed_mm_s : ndarray, optional
+        At which the drive of each band was felt. A texture's line is in a high band while the
+        finger is fast; `speed_mm_s` where it is not known.
     """
 
     first_sample: int
@@ -65,6 +68,7 @@ class LawWindow:
     drive_power: FloatArray
     cross: ComplexArray
     friction_power: FloatArray
+    band_speed_mm_s: FloatArray | None = None
 
 
 class WindowCutter:
@@ -186,20 +190,28 @@ class WindowCutter:
     ) -> LawWindow | None:
         friction = np.sum(data["force"][:2] * along, axis=0)
         drive = drive_fraction(data["voltage"][0], self._peak_v)
-        spectra = np.fft.rfft(tapered(np.stack([drive, friction])), axis=-1)[:, self._line]
+        within = np.clip(data["render"][2], LOW_MM_S, HIGH_MM_S)
+        channels = tapered(np.stack([drive, friction]))
+        channels = np.vstack([channels, channels[0] * (within - within.mean())])
+        spectra = np.fft.rfft(channels, axis=-1)[:, self._line]
         driven, felt = spectra[0] * self._hold, spectra[1] / self._mount
         power = self._sum(np.square(np.abs(driven))).real
         if np.sqrt(2.0 * power.sum() / self._length) < LEAST_DRIVE:
             self.refused["nothing is played"] += 1
             return None
+        # A law is nearly linear in the speed over a window, and what counts of the speed is its
+        # mean over the drive's energy.
+        faster = self._sum(driven.conj() * spectra[2] * self._hold).real
+        faster /= np.maximum(power, np.finfo(float).tiny)
         return LawWindow(
             first_sample,
             self._contact,
-            float(np.clip(data["render"][2], LOW_MM_S, HIGH_MM_S).mean()),
+            float(within.mean()),
             float(data["force"][2].mean()),
             power,
             self._sum(driven.conj() * felt),
             self._sum(np.square(np.abs(felt))).real,
+            np.clip(within.mean() + faster, within.min(), within.max()),
         )
 
     def _sum(self, spectrum: ComplexArray | FloatArray) -> ComplexArray:
