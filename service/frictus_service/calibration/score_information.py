@@ -52,6 +52,8 @@ class Data:
         Number of its trial, from 0, rising.
     condition_of_trial : ndarray of int, shape (n_trials,)
         Number of its target speed and force.
+    nominal_hz : ndarray, shape (n_rows,), or None
+        Same for rows that are one tone, where `tone_hz` differs a little; None: `tone_hz`.
     """
 
     speed_mm_s: FloatArray
@@ -61,6 +63,7 @@ class Data:
     segment: IntArray
     trial_of_segment: IntArray
     condition_of_trial: IntArray
+    nominal_hz: FloatArray | None = None
 
     @classmethod
     def of(cls, observations: Sequence[TrialObservations]) -> Self:
@@ -123,6 +126,7 @@ class Data:
             response=self.response[order],
             variance=self.variance[order],
             segment=self.segment[order],
+            nominal_hz=None if self.nominal_hz is None else self.nominal_hz[order],
         )
 
 
@@ -153,7 +157,7 @@ def scores(
     score : ndarray, shape (n_trials, 4)
     information : ndarray, shape (n_trials, 4, 4)
     """
-    residual, columns, weight = _linearised(data, at)
+    residual, columns, weight = linearised(data, at)
     weight = weight * weights
     trials = data.trial_of_segment[data.segment]
     table = np.column_stack([columns.imag, residual.imag])
@@ -182,7 +186,7 @@ def spread_of(data: Data, at: FloatArray) -> tuple[GainScatter, FloatArray]:
         Rows of all trials.
     at : ndarray, shape (4,)
     """
-    residual, _, weight = _linearised(data, at)
+    residual, _, weight = linearised(data, at)
     weights = _weights(data, residual, weight)
     real = residual.real[:, np.newaxis]
     _, gains, certainty = _centred(real, weight * weights, data.segment, data.n_segments)
@@ -227,10 +231,17 @@ def response(data: Data, at: FloatArray) -> ComplexArray:
     return coordinates.response(at, data.speed_mm_s, data.tone_hz)
 
 
-def _linearised(data: Data, at: FloatArray) -> tuple[ComplexArray, ComplexArray, FloatArray]:
-    """Return relative residuals, d ln H / d coordinates, and certainties.
+def linearised(data: Data, at: FloatArray) -> tuple[ComplexArray, ComplexArray, FloatArray]:
+    """Return relative residuals, d ln H / d coordinates, and certainties of all rows.
 
     Relative to the law times the gain of the stretch, whose logarithm is in the real part.
+
+    Parameters
+    ----------
+    data : Data
+        Rows of all trials.
+    at : ndarray, shape (4,)
+        In `coordinates`.
     """
     law = response(data, at)
     ratio = data.response / law
@@ -270,7 +281,8 @@ def _moments(
 
 def _weights(data: Data, residual: ComplexArray, weight: FloatArray) -> FloatArray:
     """Return weights of rows, at most 1, from their scatter within trials."""
-    tones, tone = np.unique(data.tone_hz, return_inverse=True)
+    nominal = data.tone_hz if data.nominal_hz is None else data.nominal_hz
+    tones, tone = np.unique(nominal, return_inverse=True)
     trial = data.trial_of_segment[data.segment]
     _, replicates = np.unique(trial * tones.size + tone, return_inverse=True)
     count = np.bincount(replicates)[replicates]

@@ -15,6 +15,7 @@ from typing import Final, Self
 import numpy as np
 
 from frictus_hardware.arrays import BoolArray, ComplexArray, FloatArray
+from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.calibration.posterior import EXPECTED, wandered
@@ -104,6 +105,14 @@ class Batch:
         Where the drive is strong enough to say something.
     bands : Bands
         They speak in.
+    frequency_hz : ndarray
+        Mean in each band, weighted by the drive's power.
+    conditions : SlidingConditions
+        Of each window; minutes since the device began.
+    drive_mean, drive_variance : ndarray, shape (n_windows,)
+        Of the drive fraction.
+    mains_n, mains_drive : ndarray of complex, shape (n_windows, 2)
+        Of the force along x and of the drive, at `windows.MAINS_HZ`.
     """
 
     speed_mm_s: FloatArray
@@ -113,6 +122,12 @@ class Batch:
     friction_power: FloatArray
     heard: BoolArray
     bands: Bands
+    frequency_hz: FloatArray
+    conditions: SlidingConditions
+    drive_mean: FloatArray
+    drive_variance: FloatArray
+    mains_n: ComplexArray
+    mains_drive: ComplexArray
 
     @classmethod
     def of(cls, windows: Sequence[LawWindow], bands: Bands) -> Self:
@@ -127,8 +142,13 @@ class Batch:
         """
         power = np.array([window.drive_power for window in windows])
         density = power / bands.lines
+
+        def each(name: str) -> FloatArray:
+            return np.array([getattr(window, name) for window in windows])
+
+        speed = each("speed_mm_s")
         return cls(
-            np.array([window.speed_mm_s for window in windows]),
+            speed,
             np.array(
                 [
                     np.full(bands.centre_hz.size, window.speed_mm_s)
@@ -142,6 +162,23 @@ class Batch:
             np.array([window.friction_power for window in windows]),
             density > HEARD * density.max(axis=1, keepdims=True),
             bands,
+            np.array(
+                [
+                    bands.centre_hz if window.frequency_hz is None else window.frequency_hz
+                    for window in windows
+                ]
+            ),
+            SlidingConditions(
+                speed,
+                each("normal_force_n"),
+                each("position_mm"),
+                each("direction"),
+                each("minutes"),
+            ),
+            each("drive_mean"),
+            each("drive_variance"),
+            np.array([window.mains_n for window in windows]),
+            np.array([window.mains_drive for window in windows]),
         )
 
     @property
@@ -161,7 +198,7 @@ class Batch:
         at : ndarray, shape (4,)
             In `calibration.coordinates`.
         """
-        return coordinates.response(at, self.band_speed_mm_s, self.bands.centre_hz)
+        return coordinates.response(at, self.band_speed_mm_s, self.frequency_hz)
 
     def unexplained(self, response: ComplexArray) -> FloatArray:
         """Return the power of the friction that a response leaves, per frequency, N².
@@ -189,12 +226,13 @@ class Batch:
         share = (self.bands.lines / (self.bands.lines + 0.9))[band]
         return Data(
             self.band_speed_mm_s[window, band],
-            self.bands.centre_hz[band],
+            self.frequency_hz[window, band],
             self.cross[window, band] / power,
             noise_n2[band] * share / power,
             window,
             np.zeros(self.speed_mm_s.size, dtype=np.int64),
             np.zeros(1, dtype=np.int64),
+            self.bands.centre_hz[band],
         )
 
 

@@ -6,16 +6,20 @@ from typing import Any, Final
 import numpy as np
 
 from frictus.aligned import AlignedSamples
-from frictus.messages import BandRatio, EstimateState, Interval, LawNow
+from frictus.messages import BandRatio, EstimateState, Interval, LawNow, LawValues
 from frictus.model import FirstOrderSpeedLaw, Model, Validity
 from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.calibration.posterior import STRANGE
 from frictus_service.errors import EstimateError
+from frictus_service.tracking.advice import advice_of
 from frictus_service.tracking.law_estimate import Batch, LawEstimate, advanced, updated
+from frictus_service.tracking.measured_points import MeasuredPoints
+from frictus_service.tracking.naming import NamedAlarm, named_alarms
+from frictus_service.tracking.predictive_density import PrequentialGain
 from frictus_service.tracking.prequential import PrequentialError
-from frictus_service.tracking.watch import ALARM, CAUSES, Cause, Watch
+from frictus_service.tracking.watch import ALARM, CAUSES, Watch
 from frictus_service.tracking.windows import LawWindow, WindowCutter
 
 BATCH: Final = 10
@@ -36,10 +40,13 @@ class ModelInForce:
         As the rig publishes it.
     at : ndarray, shape (4,), or None
         In `calibration.coordinates`; None where it has no first-order law of friction.
+    effects : frozenset of str
+        That it has beyond the law: they are no news.
     """
 
     etag: str
     at: FloatArray | None
+    effects: frozenset[str] = frozenset()
 
     @classmethod
     def of(cls, etag: str, model: Model) -> "ModelInForce":
@@ -63,6 +70,7 @@ class ModelInForce:
             coordinates.from_law(
                 law.gain_n, law.cutoff_0_hz, law.slope_hz_per_mm_s, model.skew_s
             ),
+            frozenset(effect.id for effect in model.effects),
         )
 
 
@@ -102,8 +110,9 @@ class Tracker:
         self._errors = {
             name: PrequentialError.begin(n_bands) for name in ("in_force", "first", "newest")
         }
-        self._watch = Watch.begin()
-        self._alarms: tuple[Cause, ...] = ()
+        self._gain = PrequentialGain.begin()
+        self._points = MeasuredPoints.begin(n_bands)
+        self._watch = Watch.begin(cutter.mount)
 
     def put_in_force(self, model: ModelInForce) -> None:
         """Compare with another model from now on; the same again changes nothing.
@@ -118,7 +127,8 @@ class Tracker:
         self._model = model
         self._first = model.at if self._first is None else self._first
         self._errors["in_force"] = PrequentialError.begin(self._cutter.bands.centre_hz.size)
-        self._watch, self._alarms = Watch.begin(), ()
+        self._gain = self._gain.without_noise_of("in_force")
+        self._watch = self._watch.of_another_model()
 
     def take(self, part: AlignedSamples) -> bool:
         """Take what was published; return whether the estimate is another.
@@ -144,11 +154,12 @@ class Tracker:
         if batch.coherence < COHERENT:
             self._cutter.refused["friction does not follow the drive"] += len(windows)
             return False
-        known = self.estimate
+        known, since, new_contact = self.estimate, 0.0, False
         if self._last is not None:
             since = abs(windows[-1].first_sample - self._last.first_sample) / self._rate_hz
-            known = advanced(known, since, windows[-1].contact != self._last.contact)
-        self._judge(batch, known)
+            new_contact = windows[-1].contact != self._last.contact
+            known = advanced(known, since, new_contact)
+        self._judge(batch, known, since, new_contact)
         found, away = updated(known, batch)
         if known.updates and away > STRANGE:
             self._strange += 1
@@ -156,7 +167,8 @@ class Tracker:
                 self._cutter.refused["unlike what was felt before"] += len(windows)
                 return False
             self.new_fingers += 1
-            found, _ = updated(LawEstimate.begin(self._prior, self._cutter.bands), batch)
+            found, _ = updated(_of_a_new_finger(self._prior, known), batch)
+            self._watch = Watch.begin(self._cutter.mount, self._watch.begun)
         self._strange = 0
         self._last, self.estimate = windows[-1], found
         speeds, forces = (
@@ -167,18 +179,32 @@ class Tracker:
         self._forces_n = _widened(self._forces_n, forces)
         return True
 
-    def _judge(self, batch: Batch, known: LawEstimate) -> None:
+    def _judge(
+        self, batch: Batch, known: LawEstimate, seconds: float, new_contact: bool
+    ) -> None:
         """Predict a batch before it is used."""
-        models = {"in_force": self._model.at, "first": self._first}
+        self._points = self._points.seen(batch)
+        every = {"in_force": self._model.at, "first": self._first}
+        models = {name: at for name, at in every.items() if at is not None}
         if known.updates:
             models["newest"] = known.mean
         for name, at in models.items():
-            if at is not None:
-                self._errors[name] = self._errors[name].judged(batch, at)
-        if known.updates and self._model.at is not None:
-            self._watch = self._watch.seen(batch, self._model.at, known)
-            fresh = [cause for cause in self._watch.alarms if cause not in self._alarms]
-            self._alarms = (*self._alarms, *fresh)
+            self._errors[name] = self._errors[name].judged(batch, at)
+        if not known.updates or self._model.at is None:
+            return
+        self._gain = self._gain.judged(batch, models, known)
+        self._watch = self._watch.seen(
+            batch, self._model.at, known, seconds, new_contact, self._rate_hz
+        )
+
+    @property
+    def alarms(self) -> tuple[NamedAlarm, ...]:
+        """What is wrong with the model in force, the first with the most evidence."""
+        return tuple(
+            alarm
+            for alarm in named_alarms(self._watch)
+            if alarm.cause not in self._model.effects
+        )
 
     def state(self, utc_ns: int) -> EstimateState:
         """Return what is published.
@@ -194,6 +220,8 @@ class Tracker:
         )
         evidence = zip(CAUSES, self._watch.log_evidence, strict=True)
         rms = {name: error.rms_db for name, error in self._errors.items()}
+        alarms = self.alarms
+        bands = self._cutter.bands
         return EstimateState(
             utc_ns=utc_ns,
             run=self._run,
@@ -202,15 +230,23 @@ class Tracker:
             new_fingers=self.new_fingers,
             model_etag=self._model.etag,
             law=_law_now(self.estimate) if self.estimate.updates else None,
+            in_force=None if self._model.at is None else _law_values(self._model.at),
+            points=self._points.points(bands.centre_hz, bands.lines),
             bands=tuple(
                 BandRatio(centre_hz=centre, ratio_db=ratio, half_width_db=half)
                 for centre, ratio, half in judged
                 if np.isfinite(ratio) and np.isfinite(half)
             ),
             error_db={name: value for name, value in rms.items() if np.isfinite(value)},
-            evidence={cause: float(nats) for cause, nats in evidence},
+            gain_nats=dict(self._gain.nats),
+            evidence={
+                cause: float(nats)
+                for cause, nats in evidence
+                if cause not in self._model.effects
+            },
             alarm_nats=ALARM,
-            alarms=self._alarms,
+            alarms=tuple(alarm.cause for alarm in alarms),
+            advice={alarm.cause: advice_of(alarm) for alarm in alarms},
         )
 
     def model(
@@ -257,6 +293,24 @@ class Tracker:
 
 def _widened(span: tuple[float, float], values: list[float]) -> tuple[float, float]:
     return min(span[0], *values), max(span[1], *values)
+
+
+def _of_a_new_finger(prior: Prior, known: LawEstimate) -> LawEstimate:
+    """Return what is known of another finger on the same rig: nothing but the delay.
+
+    The delay is the rig's, and so what was known of it holds.
+    """
+    mean, covariance = prior.mean.copy(), prior.covariance.copy()
+    mean[3] = known.mean[3]
+    covariance[3], covariance[:, 3] = 0.0, 0.0
+    covariance[3, 3] = known.covariance[3, 3]
+    nothing = np.full(known.noise_n2.size, np.nan)
+    return LawEstimate(mean, covariance, nothing, 0.02, 0, 0)
+
+
+def _law_values(at: FloatArray) -> LawValues:
+    low, high, gain = np.exp(at[:3]).tolist()
+    return LawValues(gain_n=gain, cutoff_20_hz=low, cutoff_100_hz=high)
 
 
 def _law_now(estimate: LawEstimate) -> LawNow:

@@ -6,7 +6,7 @@ of an octave (Bendat and Piersol, Random Data, chapter 6: H1), mount and hold re
 """
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -29,6 +29,8 @@ STRAIGHT: Final = 0.9
 LEAST_DRIVE: Final = 0.01
 """Standard deviation of the drive fraction within the bands."""
 STREAMS: Final = ("force", "voltage", "render")
+MAINS_HZ: Final = (50.0, 60.0)
+"""Frequencies of the windows, at which a line of the mains is looked for."""
 SPOILT: Final = {
     Flag.UNDERRUN: "the drive came too late",
     Flag.OVERRUN: "samples were lost",
@@ -56,6 +58,20 @@ class LawWindow:
         Conjugate of the drive times friction, summed likewise, N.
     friction_power : ndarray
         Of the friction, N².
+    position_mm : float
+        Mean along x, from the left edge of the screen.
+    direction : float
+        +1 left to right, -1 right to left.
+    drive_mean, drive_variance : float
+        Of the drive fraction.
+    minutes : float
+        Of its first sample, since the device began.
+    frequency_hz : ndarray or None
+        Mean in each band, weighted by the drive's power; None: that of the bands.
+    mains_n : ndarray of complex, shape (2,)
+        Spectrum of the sensor's x at `MAINS_HZ`, the drive's part included, N.
+    mains_drive : ndarray of complex, shape (2,)
+        Of the drive fraction there.
     band_speed_mm_s : ndarray, optional
         At which the drive of each band was felt. A texture's line is in a high band while the
         finger is fast; `speed_mm_s` where it is not known.
@@ -68,6 +84,14 @@ class LawWindow:
     drive_power: FloatArray
     cross: ComplexArray
     friction_power: FloatArray
+    position_mm: float = 35.0
+    direction: float = 1.0
+    drive_mean: float = 0.5
+    drive_variance: float = 0.0
+    minutes: float = 0.0
+    frequency_hz: FloatArray | None = None
+    mains_n: ComplexArray = field(default_factory=lambda: np.zeros(2, dtype=np.complex128))
+    mains_drive: ComplexArray = field(default_factory=lambda: np.zeros(2, dtype=np.complex128))
     band_speed_mm_s: FloatArray | None = None
 
 
@@ -87,6 +111,8 @@ class WindowCutter:
     ----------
     bands : Bands
         In which every window speaks.
+    mount : TransferFunction or None
+        As given.
     refused : Counter of str
         Windows left out, by the reason.
     """
@@ -95,10 +121,13 @@ class WindowCutter:
         self, sample_rate_hz: float, screen_peak_v: float, mount: TransferFunction | None
     ) -> None:
         self._length = 2 * round(WINDOW_S * sample_rate_hz / 2.0)
+        self._rate_hz = sample_rate_hz
         self._peak_v = screen_peak_v
+        self.mount = mount
         self.bands = Bands.of(self._length, sample_rate_hz, mount)
         frequency_hz = self.bands.frequency_hz
         self._line = np.rint(frequency_hz * self._length / sample_rate_hz).astype(np.int64)
+        self._mains = np.searchsorted(frequency_hz, MAINS_HZ)
         self._hold = hold(frequency_hz, sample_rate_hz)
         self._mount = (
             np.ones(frequency_hz.size, dtype=complex)
@@ -191,7 +220,7 @@ class WindowCutter:
         friction = np.sum(data["force"][:2] * along, axis=0)
         drive = drive_fraction(data["voltage"][0], self._peak_v)
         within = np.clip(data["render"][2], LOW_MM_S, HIGH_MM_S)
-        channels = tapered(np.stack([drive, friction]))
+        channels = tapered(np.stack([drive, friction, data["force"][0]]))
         channels = np.vstack([channels, channels[0] * (within - within.mean())])
         spectra = np.fft.rfft(channels, axis=-1)[:, self._line]
         driven, felt = spectra[0] * self._hold, spectra[1] / self._mount
@@ -201,7 +230,7 @@ class WindowCutter:
             return None
         # A law is nearly linear in the speed over a window, and what counts of the speed is its
         # mean over the drive's energy.
-        faster = self._sum(driven.conj() * spectra[2] * self._hold).real
+        faster = self._sum(driven.conj() * spectra[3] * self._hold).real
         faster /= np.maximum(power, np.finfo(float).tiny)
         return LawWindow(
             first_sample,
@@ -211,8 +240,25 @@ class WindowCutter:
             power,
             self._sum(driven.conj() * felt),
             self._sum(np.square(np.abs(felt))).real,
-            np.clip(within.mean() + faster, within.min(), within.max()),
+            position_mm=float(data["render"][0].mean()),
+            direction=float(np.sign(along[0].mean())),
+            drive_mean=float(drive.mean()),
+            drive_variance=2.0 * float(power.sum()) / self._length,
+            minutes=first_sample / self._rate_hz / 60.0,
+            frequency_hz=self._frequency(np.square(np.abs(driven)), power),
+            mains_n=spectra[2, self._mains],
+            mains_drive=driven[self._mains] * self._mount[self._mains] * along[0].mean(),
+            band_speed_mm_s=np.clip(within.mean() + faster, within.min(), within.max()),
         )
+
+    def _frequency(self, driven: FloatArray, power: FloatArray) -> FloatArray:
+        """Return the mean frequency of the drive in each band."""
+        weighted = self._sum(driven * self.bands.frequency_hz).real
+        driven_at_all = power > np.finfo(float).tiny
+        mean: FloatArray = np.where(
+            driven_at_all, weighted / np.where(driven_at_all, power, 1.0), self.bands.centre_hz
+        )
+        return mean
 
     def _sum(self, spectrum: ComplexArray | FloatArray) -> ComplexArray:
         return self.bands.total(spectrum[np.newaxis])

@@ -1,0 +1,177 @@
+"""What each batch of windows says of deviations from a law that nobody can foresee from it.
+
+Score and information of a deviation in the innovations of a Kalman filter over all that may
+vary while the model is right: the law where it is free, a gain that wanders about it, and a
+cutoff that wanders from batch to batch. The filter follows a deviation in part; what it will
+have made of it is taken out of its direction (the generalised likelihood ratio of Willsky and
+Jones). So, the increments of score and information are those of a martingale under the model.
+
+Willsky and Jones 1976, A generalized likelihood ratio approach to the detection and estimation
+of jumps in linear systems, IEEE Trans. Automatic Control 21.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Final, Self
+
+import numpy as np
+
+from frictus_hardware.arrays import ComplexArray, FloatArray
+from frictus_service.calibration.posterior import EXPECTED, wandered
+from frictus_service.calibration.score_information import GainScatter, linearised
+from frictus_service.tracking.law_estimate import GAIN_PER_CONTACT, Batch, LawEstimate
+
+GAIN_LASTS_S: Final = 3.0
+"""The gain of a contact wanders about the law within this time: what a long contact says of it
+counts as so many short ones."""
+UNITS: Final = np.array([1.0, 1.0, 1.0, 1e-4])
+"""Of the coordinates within the filter: all deviations are then about one."""
+WIDE: Final = 1.0
+"""Standard deviation of a free parameter before anything was felt, in `UNITS`."""
+SYSTEMATIC: Final = 0.01
+"""Relative error of a band that no average makes smaller: its mean frequency stands for its
+lines, and a window is not infinitely long."""
+LAW: Final = 4
+STATE: Final = 5
+"""The law's coordinates, and by how much the gain is off it now."""
+
+
+@dataclass(frozen=True, slots=True)
+class Nuisance:
+    """A Kalman filter over what may vary; `n` is the size of its state, `d` of deviations.
+
+    Attributes
+    ----------
+    mean : ndarray, shape (n,)
+        In `UNITS`.
+    covariance : ndarray, shape (n, n)
+    absorbed : ndarray, shape (n, d)
+        What the filter has made of each deviation.
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+    absorbed: FloatArray
+
+    @classmethod
+    def begin(cls, mean: FloatArray, sd: FloatArray, deviations: int) -> Self:
+        """Return the filter before a first batch.
+
+        Parameters
+        ----------
+        mean, sd : ndarray, shape (n,)
+            Of what varies, in `UNITS`; zero for what does not.
+        deviations : int
+            How many are tested.
+        """
+        return cls(mean, np.diag(np.square(sd)), np.zeros((mean.size, deviations)))
+
+    def advanced(self, seconds: float, new_contact: bool) -> Self:
+        """Return the filter some time later: the gain forgets how far it was off the law.
+
+        Parameters
+        ----------
+        seconds : float
+            Since the last batch.
+        new_contact : bool
+            Whether the finger left the screen meanwhile.
+        """
+        keep = 0.0 if new_contact else float(np.exp(-max(seconds, 0.0) / GAIN_LASTS_S))
+        kept = np.ones(self.mean.size)
+        kept[LAW] = keep
+        covariance = self.covariance * np.outer(kept, kept)
+        covariance[LAW, LAW] += GAIN_PER_CONTACT**2 * (1.0 - keep**2)
+        return replace(
+            self,
+            mean=self.mean * kept,
+            covariance=covariance,
+            absorbed=self.absorbed * kept[:, np.newaxis],
+        )
+
+    def seen(
+        self, score: FloatArray, information: FloatArray, at: FloatArray
+    ) -> tuple[Self, FloatArray, FloatArray]:
+        """Return the filter after a batch, and what the batch says of the deviations.
+
+        Parameters
+        ----------
+        score : ndarray, shape (n + d,)
+            Of what varies and then of the deviations.
+        information : ndarray, shape (n + d, n + d)
+        at : ndarray, shape (n,)
+            Where they were taken.
+
+        Returns
+        -------
+        Nuisance
+        score : ndarray, shape (d,)
+        information : ndarray, shape (d, d)
+        """
+        n = self.mean.size
+        pull = score - information[:, :n] @ (self.mean - at)
+        # A deviation is seen less what the filter has already made of it.
+        mixed = information[:n, n:] - information[:n, :n] @ self.absorbed
+        left = information[n:, n:] - self.absorbed.T @ information[:n, n:]
+        left -= mixed.T @ self.absorbed
+        own = pull[n:] - self.absorbed.T @ pull[:n]
+        growth = np.eye(n) + information[:n, :n] @ self.covariance
+        gained = np.linalg.solve(growth.T, self.covariance).T
+        covariance = 0.5 * (gained + gained.T)
+        after = replace(
+            self,
+            mean=self.mean + covariance @ pull[:n],
+            covariance=covariance,
+            absorbed=self.absorbed + covariance @ mixed,
+        )
+        return (
+            after,
+            own - mixed.T @ (covariance @ pull[:n]),
+            left - mixed.T @ covariance @ mixed,
+        )
+
+
+def batch_score(
+    batch: Batch, estimate: LawEstimate, further: ComplexArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return score and information of a batch at the estimate.
+
+    As `calibration.score_information.scores`, with further columns, and with the cutoff's
+    wandering from batch to batch.
+
+    Parameters
+    ----------
+    batch : Batch
+        That the estimate has not seen.
+    estimate : LawEstimate
+        Before the batch.
+    further : ndarray of complex, shape (n_windows, n_bands, n_further)
+        d ln H of each.
+
+    Returns
+    -------
+    score : ndarray, shape (4 + n_further,)
+        Of the coordinates in `UNITS`, then of the further columns.
+    information : ndarray, shape (4 + n_further, 4 + n_further)
+    """
+    data = batch.rows(estimate.noise_n2)
+    residual, law, certainty = linearised(data, estimate.mean)
+    certainty = certainty / (1.0 + certainty * SYSTEMATIC**2)
+    table = np.column_stack([law * UNITS, further[batch.heard], residual])
+    spread = GainScatter(0.0, estimate.gain_scatter).segment
+    starts = np.flatnonzero(np.diff(data.segment, prepend=-1))
+    total = np.add.reduceat(certainty, starts)
+    weighted = certainty[:, np.newaxis] * table.real
+    means = np.add.reduceat(weighted, starts, axis=0) / total[:, np.newaxis]
+    place = np.cumsum(np.diff(data.segment, prepend=-1) != 0) - 1
+    root = np.sqrt(certainty)[:, np.newaxis]
+    rows = np.concatenate(
+        [
+            root * table.imag,
+            root * (table.real - means[place]),
+            means / np.sqrt(1.0 / total + spread**2)[:, np.newaxis],
+        ]
+    )
+    whole = rows.T @ rows
+    _, score, information = wandered(
+        whole[np.newaxis, :-1, -1], whole[np.newaxis, :-1, :-1], EXPECTED
+    )
+    return score[0], information[0]
