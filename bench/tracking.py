@@ -213,7 +213,7 @@ def drifts(lines: list[Line]) -> str:
         ("in_force_db", "model in force"),
         ("first_db", "if not followed"),
     ):
-        median, most = np.array(found.of(lambda line, of=of: line["followed"][of])).T
+        median, most = np.array([line["followed"][of] for line in found.lines]).T
         rows.append([told, f"{np.median(median):.3f}", f"{max(most):.3f}"])
     head = f"{len(found)} sessions of 5 minutes"
     return table((head, "error after the first minute, median, dB", "worst"), rows)

@@ -67,18 +67,18 @@ def names(times: int) -> list[str]:
     Parameters
     ----------
     times : int
-        Sessions of each name; nulls are three times as many.
+        Sessions of each name; of changes more.
     """
     kinds: list[tuple[str, Sequence[str]]] = [
         ("learn", [f"{texture}/{factor}" for texture in TEXTURES for factor in FACTORS]),
-        ("null", ["exact", "scatter"] * 3),
-        ("drift", [""]),
         ("moisture", [""] * 3),
         ("new_finger", [""] * 5),
-        ("cause", [f"{id_}/{size}" for id_ in REALISTIC for size in SIZES]),
-        ("unknown", UNKNOWN),
         ("rig", [f"{id_}/{start}" for id_ in RIG for start in STARTS]),
         ("fault", [f"{id_}/{start}" for id_ in FAULTS for start in STARTS]),
+        ("drift", [""]),
+        ("null", ["exact", "scatter"]),
+        ("cause", [f"{id_}/{size}" for id_ in REALISTIC for size in SIZES]),
+        ("unknown", UNKNOWN),
     ]
     found = []
     for kind, which in kinds:
@@ -137,13 +137,12 @@ def plan_of(name: str, seed: int) -> SessionPlan:
         return replace(plan, policy="observe", disturbance=effect)
     if kind == "unknown":
         return replace(plan, policy="observe", disturbance=_unknown(which[0], rng))
-    followed = {
-        "drift": lambda: drift(DRIFT_PER_MINUTE * float(rng.choice([-1.0, 1.0]))),
-        "moisture": lambda: gain_step(0.8, STEP_S, 1.0),
-        "new_finger": lambda: NewFinger(draw_participant(rng), STEP_S),
-    }
-    seconds = 300.0 if kind == "drift" else 60.0
-    return replace(plan, seconds=seconds, disturbance=followed[kind]())
+    if kind == "drift":
+        per_minute = DRIFT_PER_MINUTE * float(rng.choice([-1.0, 1.0]))
+        return replace(plan, seconds=300.0, disturbance=drift(per_minute))
+    if kind == "moisture":
+        return replace(plan, disturbance=gain_step(0.8, STEP_S, 1.0))
+    return replace(plan, disturbance=NewFinger(draw_participant(rng), STEP_S))
 
 
 def _unknown(which: str, rng: np.random.Generator) -> Disturbance:

@@ -291,7 +291,10 @@ class ClosedLoop:
                 )
             )
         self._states = self._states or self._twin.initial()
-        self.true = coordinates.from_law(*_values(person.law), simulator.delay_s)
+        # What is to be undone at the speed that the rig takes for the finger's.
+        gain, cutoff, slope = _values(person.law)
+        slope /= plan.disturbance.speed_scale(slide)
+        self.true = coordinates.from_law(gain, cutoff, slope, simulator.delay_s)
         signals = Signals.driven(
             self._rate_hz,
             voltage_v,

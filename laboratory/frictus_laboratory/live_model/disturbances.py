@@ -63,6 +63,10 @@ class Disturbance:
         """Return what the tracker is given."""
         return part
 
+    def speed_scale(self, slide: Slide) -> float:
+        """Return the speed that the rig takes for the finger's, over the true one."""
+        return 1.0
+
 
 def scaled(person: Participant, gain: float, cutoff: float) -> Participant:
     """Return a person with another gain and cutoff.
@@ -294,6 +298,10 @@ class Faulty(Disturbance):
     fault: str
     at_s: float
 
+    def speed_scale(self, slide: Slide) -> float:
+        """Return the speed that the rig takes for the finger's, over the true one."""
+        return SCALED if self.fault == "touch scaled" and slide.at_s >= self.at_s else 1.0
+
     def predicted(self, course: PredictedMotion, slide: Slide) -> PredictedMotion:
         """Return the motion as a lying touch sensor has it."""
         if slide.at_s < self.at_s:
@@ -330,7 +338,8 @@ class Faulty(Disturbance):
             case "stuck":
                 return np.broadcast_to([[0.21], [0.004], [0.41]], force_n.shape)
             case "saturated":
-                return np.where(since % 60 < 30, 1.0, -1.0) * np.full((3, 1), RANGE["force"])
+                side = np.where(since % 60 < 30, RANGE["force"], -RANGE["force"])
+                return np.tile(side, (3, 1))
             case "clipped":
                 clipped = force_n.copy()
                 clipped[:2] = np.clip(clipped[:2], -CLIPPED_N, CLIPPED_N)
@@ -341,5 +350,6 @@ class Faulty(Disturbance):
                     * np.sin(0.003 * since)
                     * np.sin(0.2 * since + 3.0 * np.sin(0.0017 * since))
                 )
-                return 0.1 * force_n + rattle
+                loose: FloatArray = 0.1 * force_n + rattle
+                return loose
         return force_n

@@ -28,6 +28,10 @@ STRAIGHT: Final = 0.9
 """Least cosine between the motion at any sample and that of the whole window."""
 LEAST_DRIVE: Final = 0.01
 """Standard deviation of the drive fraction within the bands."""
+AT_ITS_END: Final = 0.02
+"""Share of a window in which the force may have its largest value, or its smallest: one that is
+clipped or stuck has it for longer. With noise of a few steps of the converter a sound one has
+either in one sample of a thousand."""
 STREAMS: Final = ("force", "voltage", "render")
 MAINS_HZ: Final = (50.0, 60.0)
 """Frequencies of the windows, at which a line of the mains is looked for."""
@@ -184,7 +188,7 @@ class WindowCutter:
         reason = self._spoilt(flags, data)
         if not reason:
             along = _direction(data["render"][:2])
-            reason = self._unsteady(data["render"][2], along)
+            reason = self._unsteady(data["render"][2], along) or _ended(data["force"], along)
         if reason:
             self.refused[reason] += 1
             return None
@@ -262,6 +266,13 @@ class WindowCutter:
 
     def _sum(self, spectrum: ComplexArray | FloatArray) -> ComplexArray:
         return self.bands.total(spectrum[np.newaxis])
+
+
+def _ended(force_n: FloatArray, along: FloatArray) -> str:
+    """Return whether the force along the motion stands still or at an end of its range."""
+    felt = force_n[int(np.argmax(np.abs(along.mean(axis=1))))]
+    longest = max(np.mean(felt == felt.max()), np.mean(felt == felt.min()))
+    return "the force stands still, or at an end of its range" if longest > AT_ITS_END else ""
 
 
 def _direction(position_mm: FloatArray) -> FloatArray:
