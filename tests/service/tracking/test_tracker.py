@@ -179,7 +179,7 @@ def test_a_force_at_an_end_of_its_range_teaches_nothing(felt: Signals, fault: st
         if fault == "clipped":
             force[:2] = np.clip(force[:2], -0.35, 0.35)
         else:
-            force[:] = np.float32([[0.21], [0.0], [0.4]])
+            force[:] = np.array([[0.21], [0.0], [0.4]], np.float32)
         found.take(replace(part, data={**part.data, "force": force}))
     assert found.state(1).refused["the force stands still, or at an end of its range"] > 50
     assert found.estimate.windows < 20
