@@ -45,6 +45,11 @@ def _said(alarm: NamedAlarm) -> str:
             f"The cutoff is {np.exp(size):.2f} times the model's: calibrate again, or let the "
             "tracker adapt the model"
         )
+    if cause == "speed_dependent_cutoff":
+        return (
+            f"The cutoff's slope is {size:+.1f} Hz per mm/s beside the model's: "
+            "calibrate again, or let the tracker adapt the model"
+        )
     if cause == "delay":
         return (
             f"The force comes {1e6 * size:.0f} us later than the model says: check the "

@@ -131,8 +131,8 @@ class Nuisance:
 
 def batch_score(
     batch: Batch, estimate: LawEstimate, further: ComplexArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return score and information of a batch at the estimate.
+) -> tuple[FloatArray, FloatArray, float]:
+    """Return score, information and certainty of a batch at the estimate.
 
     As `calibration.score_information.scores`, with further columns, and with the cutoff's
     wandering from batch to batch.
@@ -151,6 +151,8 @@ def batch_score(
     score : ndarray, shape (4 + n_further,)
         Of the coordinates in `UNITS`, then of the further columns.
     information : ndarray, shape (4 + n_further, 4 + n_further)
+    certainty : float
+        Sum over real and imaginary parts of the inverse of their relative variances.
     """
     data = batch.rows(estimate.noise_n2)
     residual, law, certainty = linearised(data, estimate.mean)
@@ -174,4 +176,4 @@ def batch_score(
     _, score, information = wandered(
         whole[np.newaxis, :-1, -1], whole[np.newaxis, :-1, :-1], EXPECTED
     )
-    return score[0], information[0]
+    return score[0], information[0], 2.0 * float(certainty.sum())

@@ -14,17 +14,19 @@ from frictus_hardware.arrays import FloatArray
 from frictus_service.tracking.signatures import (
     EFFECT_CAUSES,
     LAW_CAUSES,
+    LAW_SIZES,
     PATTERN_SIZE,
     PATTERNS,
+    SHAPED,
     SIZES,
     Pattern,
 )
 from frictus_service.tracking.watch import (
     ALARM,
     CAUSES,
-    LAW_SIZES,
     MAINS,
     UNKNOWN,
+    UNMODELLED,
     Sums,
     Watch,
     log_ratio,
@@ -77,6 +79,9 @@ def named_alarms(watch: Watch) -> tuple[NamedAlarm, ...]:
     for number, name in enumerate(LAW_CAUSES):
         if name in raised and _law_left(sums, each, number, effects) >= ALARM:
             found.append(name)
+    ends = ("cutoff", "speed_dependent_cutoff")
+    if set(ends) <= set(found):  # the cutoff at the speeds explored: a slope, or alike at all
+        found.remove(min(ends, key=lambda name: evidence[name]))
     found += [name for name in (MAINS, UNKNOWN) if name in raised]
     if not found:  # what accounts for an alarm was one once, and is none now
         found = [max(raised, key=lambda name: evidence[name])]
@@ -117,7 +122,9 @@ def _effect_left(sums: Sums, each: FloatArray, name: str, given: list[str]) -> f
         sums.score[process], sums.information[process], own, others
     )
     edge = SIZES[name].tolerated / SIZES[name].expected
-    return float(sums.log_share[process] + log_ratio(score, information, edge))
+    slack = UNMODELLED * np.sqrt(sums.certainty[process] * max(float(information), 0.0))
+    ratio = log_ratio(score, information, edge, slack * SHAPED[own])
+    return float(sums.log_share[process] + ratio)
 
 
 def _law_left(sums: Sums, each: FloatArray, number: int, given: list[str]) -> float:

@@ -16,7 +16,7 @@ from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import TransferFunction
-from frictus_hardware.physics.schedule import SlidingConditions
+from frictus_hardware.physics.schedule import REFERENCE_SPEED_MM_S, Schedule, SlidingConditions
 from frictus_hardware.physics.simulator import Probe, Simulator, predict
 from frictus_service.calibration import coordinates
 from frictus_service.discovery.problem.candidates import Candidate, candidates_of, scaled
@@ -41,12 +41,12 @@ class Size:
 
 SIZES: Final = {
     "amplitude_compression": Size(0.02, 0.05),
-    "charge_leakage": Size(0.3, 2.0),
+    "charge_leakage": Size(0.2, 2.0),
     "cutoff_drift": Size(0.01, 0.04),
     "direction_asymmetry": Size(0.02, 0.08),
     "force_dependent_cutoff": Size(0.06, 0.3),
     "force_dependent_gain": Size(0.06, 0.3),
-    "fractional_rolloff": Size(0.04, 0.15),
+    "fractional_rolloff": Size(0.02, 0.15),
     "gain_drift": Size(0.01, 0.04),
     "mount_resonance_shift": Size(0.002, 0.01),
     "position_dependent_gain": Size(0.001, 0.005),
@@ -56,7 +56,9 @@ SIZES: Final = {
 """Of effects whose direction the law's own parameters do not have. Tolerated: below half of the
 size that a study finds in most runs, or what a texture rendered without it does not show."""
 EFFECT_CAUSES: Final = tuple(sorted(SIZES))
-LAW_CAUSES: Final = ("gain", "cutoff", "delay")
+LAW_CAUSES: Final = ("gain", "cutoff", "speed_dependent_cutoff", "delay")
+LAW_SIZES: Final = (Size(0.15, 0.3), Size(0.10, 0.5), Size(1.5, 5.0), Size(15e-6, 100e-6))
+"""Of `LAW_CAUSES`: ln gain, ln cutoff, Hz per mm/s, s."""
 INSTRUMENT: Final[frozenset[str]] = frozenset(
     {"delay"} | {name for name, effect in EFFECTS.items() if effect.scope == "instrument"}
 )
@@ -98,6 +100,32 @@ PATTERN_SIZE: Final = Size(0.05, 0.15)
 _CANDIDATES: Final[dict[str, Candidate]] = {
     each.effect: each for each in candidates_of("friction") if each.effect in SIZES
 }
+
+SHAPED: Final = np.array(
+    [
+        _CANDIDATES[name].extend(Simulator(), SIZES[name].tolerated).schedule == Schedule()
+        for name in EFFECT_CAUSES
+    ]
+)
+"""Of `EFFECT_CAUSES`: those that change how the response goes over frequency, and not only how
+gain and cutoff follow the conditions. A lasting error of some bands may look like them."""
+
+
+def law_directions(at: FloatArray) -> FloatArray:
+    """Return d coordinates / d dose of each of `LAW_CAUSES`, per its expected size.
+
+    Parameters
+    ----------
+    at : ndarray, shape (4,)
+        The model in force, in `calibration.coordinates`.
+    """
+    middle = REFERENCE_SPEED_MM_S
+    slope = (np.array([coordinates.LOW_MM_S, coordinates.HIGH_MM_S]) - middle) / np.exp(at[:2])
+    along = np.array(
+        [[0.0, 0.0, 1.0, 0.0], [1.0, 1.0, 0.0, 0.0], [*slope, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+    )
+    directions: FloatArray = along * np.array([[size.expected] for size in LAW_SIZES])
+    return directions
 
 
 def effect_directions(
@@ -177,5 +205,8 @@ def pattern_directions(batch: Batch) -> ComplexArray:
     octave = np.digitize(batch.bands.centre_hz, OCTAVES_HZ[1:-1])
     inside = octave[:, np.newaxis] == np.arange(len(OCTAVES_HZ) - 1)
     both = np.array([1.0, 1j])
-    found = np.einsum("bo,p,wc->wbopc", inside, both, values) * PATTERN_SIZE.expected
-    return found.reshape(*batch.cross.shape, len(PATTERNS))
+    found: ComplexArray = (
+        np.einsum("bo,p,wc->wbopc", inside, both, values) * PATTERN_SIZE.expected
+    )
+    directions: ComplexArray = found.reshape(*batch.cross.shape, len(PATTERNS))
+    return directions

@@ -35,11 +35,13 @@ from frictus_service.tracking.signatures import (
     EFFECT_CAUSES,
     INSTRUMENT,
     LAW_CAUSES,
+    LAW_SIZES,
     PATTERN_SIZE,
     PATTERNS,
+    SHAPED,
     SIZES,
-    Size,
     effect_directions,
+    law_directions,
     pattern_directions,
 )
 
@@ -48,8 +50,6 @@ __all__ = ["ALARM", "CAUSES", "INSTRUMENT", "Sums", "Watch", "log_ratio"]
 MAINS: Final = "mains_interference"
 UNKNOWN: Final = "unknown"
 CAUSES: Final = (*LAW_CAUSES, *EFFECT_CAUSES, MAINS, UNKNOWN)
-LAW_SIZES: Final = (Size(0.15, 0.3), Size(0.10, 0.5), Size(15e-6, 100e-6))
-"""Of `LAW_CAUSES`: ln gain, ln cutoff, s."""
 LEVEL: Final = 0.01
 """Chance that a session in which the model is right ever raises an alarm."""
 ALARM: Final = float(np.log(len(CAUSES) / LEVEL))
@@ -57,6 +57,9 @@ ALARM: Final = float(np.log(len(CAUSES) / LEVEL))
 BEGIN_BATCHES: Final = 20
 MOST: Final = 32
 """Processes of a cause that are followed; beyond, that with the least evidence ends."""
+UNMODELLED: Final = 0.0015
+"""Relative error of the response, rms over bands, that lasts and that no cause has: a window is
+not infinitely long, the speed changes within it, and a mount rings."""
 FLOOR: Final = -20.0
 """Nats; less is not told apart."""
 
@@ -66,12 +69,6 @@ _EDGE: Final = np.array(
 )
 _LAW_EDGE: Final = np.array([size.tolerated / size.expected for size in LAW_SIZES])
 _PATTERN_EDGE: Final = PATTERN_SIZE.tolerated / PATTERN_SIZE.expected
-_OWN: Final = (
-    np.array([[0, 0, 1, 0], [1, 1, 0, 0], [0, 0, 0, 1]], dtype=float)
-    * np.array([[size.expected] for size in LAW_SIZES])
-    / UNITS
-)
-"""Direction of each of `LAW_CAUSES`, per its expected size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,11 +79,13 @@ class Sums:
     ----------
     score, information : ndarray, shapes (n_begun, d) and (n_begun, d, d)
         Of effects, against any law.
-    law_score, law_information : ndarray, shapes (n_begun, 3, d + 1) and so on
+    law_score, law_information : ndarray, shapes (n_begun, n_law, d + 1) and so on
         Of effects and, last, of each of `LAW_CAUSES`, against the model in force.
     pattern_score, pattern_information : ndarray, shape (n_begun, n_patterns)
     mains : ndarray, shape (n_begun, 2, n_amplitudes)
         Log likelihood ratios.
+    certainty : ndarray, shape (n_begun,)
+        Of all responses: inverse relative variances.
     log_share, law_log_share : ndarray, shape (n_begun,)
         Of the chance of an alarm, that each process has; of `LAW_CAUSES` only those count
         that began with the model in force or later.
@@ -99,6 +98,7 @@ class Sums:
     pattern_score: FloatArray
     pattern_information: FloatArray
     mains: FloatArray
+    certainty: FloatArray
     log_share: FloatArray
     law_log_share: FloatArray
 
@@ -122,6 +122,7 @@ class Sums:
             (2, AMPLITUDES_N.size),
             (),
             (),
+            (),
         )
         return cls(*(np.zeros((count, *shape)) for shape in shapes))
 
@@ -131,7 +132,8 @@ class Sums:
 
     def log_evidence(self) -> FloatArray:
         """Return log share times ratio, shape (n_begun, n_causes)."""
-        effects = log_ratio(self.score, _diagonal(self.information), _EDGE)
+        slack = self.slack(_diagonal(self.information)) * SHAPED
+        effects = log_ratio(self.score, _diagonal(self.information), _EDGE, slack)
         law = log_ratio(self.law_score[..., -1], self.law_information[..., -1, -1], _LAW_EDGE)
         unknown = _mean(self.patterns())
         mains = _mean(self.mains.reshape(self.mains.shape[0], -1))
@@ -140,7 +142,22 @@ class Sums:
 
     def patterns(self) -> FloatArray:
         """Return the log likelihood ratio of each pattern, shape (n_begun, n_patterns)."""
-        return log_ratio(self.pattern_score, self.pattern_information, _PATTERN_EDGE)
+        information = self.pattern_information
+        return log_ratio(
+            self.pattern_score, information, _PATTERN_EDGE, self.slack(information)
+        )
+
+    def slack(self, information: FloatArray) -> FloatArray:
+        """Return how large a score errors of `UNMODELLED` can make at most (Cauchy-Schwarz).
+
+        Parameters
+        ----------
+        information : ndarray, shape (n_begun, d)
+            Of each deviation.
+        """
+        both = self.certainty[:, np.newaxis] * np.maximum(information, 0.0)
+        bound: FloatArray = UNMODELLED * np.sqrt(both)
+        return bound
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,18 +252,17 @@ class Watch:
         began = self.began_minutes if self.filters else first
         filters = _begun(self.filters, at, estimate)
         filters = tuple(each.advanced(seconds, new_contact) for each in filters)
-        filters, news = _innovations(batch, filters, estimate, self.mount, began)
-        lines = line_evidence(batch, estimate, sample_rate_hz)
+        own = law_directions(at) / UNITS
+        filters, (*news, certainty) = _innovations(
+            batch, filters, estimate, own, self.mount, began
+        )
+        none = np.zeros(())
+        news += [line_evidence(batch, estimate, sample_rate_hz), certainty, none, none]
         sums, begun = self.sums, self.begun
         if self.batches % BEGIN_BATCHES == 0:
             begun += 1
             sums = _with_another(sums, begun)
-        sums = Sums(
-            *(
-                each + new
-                for each, new in zip(sums.arrays(), (*news, lines, 0.0, 0.0), strict=True)
-            )
-        )
+        sums = Sums(*(each + new for each, new in zip(sums.arrays(), news, strict=True)))
         each = sums.log_evidence()
         if each.shape[0] > MOST:
             kept = np.arange(each.shape[0]) != np.argmin(each.max(axis=1))
@@ -278,10 +294,13 @@ def _begun(
     sd = np.array([WIDE, WIDE, WIDE, 5.0 * WIDE, GAIN_PER_CONTACT])
     free = np.append(estimate.mean / UNITS, 0.0)
     held = []
-    for own in _OWN:
+    for cause, own in zip(LAW_CAUSES, law_directions(at), strict=True):
         fixed = np.append(own != 0.0, False)
         mean = np.where(fixed, np.append(at / UNITS, 0.0), free)
-        held.append(Nuisance.begin(mean, np.where(fixed, 0.0, sd), _N_EFFECTS + 1))
+        begun = Nuisance.begin(mean, np.where(fixed, 0.0, sd), _N_EFFECTS + 1)
+        if cause == "speed_dependent_cutoff":  # both ends may be off, alike
+            begun.covariance[:2, :2] = WIDE**2
+        held.append(begun)
     if filters:
         return (filters[0], *held, filters[-1])
     effects = np.zeros(_N_EFFECTS)
@@ -295,38 +314,40 @@ def _innovations(
     batch: Batch,
     filters: tuple[Nuisance, ...],
     estimate: LawEstimate,
+    own: FloatArray,
     mount: TransferFunction | None,
     began_minutes: float,
 ) -> tuple[tuple[Nuisance, ...], tuple[FloatArray, ...]]:
-    """Return the filters after a batch, and what is added to `Sums`, in its order."""
+    """Return the filters after a batch, and what is added to `Sums` (without `mains`)."""
     effects = effect_directions(batch, estimate.mean, mount, began_minutes)
     further = np.concatenate([effects, pattern_directions(batch)], axis=-1)
-    score, information = batch_score(batch, estimate, further)
+    score, information, certainty = batch_score(batch, estimate, further)
     at = np.append(estimate.mean / UNITS, 0.0)
     # The gain's wandering has the column of the gain.
     place = np.array([0, 1, 2, 3, 2, *range(LAW, LAW + _N_EFFECTS + len(PATTERNS))])
     score, information = score[place], information[np.ix_(place, place)]
     small = STATE + _N_EFFECTS
     free, *held, everything = filters
-    free, own, known = free.seen(score[:small], information[:small, :small], at)
+    free, pulled, known = free.seen(score[:small], information[:small, :small], at)
     after, scores, informations = [], [], []
-    for each, direction in zip(held, _OWN, strict=True):
+    for each, direction in zip(held, own, strict=True):
         turn = np.eye(small + 1, small)
         turn[-1, :LAW] = direction
-        pulled, seen = turn @ score[:small], turn @ information[:small, :small] @ turn.T
-        new, of_law, known_of_law = each.seen(pulled, seen, at)
+        seen = turn @ information[:small, :small] @ turn.T
+        new, of_law, known_of_law = each.seen(turn @ score[:small], seen, at)
         after.append(new)
         scores.append(of_law)
         informations.append(known_of_law)
     none = np.concatenate([at, np.zeros(_N_EFFECTS)])
     everything, patterns, known_of_patterns = everything.seen(score, information, none)
     sums = (
-        own,
+        pulled,
         known,
         np.array(scores),
         np.array(informations),
         patterns,
         np.diag(known_of_patterns),
+        np.array(certainty),
     )
     return (free, *after, everything), sums
 
@@ -341,7 +362,10 @@ def _with_another(sums: Sums, begun: int) -> Sums:
 
 
 def log_ratio(
-    score: FloatArray, information: FloatArray, edge: FloatArray | float
+    score: FloatArray,
+    information: FloatArray,
+    edge: FloatArray | float,
+    slack: FloatArray | float = 0.0,
 ) -> FloatArray:
     """Return the log of the likelihood ratio, averaged over both signs and half-normal sizes.
 
@@ -351,10 +375,12 @@ def log_ratio(
         Of a deviation per its expected size.
     edge : float or ndarray
         Of what is tolerated, likewise.
+    slack : float or ndarray
+        Part of the score that may be an error that lasts.
     """
     information = np.maximum(information, 0.0)
     width = 1.0 + information
-    sides = np.stack([score, -score]) - edge * information
+    sides = np.stack([score, -score]) - edge * information - slack
     each = 0.5 * np.square(sides) / width + log_ndtr(sides / np.sqrt(width))
     ratio: FloatArray = np.logaddexp.reduce(each, axis=0) - 0.5 * np.log(width)
     return ratio
