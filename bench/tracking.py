@@ -16,6 +16,7 @@ from scipy import stats
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # so that a script finds the tests
 
+from bench import live_model_verdicts as verdicts
 from tests.campaigns.lines import Line, read
 from tests.campaigns.live_model import FACTORS, RIG, SIZES, STARTS, TEXTURES, UNKNOWN
 
@@ -25,10 +26,6 @@ ROOT: Final = Path(__file__).parents[1]
 LINES: Final = ROOT / "bench" / "live_model.jsonl"
 STUDIES: Final = ROOT / "bench" / "blind.jsonl"
 OUT: Final = ROOT / "docs" / "live_model.md"
-COORDINATES: Final = ("cutoff at 20 mm/s", "cutoff at 100 mm/s", "gain", "delay")
-WORSE_DB: Final = 0.02
-"""By which the model in force may be worse than the right one."""
-ALIKE_DB: Final = 0.1
 
 
 class Sessions:
@@ -123,7 +120,7 @@ def coverage(lines: list[Line]) -> str:
     open_ = np.array(found.of(lambda line: line["observe"]["z"]))
     closed = np.array(found.of(lambda line: line["z"]))
     rows = []
-    for number, name in enumerate(COORDINATES):
+    for number, name in enumerate(verdicts.COORDINATES):
         row = [name]
         for z in (open_, closed):
             at = z[:, number]
@@ -321,6 +318,12 @@ def main() -> None:
         rig=harm(lines, "rig", RIG),
         faults=harm(lines, "fault", FAULTS),
         cost=cost(lines),
+        learned_verdict=verdicts.learned(lines),
+        coverage_verdict=verdicts.coverage(lines),
+        nulls_verdict=verdicts.nulls(lines),
+        followed_verdict=verdicts.followed(lines),
+        rig_verdict=verdicts.rig(lines),
+        faults_verdict=verdicts.faults(lines),
         sessions=len(lines),
         factors=", ".join(FACTORS),
     )

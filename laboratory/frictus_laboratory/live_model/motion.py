@@ -107,7 +107,16 @@ class KnownMotion:
         speed = np.hypot(*motion.velocity_mm_s[ends].T).tolist()
         courses = tuple(
             PredictedMotion(
-                BlockMotion(*at[n], *velocity[n], *velocity[n + 1], speed[n], speed[n + 1]),
+                BlockMotion(
+                    x_mm=at[n][0],
+                    y_mm=at[n][1],
+                    vx_0=velocity[n][0],
+                    vy_0=velocity[n][1],
+                    vx_1=velocity[n + 1][0],
+                    vy_1=velocity[n + 1][1],
+                    speed_0=speed[n],
+                    speed_1=speed[n + 1],
+                ),
                 normal_force_n=(force[n], force[n + 1]),
             )
             for n in range(n_samples // BLOCK_SAMPLES)
