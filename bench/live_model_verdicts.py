@@ -20,7 +20,7 @@ def _verdict(reached: bool, found: str, limit: str = "") -> str:
 
 def learned(lines: list[Line]) -> str:
     """Return whether a finger is learned soon enough."""
-    found = _of(lines, "learn/")
+    found = _of(lines, "learn/") + _of(lines, "known/")
     observed = [line["observe"]["newest_db"] for line in found]
     followed = [line["in_force_db"] for line in found]
     both = observed + followed
@@ -45,29 +45,29 @@ _FITS: Final = "the model in force fits as well"
 
 def coverage(lines: list[Line]) -> str:
     """Return whether the intervals hold."""
-    found = _of(lines, "learn/")
     parts = []
-    for name, z in (
-        ("`observe`", np.array([line["observe"]["z"] for line in found])),
-        ("`adapt`", np.array([line["z"] for line in found])),
-    ):
+    for kind, motion in (("learn", "predicted"), ("known", "known")):
+        found = _of(lines, f"{kind}/")
+        z = np.array([line["observe"]["z"] for line in found] + [line["z"] for line in found])
+        if not found:
+            continue
         within = np.mean(np.abs(z) < 1.96, axis=0)
         outside = [
             f"{100 * share:.0f} % of the {coordinate}"
             for coordinate, share in zip(COORDINATES, within, strict=True)
             if not 0.92 <= share <= 0.98
         ]
-        parts.append(f"with {name} {', '.join(outside) or 'all are'}")
-    reached = all("all are" in part for part in parts)
+        if outside:
+            parts.append(f"where the motion is {motion} {', '.join(outside)}")
     return _verdict(
-        reached,
-        "within 92 to 98 %: all."
-        if reached
-        else f"outside of 92 to 98 % are, {'; '.join(parts)}.",
-        " Where more hold than asked, the interval is wider than the error of a finger that "
-        "does not change: the filter allows for a finger that drifts and for a cutoff that "
-        "differs by 5 % from one half second to the next, and the people of this table do "
-        "neither.",
+        not parts,
+        f"outside of 92 to 98 % are, {'; '.join(parts)}." if parts else "all are within.",
+        " Where fewer hold: the interval is one of the law over the true speed, and the rig "
+        "knows a predicted one, which in these strokes is 1.6 mm/s too high in the mean and "
+        "off by 2.7 mm/s (SD). The cutoffs are fitted at the speed at which rendering looks "
+        "them up, so that rendering loses nothing by it; the interval does not say so. Where "
+        "more hold: the filter allows for a finger that drifts and for a cutoff that differs by 5 % from "
+        "one half second to the next, and the people of this table do neither.",
     )
 
 

@@ -89,8 +89,10 @@ def worst(values: Sequence[float]) -> str:
 def learned(lines: list[Line]) -> str:
     """Return how soon the estimate and the model in force render as the true law would."""
     rows = []
-    for texture in (*TEXTURES, "all"):
-        found = Sessions(lines, "learn/" if texture == "all" else f"learn/{texture}/")
+    starts = {texture: f"learn/{texture}/" for texture in TEXTURES}
+    starts |= {"all": "learn/", "all, known motion": "known/"}
+    for texture, start in starts.items():
+        found = Sessions(lines, start)
         if not len(found):
             continue
         end = found.of(lambda line: line["observe"]["newest_db"])
@@ -116,19 +118,22 @@ def learned(lines: list[Line]) -> str:
 
 def coverage(lines: list[Line]) -> str:
     """Return how many of the intervals at the end hold, observed and adapted."""
-    found = Sessions(lines, "learn/")
-    open_ = np.array(found.of(lambda line: line["observe"]["z"]))
-    closed = np.array(found.of(lambda line: line["z"]))
     rows = []
-    for number, name in enumerate(verdicts.COORDINATES):
-        row = [name]
-        for z in (open_, closed):
-            at = z[:, number]
-            row += [
-                share(int(np.sum(np.abs(at) < 1.96)), at.size),
-                f"{at.mean():+.2f} and {at.std(ddof=1):.2f}",
-            ]
-        rows.append(row)
+    for kind, motion in (("learn", "predicted"), ("known", "known")):
+        found = Sessions(lines, f"{kind}/")
+        if not len(found):
+            continue
+        both = (
+            np.array(found.of(lambda line: line["observe"]["z"])),
+            np.array(found.of(lambda line: line["z"])),
+        )
+        for number, name in enumerate(verdicts.COORDINATES):
+            row = [f"{name}, motion {motion}"]
+            for z in both:
+                at = z[:, number]
+                hits = int(np.sum(np.abs(at) < 1.96))
+                row += [share(hits, at.size), f"{at.mean():+.2f} and {at.std(ddof=1):.2f}"]
+            rows.append(row)
     deviation = "mean and SD of the deviation, in standard deviations"
     return table(
         ("interval of", "`observe`: holds", deviation, "`adapt`: holds", deviation), rows

@@ -79,6 +79,7 @@ def names(times: int) -> list[str]:
         ("null", ["exact", "scatter"]),
         ("cause", [f"{id_}/{size}" for id_ in REALISTIC for size in SIZES]),
         ("unknown", UNKNOWN),
+        ("known", [f"{texture}/{factor}" for texture in TEXTURES for factor in FACTORS]),
     ]
     found = []
     for kind, which in kinds:
@@ -106,13 +107,14 @@ def plan_of(name: str, seed: int) -> SessionPlan:
     plan = SessionPlan(
         person, texture("paper"), 60.0, int(rng.integers(2**31)), model_of(person), "adapt"
     )
-    if kind == "learn":
+    if kind in ("learn", "known"):
         return replace(
             plan,
             person=scaled(person, 1.0, float(which[1])),
             texture=texture(which[0]),
             seconds=30.0,
             first=placeholder_model(),
+            known_motion=kind == "known",
         )
     any_texture = texture(TEXTURES[int(rng.integers(len(TEXTURES)))])
     plan = replace(plan, texture=any_texture, known_motion=True)
@@ -185,7 +187,7 @@ def run(name: str, seed: int, seconds: float | None = None) -> Line:
     plan = plan if seconds is None else replace(plan, seconds=seconds)
     motion = motion_of(plan)
     line = _summary(name, plan, motion)
-    if name.startswith("learn/"):
+    if name.startswith(("learn/", "known/")):
         line["observe"] = _summary(name, replace(plan, policy="observe"), motion)
     return line | {"failures": []}
 
