@@ -63,12 +63,23 @@ def coverage(lines: list[Line]) -> str:
         not parts,
         f"outside of 92 to 98 % are, {'; '.join(parts)}." if parts else "all are within.",
         " Where fewer hold: the interval is one of the law over the true speed, and the rig "
-        "knows a predicted one, which in these strokes is 1.6 mm/s too high in the mean and "
-        "off by 2.7 mm/s (SD). The cutoffs are fitted at the speed at which rendering looks "
-        "them up, so that rendering loses nothing by it; the interval does not say so. Where "
-        "more hold: the filter allows for a finger that drifts and for a cutoff that differs by 5 % from "
-        "one half second to the next, and the people of this table do neither.",
+        f"knows a predicted one{_speed_error(lines)}. The cutoffs are fitted at the speed at "
+        "which rendering looks them up, so that rendering loses nothing by it; the interval "
+        "does not say so. Where more hold: the filter allows for a finger that drifts and for "
+        "a cutoff that differs by 5 % from one half second to the next, and the people of this "
+        "table do neither.",
     )
+
+
+def _speed_error(lines: list[Line]) -> str:
+    known = [line["speed_error_mm_s"] for line in _of(lines, "learn/") if _HAS in line]
+    if not known:
+        return ""
+    mean, sd = np.mean(known, axis=0)
+    return f", off by {mean:+.1f} mm/s in the mean and {sd:.1f} mm/s (SD) in these strokes"
+
+
+_HAS: Final = "speed_error_mm_s"
 
 
 def nulls(lines: list[Line]) -> str:

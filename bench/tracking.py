@@ -282,7 +282,7 @@ def harm(lines: list[Line], kind: str, ids: Iterable[str]) -> str:
     return table(header, rows)
 
 
-USUAL: Final = ("slower than", "the speed changes", "the model in force fits")
+USUAL: Final = ("slower than", "the speed changes", "the model in force fits", "gain and")
 
 
 def _reasons(found: Sessions, of: str) -> str:
@@ -290,8 +290,9 @@ def _reasons(found: Sessions, of: str) -> str:
     total: Counter[str] = Counter()
     for line in found.lines:
         total.update(line[of])
-    unusual = [why for why, _ in total.most_common() if not why.startswith(USUAL)]
-    return "; ".join(why.split(":")[0] for why in unusual[:2]) or "-"
+    every = [why for why, _ in total.most_common()]
+    told = [why for why in every if not why.startswith(USUAL)] or every[:1]
+    return "; ".join(why.split(":")[0] for why in told[:2]) or "-"
 
 
 def cost(lines: list[Line]) -> str:

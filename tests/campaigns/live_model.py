@@ -18,6 +18,7 @@ from frictus.recordings import texture_of
 from frictus.textures import Texture
 from frictus_hardware.simulated.config import draw_participant
 from frictus_laboratory.live_model.closed_loop import (
+    PIECE_SAMPLES,
     ClosedLoop,
     Moment,
     SessionPlan,
@@ -37,13 +38,15 @@ from frictus_laboratory.live_model.disturbances import (
     gain_step,
     scaled,
 )
-from frictus_laboratory.live_model.motion import Motion
+from frictus_laboratory.live_model.motion import Motion, rendered_rows
 from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensability import placeholder_model
+from frictus_service.tracking.windows import SPEEDS_MM_S
 
 TEXTURES: Final = ("flat", "paper", "sandpaper", "fabric1", "fabric2", "vinyl")
 FACTORS: Final = ("0.5", "1", "2")
 """Of a person's cutoff."""
+RATE_HZ: Final = 20_000.0
 WITHIN_DB: Final = 0.1
 NULL_S: Final = 1_200.0
 STEP_S: Final = 30.0
@@ -189,6 +192,7 @@ def run(name: str, seed: int, seconds: float | None = None) -> Line:
     line = _summary(name, plan, motion)
     if name.startswith(("learn/", "known/")):
         line["observe"] = _summary(name, replace(plan, policy="observe"), motion)
+        line["speed_error_mm_s"] = _speed_error(motion, plan.seconds)
     return line | {"failures": []}
 
 
@@ -214,6 +218,18 @@ def _summary(name: str, plan: SessionPlan, motion: Motion) -> Line:
         "arithmetic_s": round(loop.arithmetic_s, 4),
         "followed": _followed(name, moments),
     }
+
+
+def _speed_error(motion: Motion, seconds: float) -> list[float]:
+    """Return mean and SD of predicted less true speed, over pieces of steady sliding, mm/s."""
+    error = []
+    for piece_at in range(0, round(seconds * RATE_HZ), PIECE_SAMPLES):
+        piece = motion.piece(piece_at, PIECE_SAMPLES)
+        predicted = rendered_rows(piece.courses, RATE_HZ)[2]
+        if predicted.min() > SPEEDS_MM_S[0] and predicted.max() < 1.5 * predicted.min():
+            true = np.hypot(*piece.velocity_mm_s.T)
+            error.append(float(predicted.mean() - true.mean()))
+    return [_brief(float(np.mean(error))), _brief(float(np.std(error)))]
 
 
 def _standardised(loop: ClosedLoop) -> list[float]:
