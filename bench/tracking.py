@@ -140,10 +140,17 @@ def coverage(lines: list[Line]) -> str:
     )
 
 
+NULLS: Final = {
+    "exact": "constant",
+    "scatter": "scatters within the person",
+    "scatter_observe": "the same, observed",
+}
+
+
 def nulls(lines: list[Line]) -> str:
     """Return by how much a model that was right became worse, and the alarms."""
     rows = []
-    for which, told in (("exact", "constant"), ("scatter", "scatters within the person")):
+    for which, told in NULLS.items():
         found = Sessions(lines, f"null/{which}/")
         alarms = found.count(lambda line: line["named"])
         rows.append(

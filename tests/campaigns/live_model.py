@@ -49,6 +49,10 @@ FACTORS: Final = ("0.5", "1", "2")
 RATE_HZ: Final = 20_000.0
 WITHIN_DB: Final = 0.1
 NULL_S: Final = 1_200.0
+NULLS: Final = ("exact", "scatter", "scatter_observe")
+"""A finger that is constant, or scatters within its person, followed or just observed."""
+LIFTS: Final = 0.2
+"""How often the finger leaves the screen between two strokes, where contacts differ."""
 STEP_S: Final = 30.0
 """When a finger changes."""
 DRIFT_PER_MINUTE: Final = 0.02
@@ -79,7 +83,7 @@ def names(times: int) -> list[str]:
         ("rig", [f"{id_}/{start}" for id_ in RIG for start in STARTS]),
         ("fault", [f"{id_}/{start}" for id_ in FAULTS for start in STARTS]),
         ("drift", [""]),
-        ("null", ["exact", "scatter"]),
+        ("null", NULLS),
         ("cause", [f"{id_}/{size}" for id_ in REALISTIC for size in SIZES]),
         ("unknown", UNKNOWN),
         ("known", [f"{texture}/{factor}" for texture in TEXTURES for factor in FACTORS]),
@@ -122,13 +126,14 @@ def plan_of(name: str, seed: int) -> SessionPlan:
     any_texture = texture(TEXTURES[int(rng.integers(len(TEXTURES)))])
     plan = replace(plan, texture=any_texture, known_motion=True)
     if kind == "null":
-        scatter = WithinPerson(seed) if which[0] == "scatter" else Disturbance()
-        lifts = 0.2 if which[0] == "scatter" else 0.0
+        plan = replace(plan, seconds=NULL_S)
+        if which[0] == "exact":
+            return plan
         return replace(
             plan,
-            seconds=NULL_S,
-            disturbance=scatter,
-            lift_probability=lifts,
+            policy="observe" if which[0] == "scatter_observe" else "adapt",
+            disturbance=WithinPerson(seed),
+            lift_probability=LIFTS,
         )
     if kind in ("rig", "fault"):
         id_, start = which
