@@ -1,5 +1,6 @@
 """What was asked of a model that follows its finger, whether it is reached, and why not."""
 
+from collections import Counter
 from typing import Final
 
 import numpy as np
@@ -103,14 +104,24 @@ def nulls(lines: list[Line]) -> str:
     text += f"; no alarm in so few only says: below {bound:.0f} %." if not alarms else "."
     if scatter:
         mean = float(np.mean([line["excess_db"]["mean"] for line in scatter]))
+        most = max(line["excess_db"]["worst"] for line in scatter)
         text += (
-            f" Where gain and cutoff scatter within the person (10 % from contact to contact, "
-            f"5 % from stroke to stroke; one turn in five leaves the screen), following is "
-            f"{'better' if mean < 0 else 'worse'} than the person's mean law by "
-            f"{abs(mean):.3f} dB in the mean over time, and worse by up to several tenths of a "
-            "decibel at the beginning of a contact: the gain of the last contact is in force "
-            "until that of the new one is known. An alarm there says that this contact is off "
-            "by more than what is tolerated, which is so."
+            " Where gain and cutoff scatter within the person (10 % from contact to contact, "
+            "5 % from stroke to stroke; at one turn in five the finger leaves the screen), "
+            f"following is {'better' if mean < 0 else 'worse'} than the person's mean law by "
+            f"{abs(mean):.2f} dB in the mean over time, and worse by up to {most:.1f} dB at "
+            "the beginning of a contact: the gain of the last contact is in force until that "
+            "of the new one is known."
+        )
+    observed = _of(lines, "null/scatter_observe/")
+    if observed:
+        named = Counter(name for line in observed for name in line["named"])
+        told = ", ".join(f"{name} {count}" for name, count in named.most_common(5))
+        text += (
+            f" The person's mean law observed over such a finger raises an alarm in "
+            f"{sum(bool(line['named']) for line in observed)} of {len(observed)} sessions"
+            f"{f' ({told})' if told else ''}: a model that is right in the mean is not right "
+            "in each contact."
         )
     return text
 

@@ -21,7 +21,6 @@ from frictus.model import FirstOrderSpeedLaw, Model
 from frictus.textures import Texture
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.compiled import compiled
-from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import Mount
 from frictus_hardware.physics.screen import Screen
@@ -48,16 +47,13 @@ from frictus_service.synthesis.compensation import as_inverse
 from frictus_service.synthesis.estimator import PredictedMotion
 from frictus_service.synthesis.renderer import Renderer
 from frictus_service.tracking.policy import Circumstances, adapted, held_back
+from frictus_service.tracking.signatures import INSTRUMENT
 from frictus_service.tracking.tracker import ModelInForce, Tracker
 from frictus_service.tracking.windows import WindowCutter
 
 PIECE_SAMPLES: Final = 2_000
 """A tenth of a second: a change of model is played so much after it was decided, at most."""
 SPEEDS_MM_S: Final = np.array([20.0, 40.0, 60.0, 80.0, 100.0])
-RIG_CAUSES: Final = {"delay"} | {
-    name for name, effect in EFFECTS.items() if effect.scope == "instrument"
-}
-"""With an alarm of one of these nothing is put in force."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -333,7 +329,7 @@ class ClosedLoop:
         try:
             explored = self.tracker.model(None, self._screen.peak_v, {}).validity.speed_mm_s
             why = held_back(
-                estimate, self.in_force, self._prior, explored, RIG_CAUSES & set(alarms), now
+                estimate, self.in_force, self._prior, explored, INSTRUMENT & set(alarms), now
             )
             model = self._model if why else adapted(self._model, estimate, {})
         except EstimateError as error:
