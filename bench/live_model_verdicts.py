@@ -106,16 +106,17 @@ def nulls(lines: list[Line]) -> str:
     )
     bound = 100.0 * (1.0 - 0.05 ** (1.0 / max(len(exact), 1)))
     text += (
-        f" Alarms, **not shown**: {alarms} of {len(exact)} sessions have one. 500 are asked, of which one takes "
-        "about 40 s of a core"
+        f" Alarms, **not shown**: {alarms} of {len(exact)} sessions have one. 500 are asked, "
+        "of which one takes about 40 s of a core"
     )
     text += f"; no alarm in so few only says: below {bound:.0f} %." if not alarms else "."
     if scatter:
         mean = float(np.mean([line["excess_db"]["mean"] for line in scatter]))
         most = max(line["excess_db"]["worst"] for line in scatter)
         text += (
-            "\n\n**Not reached** where gain and cutoff scatter within the person (10 % from contact to contact, "
-            "5 % from stroke to stroke; at one turn in five the finger leaves the screen), "
+            "\n\n**Not reached** where gain and cutoff scatter within the person (10 % from "
+            "contact to contact, 5 % from stroke to stroke; at one turn in five the finger "
+            "leaves the screen): "
             f"following is {'better' if mean < 0 else 'worse'} than the person's mean law by "
             f"{abs(mean):.2f} dB in the mean over time, and worse by up to {most:.1f} dB at "
             "the beginning of a contact: the gain of the last contact is in force until that "
