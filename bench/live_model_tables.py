@@ -215,7 +215,7 @@ def drifts(lines: list[Line]) -> str:
     ):
         median, most = np.array([line["followed"][of] for line in found.lines]).T
         rows.append([told, f"{np.median(median):.3f}", f"{max(most):.3f}"])
-    head = f"{len(found)} sessions of 5 minutes"
+    head = f"5 minutes each, {len(found)}"
     return table((head, "error after the first minute, median, dB", "worst"), rows)
 
 
