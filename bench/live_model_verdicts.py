@@ -43,8 +43,8 @@ def learned(lines: list[Line]) -> str:
     )
     if held:
         text += (
-            f" In {len(held)} of the sessions the placeholder stayed in force for all of the 30 s: "
-            f"{'; '.join(whys) or _FITS}."
+            f" In {len(held)} of the sessions the placeholder stayed in force for all of the "
+            f"30 s: {'; '.join(whys) or _FITS}."
         )
     return text
 
@@ -74,8 +74,8 @@ def coverage(lines: list[Line]) -> str:
         " Where fewer hold: the interval is one of the law over the true speed, and the rig "
         f"knows a predicted one{_speed_error(lines)}. The cutoffs are fitted at the speed at "
         "which rendering looks them up, so that rendering should lose nothing by it, which was "
-        "not measured apart; the interval does not say so. Where more hold: the filter allows for a finger that drifts and for "
-        "a cutoff that differs by 5 % from one half second to the next, and the people of this "
+        "not measured apart; the interval does not say so. Where more hold: the filter "
+        "allows for a finger that drifts and for a cutoff that differs by 5 % from one half second to the next, and the people of this "
         "table do neither.",
     )
 
