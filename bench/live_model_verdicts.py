@@ -75,8 +75,8 @@ def coverage(lines: list[Line]) -> str:
         f"knows a predicted one{_speed_error(lines)}. The cutoffs are fitted at the speed at "
         "which rendering looks them up, so that rendering should lose nothing by it, which was "
         "not measured apart; the interval does not say so. Where more hold: the filter "
-        "allows for a finger that drifts and for a cutoff that differs by 5 % from one half second to the next, and the people of this "
-        "table do neither.",
+        "allows for a finger that drifts and for a cutoff that differs by 5 % from one half "
+        "second to the next, and the people of this table do neither.",
     )
 
 
