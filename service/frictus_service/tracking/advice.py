@@ -80,7 +80,7 @@ def _sized(cause: str, size: float) -> str:
 
 def _unknown(where: Pattern, size: float) -> str:
     top = "2000" if not np.isfinite(where.high_hz) else f"{where.high_hz:.0f}"
-    low = max(where.low_hz, 40.0)
+    low = max(where.low_hz, 37.0)
     much = f"{100 * abs(size):.0f} %" if where.part == "modulus" else f"{abs(size):.2f} rad"
     follows = "at all speeds" if where.covariate == "none" else f"with the {where.covariate}"
     return (

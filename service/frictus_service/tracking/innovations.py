@@ -15,7 +15,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from frictus_hardware.arrays import ComplexArray, FloatArray
+from frictus_hardware.arrays import ComplexArray, FloatArray, IntArray
 from frictus_service.calibration.posterior import EXPECTED, wandered
 from frictus_service.calibration.score_information import GainScatter, linearised
 from frictus_service.tracking.law_estimate import GAIN_PER_CONTACT, Batch, LawEstimate
@@ -30,6 +30,8 @@ WIDE: Final = 1.0
 SYSTEMATIC: Final = 0.01
 """Relative error of a band that no average makes smaller: its mean frequency stands for its
 lines, and a window is not infinitely long."""
+TAIL: Final = 5.0
+"""Degrees of freedom of the t distribution whose weights tame outlying windows."""
 LAW: Final = 4
 STATE: Final = 5
 """The law's coordinates, and by how much the gain is off it now."""
@@ -159,11 +161,12 @@ def batch_score(
     certainty = certainty / (1.0 + certainty * SYSTEMATIC**2)
     table = np.column_stack([law * UNITS, further[batch.heard], residual])
     spread = GainScatter(0.0, estimate.gain_scatter).segment
-    starts = np.flatnonzero(np.diff(data.segment, prepend=-1))
+    first = np.diff(data.segment, prepend=-1) != 0
+    starts, place = np.flatnonzero(first), np.cumsum(first) - 1
+    certainty = certainty * _tamed(residual, certainty, starts, place)
     total = np.add.reduceat(certainty, starts)
     weighted = certainty[:, np.newaxis] * table.real
     means = np.add.reduceat(weighted, starts, axis=0) / total[:, np.newaxis]
-    place = np.cumsum(np.diff(data.segment, prepend=-1) != 0) - 1
     root = np.sqrt(certainty)[:, np.newaxis]
     rows = np.concatenate(
         [
@@ -177,3 +180,18 @@ def batch_score(
         whole[np.newaxis, :-1, -1], whole[np.newaxis, :-1, :-1], EXPECTED
     )
     return score[0], information[0], 2.0 * float(certainty.sum())
+
+
+def _tamed(
+    residual: ComplexArray, certainty: FloatArray, starts: IntArray, place: IntArray
+) -> FloatArray:
+    """Return weights of rows, at most 1; less for a window that a knock makes scatter.
+
+    Those of a t distribution (`calibration.score_information`), by window.
+    """
+    total = np.add.reduceat(certainty, starts)
+    middle = (np.add.reduceat(certainty * residual.real, starts) / total)[place]
+    scatter = np.add.reduceat(certainty * np.square(np.abs(residual - middle)), starts)
+    expected = 2.0 * np.bincount(place)
+    weight: FloatArray = np.minimum((TAIL + expected) / (TAIL + scatter), 1.0)[place]
+    return weight

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
+from frictus_service.tracking.evidence import UNMODELLED, Sums, log_ratio
 from frictus_service.tracking.signatures import (
     EFFECT_CAUSES,
     LAW_CAUSES,
@@ -26,10 +27,7 @@ from frictus_service.tracking.watch import (
     CAUSES,
     MAINS,
     UNKNOWN,
-    UNMODELLED,
-    Sums,
     Watch,
-    log_ratio,
 )
 
 ALIKE: Final = 3.0
@@ -69,7 +67,7 @@ def named_alarms(watch: Watch) -> tuple[NamedAlarm, ...]:
     if not watch.raised:
         return ()
     evidence = dict(zip(CAUSES, watch.log_evidence.tolist(), strict=True))
-    raised = set(watch.raised)
+    raised = {name for name in watch.raised if evidence[name] >= ALARM} or set(watch.raised)
     sums, each = watch.sums, watch.sums.log_evidence()
     effects = _selected(sums, each, [name for name in EFFECT_CAUSES if name in raised])
     unknown = UNKNOWN in raised

@@ -3,7 +3,7 @@
 The direction d ln H / d dose of a cause in every window and band is the numeric derivative of
 the effect's own equations (`frictus_hardware.physics.effects`) at the estimated law: nothing is
 written a second time. What no cause is made of is looked for in patterns: octaves of modulus or
-phase that follow one covariate.
+phase that follow one covariate or none, and thirds of them.
 """
 
 from dataclasses import dataclass, replace
@@ -65,17 +65,19 @@ INSTRUMENT: Final[frozenset[str]] = frozenset(
 """Causes that are the rig's and never the finger's."""
 
 OCTAVES_HZ: Final = (0.0, 80.0, 160.0, 320.0, 640.0, 1280.0, np.inf)
+THIRDS_HZ: Final = (0.0, *(43.0 * 2.0 ** (k / 3.0) for k in range(1, 17)), np.inf)
+"""Limits; a resonance is narrower than what follows a covariate."""
 COVARIATES: Final = ("none", "speed", "force", "position", "direction")
 
 
 @dataclass(frozen=True, slots=True)
 class Pattern:
-    """A misfit of modulus or phase in one octave that follows one covariate.
+    """A misfit of modulus or phase in some bands, that follows one covariate or none.
 
     Attributes
     ----------
     low_hz, high_hz : float
-        The octave.
+        An octave, or a third of one.
     part : str
         "modulus" or "phase".
     covariate : str
@@ -90,13 +92,17 @@ class Pattern:
 
 PATTERNS: Final = tuple(
     Pattern(low, high, part, covariate)
-    for (low, high), part, covariate in product(
-        pairwise(OCTAVES_HZ), ("modulus", "phase"), COVARIATES
-    )
+    for covariate, part in product(COVARIATES, ("modulus", "phase"))
+    for limits in ((OCTAVES_HZ, THIRDS_HZ) if covariate == "none" else (OCTAVES_HZ,))
+    for low, high in pairwise(limits)
 )
 PATTERN_SIZE: Final = Size(0.05, 0.15)
 """Relative, or radians: 0.4 dB or 3 degrees are tolerated."""
 
+_LOW_HZ: Final = np.array([each.low_hz for each in PATTERNS])
+_HIGH_HZ: Final = np.array([each.high_hz for each in PATTERNS])
+_COVARIATE: Final = np.array([COVARIATES.index(each.covariate) for each in PATTERNS])
+_PART: Final = np.array([1.0 if each.part == "modulus" else 1j for each in PATTERNS])
 _CANDIDATES: Final[dict[str, Candidate]] = {
     each.effect: each for each in candidates_of("friction") if each.effect in SIZES
 }
@@ -202,11 +208,8 @@ def pattern_directions(batch: Batch) -> ComplexArray:
         ],
         axis=1,
     )
-    octave = np.digitize(batch.bands.centre_hz, OCTAVES_HZ[1:-1])
-    inside = octave[:, np.newaxis] == np.arange(len(OCTAVES_HZ) - 1)
-    both = np.array([1.0, 1j])
-    found: ComplexArray = (
-        np.einsum("bo,p,wc->wbopc", inside, both, values) * PATTERN_SIZE.expected
-    )
-    directions: ComplexArray = found.reshape(*batch.cross.shape, len(PATTERNS))
+    centre = batch.bands.centre_hz[:, np.newaxis]
+    inside = (centre >= _LOW_HZ) & (centre < _HIGH_HZ)
+    along = PATTERN_SIZE.expected * values[:, np.newaxis, _COVARIATE] * inside
+    directions: ComplexArray = along * _PART
     return directions

@@ -13,9 +13,9 @@ from frictus.recordings import texture_of
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import Mount
-from frictus_hardware.physics.stages import SensorNoise, standard_twin
+from frictus_hardware.physics.stages import SensorNoise
 from frictus_hardware.physics.twin import Signals
-from frictus_hardware.simulated.config import Participant
+from frictus_hardware.simulated.config import Participant, ParticipantEffect
 from frictus_hardware.simulated.human import HumanStrokes
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
@@ -24,24 +24,31 @@ from frictus_service.fidelity.measure import feel, full_gain
 from frictus_service.fidelity.path import walk
 from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensability import placeholder_model
+from frictus_service.tracking import tracker as tracker_module
 from frictus_service.tracking.tracker import ModelInForce, Tracker
+from frictus_service.tracking.watch import INSTRUMENT
 from frictus_service.tracking.windows import WindowCutter
 
 RATE_HZ = 20_000.0
 PERSON = Participant(gain_n=0.39, cutoff_0_hz=2 * 385.68, slope_hz_per_mm_s=2 * 13.811)
 
 
-@pytest.fixture(scope="module")
-def felt(module_seed: int) -> Signals:
-    """What is played by the placeholder and felt by the person in 12 s of free strokes."""
-    config = SimulatedConfig(seed=module_seed, finger=HumanStrokes(), participant=PERSON)
-    path = walk(config, 12.0)
+def played(person: Participant, seconds: float, seed: int) -> Signals:
+    """Return what is played by the placeholder and felt by a person in free strokes."""
+    config = SimulatedConfig(seed=seed, finger=HumanStrokes(), participant=person)
+    path = walk(config, seconds)
     flat = texture_of((SHIPPED / "flat.json").read_text(encoding="utf-8"))
     scene = full_gain(flat, FrictionLaw(), config.screen, RATE_HZ)
-    sensors = (SensorNoise(0.002, 0.05, module_seed),)
-    twin = standard_twin(config.screen, PERSON.law, PERSON.mobility, sensors=sensors)
+    sensors = (SensorNoise(0.002, 0.05, seed),)
+    twin = person.simulator.twin(config.screen, person.friction_coefficient, sensors)
     signals, _ = feel(path, scene, FrictionLaw(), config.screen, twin)
     return signals
+
+
+@pytest.fixture(scope="module")
+def felt(module_seed: int) -> Signals:
+    """What PERSON feels in 12 s."""
+    return played(PERSON, 12.0, module_seed)
 
 
 def parts(signals: Signals, samples: int = 100) -> Iterator[AlignedSamples]:
@@ -84,7 +91,65 @@ def test_the_law_is_found_from_a_texture_under_free_strokes(felt: Signals) -> No
     assert state.alarms == ("cutoff",)
     assert state.error_db["newest"] < 0.15 < state.error_db["in_force"]
     assert {band.centre_hz for band in state.bands} <= set(found._cutter.bands.centre_hz)
-    assert len(state.to_json()) < 10_000
+    assert len(state.to_json()) < 32_000
+    assert "calibrate again" in state.advice["cutoff"]
+    # What is predicted before it is used is far more probable under the estimate.
+    assert state.gain_nats["newest"] > 20.0
+    assert state.gain_nats["in_force"] == 0.0
+    assert state.in_force is not None
+    assert state.in_force.gain_n == pytest.approx(0.39)
+
+
+def test_points_are_the_law_within_their_intervals(felt: Signals) -> None:
+    found = tracker()
+    for part in parts(felt):
+        found.take(part)
+    points = found.state(1).points
+    assert len({point.speed_mm_s for point in points}) > 1
+    law = PERSON.law
+    inside = []
+    for point in points:
+        cutoff = law.cutoff_0_hz + law.slope_hz_per_mm_s * point.speed_mm_s
+        true = law.gain_n / np.hypot(1.0, point.centre_hz / cutoff)
+        off_db = 20.0 * np.log10(point.gain_n / true)
+        inside.append(abs(off_db) < point.half_width_db + 0.1)
+        assert abs(point.phase_deg + np.degrees(np.arctan(point.centre_hz / cutoff))) < 10.0
+    assert np.mean(inside) > 0.8
+
+
+@pytest.mark.parametrize(
+    ("effect", "parameters"),
+    [
+        ("direction_asymmetry", {"share": 0.15}),
+        ("channel_delay", {"delay_s": 80e-6}),
+    ],
+)
+def test_an_effect_in_the_twin_is_named_and_has_advice(
+    effect: str, parameters: dict[str, float], seed: int
+) -> None:
+    one = ParticipantEffect(id=effect, parameters=parameters)
+    found = tracker()
+    for part in parts(played(Participant(effects=(one,)), 20.0, seed)):
+        found.take(part)
+    state = found.state(1)
+    cause = "delay" if effect == "channel_delay" else effect
+    assert state.alarms == (cause,)
+    assert set(state.advice) == {cause}
+    assert len(state.evidence) <= 64
+    assert np.all(np.isfinite(list(state.evidence.values())))
+    if cause in INSTRUMENT:
+        assert "not the finger" in state.advice[cause]
+
+
+def test_another_finger_keeps_what_is_known_of_the_delay(felt: Signals) -> None:
+    found = tracker()
+    for part in parts(felt):
+        found.take(part)
+    known = found.estimate
+    new = tracker_module._of_a_new_finger(Prior.weak(), known)
+    assert (new.mean[3], new.covariance[3, 3]) == (known.mean[3], known.covariance[3, 3])
+    assert new.mean[:3] == pytest.approx(Prior.weak().mean[:3])
+    assert new.covariance[3, 0] == 0.0
 
 
 def test_samples_may_come_in_any_portions(felt: Signals) -> None:
