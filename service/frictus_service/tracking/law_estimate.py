@@ -95,6 +95,8 @@ class Batch:
     ----------
     speed_mm_s : ndarray, shape (n_windows,)
         Mean of each window, without sign.
+    band_speed_mm_s : ndarray
+        At which the drive of each band was felt.
     drive_power, friction_power : ndarray
         Of the drive fraction, and of the friction in N².
     cross : ndarray of complex
@@ -114,6 +116,7 @@ class Batch:
     """
 
     speed_mm_s: FloatArray
+    band_speed_mm_s: FloatArray
     drive_power: FloatArray
     cross: ComplexArray
     friction_power: FloatArray
@@ -146,6 +149,14 @@ class Batch:
         speed = each("speed_mm_s")
         return cls(
             speed,
+            np.array(
+                [
+                    np.full(bands.centre_hz.size, window.speed_mm_s)
+                    if window.band_speed_mm_s is None
+                    else window.band_speed_mm_s
+                    for window in windows
+                ]
+            ),
             power,
             np.array([window.cross for window in windows]),
             np.array([window.friction_power for window in windows]),
@@ -187,7 +198,7 @@ class Batch:
         at : ndarray, shape (4,)
             In `calibration.coordinates`.
         """
-        return coordinates.response(at, self.speed_mm_s[:, np.newaxis], self.frequency_hz)
+        return coordinates.response(at, self.band_speed_mm_s, self.frequency_hz)
 
     def unexplained(self, response: ComplexArray) -> FloatArray:
         """Return the power of the friction that a response leaves, per frequency, N².
@@ -214,7 +225,7 @@ class Batch:
         power = self.drive_power[window, band]
         share = (self.bands.lines / (self.bands.lines + 0.9))[band]
         return Data(
-            self.speed_mm_s[window],
+            self.band_speed_mm_s[window, band],
             self.frequency_hz[window, band],
             self.cross[window, band] / power,
             noise_n2[band] * share / power,

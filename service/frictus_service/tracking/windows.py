@@ -28,6 +28,10 @@ STRAIGHT: Final = 0.9
 """Least cosine between the motion at any sample and that of the whole window."""
 LEAST_DRIVE: Final = 0.01
 """Standard deviation of the drive fraction within the bands."""
+AT_ITS_END: Final = 0.02
+"""Share of a window in which the force may have its largest value, or its smallest: one that is
+clipped or stuck has it for longer. With noise of a few steps of the converter a sound one has
+either in one sample of a thousand."""
 STREAMS: Final = ("force", "voltage", "render")
 MAINS_HZ: Final = (50.0, 60.0)
 """Frequencies of the windows, at which a line of the mains is looked for."""
@@ -72,6 +76,9 @@ class LawWindow:
         Spectrum of the sensor's x at `MAINS_HZ`, the drive's part included, N.
     mains_drive : ndarray of complex, shape (2,)
         Of the drive fraction there.
+    band_speed_mm_s : ndarray, optional
+        At which the drive of each band was felt. A texture's line is in a high band while the
+        finger is fast; `speed_mm_s` where it is not known.
     """
 
     first_sample: int
@@ -89,6 +96,7 @@ class LawWindow:
     frequency_hz: FloatArray | None = None
     mains_n: ComplexArray = field(default_factory=lambda: np.zeros(2, dtype=np.complex128))
     mains_drive: ComplexArray = field(default_factory=lambda: np.zeros(2, dtype=np.complex128))
+    band_speed_mm_s: FloatArray | None = None
 
 
 class WindowCutter:
@@ -184,7 +192,7 @@ class WindowCutter:
         reason = self._spoilt(flags, data)
         if not reason:
             along = _direction(data["render"][:2])
-            reason = self._unsteady(data["render"][2], along)
+            reason = self._unsteady(data["render"][2], along) or _ended(data["force"], along)
         if reason:
             self.refused[reason] += 1
             return None
@@ -219,17 +227,23 @@ class WindowCutter:
     ) -> LawWindow | None:
         friction = np.sum(data["force"][:2] * along, axis=0)
         drive = drive_fraction(data["voltage"][0], self.screen_peak_v)
-        channels = np.stack([drive, friction, data["force"][0]])
-        spectra = np.fft.rfft(tapered(channels), axis=-1)[:, self._line]
+        within = np.clip(data["render"][2], LOW_MM_S, HIGH_MM_S)
+        channels = tapered(np.stack([drive, friction, data["force"][0]]))
+        channels = np.vstack([channels, channels[0] * (within - within.mean())])
+        spectra = np.fft.rfft(channels, axis=-1)[:, self._line]
         driven, felt = spectra[0] * self._hold, spectra[1] / self._mount
         power = self._sum(np.square(np.abs(driven))).real
         if np.sqrt(2.0 * power.sum() / self._length) < LEAST_DRIVE:
             self.refused["nothing is played"] += 1
             return None
+        # A law is nearly linear in the speed over a window, and what counts of the speed is its
+        # mean over the drive's energy.
+        faster = self._sum(driven.conj() * spectra[3] * self._hold).real
+        faster /= np.maximum(power, np.finfo(float).tiny)
         return LawWindow(
             first_sample,
             self._contact,
-            float(np.clip(data["render"][2], LOW_MM_S, HIGH_MM_S).mean()),
+            float(within.mean()),
             float(data["force"][2].mean()),
             power,
             self._sum(driven.conj() * felt),
@@ -242,6 +256,7 @@ class WindowCutter:
             frequency_hz=self._frequency(np.square(np.abs(driven)), power),
             mains_n=spectra[2, self._mains],
             mains_drive=driven[self._mains] * self._mount[self._mains] * along[0].mean(),
+            band_speed_mm_s=np.clip(within.mean() + faster, within.min(), within.max()),
         )
 
     def _frequency(self, driven: FloatArray, power: FloatArray) -> FloatArray:
@@ -257,9 +272,22 @@ class WindowCutter:
         return self.bands.total(spectrum[np.newaxis])
 
 
+def _ended(force_n: FloatArray, along: FloatArray) -> str:
+    """Return whether the force along the motion stands still or at an end of its range."""
+    felt = force_n[int(np.argmax(np.abs(along.mean(axis=1))))]
+    longest = max(np.mean(felt == felt.max()), np.mean(felt == felt.min()))
+    return "the force stands still, or at an end of its range" if longest > AT_ITS_END else ""
+
+
 def _direction(position_mm: FloatArray) -> FloatArray:
-    """Return the unit vector along the motion at every sample, shape (2, n_samples)."""
-    step = np.gradient(position_mm, axis=1)
+    """Return the unit vector along the motion at every sample, shape (2, n_samples).
+
+    Over a tenth of the window: where a prediction is corrected the rendered position jumps from
+    one block to the next, often backwards, and the finger does not.
+    """
+    span = position_mm.shape[1] // 10
+    ends = np.pad(position_mm, ((0, 0), (span // 2, span - span // 2)), mode="edge")
+    step = ends[:, span:] - ends[:, :-span]
     length = np.maximum(np.hypot(step[0], step[1]), 1e-12)
     along: FloatArray = step / length
     return along

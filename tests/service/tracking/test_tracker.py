@@ -265,3 +265,37 @@ def test_a_model_without_a_law_of_friction_is_not_compared_with(felt: Signals) -
     state = found.state(1)
     assert "in_force" not in state.error_db
     assert "newest" in state.error_db
+
+
+def test_a_corrected_prediction_is_no_turn(felt: Signals) -> None:
+    """The rendered position jumps back by 0.4 mm four times a second; the finger does not."""
+    straight, jumping = tracker(), tracker()
+    for number, part in enumerate(parts(felt)):
+        straight.take(part)
+        behind = np.float32(0.4 * (number // 50 % 2))
+        render = part.data["render"] - np.array([[behind], [0.0], [0.0]], np.float32)
+        jumping.take(replace(part, data={**part.data, "render": render}))
+    lost = straight.estimate.windows - jumping.estimate.windows
+    assert lost < 0.1 * straight.estimate.windows
+
+
+@pytest.mark.parametrize("fault", ["clipped", "stuck"])
+def test_a_force_at_an_end_of_its_range_teaches_nothing(felt: Signals, fault: str) -> None:
+    found = tracker()
+    for part in parts(felt):
+        force = part.data["force"].copy()
+        if fault == "clipped":
+            force[:2] = np.clip(force[:2], -0.35, 0.35)
+        else:
+            force[:] = np.array([[0.21], [0.0], [0.4]], np.float32)
+        found.take(replace(part, data={**part.data, "force": force}))
+    assert found.state(1).refused["the force stands still, or at an end of its range"] > 50
+    assert found.estimate.windows < 20
+
+
+def test_no_window_of_a_sound_sensor_is_taken_for_clipped(felt: Signals) -> None:
+    found = tracker()
+    for part in parts(felt):
+        steps = np.rint(part.data["force"] / 0.0005) * np.float32(0.0005)
+        found.take(replace(part, data={**part.data, "force": steps}))
+    assert "the force stands still, or at an end of its range" not in found.state(1).refused

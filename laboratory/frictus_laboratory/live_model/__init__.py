@@ -1,0 +1,1 @@
+"""How the finger's model is followed while it plays, and put in force: measured on the twin."""

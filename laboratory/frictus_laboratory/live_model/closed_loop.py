@@ -1,0 +1,409 @@
+"""One session of a finger on the twin whose model follows it: what is rendered depends on it.
+
+In pieces of a tenth of a second the renderer plays a texture by the model in force, the twin
+feels it, the tracker learns from it, and the policy says whether what was learned is put in
+force; what is rendered from then on is rendered by it. The states of renderer, twin and tracker
+go on from piece to piece, so that nothing restarts at their edges.
+"""
+
+import time
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from frictus.aligned import AlignedSamples
+from frictus.block import Flag
+from frictus.messages import AdaptationPolicy
+from frictus.model import FirstOrderSpeedLaw, Model
+from frictus.textures import Texture
+from frictus_hardware.arrays import FloatArray
+from frictus_hardware.physics.compiled import compiled
+from frictus_hardware.physics.friction import FrictionLaw
+from frictus_hardware.physics.linear import Mount
+from frictus_hardware.physics.screen import Screen
+from frictus_hardware.physics.simulator import Simulator
+from frictus_hardware.physics.stages import Quantisation, SensorNoise
+from frictus_hardware.physics.twin import Signals, States, Twin
+from frictus_hardware.simulated.config import Participant, SimulatedConfig
+from frictus_hardware.simulated.human import HumanStrokes
+from frictus_laboratory.live_model.disturbances import Disturbance, Slide
+from frictus_laboratory.live_model.motion import (
+    KnownMotion,
+    Motion,
+    MotionPiece,
+    PredictedPath,
+    rendered_rows,
+)
+from frictus_service.calibration import coordinates
+from frictus_service.calibration.coordinates import Prior
+from frictus_service.errors import EstimateError
+from frictus_service.fidelity.measure import full_gain
+from frictus_service.fidelity.path import BLOCK_SAMPLES
+from frictus_service.fidelity.preview import NOMINAL_HZ
+from frictus_service.synthesis.compensation import as_inverse
+from frictus_service.synthesis.estimator import PredictedMotion
+from frictus_service.synthesis.renderer import Renderer
+from frictus_service.tracking.policy import Circumstances, adapted, held_back
+from frictus_service.tracking.signatures import INSTRUMENT
+from frictus_service.tracking.tracker import ModelInForce, Tracker
+from frictus_service.tracking.windows import WindowCutter
+
+PIECE_SAMPLES: Final = 2_000
+"""A tenth of a second: a change of model is played so much after it was decided, at most."""
+SPEEDS_MM_S: Final = np.array([20.0, 40.0, 60.0, 80.0, 100.0])
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """How a session stands after one piece; errors are of renderings that undo a model.
+
+    Attributes
+    ----------
+    at_s : float
+        Since the session began.
+    in_force_db, newest_db, first_db : float
+        Error of the model in force, of the newest estimate, and of the model at the beginning,
+        against the true law of this moment; dB rms over third octaves at 20 to 100 mm/s.
+    changed : bool
+        Whether the model in force became another.
+    updated : bool
+        Whether the estimate did.
+    """
+
+    at_s: float
+    in_force_db: float
+    newest_db: float
+    first_db: float
+    changed: bool
+    updated: bool
+
+
+@dataclass(frozen=True, slots=True)
+class SessionPlan:
+    """What a session is made of.
+
+    Attributes
+    ----------
+    person : Participant
+        Whose finger explores.
+    texture : Texture
+        Played as strongly as the drive allows.
+    seconds : float
+        How long.
+    seed : int
+        Of strokes and noise.
+    first : Model
+        In force at the beginning.
+    policy : {'observe', 'suggest', 'adapt'}
+        What becomes of the estimate.
+    disturbance : Disturbance
+        What is not as the tracker takes it to be.
+    known_motion : bool
+        Whether the rig knows the finger's motion, or predicts it from its sensors.
+    lift_probability : float
+        How often the finger leaves the screen between two strokes.
+    """
+
+    person: Participant
+    texture: Texture
+    seconds: float
+    seed: int
+    first: Model
+    policy: AdaptationPolicy = "observe"
+    disturbance: Disturbance = field(default_factory=Disturbance)
+    known_motion: bool = False
+    lift_probability: float = 0.0
+
+
+def config_of(plan: SessionPlan) -> SimulatedConfig:
+    """Return the rig and the finger of a session.
+
+    Parameters
+    ----------
+    plan : SessionPlan
+        What it is made of.
+    """
+    finger = HumanStrokes(lift_probability=plan.lift_probability)
+    return SimulatedConfig(seed=plan.seed, finger=finger, participant=plan.person)
+
+
+def motion_of(plan: SessionPlan) -> Motion:
+    """Return the finger's motion, and what the rig takes it to be.
+
+    Parameters
+    ----------
+    plan : SessionPlan
+        What the session is made of.
+    """
+    config = config_of(plan)
+    return KnownMotion(config) if plan.known_motion else PredictedPath(config, plan.seconds)
+
+
+class ClosedLoop:
+    """A session; iterate over it for its `Moment`s.
+
+    Parameters
+    ----------
+    plan : SessionPlan
+        What it is made of.
+    motion : Motion, optional
+        Of the finger, where two sessions share one; made from the plan if not given.
+
+    Attributes
+    ----------
+    tracker : Tracker
+        What is known of the finger.
+    true : ndarray, shape (4,)
+        The true law of the last moment in `calibration.coordinates`.
+    in_force : ndarray, shape (4,)
+        The model in force.
+    named : dict of str to float
+        Causes with an alarm, and when it first rose, s.
+    held : Counter of str
+        Why the model in force stayed, by how many updates.
+    changes, new_fingers : list of float
+        When it became another, and when the estimate began anew, s.
+    arithmetic_s : float
+        Processor time of tracker and policy so far.
+    """
+
+    def __init__(self, plan: SessionPlan, motion: Motion | None = None) -> None:
+        self._plan = plan
+        self._config = config_of(plan)
+        self._motion = motion or motion_of(plan)
+        self._rate_hz = self._config.sample_rate_hz
+        self._prior = Prior.weak()
+        mount = Mount().lateral
+        cutter = WindowCutter(self._rate_hz, self._screen.peak_v, mount)
+        self.tracker = Tracker(cutter, self._prior)
+        self._model = plan.first
+        self._put_in_force("first")
+        law = _law_of(plan.first)
+        scene = full_gain(plan.texture, law, self._screen, self._rate_hz)
+        self._renderer = Renderer(law, self._screen, self._rate_hz, BLOCK_SAMPLES, scene)
+        self._twin_key: tuple[Simulator, float] | None = None
+        self._twin = Twin(())
+        self._states: States = ()
+        self._slide = Slide(0.0, 0, 0, 60.0, 0.4)
+        self._direction = self._touched = 0.0
+        self.true = coordinates.from_law(*_values(plan.person.law), 0.0)
+        self.named: dict[str, float] = {}
+        self.held: Counter[str] = Counter()
+        self.changes: list[float] = []
+        self.new_fingers: list[float] = []
+        self.arithmetic_s = 0.0
+
+    @property
+    def _screen(self) -> Screen:
+        return self._config.screen
+
+    def __iter__(self) -> Iterator[Moment]:
+        """Yield the moment after each piece."""
+        plan = self._plan
+        first = self.in_force
+        for sample in range(0, round(plan.seconds * self._rate_hz), PIECE_SAMPLES):
+            piece = self._motion.piece(sample, PIECE_SAMPLES)
+            self._note_slide(sample, piece)
+            courses = tuple(
+                None if each is None else plan.disturbance.predicted(each, self._slide)
+                for each in piece.courses
+            )
+            voltage = self._play(sample, piece, courses)
+            signals = self._feel(piece, voltage)
+            part = AlignedSamples(
+                run=1,
+                first_sample=sample,
+                utc_ns=round(1e9 * sample / self._rate_hz),
+                sample_rate_hz=self._rate_hz,
+                missing_samples=0,
+                flags=Flag(0),
+                data={
+                    "force": signals.force_n.T.astype(np.float32),
+                    "voltage": signals.voltage_v[np.newaxis].astype(np.float32),
+                    "render": rendered_rows(courses, self._rate_hz).astype(np.float32),
+                },
+            )
+            end_s = (sample + PIECE_SAMPLES) / self._rate_hz
+            updated, changed = self._learn(plan.disturbance.sensed(part, self._slide), end_s)
+            yield Moment(
+                end_s,
+                error_db(self.in_force, self.true),
+                error_db(self.tracker.estimate.mean, self.true),
+                error_db(first, self.true),
+                changed,
+                updated,
+            )
+
+    def _note_slide(self, sample: int, piece: MotionPiece) -> None:
+        """Count contacts and strokes, on which what varies within a person hangs."""
+        touched = float(piece.in_contact[0])
+        direction = float(np.sign(piece.velocity_mm_s[:, 0].mean()))
+        before = self._slide
+        self._slide = Slide(
+            sample / self._rate_hz,
+            before.contact + (touched > self._touched),
+            before.stroke + (direction != self._direction),
+            float(np.hypot(*piece.velocity_mm_s.T).mean()),
+            float(piece.normal_force_n.mean()),
+        )
+        self._touched, self._direction = touched, direction
+
+    def _play(
+        self, sample: int, piece: MotionPiece, courses: tuple[PredictedMotion | None, ...]
+    ) -> FloatArray:
+        voltage = np.zeros(PIECE_SAMPLES)
+        for block, course in enumerate(courses):
+            if course is None:
+                continue
+            cut = slice(BLOCK_SAMPLES * block, BLOCK_SAMPLES * (block + 1))
+            touches = bool(piece.in_contact[cut.start])
+            rendered = self._renderer.render(
+                sample + cut.start, course, allow=touches, lifted=not touches
+            )
+            voltage[cut] = rendered.voltage_v
+        return voltage
+
+    def _feel(self, piece: MotionPiece, voltage_v: FloatArray) -> Signals:
+        plan, slide = self._plan, self._slide
+        person = plan.disturbance.person(plan.person, slide)
+        simulator = plan.disturbance.simulator(person, slide)
+        # To a twin the session's time stands still; its states outlast it.
+        minutes = int(slide.at_s) / 60.0 if simulator.schedule != Simulator().schedule else 0.0
+        if self._twin_key != (simulator, minutes):
+            self._twin_key = simulator, minutes
+            noise = SensorNoise(
+                self._config.force_noise_n, self._config.accel_noise_m_s2, plan.seed
+            )
+            self._twin = compiled(
+                simulator.twin(
+                    self._screen,
+                    person.friction_coefficient,
+                    (noise, Quantisation()),
+                    minutes=minutes,
+                    seed=plan.seed,
+                )
+            )
+        self._states = self._states or self._twin.initial()
+        # What is to be undone at the speed that the rig takes for the finger's.
+        gain, cutoff, slope = _values(person.law)
+        slope /= plan.disturbance.speed_scale(slide)
+        self.true = coordinates.from_law(gain, cutoff, slope, simulator.delay_s)
+        signals = Signals.driven(
+            self._rate_hz,
+            voltage_v,
+            piece.position_mm,
+            piece.velocity_mm_s,
+            piece.normal_force_n,
+            piece.in_contact,
+        )
+        signals, self._states = self._twin.run(signals, self._states)
+        return signals
+
+    def _learn(self, part: AlignedSamples, end_s: float) -> tuple[bool, bool]:
+        """Return whether the estimate became another, and whether the model in force did."""
+        began = time.process_time()
+        updated = self.tracker.take(part)
+        if not updated:
+            self.arithmetic_s += time.process_time() - began
+            return False, False
+        alarms = self.tracker.state(part.utc_ns).alarms
+        if self.tracker.new_fingers > len(self.new_fingers):
+            self.new_fingers.append(end_s)
+        for cause in alarms:
+            self.named.setdefault(cause, end_s)
+        changed = self._plan.policy == "adapt" and self._adapt(alarms, end_s)
+        self.arithmetic_s += time.process_time() - began
+        if changed:
+            self._render_anew()
+        return True, changed
+
+    def _adapt(self, alarms: tuple[str, ...], end_s: float) -> bool:
+        estimate = self.tracker.estimate
+        now = Circumstances(
+            policy="adapt",
+            since_change_s=end_s - self.changes[-1] if self.changes else np.inf,
+        )
+        try:
+            why = held_back(
+                estimate,
+                self.in_force,
+                self._prior,
+                self.tracker.speeds_mm_s,
+                INSTRUMENT & set(alarms),
+                now,
+            )
+            model = self._model if why else adapted(self._model, estimate, {})
+        except EstimateError as error:
+            why, model = str(error), self._model
+        if why:
+            self.held[_kind_of(why)] += 1
+            return False
+        self._model = model
+        self.changes.append(end_s)
+        self._put_in_force(f"change {len(self.changes)}")
+        return True
+
+    def _put_in_force(self, etag: str) -> None:
+        model = ModelInForce.of(etag, self._model)
+        assert model.at is not None
+        self.in_force = model.at
+        self.tracker.put_in_force(model)
+
+    def _render_anew(self) -> None:
+        law = _law_of(self._model)
+        scene = full_gain(self._plan.texture, law, self._screen, self._rate_hz)
+        self._renderer.set_scene(scene)
+        self._renderer.set_inverse(as_inverse(law))
+
+
+def error_db(at: FloatArray, true: FloatArray) -> float:
+    """Return the error of a rendering that undoes a law which is not the true one.
+
+    Parameters
+    ----------
+    at, true : ndarray, shape (4,)
+        In `calibration.coordinates`; their delays do not count.
+
+    Returns
+    -------
+    float
+        dB rms over third octaves at 20 to 100 mm/s.
+    """
+    frequency = np.array(NOMINAL_HZ)
+    ratio = 0.0
+    for one, sign in ((true, 1.0), (at, -1.0)):
+        cutoff = coordinates.cutoff_hz(one, SPEEDS_MM_S)[:, np.newaxis]
+        size = np.exp(one[2]) * cutoff / np.hypot(cutoff, frequency)
+        ratio = ratio + sign * 20.0 * np.log10(size)
+    return float(np.sqrt(np.mean(np.square(ratio))))
+
+
+def model_of(person: Participant) -> Model:
+    """Return a person's true law as a model.
+
+    Parameters
+    ----------
+    person : Participant
+        Of the simulated population.
+    """
+    gain, cutoff, slope = _values(person.law)
+    law = FirstOrderSpeedLaw(gain_n=gain, cutoff_0_hz=cutoff, slope_hz_per_mm_s=slope)
+    return Model(base=law, provenance={"source": "the twin's own"})
+
+
+def _law_of(model: Model) -> FrictionLaw:
+    base = model.base
+    assert isinstance(base, FirstOrderSpeedLaw)
+    return FrictionLaw(base.gain_n, base.cutoff_0_hz, base.slope_hz_per_mm_s)
+
+
+def _values(law: FrictionLaw) -> tuple[float, float, float]:
+    return law.gain_n, law.cutoff_0_hz, law.slope_hz_per_mm_s
+
+
+def _kind_of(reason: str) -> str:
+    """Return a reason without its numbers, so that equal ones are counted together."""
+    return "".join("#" if letter.isdigit() else letter for letter in reason)

@@ -1,0 +1,117 @@
+"""Sessions in which what is rendered depends on what was learned."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from frictus.aligned import AlignedSamples
+from frictus.block import Flag
+from frictus.recordings import texture_of
+from frictus_hardware.simulated.config import Participant
+from frictus_laboratory.live_model.closed_loop import (
+    ClosedLoop,
+    SessionPlan,
+    config_of,
+    error_db,
+    model_of,
+    motion_of,
+)
+from frictus_laboratory.live_model.disturbances import (
+    Disturbance,
+    Faulty,
+    NewFinger,
+    Slide,
+    WithinPerson,
+    drift,
+    gain_step,
+    scaled,
+)
+from frictus_laboratory.live_model.motion import KnownMotion, PredictedPath, rendered_rows
+from frictus_service.library import SHIPPED
+from frictus_service.synthesis.compensability import placeholder_model
+
+FLAT = texture_of((SHIPPED / "flat.json").read_text(encoding="utf-8"))
+PERSON = scaled(Participant(), 1.4, 1.5)
+PLAN = SessionPlan(PERSON, FLAT, 12.0, 5, placeholder_model(), "adapt", known_motion=True)
+SLIDE = Slide(10.0, 1, 1, 60.0, 0.4)
+
+
+@pytest.mark.compiled
+def test_a_finger_is_followed_where_it_may_be_and_left_where_not() -> None:
+    adapt, observe = (
+        ClosedLoop(replace(PLAN, policy=policy)) for policy in ("adapt", "observe")
+    )
+    last, unchanged = list(adapt)[-1], list(observe)[-1]
+    assert adapt.changes
+    assert last.in_force_db < 0.2 < last.first_db
+    assert not observe.changes
+    assert unchanged.in_force_db == unchanged.first_db == last.first_db
+    # What was rendered since depends on the estimate, and the estimate on what was rendered.
+    assert not np.array_equal(adapt.tracker.estimate.mean, observe.tracker.estimate.mean)
+    assert adapt.arithmetic_s > 0.0
+
+
+def test_a_finger_that_changes_without_notice_is_noticed() -> None:
+    other = scaled(PERSON, 0.5, 0.6)
+    plan = replace(
+        PLAN, seconds=14.0, first=model_of(PERSON), disturbance=NewFinger(other, 8.0)
+    )
+    loop = ClosedLoop(plan)
+    moments = list(loop)
+    assert loop.new_fingers
+    assert 8.0 < loop.new_fingers[0]
+    assert moments[70].in_force_db < 0.05 < moments[100].in_force_db
+
+
+def test_what_is_predicted_is_close_to_what_is_known() -> None:
+    config = config_of(PLAN)
+    known, predicted = KnownMotion(config), PredictedPath(config, 2.0)
+    for motion in (known, predicted):
+        piece = motion.piece(20_000, 2_000)
+        rows = rendered_rows(piece.courses, config.sample_rate_hz)
+        assert rows.shape == (3, 2_000)
+        assert np.abs(rows[:2].T - piece.position_mm).max() < 2.0
+        assert np.abs(rows[2] - np.hypot(*piece.velocity_mm_s.T)).max() < 25.0
+    np.testing.assert_allclose(
+        known.piece(20_000, 2_000).position_mm, predicted.piece(20_000, 2_000).position_mm
+    )
+    assert predicted.piece(0, 2_000).courses[0] is None
+
+
+def test_a_plan_chooses_its_motion() -> None:
+    assert isinstance(motion_of(PLAN), KnownMotion)
+    assert isinstance(motion_of(replace(PLAN, known_motion=False, seconds=0.1)), PredictedPath)
+
+
+def test_the_right_law_has_no_error() -> None:
+    at = np.array([6.5, 7.4, -1.0, 0.0])
+    assert error_db(at, at) == 0.0
+    gain = at + np.array([0.0, 0.0, 0.1, 1e-4])
+    assert error_db(gain, at) == pytest.approx(0.1 * 20.0 / np.log(10.0))
+
+
+def test_gain_and_cutoff_change_as_asked() -> None:
+    later = SLIDE._replace(at_s=60.0)
+    person = drift(0.02).person(PERSON, later)
+    assert person.gain_n / PERSON.gain_n == pytest.approx(np.exp(0.02))
+    halfway = gain_step(0.8, 9.5, 1.0).person(PERSON, SLIDE)
+    assert halfway.gain_n / PERSON.gain_n == pytest.approx(np.sqrt(0.8))
+    scatter = WithinPerson(3)
+    assert scatter.person(PERSON, SLIDE) == scatter.person(PERSON, later)
+    touched = scatter.person(PERSON, SLIDE._replace(contact=2))
+    assert touched.gain_n != scatter.person(PERSON, SLIDE).gain_n
+    assert touched.cutoff_0_hz == scatter.person(PERSON, SLIDE).cutoff_0_hz
+    assert Disturbance().person(PERSON, SLIDE) == PERSON
+
+
+@pytest.mark.parametrize(
+    ("fault", "largest_n"),
+    [("force dead", 0.0), ("force saturated", 18.0), ("force clipped", 0.35)],
+)
+def test_a_fault_begins_when_it_is_asked_for(fault: str, largest_n: float) -> None:
+    force = np.tile(np.float32(0.5), (3, 2_000))
+    part = AlignedSamples(1, 0, 0, 20_000.0, 0, Flag(0), {"force": force})
+    assert Faulty(fault, 20.0).sensed(part, SLIDE) is part
+    faulty = Faulty(fault, 5.0).sensed(part, SLIDE)
+    assert np.abs(faulty.data["force"][:2]).max() == pytest.approx(largest_n)
