@@ -8,7 +8,7 @@ go on from piece to piece, so that nothing restarts at their edges.
 
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from frictus.aligned import AlignedSamples
 from frictus.block import Flag
-from frictus.messages import AdaptationPolicy
+from frictus.messages import AdaptationPolicy, TouchState
 from frictus.model import FirstOrderSpeedLaw, Model
 from frictus.textures import Texture
 from frictus_hardware.arrays import FloatArray
@@ -48,6 +48,7 @@ from frictus_service.synthesis.estimator import PredictedMotion
 from frictus_service.synthesis.renderer import Renderer
 from frictus_service.tracking.policy import Circumstances, adapted, held_back
 from frictus_service.tracking.signatures import INSTRUMENT
+from frictus_service.tracking.touch_motion import TouchedSamples
 from frictus_service.tracking.tracker import ModelInForce, Tracker
 from frictus_service.tracking.windows import WindowCutter
 
@@ -179,6 +180,7 @@ class ClosedLoop:
         mount = Mount().lateral
         cutter = WindowCutter(self._rate_hz, self._screen.peak_v, mount)
         self.tracker = Tracker(cutter, self._prior)
+        self._afterwards = TouchedSamples()
         self._model = plan.first
         self._put_in_force("first")
         law = _law_of(plan.first)
@@ -227,7 +229,8 @@ class ClosedLoop:
                 },
             )
             end_s = (sample + PIECE_SAMPLES) / self._rate_hz
-            updated, changed = self._learn(plan.disturbance.sensed(part, self._slide), end_s)
+            sensed = plan.disturbance.sensed(part, self._slide)
+            updated, changed = self._learn(tuple(self._moved(sensed, piece)), end_s)
             yield Moment(
                 end_s,
                 error_db(self.in_force, self.true),
@@ -236,6 +239,25 @@ class ClosedLoop:
                 changed,
                 updated,
             )
+
+    def _moved(self, part: AlignedSamples, piece: MotionPiece) -> Iterator[AlignedSamples]:
+        """Yield samples with the motion that the tracker takes the finger for."""
+        if piece.touches is None:
+            yield part
+            return
+        for report in piece.touches:
+            seen = self._plan.disturbance.touched(report, self._slide)
+            self._afterwards.report(
+                TouchState(
+                    run=part.run,
+                    sample=seen.measured_sample,
+                    x_mm=seen.x_mm,
+                    y_mm=seen.y_mm,
+                    in_contact=seen.in_contact,
+                    source="simulated",
+                )
+            )
+        yield from self._afterwards.take(part)
 
     def _note_slide(self, sample: int, piece: MotionPiece) -> None:
         """Count contacts and strokes, on which what varies within a person hangs."""
@@ -302,14 +324,14 @@ class ClosedLoop:
         signals, self._states = self._twin.run(signals, self._states)
         return signals
 
-    def _learn(self, part: AlignedSamples, end_s: float) -> tuple[bool, bool]:
+    def _learn(self, parts: Sequence[AlignedSamples], end_s: float) -> tuple[bool, bool]:
         """Return whether the estimate became another, and whether the model in force did."""
         began = time.process_time()
-        updated = self.tracker.take(part)
-        if not updated:
+        updated = [self.tracker.take(part) for part in parts]
+        if not any(updated):
             self.arithmetic_s += time.process_time() - began
             return False, False
-        alarms = self.tracker.state(part.utc_ns).alarms
+        alarms = self.tracker.state(0).alarms
         if self.tracker.new_fingers > len(self.new_fingers):
             self.new_fingers.append(end_s)
         for cause in alarms:

@@ -10,6 +10,7 @@ import numpy as np
 from frictus.aligned import AlignedSamples
 from frictus.block import Flag
 from frictus_hardware.arrays import FloatArray
+from frictus_hardware.base import TouchReport
 from frictus_hardware.physics.effects import extended
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.schedule import (
@@ -58,6 +59,10 @@ class Disturbance:
     def predicted(self, course: PredictedMotion, slide: Slide) -> PredictedMotion:
         """Return the motion that the rig takes for the finger's."""
         return course
+
+    def touched(self, report: TouchReport, slide: Slide) -> TouchReport:
+        """Return what the touch sensor says."""
+        return report
 
     def sensed(self, part: AlignedSamples, slide: Slide) -> AlignedSamples:
         """Return what the tracker is given."""
@@ -314,6 +319,16 @@ class Faulty(Disturbance):
                 motion=BlockMotion(35.0, 17.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), left=None
             )
         return course
+
+    def touched(self, report: TouchReport, slide: Slide) -> TouchReport:
+        """Return what a lying touch sensor says."""
+        if slide.at_s < self.at_s:
+            return report
+        if self.fault == "touch scaled":
+            return replace(report, x_mm=SCALED * report.x_mm, y_mm=SCALED * report.y_mm)
+        if self.fault == "touch frozen":
+            return replace(report, x_mm=35.0, y_mm=17.0)
+        return report
 
     def sensed(self, part: AlignedSamples, slide: Slide) -> AlignedSamples:
         """Return what the tracker is given of it."""

@@ -6,6 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from frictus_hardware.arrays import BoolArray, FloatArray
+from frictus_hardware.base import TouchReport
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_service.fidelity.path import BLOCK_SAMPLES, walk
 from frictus_service.synthesis.estimator import PredictedMotion
@@ -26,6 +27,8 @@ class MotionPiece:
         True.
     courses : tuple of PredictedMotion or None
         What is rendered in each block; None before the first prediction plays.
+    touches : tuple of TouchReport or None
+        That came meanwhile; None where the rig knows the motion.
     """
 
     position_mm: FloatArray
@@ -33,6 +36,7 @@ class MotionPiece:
     normal_force_n: FloatArray
     in_contact: BoolArray
     courses: tuple[PredictedMotion | None, ...]
+    touches: tuple[TouchReport, ...] | None = None
 
 
 class Motion(Protocol):
@@ -58,6 +62,7 @@ class PredictedPath:
 
     def __init__(self, config: SimulatedConfig, seconds: float) -> None:
         self._path = walk(config, seconds)
+        self._late = config.touch.declared_s * config.sample_rate_hz
 
     def piece(self, first_sample: int, n_samples: int) -> MotionPiece:
         """Return whole blocks of it.
@@ -75,6 +80,11 @@ class PredictedPath:
             path.normal_force_n[cut],
             path.in_contact[cut],
             tuple(path.courses[at // BLOCK_SAMPLES] if at >= 0 else None for at in blocks),
+            tuple(
+                report
+                for report in path.touches
+                if cut.start <= report.measured_sample + self._late < cut.stop
+            ),
         )
 
 

@@ -153,6 +153,8 @@ class Path:
         Samples between handing over and playing.
     sample_rate_hz : float
         Samples per second of the device's clock.
+    touches : tuple of TouchReport
+        As they came.
     """
 
     position_mm: FloatArray
@@ -162,6 +164,7 @@ class Path:
     courses: tuple[PredictedMotion, ...]
     lead_samples: int
     sample_rate_hz: float
+    touches: tuple[TouchReport, ...] = ()
 
     @property
     def speed_mm_s(self) -> FloatArray:
@@ -227,4 +230,5 @@ def walk(
         tuple(step.course for step in steps),
         virtual.lead_samples,
         rate_hz,
+        tuple(report for step in steps for report in step.exchange.touches),
     )

@@ -24,6 +24,7 @@ from frictus.messages import (
     ModelState,
     RigStatus,
     SceneState,
+    TouchState,
 )
 from frictus.model import Model
 from frictus.rig import Rig
@@ -34,6 +35,7 @@ from frictus_service.recording.samples import Coalescer
 from frictus_service.tracking.adaptation import law_values
 from frictus_service.tracking.audit import Audit
 from frictus_service.tracking.policy import Circumstances, adapted, difference_db, held_back
+from frictus_service.tracking.touch_motion import TouchedSamples
 from frictus_service.tracking.tracker import ModelInForce, Tracker
 from frictus_service.tracking.watch import INSTRUMENT
 from frictus_service.tracking.windows import WindowCutter
@@ -98,8 +100,12 @@ class LiveTracker:
         self.tracker = Tracker(cutter, population, rig.name)
         self._states = [
             rig.watch(topic)
-            for topic in (Topics.STATUS, Topics.MODEL, Topics.SCENE, Topics.GUIDANCE)
+            for topic in (
+                *(Topics.STATUS, Topics.MODEL, Topics.SCENE, Topics.GUIDANCE),
+                Topics.TOUCH,
+            )
         ]
+        self._touched = TouchedSamples()
         self._model: ModelState | None = None
         self._as_set: str | None = None  # etag of the model before it was adapted
         self._scene: SceneState | None = None
@@ -148,8 +154,9 @@ class LiveTracker:
             }
             for part in frictus.align(**streams):
                 self._hear()
-                if self.tracker.take(part):
-                    self._felt_s = self._monotonic_s()
+                for moved in self._touched.take(part):
+                    if self.tracker.take(moved):
+                        self._felt_s = self._monotonic_s()
                 if self._monotonic_s() - told_s >= STATE_S:
                     told_s = self._monotonic_s()
                     self._conclude()
@@ -187,6 +194,8 @@ class LiveTracker:
         match message:
             case RigStatus():
                 self.status = message
+            case TouchState():
+                self._touched.report(message)
             case SceneState():
                 self._scene = message
             case GuidanceState():

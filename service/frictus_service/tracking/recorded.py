@@ -10,20 +10,22 @@ import frictus
 from frictus.aligned import AlignedSamples
 from frictus.block import Block, Flag
 from frictus.keys import FORCE, RENDER, VOLTAGE
-from frictus.messages import EstimateState, Message, ModelState, RigStatus
+from frictus.messages import EstimateState, Message, ModelState, RigStatus, TouchState
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.errors import RecordingError, TrialError
-from frictus_service.identification.observation.sweeps import smooth
 from frictus_service.recording.reader import RecordingReader, State
 from frictus_service.recording.samples import Samples
 from frictus_service.study.reader import StudyReader
 from frictus_service.study.trial import Trial
+from frictus_service.tracking.touch_motion import TouchedSamples
 from frictus_service.tracking.tracker import ModelInForce, Tracker
 from frictus_service.tracking.windows import WindowCutter
 
 STATE_S: Final = 0.5
 """The estimate is told this often."""
+PART_S: Final = 0.1
+"""Of a trial that is taken at once."""
 _WANTED: Final = {FORCE: "force", VOLTAGE: "voltage", RENDER: "render"}
 
 Tell = Callable[[EstimateState], None]
@@ -67,10 +69,19 @@ def follow_recording(
         raise RecordingError(f"{reader.path} holds no status of its rig: its screen is unknown")
     cutter = WindowCutter(status.sample_rate_hz, status.screen_peak_v, mount)
     tracker = Tracker(cutter, prior, status.rig)
-    streams = _Streams(reader, lambda message: _put_in_force(tracker, message))
+    touched = TouchedSamples()
+
+    def note(message: Message) -> None:
+        if isinstance(message, ModelState):
+            tracker.put_in_force(ModelInForce.of(message.etag, message.model))
+        elif isinstance(message, TouchState):
+            touched.report(message)
+
+    streams = _Streams(reader, note)
     told_ns = 0
     for part in streams.parts():
-        tracker.take(part)
+        for moved in touched.take(part):
+            tracker.take(moved)
         if abs(part.utc_ns - told_ns) >= 1e9 * STATE_S:
             told_ns = part.utc_ns
             tell(tracker.state(part.utc_ns))
@@ -80,6 +91,8 @@ def follow_recording(
             f"{reader.path} has no stream {' and '.join(missing)}: record it with this version "
             "of frictus, which keeps what was rendered"
         )
+    for moved in touched.rest():
+        tracker.take(moved)
     state = tracker.state(told_ns)
     tell(state)
     return state
@@ -114,38 +127,49 @@ def follow_study(reader: StudyReader, prior: Prior, tell: Tell) -> dict[str, Est
             trackers[participant].begin_anew(prior, participant)
         tracker = trackers[participant]
         try:
-            part = _part_of(reader.read(asked.id), asked.order)
+            parts = list(_parts_of(reader.read(asked.id), asked.order))
         except TrialError:
-            part = None
-        if part is None:
-            tracker.leave_out("a trial without drive or finger, or damaged")
-        else:
+            parts = []
+        if not parts:
+            tracker.leave_out("a trial without drive, or damaged")
+        for part in parts:
             tracker.take(part)
         states[participant] = tracker.state(0)
         tell(states[participant])
     return states
 
 
-def _part_of(trial: Trial, order: int) -> AlignedSamples | None:
-    """Return a trial as samples of a rig, a run of their own; None without drive or finger."""
-    motion = smooth(trial.position_mm, trial.position_t_s)
-    if trial.voltage_v is None or motion.time_s.size < 2:
-        return None
+def _parts_of(trial: Trial, run: int) -> Iterator[AlignedSamples]:
+    """Yield a trial as samples of a rig, a run of their own; nothing without a drive."""
+    if trial.voltage_v is None:
+        return
     rate_hz = trial.info.sample_rate_hz
-    time_s = np.arange(trial.voltage_v.size) / rate_hz
-    speed = np.interp(time_s, motion.time_s, motion.speed_mm_s, left=0.0, right=0.0)
-    data = {
-        "force": trial.force_n.T,
-        "voltage": trial.voltage_v[np.newaxis],
-        "render": np.vstack([motion.position_at(time_s).T, speed]),
-    }
-    held = {name: rows.astype(np.float32) for name, rows in data.items()}
-    return AlignedSamples(order, 0, 0, rate_hz, 0, Flag(0), held)
-
-
-def _put_in_force(tracker: Tracker, message: Message) -> None:
-    if isinstance(message, ModelState):
-        tracker.put_in_force(ModelInForce.of(message.etag, message.model))
+    touched = TouchedSamples()
+    there = np.isfinite(trial.position_t_s) & np.isfinite(trial.position_mm).all(axis=1)
+    for (x_mm, y_mm), at_s in zip(
+        trial.position_mm[there].tolist(), trial.position_t_s[there].tolist(), strict=True
+    ):
+        touched.report(
+            TouchState(
+                run=run,
+                sample=at_s * rate_hz,
+                x_mm=x_mm,
+                y_mm=y_mm,
+                in_contact=True,
+                source="touch",
+            )
+        )
+    n_samples = round(PART_S * rate_hz)
+    for first in range(0, trial.voltage_v.size, n_samples):
+        cut = slice(first, first + n_samples)
+        data = {
+            "force": trial.force_n[cut].T,
+            "voltage": trial.voltage_v[np.newaxis, cut],
+            "render": np.zeros((3, trial.voltage_v[cut].size)),
+        }
+        held = {name: rows.astype(np.float32) for name, rows in data.items()}
+        yield from touched.take(AlignedSamples(run, first, 0, rate_hz, 0, Flag(0), held))
+    yield from touched.rest()
 
 
 class _Streams:

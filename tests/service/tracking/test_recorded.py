@@ -53,7 +53,7 @@ def test_each_participant_of_a_study_is_followed(study: Path) -> None:
     assert [state.participant for state in told] == ["P01"] * 4 + ["P02"] * 4
     true = coordinates.from_law(LAW.gain_n, LAW.cutoff_0_hz, LAW.slope_hz_per_mm_s, 0.0)
     for state in states.values():
-        assert state.refused["a trial without drive or finger, or damaged"] == 1
+        assert state.refused["a trial without drive, or damaged"] == 1
         assert "samples are missing" not in state.refused
         law = state.law
         assert law is not None

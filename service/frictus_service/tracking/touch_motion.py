@@ -1,0 +1,148 @@
+"""How the finger moved, from touch reports once they are in: what was rendered was a guess.
+
+A rig renders by a motion that it predicts a lead ahead. In free strokes the predicted speed is
+off by 3 mm/s, and by 1 mm/s on the average, since what speeds up or slows down is seen late; a
+cutoff that depends on the speed is then off by as much. A report says where the finger was, so
+samples wait until reports on both sides of them are there.
+"""
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from frictus.aligned import AlignedSamples
+from frictus.messages import TouchState
+from frictus_hardware.arrays import FloatArray
+from frictus_service.identification.observation.sweeps import GAP_S
+
+AROUND_S: Final = 0.1
+"""Reports so long before and after some samples say how the finger moved there."""
+PATIENCE_S: Final = 1.0
+"""Samples for which no reports come meanwhile go on without a motion."""
+DEGREE: Final = 5
+"""Of the polynomial over 0.3 s: a stroke that begins and ends at rest is one."""
+LEAST_REPORTS: Final = 6
+ROUGH_MM: Final = 1.0
+"""A report farther from the polynomial makes its path none that a finger goes."""
+REPORTS: Final = 2_048
+"""Held at most: some seconds of the fastest sensor."""
+
+
+class TouchedSamples:
+    """Gives samples the motion that touch reports tell of them, in place of the predicted one.
+
+    Samples of which no report says how the finger moved get a speed of 0, and are left out of
+    windows.
+    """
+
+    def __init__(self) -> None:
+        self._parts: deque[AlignedSamples] = deque()
+        self._reports: deque[TouchState] = deque(maxlen=REPORTS)
+
+    def report(self, report: TouchState) -> None:
+        """Take a report.
+
+        Parameters
+        ----------
+        report : TouchState
+            As the rig published it.
+        """
+        self._reports.append(report)
+
+    def take(self, part: AlignedSamples) -> Iterator[AlignedSamples]:
+        """Take samples and yield those, earlier ones too, whose motion is known now.
+
+        Parameters
+        ----------
+        part : AlignedSamples
+            With the stream ``render``.
+        """
+        self._parts.append(part)
+        end = part.first_sample + part.data["render"].shape[1]
+        while self._parts:
+            oldest = self._parts[0]
+            known = self._known_until(oldest)
+            waited_s = (end - oldest.first_sample) / part.sample_rate_hz
+            if oldest.run == part.run and not known and waited_s < PATIENCE_S:
+                return
+            yield self._moved(self._parts.popleft())
+
+    def rest(self) -> Iterator[AlignedSamples]:
+        """Yield what still waits: no more reports will come."""
+        while self._parts:
+            yield self._moved(self._parts.popleft())
+
+    def _known_until(self, part: AlignedSamples) -> bool:
+        """Return whether reports reach beyond a part."""
+        if not self._reports or self._reports[-1].run != part.run:
+            return False
+        end = part.first_sample + part.data["render"].shape[1]
+        return bool(self._reports[-1].sample >= end + AROUND_S * part.sample_rate_hz)
+
+    @staticmethod
+    def _is_past(report: TouchState, run: int, sample: float) -> bool:
+        return report.run < run or bool(report.run == run and report.sample < sample)
+
+    def _moved(self, part: AlignedSamples) -> AlignedSamples:
+        around = AROUND_S * part.sample_rate_hz
+        first, n_samples = part.first_sample, part.data["render"].shape[1]
+        while self._reports and self._is_past(self._reports[0], part.run, first - around):
+            self._reports.popleft()
+        near = [
+            (report.x_mm, report.y_mm, report.sample / part.sample_rate_hz)
+            for report in self._reports
+            if report.run == part.run
+            and report.in_contact
+            and report.sample <= first + n_samples + around
+        ]
+        time_s = (first + np.arange(n_samples)) / part.sample_rate_hz
+        reports = np.array(near, dtype=float).reshape(-1, 3)
+        render = part.data["render"].copy()
+        render[:3] = motion_among(reports[:, :2], reports[:, 2], time_s)
+        return replace(part, data={**part.data, "render": render})
+
+
+def motion_among(
+    position_mm: FloatArray, position_t_s: FloatArray, time_s: FloatArray
+) -> FloatArray:
+    """Return position and speed among touch reports, by a polynomial through those around.
+
+    Straight lines through as many reports are off by 2 % where a stroke is fastest.
+
+    Parameters
+    ----------
+    position_mm : ndarray, shape (k, 2)
+        As reported within some tenths of a second.
+    position_t_s : ndarray, shape (k,)
+        Rising.
+    time_s : ndarray, shape (n_samples,)
+        Rising.
+
+    Returns
+    -------
+    ndarray, shape (3, n_samples)
+        x and y in mm, speed in mm/s. Zeros where too few reports are around, or where they lie
+        on no smooth path.
+    """
+    rows = np.zeros((3, time_s.size))
+    breaks = np.flatnonzero(np.diff(position_t_s) > GAP_S) + 1
+    for own in np.split(np.arange(position_t_s.size), breaks):
+        if own.size < LEAST_REPORTS:
+            continue
+        begin, end = position_t_s[own[0]], position_t_s[own[-1]]
+        middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
+        degree = min(DEGREE, own.size - 3)
+        basis = chebyshev.chebvander((position_t_s[own] - middle) / half, degree)
+        path, *_ = np.linalg.lstsq(basis, position_mm[own], rcond=None)
+        if np.abs(basis @ path - position_mm[own]).max() > ROUGH_MM:
+            continue
+        inside = (time_s >= begin) & (time_s <= end)
+        at = (time_s[inside] - middle) / half
+        velocity = chebyshev.chebval(at, chebyshev.chebder(path)) / half
+        rows[:2, inside] = chebyshev.chebval(at, path)
+        rows[2, inside] = np.hypot(*velocity)
+    return rows
