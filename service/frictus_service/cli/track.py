@@ -62,7 +62,7 @@ def track(
     else:
         state = _recorded(file, mount, as_json)
     if state is not None and not wants_lines(as_json):
-        sys.stdout.write("".join(f"{line}\n" for line in summary_of(state)))
+        sys.stdout.write("".join(f"{line}\n" for line in summary_of(state, file is None)))
     if out is not None:
         model = document_of(state, participant)
         out.write_bytes(model.to_json())
@@ -236,13 +236,24 @@ def line_of(state: "EstimateState") -> str:
     )
 
 
-def summary_of(state: "EstimateState") -> list[str]:
+def _outlook_of(state: "EstimateState") -> str:
+    """Return what became of the model in force, or would."""
+    if state.changes:
+        return f"the model was changed {len(state.changes)} times while it played"
+    if state.held_back:
+        return f"the model in force stays: {state.held_back}"
+    return "under the policy `adapt` this would replace the model in force"
+
+
+def summary_of(state: "EstimateState", live: bool) -> list[str]:
     """Return what is said at the end.
 
     Parameters
     ----------
     state : EstimateState
         As it is published.
+    live : bool
+        Whether it is of a rig, whose model might follow.
     """
     refused = [f"left out, {reason}: {count}" for reason, count in state.refused.items()]
     if state.law is None:
@@ -263,11 +274,10 @@ def summary_of(state: "EstimateState") -> list[str]:
             f"a rendering by the model in force is {errors['in_force']:.2f} dB rms off, by "
             f"this one {errors['newest']:.2f} dB (predicted before it was used, last 10 s)"
         )
-    if state.alarms:
-        lines.append(
-            f"the model in force is wrong: {', '.join(state.alarms)}; calibrate this person, "
-            "or write this model with --out"
-        )
+    for cause in state.alarms:
+        lines.append(f"wrong: {cause}: {state.advice.get(cause, '')}")
+    if live:
+        lines.append(_outlook_of(state))
     if state.new_fingers:
         lines.append(f"the finger became another without notice {state.new_fingers} times")
     return lines + refused
