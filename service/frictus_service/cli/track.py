@@ -62,6 +62,8 @@ def track(
     else:
         state = _recorded(file, mount, as_json)
     if state is not None and not wants_lines(as_json):
+        if sys.stderr.isatty():
+            sys.stderr.write("\n")  # behind the line that was written over
         sys.stdout.write("".join(f"{line}\n" for line in summary_of(state, file is None)))
     if out is not None:
         model = document_of(state, participant)
