@@ -22,7 +22,7 @@ def serve(config: ConfigFile = None, as_json: AsJson = False) -> None:
     if settings.api.enabled:
         say(where_to_look(settings.api))
     wanted = {"api": settings.api.enabled, "tracker": settings.tracker.enabled}
-    parts = [part for part in supervisor.ALL if wanted.get(part, True)]
+    parts = tuple(part for part in supervisor.ALL if wanted.get(part, True))
     supervisor.serve(settings, parts, say=say)
 
 

@@ -204,7 +204,13 @@ def test_a_bad_configuration_is_3_and_names_the_line(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "parts", "host_router"),
-    [("serve", ("rig", "api"), None), ("rig", ("rig",), False), ("api", ("api",), False)],
+    [
+        ("serve", ("rig", "api", "recorder", "tracker"), None),
+        ("rig", ("rig",), False),
+        ("api", ("api",), False),
+        ("recorder", ("recorder",), False),
+        ("tracker", ("tracker",), False),
+    ],
 )
 def test_services_start_their_parts(
     monkeypatch: pytest.MonkeyPatch,
@@ -228,6 +234,21 @@ def test_services_start_their_parts(
     result = run(name, "-c", config, "--json")
     assert result.exit_code == Exit.OK
     assert started == [("fake", parts, host_router)]
+
+
+def test_parts_that_are_not_wanted_are_not_started(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    file = tmp_path / "frictus.toml"
+    file.write_text("[api]\nenabled = false\n[tracker]\nenabled = false\n")
+    started = []
+
+    def serve(_settings: Config, parts: tuple[str, ...], say: object) -> None:
+        started.append(parts)
+
+    monkeypatch.setattr("frictus_service.daemon.supervisor.serve", serve)
+    assert run("serve", "-c", file, "--json").exit_code == Exit.OK
+    assert started == [("rig", "recorder")]
     assert lines(result)[-1]["text"] == "ready"
     assert "ready\n" in run(name, "-c", config).stderr
 
