@@ -234,6 +234,8 @@ def test_services_start_their_parts(
     result = run(name, "-c", config, "--json")
     assert result.exit_code == Exit.OK
     assert started == [("fake", parts, host_router)]
+    assert lines(result)[-1]["text"] == "ready"
+    assert "ready\n" in run(name, "-c", config).stderr
 
 
 def test_parts_that_are_not_wanted_are_not_started(
@@ -249,8 +251,6 @@ def test_parts_that_are_not_wanted_are_not_started(
     monkeypatch.setattr("frictus_service.daemon.supervisor.serve", serve)
     assert run("serve", "-c", file, "--json").exit_code == Exit.OK
     assert started == [("rig", "recorder")]
-    assert lines(result)[-1]["text"] == "ready"
-    assert "ready\n" in run(name, "-c", config).stderr
 
 
 def test_usage_errors_are_2() -> None:
