@@ -245,7 +245,7 @@ def test_events_name_what_and_who_the_newest_first(page: Page) -> None:
     assert got == [
         "Tripped: sensor fault, no force||",
         "Stopped|you|, held by tester",
-        "Lost: 2 underruns||",
+        "Losses, underruns: 2||",
         "Model put back, or set anew||",
         "Model adapted to the finger|the tracker|",
         "Policy: Adapt||",

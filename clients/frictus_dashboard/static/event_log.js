@@ -30,7 +30,7 @@ export class EventLog {
     if (after.run !== before.run) note("The rig was started again", "", "bad");
     this.#takeLease(before, after, client, note);
     this.#takeChoices(before, after, client, note);
-    for (const { name, grown } of losses) note(`Lost: ${grown} ${LOSSES[name]}`, "", "warn");
+    for (const { name, grown } of losses) note(`Losses, ${LOSSES[name]}: ${grown}`, "", "warn");
   }
 
   #takeLease(before, after, client, note) {
@@ -88,7 +88,8 @@ export class EventLog {
     }
     const why = problem === null ? "" : `: ${problem}`;
     const kind = problem !== null || lost > 0 ? "warn" : "";
-    this.#note({ ns, what: `Recording ${name} ends, ${lost} blocks lost${why}`, who: "", kind });
+    const losses = lost === 0 ? "nothing lost" : `blocks lost: ${lost}`;
+    this.#note({ ns, what: `Recording ${name} ends, ${losses}${why}`, who: "", kind });
   }
 
   #note(entry) {
