@@ -70,7 +70,7 @@ def test_records_by_clicks_lists_and_saves_it(page: Page, lab: Lab) -> None:
         assert summarise(reader).sound
     page.locator("#events summary").click()
     expect(page.locator("#events-list")).to_contain_text("Recording by-clicks begins")
-    expect(page.locator("#events-list")).to_contain_text("Recording by-clicks ends, nothing lost")
+    expect(page.locator("#events-list")).to_contain_text("by-clicks ends, nothing lost")
 
 
 def test_a_name_that_is_taken_is_refused_in_words(lab: Lab, open_page: OpenPage) -> None:

@@ -3,10 +3,11 @@
 import { address } from "./address.js";
 import { at, element, say } from "./element.js";
 
+/** View, what to do, and what it is good for; no link is called as one of the views. */
 const STEPS = [
-  ["textures", "Choose a texture", "Put one on the screen, arm the rig, and slide a finger over it."],
-  ["live-model", "Live model", "See how this finger follows the drive, and whether the model fits it."],
-  ["calibrate", "Calibrate", "Measure a person's finger, so that textures feel as designed."],
+  ["textures", "Choose a texture", "Put it on the screen, arm the rig, and slide a finger over it."],
+  ["live-model", "See whether the model fits", "Live, while a finger follows the drive."],
+  ["calibrate", "Measure a finger", "By a calibration, so that textures feel as designed."],
 ];
 
 /**
@@ -43,6 +44,6 @@ export class FirstSteps {
 }
 
 function card(rig, [view, title, text]) {
-  const link = element("a", { href: address(view, rig) }, element("b", {}, title), ` ${text}`);
-  return element("li", {}, link);
+  const link = element("a", { href: address(view, rig) }, title);
+  return element("li", {}, link, element("p", {}, text));
 }

@@ -38,6 +38,6 @@ function sentence(verdict, range, unit) {
   if (range === null) return "Valid range not known yet";
   if (range[0] === range[1]) return `Measured at ${range[0]} ${unit} only`;
   const valid = `${range[0]} to ${range[1]} ${unit}`;
-  const marks = { none: "valid", inside: "✓ valid", below: "▲ below", above: "▲ above" };
+  const marks = { none: "valid", inside: "✓ valid", below: "▼ below", above: "▲ above" };
   return `${marks[verdict]} ${valid}`;
 }
