@@ -85,7 +85,9 @@ class Lab:
 
 
 @contextmanager
-def running(folder: Path, *, rig: bool = True, **settings: Any) -> Iterator[Lab]:
+def running(
+    folder: Path, *, rig: bool = True, recorder: bool = False, **settings: Any
+) -> Iterator[Lab]:
     """Run a service that keeps everything in a folder, with patience for busy machines."""
     config = Config(
         router=RouterConfig(endpoint=free_endpoint()),
@@ -93,10 +95,13 @@ def running(folder: Path, *, rig: bool = True, **settings: Any) -> Iterator[Lab]
         registry=RegistryConfig(url=f"sqlite:///{folder / 'registry.db'}"),
         textures=folder / "textures",
         studies=folder / "studies",
+        recordings=folder / "recordings",
         limits=Limits(freeze_ms=5_000, missed_deadlines=1_000),
         **settings,
     )
-    parts: tuple[PartName, ...] = ("rig", "api") if rig else ("api",)
+    parts: list[PartName] = ["rig", "api"] if rig else ["api"]
+    if recorder:
+        parts.append("recorder")
     with Supervisor(config, parts, say=lambda _line: None) as supervisor:
         supervisor.wait_ready(100.0)
         with frictus.connect(config.router.endpoint, name="tester") as client:

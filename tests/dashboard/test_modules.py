@@ -1,5 +1,6 @@
 """The page's pure modules, in the browser that runs them, against the service's own figures."""
 
+import re
 import struct
 from collections.abc import Iterator
 from typing import Any
@@ -89,14 +90,235 @@ def test_a_badge_says_that_the_model_was_adapted(
 ) -> None:
     shown = page.evaluate(
         """async (adaptations) => {
-          const { Badges } = await import("/badges.js");
-          const root = document.createElement("ul");
-          new Badges(root).show({ status: { adaptations } }, 0);
-          return root.textContent;
+          const { badgesOf } = await import("/badges.js");
+          return badgesOf({ status: { adaptations } }).map(({ why }) => why).join();
         }""",
         times,
     )
     assert (said in shown) if said else shown == ""
+
+
+@pytest.mark.parametrize(
+    ("owner", "name"),
+    [
+        (None, "nobody"),
+        ("ann.page-0a1b2c", "you"),
+        ("ann.page-ffffff", "you, in another page"),
+        ("ben.page-0a1b2c", "ben"),
+        ("local.page-0a1b2c", "another page"),
+        ("lab-pc-7-4711-0a1b2c", "a program"),
+        ("linen-study", "linen-study"),
+    ],
+)
+def test_a_holder_has_a_name_that_people_know(page: Page, owner: str | None, name: str) -> None:
+    got = page.evaluate(
+        """async (owner) => {
+          const { nameOf } = await import("/holder.js");
+          return nameOf(owner, "ann.page-0a1b2c");
+        }""",
+        owner,
+    )
+    assert got == name
+
+
+@pytest.mark.parametrize(
+    ("value", "figure", "verdict"),
+    [
+        (None, "\u2013", "none"),
+        (19.4, "19", "below"),
+        (19.6, "20", "inside"),
+        (100.4, "100", "inside"),
+        (571.0, "571", "above"),
+    ],
+)
+def test_figure_mark_and_verdict_of_a_gauge_are_of_one_value(
+    page: Page, value: float | None, figure: str, verdict: str
+) -> None:
+    got = page.evaluate(
+        """async (value) => {
+          const { gaugeStateOf } = await import("/gauge_state.js");
+          return gaugeStateOf({ unit: "mm/s", digits: 0, least: 120 }, value, [20, 100]);
+        }""",
+        value,
+    )
+    assert (got["figure"], got["verdict"]) == (figure, verdict)
+    if value is None:
+        assert got["mark"] is None
+        return
+    low, high = got["zone"]
+    place = "below" if got["mark"] < low else "above" if got["mark"] > high else "inside"
+    assert place == verdict
+    assert ("✓" in got["words"]) == (verdict == "inside")
+
+
+STRIP = """async (changes) => {
+  const { stripStateOf } = await import("/strip_state.js");
+  const status = {
+    state: "armed", owner: "ben.page-0a1b2c", share_with: [], last_end: null, fault: null,
+    simulated: false, model_placeholder: false, finger_source: "touch", stream_stale: false,
+  };
+  const finger = { in_contact: true, vx_mm_s: 30, vy_mm_s: 40, normal_force_n: 0.64 };
+  const validity = { speed_mm_s: [20, 100], normal_force_n: [0.2, 0.6] };
+  const heard = {
+    status, finger, scene: null, model: { model: { validity } }, trusted: true, ageMs: 100,
+    flags: [], losses: [], heldNs: null, settling: false,
+    client: "ann.page-ffffff", scopes: ["render"],
+  };
+  const fresh = { ...heard, ...changes, status: { ...status, ...changes.status } };
+  return stripStateOf(fresh);
+}"""
+
+
+def test_the_strip_is_of_one_state(page: Page) -> None:
+    got = page.evaluate(STRIP, {})
+    assert (got["title"], got["who"]) == ("ARMED", "Held by ben")
+    assert (got["speed"]["figure"], got["speed"]["verdict"]) == ("50", "inside")
+    assert (got["force"]["figure"], got["force"]["verdict"]) == ("0.64", "above")
+    assert got["arm"] == {"hidden": False, "disabled": True, "label": "Arm"}
+    mine = page.evaluate(STRIP, {"status": {"owner": "ann.page-ffffff"}})
+    assert (mine["who"], mine["arm"]["label"]) == ("Held by you", "Disarm")
+    lossy = page.evaluate(STRIP, {"losses": ["underruns"]})
+    assert lossy["loop"] == {"kind": "warn", "text": "underruns"}
+
+
+def test_a_state_from_before_shows_its_age_and_nothing_as_if_it_were_now(page: Page) -> None:
+    got = page.evaluate(STRIP, {"trusted": False, "ageMs": 4_200, "flags": ["clipped"]})
+    assert (got["kind"], got["title"], got["stale"]) == ("unknown", "Unknown", True)
+    assert got["who"] == "It said last: armed, 4 s ago"
+    assert got["speed"]["figure"] == got["force"]["figure"] == "\u2013"
+    assert got["badges"] == []
+    assert got["arm"]["hidden"]
+    assert got["loop"]["kind"] == "unknown"
+
+
+def test_who_ended_the_lease_is_named_with_when(page: Page) -> None:
+    end = {
+        "owner": "ann.page-ffffff",
+        "by": "ben.page-0a1b2c",
+        "reason": "stopped",
+        "utc_ns": 1_700_000_000_000_000_000,
+    }
+    free = {"state": "disarmed", "owner": None, "last_end": end}
+    got = page.evaluate(STRIP, {"status": free})
+    assert got["who"] == "Nobody"
+    assert re.fullmatch(r"stopped by ben at \d\d:\d\d:\d\d, held by you", got["then"])
+    late = {**end, "by": None, "reason": "not renewed in time"}
+    got = page.evaluate(STRIP, {"status": {**free, "last_end": late}})
+    assert re.fullmatch(r"ended at [\d:]+: not renewed in time", got["then"])
+
+
+LOG = """async (steps) => {
+  const { EventLog, MOST } = await import("/event_log.js");
+  const log = new EventLog();
+  const rest = {
+    run: 1, state: "disarmed", owner: null, share_with: [], last_end: null, fault: null,
+    compensation: { mode: "model", speed_mm_s: null }, adaptation: "observe", adaptations: 0,
+    model_etag: "a",
+  };
+  let before = null;
+  for (const { losses = [], ...changes } of steps) {
+    const after = { ...rest, ...before, ...changes };
+    log.takeStatus(before, after, losses, "ann.page-ffffff");
+    before = after;
+  }
+  return [log.entries.map(({ what, who, more }) => `${what}|${who}|${more}`), MOST];
+}"""
+
+
+def test_events_name_what_and_who_the_newest_first(page: Page) -> None:
+    end = {"owner": "tester", "by": "ann.page-ffffff", "reason": "stopped", "utc_ns": 9}
+    fault = {"kind": "sensor", "reason": "no force", "utc_ns": 12}
+    got, _ = page.evaluate(
+        LOG,
+        [
+            {"utc_ns": 1, "state": "tripped"},  # what was before is no event
+            {"utc_ns": 2, "state": "armed", "owner": "tester"},
+            {"utc_ns": 3, "compensation": {"mode": "none"}},
+            {"utc_ns": 4, "adaptation": "adapt"},
+            {"utc_ns": 5, "adaptations": 1, "model_etag": "b"},
+            {"utc_ns": 6, "adaptations": 0, "model_etag": "a"},
+            {"utc_ns": 7, "losses": [{"name": "underruns", "grown": 2}]},
+            {"utc_ns": 9, "state": "disarmed", "owner": None, "last_end": end},
+            {"utc_ns": 12, "state": "tripped", "fault": fault},
+        ],
+    )
+    assert got == [
+        "Tripped: sensor fault, no force||",
+        "Stopped|you|, held by tester",
+        "Losses, underruns: 2||",
+        "Model put back, or set anew||",
+        "Model adapted to the finger|the tracker|",
+        "Policy: Adapt||",
+        "Not compensated: nothing makes up for finger and screen|tester|",
+        "Armed|tester|",
+    ]
+
+
+def test_the_log_of_events_is_bounded(page: Page) -> None:
+    steps = [{"utc_ns": i, "model_etag": str(i)} for i in range(400)]
+    got, most = page.evaluate(LOG, steps)
+    assert len(got) == most < 400
+
+
+@pytest.mark.parametrize(
+    ("changes", "age_ms", "kind", "text"),
+    [
+        ({}, 0, "runs", "Recording pilot: 1 min 05 s, 3.40 MB, nothing lost"),
+        ({"lost_blocks": 1}, 0, "lossy", "Recording pilot: 1 min 05 s, 3.40 MB, 1 block lost"),
+        (
+            {},
+            7_200,
+            "unknown",
+            "pilot: 1 min 05 s, 3.40 MB, nothing lost; no word from the recorder for 7 s",
+        ),
+        (
+            {"recording": False},
+            0,
+            "idle",
+            "The last one, pilot: 1 min 05 s, 3.40 MB, nothing lost.",
+        ),
+        (
+            {"recording": False, "bytes_written": 0, "problem": "the disk is full"},
+            0,
+            "bad",
+            "The last one: pilot. the disk is full",
+        ),
+    ],
+)
+def test_what_the_recorder_does_is_told_with_length_and_losses(
+    page: Page, changes: dict[str, Any], age_ms: int, kind: str, text: str
+) -> None:
+    got = page.evaluate(
+        """async ([changes, ageMs]) => {
+          const { recordStateOf } = await import("/recordings/record_state.js");
+          const recording = {
+            recording: true, name: "pilot", seconds: 65.4, bytes_written: 3400000,
+            lost_blocks: 0, problem: null, ...changes,
+          };
+          return recordStateOf({ rig: "rig1", recording, ageMs, trusted: true, may: true });
+        }""",
+        [changes, age_ms],
+    )
+    running = changes.get("recording", True)
+    assert got == {"kind": kind, "text": text, "start": not running, "end": running}
+
+
+def test_losses_are_news_only_where_a_counter_grew(page: Page) -> None:
+    got = page.evaluate(
+        """async () => {
+          const { LOSSES, LoopLosses } = await import("/loop_losses.js");
+          const log = new LoopLosses();
+          const of = (run, underruns) => {
+            const none = Object.fromEntries(Object.keys(LOSSES).map((name) => [name, 0]));
+            return { run, counters: { ...none, underruns } };
+          };
+          return [
+            log.take(of(1, 5), 0), log.take(of(1, 7), 1), log.recent(2), log.recent(40000),
+            log.take(of(2, 9), 3), log.recent(4),
+          ];
+        }"""
+    )
+    assert got == [[], [{"name": "underruns", "grown": 2}], ["underruns"], [], [], []]
 
 
 WINDOW = """async (frames) => {

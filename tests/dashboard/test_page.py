@@ -117,22 +117,59 @@ def test_space_stops_while_the_pointer_is_the_finger(page: Page, lab: Lab) -> No
 
 def test_armed_has_a_colour_of_its_own_kind(page: Page, lab: Lab) -> None:
     page.get_by_role("button", name="Arm", exact=True).click()
-    state = page.locator("#state")
-    expect(state).to_have_text("ARMED")
-    colours = state.evaluate(
-        """(shown) => {
+    expect(page.locator("#state")).to_have_text("ARMED")
+    colours = page.locator("#strip").evaluate(
+        """(strip) => {
           const probe = document.createElement("i");
           document.body.append(probe);
           const named = (name) => {
             probe.style.color = `var(--${name})`;
             return getComputedStyle(probe).color;
           };
-          return [getComputedStyle(shown).color, named("warn"), named("good")];
+          const ground = getComputedStyle(strip).backgroundColor;
+          return [ground, named("armed-ground"), named("good-ground")];
         }"""
     )
     assert colours[0] == colours[1] != colours[2]
     page.keyboard.press("Escape")
     lab.status(lambda status: status.state == "disarmed")
+
+
+@pytest.mark.parametrize("width", [390, 1024, 1440])
+def test_the_strip_is_low_on_every_view_and_nothing_overflows(
+    width: int, lab: Lab, open_page: OpenPage
+) -> None:
+    with open_page(viewport={"width": width, "height": 900}) as page:
+        arrive(page, lab.url)
+        strip, stop = page.locator("#strip"), page.locator("#stop")
+        for view in page.locator("#views a").all():
+            view.click()
+            expect(view).to_have_attribute("aria-current", "page")
+            boxes = [each.bounding_box() for each in (strip, stop, page.locator("#arm"))]
+            low, largest, arm = [box["width"] * box["height"] for box in boxes if box]
+            assert boxes[0] is not None
+            assert boxes[0]["height"] <= 64
+            assert largest > arm
+            assert low > 0
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+        # Each control has a name of its own.
+        found = strip.locator("summary, button").filter(visible=True).all_inner_texts()
+        assert len(set(found)) == len(found) >= 4
+
+
+def test_what_the_strip_has_more_of_opens_and_closes_by_keyboard(page: Page) -> None:
+    expect(page.locator("#health-rows tr").first).to_be_hidden()
+    loop, notes = (page.locator(f"#{name} summary") for name in ("loop", "notes"))
+    loop.focus()
+    page.keyboard.press("Enter")
+    expect(page.locator("#health-rows")).to_contain_text("Underruns")
+    expect(page.locator("#health-rows tr").first).to_be_visible()
+    expect_no_violations(page)
+    notes.focus()
+    expect(page.locator("#health-rows tr").first).to_be_hidden()
+    page.keyboard.press("Space")  # it does not stop where a control takes it
+    expect(page.locator("#notes-list")).to_contain_text("Simulated: a model plays device")
+    expect(page.locator("#stop-outcome")).to_be_empty()
 
 
 def test_a_view_that_only_objects_have_shows_the_live_one(page: Page) -> None:
@@ -159,29 +196,40 @@ def test_another_page_sees_who_holds_the_rig_and_with_whom_it_is_shared(
     page: Page, lab: Lab, open_page: OpenPage
 ) -> None:
     others = page.get_by_label("Others who may change what is felt")
+    expect(others).to_be_hidden()
+    page.get_by_text("Share", exact=True).click()
     others.fill("a name that is none?")
     page.get_by_role("button", name="Arm", exact=True).click()
     assert others.evaluate("field => field.validity.patternMismatch")
+    expect(others).to_be_visible()
     others.fill("ann, ben")
     page.get_by_role("button", name="Arm", exact=True).click()
     status = lab.status(lambda status: status.state == "armed")
     assert status.share_with == ("ann", "ben")
-    expect(page.locator("#owner")).to_have_text(
-        f"Held by {status.owner} (this page), shared with ann, ben"
-    )
+    expect(page.locator("#owner")).to_have_text("Held by you, shared with ann, ben")
+    expect(page.locator("#since")).to_contain_text("since ")
     expect(others).to_be_hidden()
     with open_page() as other:
         arrive(other, lab.url)
         expect(other.locator("#owner")).to_have_text(
-            f"Held by {status.owner}, shared with ann, ben"
+            "Held by another page, shared with ann, ben"
+        )
+        expect(other.locator("#owner")).to_have_attribute(
+            "title", f"Known to the rig as {status.owner}"
         )
         expect(other.get_by_role("button", name="Arm", exact=True)).to_be_disabled()
         expect(other.locator("#pressing")).to_be_hidden()
-        expect(other.locator("#surface-help")).to_contain_text(f"{status.owner} holds the rig")
+        expect(other.locator("#surface-help")).to_contain_text("another page holds the rig")
         other.keyboard.press("Escape")
         lab.status(lambda status: status.state == "disarmed")
-    expect(page.locator("#arm-outcome")).to_contain_text("stopped by 'local.page-")
+        expect(other.locator("#since")).to_have_text(
+            re.compile(r"^stopped by you at [\d:]+, held by another page$")
+        )
+    expect(page.locator("#since")).to_have_text(
+        re.compile(r"^stopped by another page at [\d:]+, held by you$")
+    )
     with lab.rig.arm(lease_ms=10_000):
+        expect(page.locator("#owner")).to_have_text("Held by tester")
         expect(page.get_by_role("button", name="Arm", exact=True)).to_be_disabled()
         expect_no_violations(page)
 
@@ -194,11 +242,11 @@ def test_a_reset_that_is_not_answered_is_resolved_by_the_status(page: Page, lab:
           const { at } = await import("./element.js");
           window.fetch = async () => { throw new TypeError("gone"); };
           const arming = new Arming({ send: () => true });
-          arming.show("rig9", { state: "tripped", owner: null }, ["admin"]);
+          arming.show("rig9", { state: "tripped" }, false);
           at("reset").click();
           await new Promise((resume) => setTimeout(resume));
           const first = at("arm-outcome").textContent;
-          arming.show("rig9", { state: "disarmed", owner: null }, ["admin"]);
+          arming.show("rig9", { state: "disarmed" }, false);
           return [first, at("arm-outcome").textContent];
         }"""
     )
@@ -262,6 +310,26 @@ def test_felt_friction_follows_the_target(page: Page, lab: Lab) -> None:
     expect(page.locator(".summary")).to_contain_text("bands within 1.21 dB")
     page.keyboard.press("Escape")
     lab.status(lambda status: status.state == "disarmed")
+
+
+def test_where_nothing_plays_the_next_steps_are_offered(page: Page, lab: Lab) -> None:
+    cards = page.locator("#first-cards a")
+    expect(cards).to_have_count(0)
+    lab.rig.set_scene(frictus.Scene())
+    try:
+        expect(page.locator("#first-title")).to_have_text("Nothing plays: the screen is smooth")
+        expect(cards).to_have_count(3)
+        expect_no_violations(page)
+        cards.filter(has_text="Choose a texture").click()
+        expect(page.get_by_role("link", name="Textures", exact=True)).to_have_attribute(
+            "aria-current", "page"
+        )
+        expect(page.locator("#first")).to_be_hidden()
+    finally:
+        lab.rig.set_scene(SCENE)
+    page.get_by_role("link", name="Live", exact=True).click()
+    expect(page.locator("#scene-text")).to_contain_text("lines")
+    expect(page.locator("#first")).to_be_hidden()
 
 
 def test_friction_is_sent_only_while_it_is_looked_at(lab: Lab, open_page: OpenPage) -> None:
@@ -369,7 +437,7 @@ def test_loss_and_return_are_shown_without_a_reload(lab: Lab, open_page: OpenPag
         expect(box).to_contain_text("rig1 is gone", timeout=TELL_MS)
         expect(page.locator("#state")).to_have_text("Unknown")
         # The supervisor tells of the trip for a rig that has died, a moment later.
-        told = re.compile("^It said last: (disarmed|tripped)$")
+        told = re.compile("^It said last: (disarmed|tripped), [0-9]+ s ago$")
         expect(page.locator("#owner")).to_have_text(told)
         os.kill(lab.supervisor.pid_of("api"), signal.SIGKILL)
         expect(box).to_contain_text("No connection", timeout=TELL_MS)

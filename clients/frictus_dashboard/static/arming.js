@@ -6,11 +6,15 @@ import { at, say } from "./element.js";
 /** For so long after a reset that was not answered its status tells what came of it. */
 const CHECK_MS = 10_000;
 
+/** What came of it is in the rig's state; only what failed, or is not known, is said here. */
 export class Arming {
   /** @param {import("./link.js").Link} link */
   constructor(link) {
     this.link = link;
     this.rig = null;
+    this.state = null;
+    this.mine = false;
+    /** The rig whose lease the connection holds; the rig's status may be ahead of it, or behind. */
     this.heldRig = null;
     /** When a reset was sent whose outcome is unknown, ms; null: none was. */
     this.resetMs = null;
@@ -18,78 +22,64 @@ export class Arming {
     at("reset").addEventListener("click", () => this.#reset());
   }
 
-  /** Whether this page holds the rig that it shows. */
-  get held() {
-    return this.heldRig !== null && this.heldRig === this.rig;
-  }
-
   /** Take a message of the service. */
   hear(message) {
-    const outcome = at("arm-outcome");
-    if (message.op === "armed") {
-      this.heldRig = message.rig;
-      say(outcome, "Armed by this page, while it stays open");
-    } else if (message.op === "disarmed") {
-      this.heldRig = null;
-      say(outcome, message.reason ? `Disarmed: ${message.reason}` : "Disarmed");
-    } else if (message.op === "refused" && ["arm", "disarm"].includes(message.what)) {
-      const unknown = message.code === "outcome_unknown";
-      say(outcome, `${unknown ? "Unknown; the rig's state tells" : "Refused"}: ${message.message}`);
-    }
-    this.#label();
+    if (message.op === "armed") this.heldRig = message.rig;
+    if (message.op === "disarmed") this.heldRig = null;
+    if (message.op !== "refused" || !["arm", "disarm"].includes(message.what)) return;
+    const unknown = message.code === "outcome_unknown";
+    this.#tell(`${unknown ? "Unknown; the rig's state tells" : "Refused"}: ${message.message}`);
   }
 
   /** Forget the lease: with the connection it has ended. */
   drop() {
     this.heldRig = null;
-    this.#label();
   }
 
-  /** @param {string} rig @param {object} status @param {string[]} scopes */
-  show(rig, status, scopes) {
-    if (rig !== this.rig) {
-      say(at("arm-outcome"), "");
-      this.resetMs = null;
-    }
-    this.rig = rig;
-    this.#label();
-    const tripped = status.state === "tripped";
+  /**
+   * @param {string} rig
+   * @param {object} status the rig's newest
+   * @param {boolean} mine whether this page holds it
+   */
+  show(rig, status, mine) {
+    const { state } = status;
+    if (rig !== this.rig) this.resetMs = null;
+    // A refusal is news of the state that it was met in.
+    if (rig !== this.rig || state !== this.state) this.#tell("");
+    Object.assign(this, { rig, state, mine });
+    const tripped = state === "tripped";
     if (this.resetMs !== null && (!tripped || performance.now() - this.resetMs > CHECK_MS)) {
       this.resetMs = null;
-      const told = tripped ? "It is tripped still: reset it again" : "The rig is reset";
-      say(at("arm-outcome"), told);
+      this.#tell(tripped ? "It is tripped still: reset it again" : "The rig is reset");
     }
-    const free = this.held || status.owner === null;
-    at("arm").hidden = !scopes.includes("render") || tripped;
-    at("arm").disabled = !free;
-    at("sharing").hidden = at("arm").hidden || status.owner !== null;
-    at("reset").hidden = !scopes.includes("admin") || !tripped;
-  }
-
-  #label() {
-    say(at("arm"), this.held ? "Disarm" : "Arm");
   }
 
   #toggle() {
     const { rig } = this;
     const others = at("share-with");
-    if (!this.held && !others.reportValidity()) return;
-    const share_with = others.value.split(/[,; ]+/).filter(Boolean);
-    const message = this.held ? { op: "disarm", rig } : { op: "arm", rig, share_with };
-    if (!this.link.send(message)) {
-      say(at("arm-outcome"), `No connection: cannot ${message.op}`);
+    if (!this.mine && !others.checkValidity()) {
+      at("sharing").open = true; // what is wrong is to be seen
+      others.reportValidity();
+      return;
     }
+    const share_with = others.value.split(/[,; ]+/).filter(Boolean);
+    const message = this.mine ? { op: "disarm", rig } : { op: "arm", rig, share_with };
+    this.#tell(this.link.send(message) ? "" : `No connection: cannot ${message.op}`);
   }
 
   async #reset() {
     try {
       const { state } = await request("POST", `/rigs/${encodeURIComponent(this.rig)}/reset`);
-      say(at("arm-outcome"), `The rig answered the reset: ${state}`);
+      this.#tell(`The rig answered the reset: ${state}`);
     } catch (error) {
       const unknown = outcomeUnknown(error);
       if (unknown) this.resetMs = performance.now();
       const checking = "Unknown whether the rig is reset, checking…";
-      say(at("arm-outcome"), unknown ? checking : `Not reset: ${error.message}`);
+      this.#tell(unknown ? checking : `Not reset: ${error.message}`);
     }
+  }
+
+  #tell(text) {
+    say(at("arm-outcome"), text);
   }
 }

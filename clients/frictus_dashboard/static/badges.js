@@ -1,9 +1,8 @@
-/** What a viewer must know of the data: badges from status, scene, model and block flags. */
+/** What a viewer must know of the data: badges from status, scene, finger and block flags. */
 
 import { followed } from "./adaptation.js";
 import { remark } from "./compensation.js";
 import { FLAGS } from "./frames.js";
-import { element } from "./element.js";
 
 /** How long a flag of one block stays on screen. */
 const HOLD_MS = 1_500;
@@ -18,11 +17,10 @@ const MEANINGS = {
   clipped: "Clipped: the drive at its limit",
 };
 
-export class Badges {
-  constructor(root) {
-    this.root = root;
+/** The flags of blocks, held for as long as people need to read them. */
+export class HeldFlags {
+  constructor() {
     this.flaggedMs = {};
-    this.shown = "";
   }
 
   /** Note the flags of a block. */
@@ -32,30 +30,34 @@ export class Badges {
     }
   }
 
-  /** @param {{status: object|null, scene: object|null, finger: object|null}} rig */
-  show({ status, scene, finger }, nowMs) {
-    const said = {
-      simulated: status?.simulated,
-      placeholder: status?.model_placeholder,
-      substitute: status?.finger_source === "pointer",
-      extrapolated: finger?.extrapolated && finger.in_contact,
-      scaled: scene?.applied.scaled,
-      stale: finger?.stale || status?.stream_stale,
-    };
-    const recent = (name) => nowMs - (this.flaggedMs[name] ?? -Infinity) < HOLD_MS;
-    const names = Object.keys(MEANINGS).filter((name) => said[name] || recent(name));
-    const badges = names.map((name) => [name, MEANINGS[name]]);
-    const mode = remark(status?.compensation);
-    if (mode !== "") badges.unshift(["compensation", mode]);
-    const follows = followed(status);
-    if (follows !== "") badges.unshift(["adaptation", follows]);
-    if (badges.join() === this.shown) return;
-    this.shown = badges.join();
-    this.root.replaceChildren(...badges.map(badge));
+  /** Names of the flags that were raised lately. */
+  recent(nowMs) {
+    return Object.keys(this.flaggedMs).filter((name) => nowMs - this.flaggedMs[name] < HOLD_MS);
   }
 }
 
-function badge([name, meaning]) {
-  const [word, why] = meaning.split(": ");
-  return element("li", { class: "badge", "data-badge": name }, element("b", {}, word), ` ${why}`);
+/**
+ * @param {{status: object|null, scene: object|null, finger: object|null}} rig
+ * @param {string[]} flags raised lately
+ * @returns {{name: string, word: string, why: string}[]} what matters most comes first
+ */
+export function badgesOf({ status = null, scene = null, finger = null }, flags = []) {
+  const said = {
+    simulated: status?.simulated,
+    placeholder: status?.model_placeholder,
+    substitute: status?.finger_source === "pointer",
+    extrapolated: finger?.extrapolated && finger.in_contact,
+    scaled: scene?.applied.scaled,
+    stale: finger?.stale || status?.stream_stale,
+  };
+  const names = Object.keys(MEANINGS).filter((name) => said[name] || flags.includes(name));
+  const badges = [
+    ["adaptation", followed(status)],
+    ["compensation", remark(status?.compensation)],
+    ...names.map((name) => [name, MEANINGS[name]]),
+  ];
+  return badges.filter(([, meaning]) => meaning !== "").map(([name, meaning]) => {
+    const [word, why] = meaning.split(": ");
+    return { name, word, why };
+  });
 }

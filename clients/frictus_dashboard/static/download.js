@@ -9,11 +9,12 @@ const KEPT_MS = 60_000;
 /**
  * @param {string} path below /v1
  * @param {string} name of the file
+ * @param {{signal?: AbortSignal}} options `signal` takes the place of the deadline
  * @throws {import("./api.js").Refusal} if the service refuses
  * @throws {import("./api.js").Silence} if it does not answer
  */
-export async function save(path, name) {
-  const answer = await send("GET", path);
+export async function save(path, name, options = {}) {
+  const answer = await send("GET", path, options);
   const url = URL.createObjectURL(await answer.blob());
   element("a", { href: url, download: name }).click();
   setTimeout(() => URL.revokeObjectURL(url), KEPT_MS);

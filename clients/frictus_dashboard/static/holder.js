@@ -1,4 +1,25 @@
-/** Who holds a rig, and whom that keeps from changing what is felt. */
+/** Who holds a rig, by a name that people know, and whom that keeps from changing what is felt. */
+
+/** Pages and programs go by names that the service makes: PERSON.page-1a2b3c, HOST-PID-1a2b3c. */
+const PAGE = /^(.+)\.page-[0-9a-f]{6}$/;
+const PROGRAM = /^.+-\d+-[0-9a-f]{6}$/;
+/** Whom everybody acts for where the service asks for no tokens. */
+const ANYBODY = "local";
+
+/**
+ * A client as people know it.
+ *
+ * @param {string|null} owner its name to the rigs; null: there is none
+ * @param {string} client name of this page
+ */
+export function nameOf(owner, client) {
+  if (owner === null) return "nobody";
+  if (owner === client) return "you";
+  const person = PAGE.exec(owner)?.[1];
+  if (person === undefined) return PROGRAM.test(owner) ? "a program" : owner;
+  if (person === ANYBODY) return "another page";
+  return person === personOf(client) ? "you, in another page" : person;
+}
 
 /**
  * Why this page may not change what a rig renders, in words; empty where it may.
@@ -13,15 +34,8 @@ export function keptOut(rig, status, client) {
   if (owner === null || owner === client || mine.some((name) => share_with.includes(name))) {
     return "";
   }
-  return `${owner} holds ${rig}: what is felt is theirs to change until they disarm it.`;
-}
-
-/** Who holds a rig, and whom they let change what is felt. */
-export function holder({ owner, share_with }, client) {
-  if (owner === null) return "Nobody holds it";
-  const mine = owner === client ? " (this page)" : "";
-  const shared = share_with.length === 0 ? "" : `, shared with ${share_with.join(", ")}`;
-  return `Held by ${owner}${mine}${shared}`;
+  const name = nameOf(owner, client);
+  return `${name} holds ${rig}: what is felt is theirs to change until they disarm it.`;
 }
 
 /** Whom a client acts for: what stands before the last dot of its name. */

@@ -1,17 +1,22 @@
 /** The live view of one rig: takes what the service sends, draws it, tells it in words. */
 
 import { Arming } from "./arming.js";
-import { Badges } from "./badges.js";
+import { HeldFlags } from "./badges.js";
 import { onSchemeChange } from "./colours.js";
 import { Compensation } from "./compensation.js";
 import { at, element, say } from "./element.js";
 import { EstimateLog } from "./estimate_log.js";
+import { EventList } from "./event_list.js";
+import { EventLog } from "./event_log.js";
 import { decode } from "./frames.js";
-import { Gauge } from "./gauge.js";
 import { Health } from "./health.js";
-import { holder } from "./holder.js";
+import { nameOf } from "./holder.js";
 import { Listening } from "./listening.js";
+import { LoopLosses } from "./loop_losses.js";
 import { Pointing } from "./pointing.js";
+import { Recorder } from "./recordings/recorder.js";
+import { Strip } from "./strip.js";
+import { stripStateOf } from "./strip_state.js";
 import { Surface } from "./surface.js";
 import { COLUMNS, STREAMS, Traces, WINDOW_S } from "./traces.js";
 
@@ -20,12 +25,8 @@ const WORDS_MS = 1_000;
 const SILENT_MS = 1_700;
 const CALM = matchMedia("(prefers-reduced-motion: reduce)");
 const CALM_MS = 250;
-const STATES = {
-  disarmed: "Disarmed",
-  armed: "ARMED",
-  stopping: "Stopping",
-  tripped: "TRIPPED",
-};
+/** All of the strip changes together, no faster than can be read. */
+const READ_MS = 250;
 
 export class Live {
   /** @param {import("./link.js").Link} link */
@@ -33,21 +34,19 @@ export class Live {
     this.link = link;
     this.surface = new Surface(at("surface"));
     this.traces = new Traces(at("traces"));
-    this.badges = new Badges(at("badges"));
+    this.flags = new HeldFlags();
+    this.losses = new LoopLosses();
+    this.strip = new Strip();
+    this.recorder = new Recorder(at("record"));
     this.health = new Health();
     this.arming = new Arming(link);
     this.compensation = new Compensation();
     this.estimates = new EstimateLog();
+    this.events = new EventLog();
+    this.eventList = new EventList(this.events);
     this.pointing = new Pointing(this.surface, (message) => link.send(message));
     this.listening = new Listening(at("spectrum"), () => this.state);
-    this.speed = new Gauge(at("speed"), { name: "Speed", unit: "mm/s", digits: 0, least: 120 });
-    this.force = new Gauge(at("force"), {
-      name: "Normal force",
-      unit: "N",
-      digits: 2,
-      least: 0.8,
-    });
-    this.drawnMs = this.toldMs = -Infinity;
+    this.drawnMs = this.toldMs = this.stripMs = -Infinity;
     this.trusted = false;
     this.shown = true;
     this.open(null);
@@ -60,12 +59,19 @@ export class Live {
   /** Show a rig; null: none. */
   open(rig) {
     this.rig = rig;
-    this.state = { status: null, scene: null, model: null, finger: null };
+    this.state = { status: null, scene: null, model: null, finger: null, recording: null };
+    /** When the recorder said something new last, ms. */
+    this.recordingMs = -Infinity;
+    /** UTC since when the rig is held by its owner; null: since before this page came. */
+    this.heldNs = null;
     this.estimates.clear();
+    this.losses.clear();
+    this.events.clear();
     this.heardMs = -Infinity;
     this.present = false;
     this.#watch();
     this.listening.open(rig);
+    this.#showStrip();
   }
 
   /** Show the charts, or leave the place to another view; state and gauges stay. */
@@ -105,6 +111,7 @@ export class Live {
     if (trusted === this.trusted) return;
     this.trusted = trusted;
     if (this.state.status !== null) this.#showStatus();
+    this.#showStrip();
   }
 
   /** Take a JSON message. */
@@ -116,6 +123,7 @@ export class Live {
       this.estimates.take(message.estimate, performance.now(), this.state.status?.utc_ns);
     }
     if (!Object.hasOwn(this.state, message.op)) return;
+    this.#follow(message.op, this.state[message.op], message[message.op]);
     this.state[message.op] = message[message.op];
     // What a rig last said is kept for late joiners: only a finger or news show that it lives.
     if (message.op === "status" || message.op === "finger") {
@@ -124,7 +132,6 @@ export class Live {
     }
     if (message.op === "status") this.#showStatus();
     if (message.op === "scene") this.#showScene();
-    if (message.op === "model") this.#showModel();
     if (message.op === "finger") this.#showFinger();
   }
 
@@ -133,31 +140,62 @@ export class Live {
     const frame = decode(buffer);
     this.heardMs = performance.now();
     this.traces.push(frame);
-    this.badges.note(frame.flags, this.heardMs);
+    this.flags.note(frame.flags, this.heardMs);
+  }
+
+  /** Note what a message changes against the one before. */
+  #follow(op, before, after) {
+    const client = this.link.welcome?.client ?? "";
+    const nowMs = performance.now();
+    if (op === "status") {
+      if (before !== null && before.owner !== after.owner) this.heldNs = after.utc_ns;
+      this.events.takeStatus(before, after, this.losses.take(after, nowMs), client);
+    }
+    if (op === "scene") this.events.takeScene(before, after, this.state.status, client);
+    if (op === "recording") {
+      // What was said before a reconnection is told once more: it has not become younger.
+      if (before?.utc_ns !== after.utc_ns) this.recordingMs = nowMs;
+      this.events.takeRecording(before, after);
+    }
   }
 
   #showStatus() {
     const { status } = this.state;
-    at("state").dataset.state = this.trusted ? status.state : "unknown";
-    say(at("state"), this.trusted ? (STATES[status.state] ?? status.state) : "Unknown");
-    const held = holder(status, this.link.welcome?.client);
-    say(at("owner"), this.trusted ? held : `It said last: ${status.state}`);
-    const { fault } = status;
-    say(at("fault"), fault === null ? "" : `${fault.kind}: ${fault.reason}. ${fault.action}`);
+    const { scopes = [], client = "" } = this.link.welcome ?? {};
     this.health.show(status);
     this.surface.setScreen(status.screen_mm);
-    const scopes = this.link.welcome?.scopes ?? [];
-    this.arming.show(this.rig, status, this.trusted ? scopes : []);
+    this.arming.show(this.rig, status, status.owner === client);
+    this.#showStrip();
     const may = this.trusted && scopes.includes("render");
     const model = this.state.model?.model ?? null;
-    this.compensation.show(this.rig, status, may, this.link.welcome?.client, model);
+    this.compensation.show(this.rig, status, may, client, model);
     const pointer = status.finger_source === "pointer";
-    const free = status.owner === null || status.owner === this.link.welcome?.client;
+    const free = status.owner === null || status.owner === client;
     this.pointing.enable(pointer && free && scopes.includes("render"));
     this.listening.followed = this.pointing.enabled;
-    const theirs = `The finger is a pointer's, and ${status.owner} holds the rig.`;
+    const theirs = `The finger is a pointer's, and ${nameOf(status.owner, client)} holds the rig.`;
     const finger = FINGERS[pointer ? scopes.includes("render") : status.finger_source];
     say(at("surface-help"), pointer && !free ? theirs : finger);
+  }
+
+  #showStrip() {
+    const nowMs = performance.now();
+    this.stripMs = nowMs;
+    const { scopes = [], client = "" } = this.link.welcome ?? {};
+    const { trusted, heldNs } = this;
+    const flags = this.flags.recent(nowMs);
+    const losses = this.losses.recent(nowMs);
+    const ageMs = nowMs - this.heardMs;
+    const settling = this.arming.heldRig !== null && this.state.status?.owner !== client;
+    const own = { client, scopes, settling };
+    const heard = { ...this.state, trusted, ageMs, flags, losses, heldNs, ...own };
+    this.strip.show(stripStateOf(heard));
+    this.eventList.show(this.rig);
+    if (!this.shown) return;
+    const { recording } = this.state;
+    const may = scopes.includes("calibrate");
+    const sinceMs = nowMs - this.recordingMs;
+    this.recorder.show({ rig: this.rig, recording, ageMs: sinceMs, trusted, may });
   }
 
   #showScene() {
@@ -176,12 +214,6 @@ export class Live {
     at("regions").replaceChildren(...shown);
   }
 
-  #showModel() {
-    const { validity } = this.state.model.model;
-    this.speed.setRange(validity.speed_mm_s);
-    this.force.setRange(validity.normal_force_n);
-  }
-
   #showFinger() {
     this.surface.setFinger(this.state.finger, performance.now());
   }
@@ -191,11 +223,7 @@ export class Live {
     this.pointing.tick(nowMs);
     if (CALM.matches && nowMs - this.drawnMs < CALM_MS) return;
     this.drawnMs = nowMs;
-    const { finger } = this.state;
-    const touching = finger !== null && finger.in_contact;
-    this.speed.show(touching ? Math.hypot(finger.vx_mm_s, finger.vy_mm_s) : null, nowMs);
-    this.force.show(touching ? finger.normal_force_n : null, nowMs);
-    this.badges.show(this.state, nowMs);
+    if (nowMs - this.stripMs >= READ_MS) this.#showStrip();
     if (this.shown) {
       this.surface.draw(nowMs);
       this.traces.draw();

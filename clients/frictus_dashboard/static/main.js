@@ -3,6 +3,7 @@
 import { address, route, VIEWS } from "./address.js";
 import { actAs } from "./api.js";
 import { at, element, say } from "./element.js";
+import { FirstSteps, firstStepOf } from "./first_steps.js";
 import { Link } from "./link.js";
 import { Live } from "./live.js";
 import { installSession } from "./session.js";
@@ -14,9 +15,11 @@ const LOOK_MS = 200;
 const link = new Link(token);
 const live = new Live(link);
 const views = new Views(new Page(link, live));
+const first = new FirstSteps();
 /** What the address names. */
 let routed = route("#/");
-let present = { rigs: [], link: true };
+/** Rigs that are present, and whether the service has its router; null: not told yet. */
+let present = { rigs: [], link: null };
 /** When what is shown was interrupted last, ms; null: never. */
 let interruptedMs = null;
 
@@ -62,6 +65,9 @@ function look() {
   at("title").classList.toggle("unseen", alone && live.state.status !== null); // listed above
   say(at("advice"), advice);
   at("advice").hidden = advice === "";
+  const connected = link.state === "open" && present.link === true;
+  const heard = { connected, rig: live.rig, scene: live.state.scene, trusted: live.trusted };
+  first.show(alone ? firstStepOf(heard) : { kind: "none" }, live.rig);
   at("rig").hidden = live.state.status === null;
   at("rig").classList.toggle("past", state !== "live");
   const where = alone ? "" : `${VIEWS[routed.view]}, `;
@@ -91,7 +97,8 @@ function standing() {
     return { state: "lost", text: "The service has no router", advice };
   }
   if (live.rig === null) {
-    const advice = "Start one, for example by frictus serve; this page will notice.";
+    // The live view says it at length.
+    const advice = routed.view === "live" ? "" : "Start one with frictus rig; this page will notice.";
     return { state: "waiting", text: "Connected; no rig is present", advice };
   }
   return standingOfRig();

@@ -158,6 +158,12 @@ class StudyNotFoundError(ApiError):
     status, code, title = 404, "no_study", "No such study"
 
 
+class RecordingNotFoundError(ApiError):
+    """The folder of recordings has no such file."""
+
+    status, code, title = 404, "no_recording", "No such recording"
+
+
 class DiscoveryNotFoundError(ApiError):
     """There is no discovery of this id."""
 

@@ -5,7 +5,9 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from typing import Annotated, Final
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi import Path as PathParameter
+from fastapi.responses import FileResponse
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from frictus.errors import RefusedError
@@ -29,6 +31,11 @@ _ASK: Final[tuple[type[problems.ApiError], ...]] = (
     problems.StaleError,
     problems.UnavailableError,
 )
+MOST_LISTED: Final = 500
+_NAME: Final = r"^[A-Za-z0-9._-]+$"
+RecordingName = Annotated[
+    str, PathParameter(min_length=1, max_length=100, pattern=_NAME, description="As listed")
+]
 router = APIRouter(prefix="/v1", tags=["recordings"])
 
 
@@ -37,7 +44,7 @@ class RecordingAsked(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    name: Annotated[str, Field(min_length=1, max_length=100, pattern=r"^[A-Za-z0-9._-]+$")]
+    name: Annotated[str, Field(min_length=1, max_length=100, pattern=_NAME)]
     participant: Annotated[str, Field(max_length=64)] | None = None
     notes: Annotated[str, Field(max_length=10_000)] = ""
 
@@ -49,6 +56,7 @@ class RecordingFile(BaseModel):
     bytes: int
     modified_utc: str = Field(description="ISO 8601")
     finished: bool = Field(description="false: being written, or torn")
+    seconds: float | None = Field(description="Length; null where it is not finished")
 
 
 class RecordingList(BaseModel):
@@ -56,6 +64,7 @@ class RecordingList(BaseModel):
 
     folder: str
     recordings: list[RecordingFile]
+    left_out: int = Field(description="How many older ones there are besides")
 
 
 @contextmanager
@@ -75,13 +84,16 @@ _ASKED: Final[TypeAdapter[RecordingAsked]] = TypeAdapter(RecordingAsked)
 @router.get(
     "/recordings",
     dependencies=[Depends(needs("read"))],
-    responses=problems.documented(*_RIG[:2]),
+    responses=problems.documented(*_RIG[:2], problems.InvalidError),
 )
-def list_recordings(given: Given) -> RecordingList:
+def list_recordings(
+    given: Given, most: Annotated[int, Query(ge=1, le=MOST_LISTED)] = MOST_LISTED
+) -> RecordingList:
     """List the recordings in this machine's folder; a recorder elsewhere has its own."""
-    from frictus_service.recording.summary import shelved
+    from frictus_service.recording.summary import length_s, shelved
 
     folder = given.config.recordings
+    found = shelved(folder)
     return RecordingList(
         folder=str(folder.resolve()),
         recordings=[
@@ -90,10 +102,41 @@ def list_recordings(given: Given) -> RecordingList:
                 bytes=one.size,
                 modified_utc=datetime.fromtimestamp(one.modified_s, UTC).isoformat(),
                 finished=one.finished,
+                seconds=length_s(one),
             )
-            for one in shelved(folder)
+            for one in found[:most]
         ],
+        left_out=max(0, len(found) - most),
     )
+
+
+@router.get(
+    "/recordings/{name}/recording.mcap",
+    dependencies=[Depends(needs("read"))],
+    response_class=FileResponse,
+    responses=problems.documented(
+        *_RIG[:2],
+        problems.RecordingNotFoundError,
+        problems.InvalidError,
+        problems.RecordingConflictError,
+    ),
+)
+def get_recording_file(name: RecordingName, given: Given) -> FileResponse:
+    """Return a finished recording of this machine's folder as a file."""
+    from frictus_service.recording.recording import SUFFIX
+    from frictus_service.recording.summary import is_finished
+
+    folder = given.config.recordings.resolve()
+    path = folder / f"{name}{SUFFIX}"
+    # A link in the folder may lead anywhere: what lies elsewhere is no recording of it.
+    if not path.is_file() or path.resolve().parent != folder:
+        raise problems.RecordingNotFoundError(f"there is no recording {name!r}")
+    if not is_finished(path):
+        raise problems.RecordingConflictError(
+            f"{name!r} is being written, or was torn: end it, or make a finished file of it "
+            "with `frictus recover`"
+        )
+    return FileResponse(path, media_type="application/octet-stream", filename=path.name)
 
 
 @router.get(

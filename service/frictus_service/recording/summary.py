@@ -1,11 +1,15 @@
 """What is in a recording, whether all of it is sound, and a finished file from a torn one."""
 
 import os
+import struct
 import time
 from dataclasses import asdict, dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
 from mcap.records import Channel, Schema
 from mcap.writer import MCAP0_MAGIC, CompressionType, IndexType, Writer
 
@@ -78,6 +82,36 @@ def is_finished(path: Path) -> bool:
         size = file.seek(0, 2)
         file.seek(max(0, size - length))
         return size > length and file.read() == MCAP0_MAGIC
+
+
+@lru_cache(maxsize=1_024)
+def _length_s(path: Path, size: int, modified_s: float) -> float | None:
+    """Return a file's length; `size` and `modified_s` make what is kept that of this file."""
+    try:
+        with path.open("rb") as file:
+            summary = make_reader(file).get_summary()
+    except (OSError, McapError, ValueError, struct.error):
+        return None
+    statistics = None if summary is None else summary.statistics
+    if statistics is None or statistics.message_count == 0:
+        return None
+    return 1e-9 * (statistics.message_end_time - statistics.message_start_time)
+
+
+def length_s(one: Shelved) -> float | None:
+    """Return the seconds between first and last message, as the file's own statistics say.
+
+    Parameters
+    ----------
+    one : Shelved
+        Of `shelved`.
+
+    Returns
+    -------
+    float or None
+        None where it is not finished, is empty, or cannot be read.
+    """
+    return _length_s(one.path, one.size, one.modified_s) if one.finished else None
 
 
 def unfinished(folder: Path) -> Path | None:

@@ -31,6 +31,7 @@ NEEDS = [
     ("GET", "/v1/rigs/{rig}/recording", "read"),
     ("POST", "/v1/rigs/{rig}/recording/stop", "calibrate"),
     ("GET", "/v1/recordings", "read"),
+    ("GET", "/v1/recordings/{name}/recording.mcap", "read"),
     ("GET", "/v1/textures", "read"),
     ("GET", "/v1/textures/x", "read"),
     ("PUT", "/v1/textures/x", "render"),

@@ -3,6 +3,7 @@
 import { request } from "../api.js";
 import { element, say } from "../element.js";
 import { choice, labelled } from "../fields.js";
+import { nameOf } from "../holder.js";
 import { Outcome } from "../outcome.js";
 
 /** What the service accepts; `per`: how many of what is shown make one. */
@@ -87,15 +88,20 @@ export class Setup {
   open(rig) {
     if (rig !== this.rig) {
       this.outcome.clear();
-      this.show({ owner: null });
+      this.show({ owner: null }, "");
     }
     this.rig = rig;
   }
 
-  /** @param {object} status the rig's: a calibration arms it by itself, so nobody may hold it */
-  show({ owner }) {
+  /**
+   * A calibration arms the rig by itself, so nobody may hold it.
+   *
+   * @param {object} status the rig's @param {string} client name of this page to the rigs
+   */
+  show({ owner }, client) {
     this.begin.disabled = owner !== null;
-    say(this.holder, owner === null ? "" : `${owner} holds ${this.rig}: wait until it is disarmed.`);
+    const name = nameOf(owner, client);
+    say(this.holder, owner === null ? "" : `${name} holds ${this.rig}: wait until it is disarmed.`);
   }
 
   #form() {

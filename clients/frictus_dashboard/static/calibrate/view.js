@@ -77,7 +77,7 @@ export class View {
     const { status } = this.page.state;
     if (status === null) return;
     this.guidance.setScreen(status.screen_mm);
-    this.setup.show(status);
+    this.setup.show(status, this.page.link.welcome?.client ?? "");
     this.standing.look();
   }
 

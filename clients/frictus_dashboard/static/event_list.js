@@ -1,0 +1,29 @@
+/** The event log as a list, the newest first, behind a button of the strip. */
+
+import { at, element, say } from "./element.js";
+import { clock } from "./strip_state.js";
+
+export class EventList {
+  /** @param {import("./event_log.js").EventLog} log */
+  constructor(log) {
+    this.log = log;
+    this.shown = -1;
+    this.of = null;
+  }
+
+  /** @param {string|null} rig whose log it is */
+  show(rig) {
+    if (this.shown === this.log.version && this.of === rig) return;
+    this.shown = this.log.version;
+    this.of = rig;
+    const { entries } = this.log;
+    const none = "Nothing yet: events are kept from when this page shows the rig, while it is open.";
+    say(at("events-note"), entries.length === 0 ? none : "The newest first");
+    at("events-list").replaceChildren(...entries.map(line));
+  }
+}
+
+function line({ ns, what, who, kind, more = "" }) {
+  const by = who === "" ? [] : [element("span", { class: "by" }, ` by ${who}`)];
+  return element("li", { "data-kind": kind }, element("time", {}, clock(ns)), ` ${what}`, ...by, more);
+}

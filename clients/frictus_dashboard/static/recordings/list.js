@@ -1,0 +1,64 @@
+/** The recordings in the folder of the service's machine: when, how long, how large, to be saved. */
+
+import { request } from "../api.js";
+import { save } from "../download.js";
+import { element, say } from "../element.js";
+import { button } from "../fields.js";
+import { Outcome } from "../outcome.js";
+import { fill, scrolling, table, words } from "../table.js";
+import { length, size } from "./record_state.js";
+
+const SHOWN = 50;
+const WHEN = { dateStyle: "short", timeStyle: "short" };
+
+export class RecordingList {
+  constructor() {
+    this.newest = null;
+    this.outcome = new Outcome();
+    this.note = element("p", { class: "quiet" });
+    this.table = table("Recordings, the newest first", ["Name", "File", "When", "Length", "Size"]);
+    this.place = scrolling(this.table);
+    const summary = element("summary", {}, "Recordings");
+    const parts = [this.note, this.place, this.outcome.root];
+    this.root = element("details", { class: "recordings" }, summary, ...parts);
+    this.root.addEventListener("toggle", () => this.refresh());
+  }
+
+  /** Read the list anew, where it is open. */
+  async refresh() {
+    if (!this.root.open) return;
+    const mine = (this.newest = {});
+    const asked = request("GET", `/recordings?most=${SHOWN}`);
+    const wanted = () => mine === this.newest;
+    const found = await this.outcome.of(asked, "The list cannot be read", wanted);
+    if (found === null || !wanted()) return;
+    this.place.hidden = found.recordings.length === 0;
+    const more = found.left_out > 0 ? ` ${found.left_out} older ones are not listed.` : "";
+    say(this.note, found.recordings.length === 0 ? "There is none yet." : more);
+    fill(this.table, found.recordings.map((one) => this.#row(one)));
+  }
+
+  #row({ name, modified_utc: when, seconds, bytes, finished }) {
+    const file = finished ? this.#saving(name) : "not finished";
+    return [
+      name,
+      words(file), // first of all: it is in reach on a phone
+      new Date(when).toLocaleString(undefined, WHEN),
+      length(seconds),
+      size(bytes),
+    ];
+  }
+
+  #saving(name) {
+    const made = button("Download", async () => {
+      made.disabled = true;
+      const path = `/recordings/${encodeURIComponent(name)}/recording.mcap`;
+      const patient = new AbortController(); // no deadline: it may be large
+      const saved = save(path, `${name}.mcap`, { signal: patient.signal });
+      await this.outcome.of(saved, `${name} is not saved`);
+      made.disabled = false;
+    });
+    made.setAttribute("aria-label", `Download ${name}`);
+    return made;
+  }
+}

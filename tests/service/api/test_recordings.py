@@ -1,0 +1,97 @@
+"""The folder of recordings over REST: what is listed, and what is served of it."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from fastapi.testclient import TestClient
+from mcap.writer import Writer
+
+Serve = Callable[..., TestClient]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    made = tmp_path / "recordings"
+    made.mkdir()
+    return made
+
+
+@pytest.fixture
+def api(folder: Path, serve: Serve) -> TestClient:
+    return serve(recordings=folder)
+
+
+def write(folder: Path, name: str, seconds: float | None = 2.5) -> bytes:
+    """Write a finished file of that length; None: without any message."""
+    path = folder / f"{name}.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("frictus", "test")
+        schema = writer.register_schema("state", "jsonschema", b"{}")
+        channel = writer.register_channel("state/status", "json", schema)
+        for at_s in () if seconds is None else (10.0, 10.0 + seconds):
+            writer.add_message(channel, int(1e9 * at_s), b"{}", int(1e9 * at_s))
+        writer.finish()  # type: ignore[no-untyped-call]
+    return path.read_bytes()
+
+
+def test_a_finished_one_is_listed_with_its_length_and_served_whole(
+    api: TestClient, folder: Path
+) -> None:
+    content = write(folder, "pilot.1")
+    (listed,) = api.get("/v1/recordings").json()["recordings"]
+    assert (listed["name"], listed["bytes"], listed["finished"]) == (
+        "pilot.1",
+        len(content),
+        True,
+    )
+    assert listed["seconds"] == pytest.approx(2.5)
+    answer = api.get("/v1/recordings/pilot.1/recording.mcap")
+    assert (answer.status_code, answer.content) == (200, content)
+    assert 'filename="pilot.1.mcap"' in answer.headers["content-disposition"]
+
+
+def test_of_what_is_not_finished_no_length_is_known_and_nothing_is_served(
+    api: TestClient, folder: Path
+) -> None:
+    content = write(folder, "whole")
+    (folder / "torn.mcap").write_bytes(content[:-5])
+    write(folder, "empty", seconds=None)
+    # It ends as a finished one does, and holds nothing that could be read.
+    (folder / "noise.mcap").write_bytes(b"\x07" * 200 + content[-8:])
+    listed = {one["name"]: one for one in api.get("/v1/recordings").json()["recordings"]}
+    assert {name for name, one in listed.items() if one["seconds"] is not None} == {"whole"}
+    answer = api.get("/v1/recordings/torn/recording.mcap")
+    assert (answer.status_code, answer.json()["code"]) == (409, "recording_conflict")
+    assert "frictus recover" in answer.json()["detail"]
+
+
+def test_a_long_folder_is_listed_in_part(api: TestClient, folder: Path) -> None:
+    for number in range(3):
+        write(folder, f"r{number}")
+    listed = api.get("/v1/recordings", params={"most": 2}).json()
+    assert (len(listed["recordings"]), listed["left_out"]) == (2, 1)
+    assert api.get("/v1/recordings").json()["left_out"] == 0
+    assert api.get("/v1/recordings", params={"most": 0}).status_code == 422
+
+
+@pytest.mark.parametrize(
+    "name", ["..", "....", "%2e%2e", "..%2Fsecret", "%2Fetc%2Fpasswd", "a%00"]
+)
+def test_nothing_outside_of_the_folder_is_served(
+    name: str, api: TestClient, folder: Path
+) -> None:
+    write(folder.parent, "secret")
+    answer = api.get(f"/v1/recordings/{name}/recording.mcap")
+    assert answer.status_code in (404, 422)
+
+
+def test_a_link_that_leads_elsewhere_is_no_recording(api: TestClient, folder: Path) -> None:
+    write(folder.parent, "secret")
+    try:
+        (folder / "linked.mcap").symlink_to(folder.parent / "secret.mcap")
+    except OSError:
+        pytest.skip("this system makes no links")
+    answer = api.get("/v1/recordings/linked/recording.mcap")
+    assert (answer.status_code, answer.json()["code"]) == (404, "no_recording")
