@@ -31,6 +31,8 @@ GAIN_PER_STROKE: Final = 0.02
 CUTOFF_PER_STROKE: Final = 0.05
 """Of ln cutoff between strokes; the simulated participants' `WithinPersonScatter` takes the
 same. As much again between the batches of one stroke (`calibration.posterior.EXPECTED`)."""
+CUTOFF_PER_WINDOW: Final = 0.03
+"""Of ln cutoff between windows: their speed is a predicted one, some mm/s off."""
 UNITS: Final = np.array([1.0, 1.0, 1.0, 1e-4])
 """Of the coordinates within the filter: all deviations are then about one."""
 WIDE: Final = 1.0
@@ -202,21 +204,23 @@ def batch_score(
     root = np.sqrt(certainty)[:, np.newaxis]
     imaginary, real = root * table.imag, root * (table.real - means[place])
     means = means / np.sqrt(1.0 / total + spread**2)[:, np.newaxis]
-    # Every window has rows: of its strongest band.
-    edges = np.searchsorted(part, np.arange(int(part[-1]) + 2))
-    limits = np.append(starts, data.segment.size)[edges]
+    limits = [*starts.tolist(), certainty.size]
     moments = np.array(
         [
-            sum(each.T @ each for each in (imaginary[rows], real[rows], means[windows]))
-            for rows, windows in zip(_slices(limits), _slices(edges), strict=True)
+            imaginary[low:high].T @ imaginary[low:high] + real[low:high].T @ real[low:high]
+            for low, high in pairwise(limits)
         ]
     )
-    _, score, information = wandered(moments[:, :-1, -1], moments[:, :-1, :-1], EXPECTED)
+    moments += means[:, :, np.newaxis] * means[:, np.newaxis, :]
+    _, score, information = wandered(
+        moments[:, :-1, -1], moments[:, :-1, :-1], CUTOFF_PER_WINDOW
+    )
+    # Every window has rows, those of its strongest band, so that there are as many as parts.
+    begins = np.flatnonzero(np.diff(part, prepend=-1))
+    _, score, information = wandered(
+        np.add.reduceat(score, begins), np.add.reduceat(information, begins), EXPECTED
+    )
     return score, information, 2.0 * float(certainty.sum())
-
-
-def _slices(edges: IntArray) -> list[slice]:
-    return [slice(low, high) for low, high in pairwise(edges.tolist())]
 
 
 def _tamed(
