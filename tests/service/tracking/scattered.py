@@ -35,6 +35,14 @@ class Felt:
     new_contact: bool
 
 
+@dataclass(frozen=True)
+class Session:
+    """The watch after some batches, and the batch of the first alarm."""
+
+    watch: Watch
+    first: int | None
+
+
 def explored(
     rng: np.random.Generator,
     off: FloatArray,
@@ -120,8 +128,8 @@ def watched(
     off: FloatArray,
     asymmetry: float = 0.0,
     lifts: float = LIFTS,
-) -> tuple[Watch, int | None]:
-    """Return the watch over PAPER's law after some batches, and that of its first alarm."""
+) -> Session:
+    """Return a session in which PAPER's law is in force."""
     noise = np.full(BANDS.centre_hz.size, NOISE_N**2)
     estimate = LawEstimate(PAPER + off, np.zeros((4, 4)), noise, 1e-3, 1, 10)
     watch, first, last_s = Watch.begin(MOUNT), None, 0.0
@@ -133,4 +141,4 @@ def watched(
         last_s = now_s
         if first is None and watch.raised:
             first = number
-    return watch, first
+    return Session(watch, first)
