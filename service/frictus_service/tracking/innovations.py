@@ -19,7 +19,7 @@ from typing import Final, Self
 import numpy as np
 
 from frictus_hardware.arrays import ComplexArray, FloatArray, IntArray
-from frictus_service.calibration.posterior import ENDS, EXPECTED, wandered
+from frictus_service.calibration.posterior import ENDS, wandered
 from frictus_service.calibration.score_information import GainScatter, linearised
 from frictus_service.tracking.law_estimate import GAIN_PER_CONTACT, Batch, LawEstimate
 
@@ -30,8 +30,10 @@ GAIN_PER_STROKE: Final = 0.02
 """Standard deviation of ln gain between strokes of a contact."""
 CUTOFF_PER_STROKE: Final = 0.05
 """Of ln cutoff between strokes; the simulated participants' `WithinPersonScatter` takes the
-same. As much again between the batches of one stroke (`calibration.posterior.EXPECTED`)."""
-CUTOFF_PER_WINDOW: Final = 0.03
+same."""
+CUTOFF_PER_BATCH: Final = 0.03
+"""Of ln cutoff between the batches of one stroke."""
+CUTOFF_PER_WINDOW: Final = 0.02
 """Of ln cutoff between windows: their speed is a predicted one, some mm/s off."""
 UNITS: Final = np.array([1.0, 1.0, 1.0, 1e-4])
 """Of the coordinates within the filter: all deviations are then about one."""
@@ -218,7 +220,7 @@ def batch_score(
     # Every window has rows, those of its strongest band, so that there are as many as parts.
     begins = np.flatnonzero(np.diff(part, prepend=-1))
     _, score, information = wandered(
-        np.add.reduceat(score, begins), np.add.reduceat(information, begins), EXPECTED
+        np.add.reduceat(score, begins), np.add.reduceat(information, begins), CUTOFF_PER_BATCH
     )
     return score, information, 2.0 * float(certainty.sum())
 
