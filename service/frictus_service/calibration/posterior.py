@@ -43,7 +43,7 @@ UNDETERMINED: Final = (
     "the trials do not determine gain, cutoff at two speeds and delay: measure at two speeds "
     "and three tones at least, or give a prior"
 )
-_ENDS: Final = np.array([[1.0, 0.9], [0.9, 1.0]])
+ENDS: Final = np.array([[1.0, 0.9], [0.9, 1.0]])
 """Correlation of the wandering of the law's two ends. Below 1, so that the slope is taken from
 far speeds, and not from small changes of speed within a condition."""
 
@@ -151,7 +151,7 @@ def wandered(
     size : float
         Standard deviation of ln cutoff between groups.
     """
-    spread = size**2 * _ENDS
+    spread = size**2 * ENDS
     growth = np.eye(2) + spread @ own[:, :2, :2]
     share = np.linalg.solve(growth, np.broadcast_to(spread, growth.shape))
     taken = np.einsum("gia,gab->gib", own[:, :, :2], share)

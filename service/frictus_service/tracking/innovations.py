@@ -1,28 +1,40 @@
 """What each batch of windows says of deviations from a law that nobody can foresee from it.
 
 Score and information of a deviation in the innovations of a Kalman filter over all that may
-vary while the model is right: the law where it is free, a gain that wanders about it, and a
-cutoff that wanders from batch to batch. The filter follows a deviation in part; what it will
-have made of it is taken out of its direction (the generalised likelihood ratio of Willsky and
-Jones). So, the increments of score and information are those of a martingale under the model.
+vary while the model is right: the law where it is free, the gain of a contact, and gain and
+cutoff of a stroke. What is constant within a stroke and differs from the last says little of
+its own: the filter knows that a further stroke may differ as much. It follows a deviation in
+part; what it will have made of it is taken out of its direction (the generalised likelihood
+ratio of Willsky and Jones). So, the increments of score and information are those of a
+martingale under the model.
 
 Willsky and Jones 1976, A generalized likelihood ratio approach to the detection and estimation
 of jumps in linear systems, IEEE Trans. Automatic Control 21.
 """
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Final, Self
 
 import numpy as np
 
 from frictus_hardware.arrays import ComplexArray, FloatArray, IntArray
-from frictus_service.calibration.posterior import EXPECTED, wandered
+from frictus_service.calibration.posterior import ENDS, wandered
 from frictus_service.calibration.score_information import GainScatter, linearised
 from frictus_service.tracking.law_estimate import GAIN_PER_CONTACT, Batch, LawEstimate
 
-GAIN_LASTS_S: Final = 3.0
-"""The gain of a contact wanders about the law within this time: what a long contact says of it
-counts as so many short ones."""
+GAIN_LASTS_S: Final = 30.0
+"""The gain of a contact wanders about the law within this time: what a contact of minutes says
+of it counts as so many short ones."""
+GAIN_PER_STROKE: Final = 0.02
+"""Standard deviation of ln gain between strokes of a contact."""
+CUTOFF_PER_STROKE: Final = 0.05
+"""Of ln cutoff between strokes; the simulated participants' `WithinPersonScatter` takes the
+same."""
+CUTOFF_PER_BATCH: Final = 0.03
+"""Of ln cutoff between the batches of one stroke."""
+CUTOFF_PER_WINDOW: Final = 0.02
+"""Of ln cutoff between windows: their speed is a predicted one, some mm/s off."""
 UNITS: Final = np.array([1.0, 1.0, 1.0, 1e-4])
 """Of the coordinates within the filter: all deviations are then about one."""
 WIDE: Final = 1.0
@@ -33,8 +45,18 @@ lines, and a window is not infinitely long."""
 TAIL: Final = 5.0
 """Degrees of freedom of the t distribution whose weights tame outlying windows."""
 LAW: Final = 4
-STATE: Final = 5
-"""The law's coordinates, and by how much the gain is off it now."""
+STATE: Final = 8
+"""The law's coordinates, and how far off it are now: the contact's gain, the stroke's gain, and
+the stroke's cutoff at both ends of the speeds."""
+COLUMNS: Final = np.array([0, 1, 2, 3, 2, 2, 0, 1])
+"""Of the coordinates, along which each part of the state changes the response."""
+_CONTACT: Final = slice(LAW, LAW + 1)
+_STROKE: Final = slice(LAW + 1, STATE)
+WANDERING: Final = np.zeros((STATE - LAW, STATE - LAW))
+"""Covariance of what is off the law; of the cutoff's ends as `calibration.posterior` has it."""
+WANDERING[0, 0] = GAIN_PER_CONTACT**2
+WANDERING[1, 1] = GAIN_PER_STROKE**2
+WANDERING[2:, 2:] = CUTOFF_PER_STROKE**2 * ENDS
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,19 +78,26 @@ class Nuisance:
 
     @classmethod
     def begin(cls, mean: FloatArray, sd: FloatArray, deviations: int) -> Self:
-        """Return the filter before a first batch.
+        """Return the filter before a first batch, at the law.
 
         Parameters
         ----------
-        mean, sd : ndarray, shape (n,)
-            Of what varies, in `UNITS`; zero for what does not.
+        mean, sd : ndarray, shape (4 + n_effects,)
+            Of the law in `UNITS` and of effects where they may vary too; zero for what does
+            not vary.
         deviations : int
             How many are tested.
         """
-        return cls(mean, np.diag(np.square(sd)), np.zeros((mean.size, deviations)))
+        size = mean.size + STATE - LAW
+        fixed = np.r_[:LAW, STATE:size]
+        whole, covariance = np.zeros(size), np.zeros((size, size))
+        whole[fixed] = mean
+        covariance[fixed, fixed] = np.square(sd)
+        covariance[LAW:STATE, LAW:STATE] = WANDERING
+        return cls(whole, covariance, np.zeros((size, deviations)))
 
-    def advanced(self, seconds: float, new_contact: bool) -> Self:
-        """Return the filter some time later: the gain forgets how far it was off the law.
+    def advanced(self, seconds: float, new_contact: bool, new_stroke: bool) -> Self:
+        """Return the filter some time later: it forgets what was of a contact or a stroke.
 
         Parameters
         ----------
@@ -76,12 +105,17 @@ class Nuisance:
             Since the last batch.
         new_contact : bool
             Whether the finger left the screen meanwhile.
+        new_stroke : bool
+            Whether it turned.
         """
-        keep = 0.0 if new_contact else float(np.exp(-max(seconds, 0.0) / GAIN_LASTS_S))
         kept = np.ones(self.mean.size)
-        kept[LAW] = keep
+        kept[_CONTACT] = (
+            0.0 if new_contact else float(np.exp(-max(seconds, 0.0) / GAIN_LASTS_S))
+        )
+        kept[_STROKE] = 0.0 if new_contact or new_stroke else 1.0
         covariance = self.covariance * np.outer(kept, kept)
-        covariance[LAW, LAW] += GAIN_PER_CONTACT**2 * (1.0 - keep**2)
+        off = kept[LAW:STATE]
+        covariance[LAW:STATE, LAW:STATE] += WANDERING * (1.0 - np.outer(off, off))
         return replace(
             self,
             mean=self.mean * kept,
@@ -132,12 +166,12 @@ class Nuisance:
 
 
 def batch_score(
-    batch: Batch, estimate: LawEstimate, further: ComplexArray
+    batch: Batch, estimate: LawEstimate, further: ComplexArray, part: IntArray
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Return score, information and certainty of a batch at the estimate.
+    """Return score and information of each part of a batch, and the batch's certainty.
 
     As `calibration.score_information.scores`, with further columns, and with the cutoff's
-    wandering from batch to batch.
+    wandering from part to part.
 
     Parameters
     ----------
@@ -147,12 +181,14 @@ def batch_score(
         Before the batch.
     further : ndarray of complex, shape (n_windows, n_bands, n_further)
         d ln H of each.
+    part : ndarray of int, shape (n_windows,)
+        Number of each window's part, rising from 0.
 
     Returns
     -------
-    score : ndarray, shape (4 + n_further,)
+    score : ndarray, shape (n_parts, 4 + n_further)
         Of the coordinates in `UNITS`, then of the further columns.
-    information : ndarray, shape (4 + n_further, 4 + n_further)
+    information : ndarray, shape (n_parts, 4 + n_further, 4 + n_further)
     certainty : float
         Sum over real and imaginary parts of the inverse of their relative variances.
     """
@@ -168,18 +204,25 @@ def batch_score(
     weighted = certainty[:, np.newaxis] * table.real
     means = np.add.reduceat(weighted, starts, axis=0) / total[:, np.newaxis]
     root = np.sqrt(certainty)[:, np.newaxis]
-    rows = np.concatenate(
+    imaginary, real = root * table.imag, root * (table.real - means[place])
+    means = means / np.sqrt(1.0 / total + spread**2)[:, np.newaxis]
+    limits = [*starts.tolist(), certainty.size]
+    moments = np.array(
         [
-            root * table.imag,
-            root * (table.real - means[place]),
-            means / np.sqrt(1.0 / total + spread**2)[:, np.newaxis],
+            imaginary[low:high].T @ imaginary[low:high] + real[low:high].T @ real[low:high]
+            for low, high in pairwise(limits)
         ]
     )
-    whole = rows.T @ rows
+    moments += means[:, :, np.newaxis] * means[:, np.newaxis, :]
     _, score, information = wandered(
-        whole[np.newaxis, :-1, -1], whole[np.newaxis, :-1, :-1], EXPECTED
+        moments[:, :-1, -1], moments[:, :-1, :-1], CUTOFF_PER_WINDOW
     )
-    return score[0], information[0], 2.0 * float(certainty.sum())
+    # Every window has rows, those of its strongest band, so that there are as many as parts.
+    begins = np.flatnonzero(np.diff(part, prepend=-1))
+    _, score, information = wandered(
+        np.add.reduceat(score, begins), np.add.reduceat(information, begins), CUTOFF_PER_BATCH
+    )
+    return score, information, 2.0 * float(certainty.sum())
 
 
 def _tamed(

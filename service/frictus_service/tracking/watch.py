@@ -22,6 +22,7 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.tracking.evidence import Sums, with_another
 from frictus_service.tracking.innovations import (
+    COLUMNS,
     LAW,
     STATE,
     UNITS,
@@ -29,7 +30,7 @@ from frictus_service.tracking.innovations import (
     Nuisance,
     batch_score,
 )
-from frictus_service.tracking.law_estimate import GAIN_PER_CONTACT, Batch, LawEstimate
+from frictus_service.tracking.law_estimate import Batch, LawEstimate
 from frictus_service.tracking.mains_line import line_evidence
 from frictus_service.tracking.signatures import (
     EFFECT_CAUSES,
@@ -40,6 +41,7 @@ from frictus_service.tracking.signatures import (
     law_directions,
     pattern_directions,
 )
+from frictus_service.tracking.strokes import Strokes
 
 __all__ = ["ALARM", "CAUSES", "INSTRUMENT", "Watch"]
 
@@ -73,6 +75,8 @@ class Watch:
         Processes that have begun in the session, ended ones too.
     began_minutes : float
         Of the device, at the first batch; drifts count from there.
+    last_direction, last_minutes : float
+        Of the window before, by which strokes are told; 0 before the first.
     filters : tuple of Nuisance
         With the law free; with each of `LAW_CAUSES` held; with law and effects free. Empty
         before the first batch.
@@ -88,6 +92,8 @@ class Watch:
     batches: int
     begun: int
     began_minutes: float
+    last_direction: float
+    last_minutes: float
     filters: tuple[Nuisance, ...]
     sums: Sums
     log_evidence: FloatArray
@@ -105,7 +111,7 @@ class Watch:
             Processes that have begun in the session before.
         """
         nothing = np.zeros(len(CAUSES))
-        return cls(mount, 0, begun, 0.0, (), Sums.zeros(0), nothing, ())
+        return cls(mount, 0, begun, 0.0, 0.0, 0.0, (), Sums.zeros(0), nothing, ())
 
     def of_another_model(self) -> Self:
         """Return the watch over another model, on the same finger.
@@ -150,10 +156,13 @@ class Watch:
         first = float(batch.conditions.minutes[0])
         began = self.began_minutes if self.filters else first
         filters = _begun(self.filters, at, estimate)
-        filters = tuple(each.advanced(seconds, new_contact) for each in filters)
+        strokes = Strokes.of(batch.conditions, self.last_direction, self.last_minutes)
+        filters = tuple(
+            each.advanced(seconds, new_contact, bool(strokes.begins[0])) for each in filters
+        )
         own = law_directions(at) / UNITS
         filters, (*news, certainty) = _innovations(
-            batch, filters, estimate, own, self.mount, began
+            batch, strokes, filters, estimate, own, self.mount, began
         )
         none = np.zeros(())
         news += [line_evidence(batch, estimate, sample_rate_hz), certainty, none, none]
@@ -177,6 +186,8 @@ class Watch:
             batches=self.batches + 1,
             begun=begun,
             began_minutes=began,
+            last_direction=float(batch.conditions.direction[-1]),
+            last_minutes=float(batch.conditions.minutes[-1]),
             filters=filters,
             sums=sums,
             log_evidence=evidence,
@@ -190,12 +201,12 @@ def _begun(
     """Return the filters, those that there are not yet at their beginning."""
     if len(filters) == 2 + len(LAW_CAUSES):
         return filters
-    sd = np.array([WIDE, WIDE, WIDE, 5.0 * WIDE, GAIN_PER_CONTACT])
-    free = np.append(estimate.mean / UNITS, 0.0)
+    sd = np.array([WIDE, WIDE, WIDE, 5.0 * WIDE])
+    free = estimate.mean / UNITS
     held = []
     for cause, own in zip(LAW_CAUSES, law_directions(at), strict=True):
-        fixed = np.append(own != 0.0, False)
-        mean = np.where(fixed, np.append(at / UNITS, 0.0), free)
+        fixed = own != 0.0
+        mean = np.where(fixed, at / UNITS, free)
         begun = Nuisance.begin(mean, np.where(fixed, 0.0, sd), _N_EFFECTS + 1)
         if cause == "speed_dependent_cutoff":  # both ends may be off, alike
             begun.covariance[:2, :2] = WIDE**2
@@ -211,6 +222,7 @@ def _begun(
 
 def _innovations(
     batch: Batch,
+    strokes: Strokes,
     filters: tuple[Nuisance, ...],
     estimate: LawEstimate,
     own: FloatArray,
@@ -220,11 +232,28 @@ def _innovations(
     """Return the filters after a batch, and what is added to `Sums` (without `mains`)."""
     effects = effect_directions(batch, estimate.mean, mount, began_minutes)
     further = np.concatenate([effects, pattern_directions(batch)], axis=-1)
-    score, information, certainty = batch_score(batch, estimate, further)
-    at = np.append(estimate.mean / UNITS, 0.0)
-    # The gain's wandering has the column of the gain.
-    place = np.array([0, 1, 2, 3, 2, *range(LAW, LAW + _N_EFFECTS + len(PATTERNS))])
-    score, information = score[place], information[np.ix_(place, place)]
+    scores, informations, certainty = batch_score(batch, estimate, further, strokes.part)
+    places = np.append(COLUMNS, np.arange(LAW, LAW + _N_EFFECTS + len(PATTERNS)))
+    at = np.concatenate([estimate.mean / UNITS, np.zeros(STATE - LAW)])
+    sums: tuple[FloatArray, ...] = ()
+    for number, (score, information) in enumerate(zip(scores, informations, strict=True)):
+        if number:
+            filters = tuple(each.advanced(0.0, False, True) for each in filters)
+        filters, news = _of_a_part(
+            score[places], information[np.ix_(places, places)], filters, at, own
+        )
+        sums = tuple(map(np.add, sums, news)) if sums else news
+    return filters, (*sums, np.array(certainty))
+
+
+def _of_a_part(
+    score: FloatArray,
+    information: FloatArray,
+    filters: tuple[Nuisance, ...],
+    at: FloatArray,
+    own: FloatArray,
+) -> tuple[tuple[Nuisance, ...], tuple[FloatArray, ...]]:
+    """Return the filters after a part of a batch in one stroke, and what it says."""
     small = STATE + _N_EFFECTS
     free, *held, everything = filters
     free, pulled, known = free.seen(score[:small], information[:small, :small], at)
@@ -239,13 +268,11 @@ def _innovations(
         informations.append(known_of_law)
     none = np.concatenate([at, np.zeros(_N_EFFECTS)])
     everything, patterns, known_of_patterns = everything.seen(score, information, none)
-    sums = (
+    return (free, *after, everything), (
         pulled,
         known,
         np.array(scores),
         np.array(informations),
         patterns,
         np.diag(known_of_patterns),
-        np.array(certainty),
     )
-    return (free, *after, everything), sums

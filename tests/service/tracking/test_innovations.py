@@ -7,11 +7,21 @@ from tests.service.tracking.slides import BANDS, PAPER, slide, speeds
 
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.tracking.evidence import log_ratio
-from frictus_service.tracking.innovations import STATE, UNITS, Nuisance, batch_score
-from frictus_service.tracking.law_estimate import GAIN_PER_CONTACT, Batch, LawEstimate, updated
+from frictus_service.tracking.innovations import (
+    COLUMNS,
+    LAW,
+    STATE,
+    UNITS,
+    WANDERING,
+    Nuisance,
+    batch_score,
+)
+from frictus_service.tracking.law_estimate import Batch, LawEstimate, updated
 
 BATCHES = 30
-PRIOR_SD = np.array([1.0, 1.0, 1.0, 1.0, GAIN_PER_CONTACT])
+STROKE = 2
+CONTACT = 10
+"""Batches of each."""
 
 
 @dataclass(frozen=True)
@@ -25,18 +35,19 @@ class Evidence:
 
 def session(rng: np.random.Generator, dose: float, edge: float) -> Evidence:
     """Return the evidence where data are drawn from the filter's own model."""
-    filter_ = Nuisance.begin(np.zeros(STATE), PRIOR_SD, 1)
-    state = PRIOR_SD * rng.standard_normal(STATE)
+    filter_ = Nuisance.begin(np.zeros(LAW), np.ones(LAW), 1)
+    state = np.append(rng.standard_normal(LAW), off_the_law(rng))
     score = information = 0.0
     log_e = []
     for batch in range(BATCHES):
-        filter_ = filter_.advanced(0.5, new_contact=False)
-        if batch:
-            keep = np.exp(-0.5 / 3.0)
-            fresh = GAIN_PER_CONTACT * np.sqrt(1.0 - keep**2)
-            state[4] = keep * state[4] + fresh * rng.standard_normal()
+        contact, stroke = batch % CONTACT == 0, batch % STROKE == 0
+        filter_ = filter_.advanced(0.0, contact, stroke)
+        if stroke:
+            state[LAW + 1 :] = off_the_law(rng)[1:]
+        if contact:
+            state[LAW] = off_the_law(rng)[0]
         columns = rng.standard_normal((8, STATE + 1)) * 2.0
-        columns[:, 4] = columns[:, 2]
+        columns[:, :STATE] = columns[:, COLUMNS]
         data = columns[:, :STATE] @ state + dose * columns[:, STATE] + rng.standard_normal(8)
         filter_, own, known = filter_.seen(
             columns.T @ data, columns.T @ columns, np.zeros(STATE)
@@ -44,6 +55,11 @@ def session(rng: np.random.Generator, dose: float, edge: float) -> Evidence:
         score, information = score + float(own[0]), information + float(known[0, 0])
         log_e.append(float(log_ratio(np.array(score), np.array(information), edge)))
     return Evidence(np.array(log_e), score, information)
+
+
+def off_the_law(rng: np.random.Generator) -> np.ndarray:
+    """Return what contact and stroke differ by."""
+    return rng.multivariate_normal(np.zeros(STATE - LAW), WANDERING)
 
 
 def test_under_the_model_it_is_one_in_the_mean_and_rarely_ever_large(
@@ -72,8 +88,8 @@ def test_a_deviation_shows_with_its_size_although_the_filter_follows_it(
 
 
 def test_what_is_wholly_nuisance_has_no_information(rng: np.random.Generator) -> None:
-    filter_ = Nuisance.begin(np.zeros(STATE), np.full(STATE, 1e3), 1)
-    columns = rng.standard_normal((9, STATE))
+    filter_ = Nuisance.begin(np.zeros(LAW), np.full(LAW, 1e3), 1)
+    columns = rng.standard_normal((9, STATE))[:, COLUMNS]
     both = np.column_stack([columns, columns[:, 1]])
     _, _, known = filter_.seen(np.zeros(STATE + 1), both.T @ both, np.zeros(STATE))
     assert known[0, 0] < 1e-3
@@ -85,7 +101,9 @@ def test_the_score_of_a_batch_points_to_its_law(rng: np.random.Generator) -> Non
     off = PAPER + np.array([0.0, 0.0, 0.1, 20e-6])
     later = Batch.of(slide(rng, off, speeds(rng)), BANDS)
     nothing = np.zeros((*later.cross.shape, 0), dtype=complex)
-    score, information, certainty = batch_score(later, estimate, nothing)
-    step = UNITS * np.linalg.solve(information, score)
+    score, information, certainty = batch_score(
+        later, estimate, nothing, np.zeros(10, dtype=np.int64)
+    )
+    step = UNITS * np.linalg.solve(information[0], score[0])
     assert np.all(np.abs(estimate.mean + step - off)[2:] < [0.02, 3e-6])
     assert certainty > 1e4

@@ -88,7 +88,8 @@ def session(
 def test_a_wrong_model_is_named(
     off: list[float], cause: str, batches: int, rng: np.random.Generator
 ) -> None:
-    found = session(rng, [PAPER + np.array(off)] * batches)
+    true = [PAPER + np.array(off)] * batches
+    found = session(rng, true, batches_per_contact=4)
     assert [alarm.cause for alarm in found.named] == [cause]
 
 
