@@ -12,8 +12,8 @@ from tests.blind.cases import REALISTIC
 from tests.campaigns.lines import Line, read
 from tests.campaigns.live_model import SIZES, STARTS, TEXTURES, UNKNOWN
 
-from frictus_service.tracking import signatures
-from frictus_service.tracking.watch import MAINS
+from frictus_service.tracking.evidence import signatures
+from frictus_service.tracking.evidence.watch import MAINS
 
 ROOT: Final = Path(__file__).parents[1]
 STUDIES: Final = ROOT / "bench" / "blind.jsonl"

@@ -46,8 +46,8 @@ from frictus_service.fidelity.preview import NOMINAL_HZ
 from frictus_service.synthesis.compensation import as_inverse
 from frictus_service.synthesis.estimator import PredictedMotion
 from frictus_service.synthesis.renderer import Renderer
+from frictus_service.tracking.evidence.signatures import INSTRUMENT
 from frictus_service.tracking.policy import Circumstances, adapted, held_back
-from frictus_service.tracking.signatures import INSTRUMENT
 from frictus_service.tracking.touch_motion import TouchedSamples
 from frictus_service.tracking.tracker import ModelInForce, Tracker
 from frictus_service.tracking.windows import WindowCutter

@@ -34,10 +34,10 @@ from frictus_service.errors import EstimateError
 from frictus_service.recording.samples import Coalescer
 from frictus_service.tracking.adaptation import law_values
 from frictus_service.tracking.audit import Audit
+from frictus_service.tracking.evidence.watch import INSTRUMENT
 from frictus_service.tracking.policy import Circumstances, adapted, difference_db, held_back
 from frictus_service.tracking.touch_motion import TouchedSamples
 from frictus_service.tracking.tracker import ModelInForce, Tracker
-from frictus_service.tracking.watch import INSTRUMENT
 from frictus_service.tracking.windows import WindowCutter
 
 SILENT_S: Final = 3.0

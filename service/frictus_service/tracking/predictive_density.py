@@ -17,7 +17,7 @@ from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.posterior import EXPECTED
 from frictus_service.calibration.score_information import linearised
-from frictus_service.tracking.innovations import SYSTEMATIC, UNITS
+from frictus_service.tracking.evidence.innovations import SYSTEMATIC, UNITS
 from frictus_service.tracking.law_estimate import (
     FORGETTING,
     GAIN_PER_CONTACT,

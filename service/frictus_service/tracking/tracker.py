@@ -15,13 +15,13 @@ from frictus_service.calibration.coordinates import Prior
 from frictus_service.calibration.posterior import STRANGE
 from frictus_service.errors import EstimateError
 from frictus_service.tracking.adaptation import law_values
-from frictus_service.tracking.advice import advice_of
+from frictus_service.tracking.evidence.advice import advice_of
+from frictus_service.tracking.evidence.naming import NamedAlarm, named_alarms
+from frictus_service.tracking.evidence.watch import ALARM, CAUSES, Watch
 from frictus_service.tracking.law_estimate import Batch, LawEstimate, advanced, updated
 from frictus_service.tracking.measured_points import MeasuredPoints
-from frictus_service.tracking.naming import NamedAlarm, named_alarms
 from frictus_service.tracking.predictive_density import PrequentialGain
 from frictus_service.tracking.prequential import PrequentialError
-from frictus_service.tracking.watch import ALARM, CAUSES, Watch
 from frictus_service.tracking.windows import LawWindow, WindowCutter
 
 BATCH: Final = 10

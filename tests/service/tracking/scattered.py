@@ -14,8 +14,8 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.simulated.config import WithinPersonScatter
 from frictus_service.calibration import coordinates
+from frictus_service.tracking.evidence.watch import Watch
 from frictus_service.tracking.law_estimate import Batch, LawEstimate
-from frictus_service.tracking.watch import Watch
 
 BATCH: Final = 10
 LIFTS: Final = 0.2

@@ -6,8 +6,7 @@ import numpy as np
 from tests.service.tracking.slides import BANDS, PAPER, slide, speeds
 
 from frictus_service.calibration.coordinates import Prior
-from frictus_service.tracking.evidence import log_ratio
-from frictus_service.tracking.innovations import (
+from frictus_service.tracking.evidence.innovations import (
     COLUMNS,
     LAW,
     STATE,
@@ -16,6 +15,7 @@ from frictus_service.tracking.innovations import (
     Nuisance,
     batch_score,
 )
+from frictus_service.tracking.evidence.sums import log_ratio
 from frictus_service.tracking.law_estimate import Batch, LawEstimate, updated
 
 BATCHES = 30

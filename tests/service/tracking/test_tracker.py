@@ -24,9 +24,9 @@ from frictus_service.fidelity.path import walk
 from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.tracking import tracker as tracker_module
+from frictus_service.tracking.evidence.watch import INSTRUMENT
 from frictus_service.tracking.policy import loosest_half_width
 from frictus_service.tracking.tracker import ModelInForce, Tracker
-from frictus_service.tracking.watch import INSTRUMENT
 from frictus_service.tracking.windows import WindowCutter
 
 RATE_HZ = 20_000.0

@@ -18,11 +18,17 @@ from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_service.calibration.coordinates import Prior
-from frictus_service.tracking import watch as watch_module
+from frictus_service.tracking.evidence import watch as watch_module
+from frictus_service.tracking.evidence.naming import NamedAlarm, named_alarms
+from frictus_service.tracking.evidence.signatures import LAW_SIZES
+from frictus_service.tracking.evidence.watch import (
+    ALARM,
+    BEGIN_BATCHES,
+    CAUSES,
+    INSTRUMENT,
+    Watch,
+)
 from frictus_service.tracking.law_estimate import Batch, LawEstimate, advanced, updated
-from frictus_service.tracking.naming import NamedAlarm, named_alarms
-from frictus_service.tracking.signatures import LAW_SIZES
-from frictus_service.tracking.watch import ALARM, BEGIN_BATCHES, CAUSES, INSTRUMENT, Watch
 
 
 @dataclass(frozen=True)

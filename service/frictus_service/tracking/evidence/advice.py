@@ -6,9 +6,9 @@ import numpy as np
 
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_service.discovery.catalogue.cause import NO_UNIT, title
-from frictus_service.tracking.naming import NamedAlarm
-from frictus_service.tracking.signatures import INSTRUMENT, SIZES, Pattern
-from frictus_service.tracking.watch import MAINS
+from frictus_service.tracking.evidence.naming import NamedAlarm
+from frictus_service.tracking.evidence.signatures import INSTRUMENT, SIZES, Pattern
+from frictus_service.tracking.evidence.watch import MAINS
 
 CHECKS: Final = {
     "amplitude_compression": "check that the amplifier is not saturated",

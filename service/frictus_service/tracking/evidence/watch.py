@@ -20,8 +20,7 @@ import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.linear import TransferFunction
-from frictus_service.tracking.evidence import Sums, with_another
-from frictus_service.tracking.innovations import (
+from frictus_service.tracking.evidence.innovations import (
     COLUMNS,
     LAW,
     STATE,
@@ -30,9 +29,8 @@ from frictus_service.tracking.innovations import (
     Nuisance,
     batch_score,
 )
-from frictus_service.tracking.law_estimate import Batch, LawEstimate
-from frictus_service.tracking.mains_line import line_evidence
-from frictus_service.tracking.signatures import (
+from frictus_service.tracking.evidence.mains_line import line_evidence
+from frictus_service.tracking.evidence.signatures import (
     EFFECT_CAUSES,
     INSTRUMENT,
     LAW_CAUSES,
@@ -41,7 +39,9 @@ from frictus_service.tracking.signatures import (
     law_directions,
     pattern_directions,
 )
-from frictus_service.tracking.strokes import Strokes
+from frictus_service.tracking.evidence.strokes import Strokes
+from frictus_service.tracking.evidence.sums import Sums, with_another
+from frictus_service.tracking.law_estimate import Batch, LawEstimate
 
 __all__ = ["ALARM", "CAUSES", "INSTRUMENT", "Watch"]
 

@@ -33,8 +33,8 @@ CUTOFF_PER_STROKE: Final = 0.05
 same."""
 CUTOFF_PER_BATCH: Final = 0.03
 """Of ln cutoff between the batches of one stroke."""
-CUTOFF_PER_WINDOW: Final = 0.02
-"""Of ln cutoff between windows: their speed is a predicted one, some mm/s off."""
+CUTOFF_PER_WINDOW: Final = 0.01
+"""Of ln cutoff between windows: their speed is known to some tenths of a mm/s."""
 UNITS: Final = np.array([1.0, 1.0, 1.0, 1e-4])
 """Of the coordinates within the filter: all deviations are then about one."""
 WIDE: Final = 1.0

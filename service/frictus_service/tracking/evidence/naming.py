@@ -11,8 +11,7 @@ from typing import Final
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
-from frictus_service.tracking.evidence import UNMODELLED, Sums, log_ratio
-from frictus_service.tracking.signatures import (
+from frictus_service.tracking.evidence.signatures import (
     EFFECT_CAUSES,
     LAW_CAUSES,
     LAW_SIZES,
@@ -22,7 +21,8 @@ from frictus_service.tracking.signatures import (
     SIZES,
     Pattern,
 )
-from frictus_service.tracking.watch import (
+from frictus_service.tracking.evidence.sums import UNMODELLED, Sums, log_ratio
+from frictus_service.tracking.evidence.watch import (
     ALARM,
     CAUSES,
     MAINS,

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from frictus_hardware.arrays import FloatArray
-from frictus_service.tracking.mains_line import AMPLITUDES_N
-from frictus_service.tracking.signatures import (
+from frictus_service.tracking.evidence.mains_line import AMPLITUDES_N
+from frictus_service.tracking.evidence.signatures import (
     EFFECT_CAUSES,
     LAW_CAUSES,
     LAW_SIZES,
