@@ -20,6 +20,7 @@ from frictus.recordings import texture_of
 from frictus.rig import Rig
 from frictus.textures import Region, Scene
 from frictus_hardware import SimulatedConfig
+from frictus_hardware.physics.linear import Mount
 from frictus_hardware.simulated.config import Participant
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.calibration.coordinates import Prior
@@ -153,7 +154,9 @@ def test_what_cannot_be_written_down_is_not_done(tmp_path: Path) -> None:
 
     with (
         playing(config) as (_, rig),
-        LiveTracker(rig, None, Prior.weak(), tell, Audit(in_the_way / "changes.jsonl")) as live,
+        LiveTracker(
+            rig, Mount().lateral, Prior.weak(), tell, Audit(in_the_way / "changes.jsonl")
+        ) as live,
     ):
         live.follow(changed.is_set)
     assert len(told[-1].changes) == 1
