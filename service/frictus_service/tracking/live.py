@@ -12,10 +12,11 @@ from types import TracebackType
 from typing import Final, Self
 
 import frictus
+from frictus.aligned import AlignedSamples
 from frictus.block import Block
 from frictus.errors import FrictusError, LinkError, SilenceError
 from frictus.gaps import BlockFeed, Gap
-from frictus.keys import Topics
+from frictus.keys import CHANNELS, FORCE, RENDER, VOLTAGE, Topics
 from frictus.messages import (
     EstimateState,
     GuidanceState,
@@ -45,6 +46,11 @@ STATE_S: Final = 0.5
 """The estimate is told this often."""
 BEAT_S: Final = 0.1
 """What has come is taken this often: a block at a time costs four times as much."""
+ROWS: Final = {
+    "force": len(CHANNELS[FORCE]),
+    "voltage": len(CHANNELS[VOLTAGE]),
+    "render": len(CHANNELS[RENDER]),
+}
 CHANGES: Final = 16
 """The newest changes of the model that are told."""
 PUT_BACK: Final = "put back as it was set"
@@ -95,8 +101,8 @@ class LiveTracker:
         self._audit = audit
         self._monotonic_s = monotonic_s
         self.status: RigStatus = rig.status()
-        rate_hz, peak_v = self.status.sample_rate_hz, self.status.screen_peak_v
-        cutter = WindowCutter(rate_hz, peak_v, mount)
+        self._rate_hz = self.status.sample_rate_hz
+        cutter = WindowCutter(self._rate_hz, self.status.screen_peak_v, mount)
         self.tracker = Tracker(cutter, population, rig.name)
         self._states = [
             rig.watch(topic)
@@ -154,6 +160,9 @@ class LiveTracker:
             }
             for part in frictus.align(**streams):
                 self._hear()
+                if not self._is_of_the_rig(part):
+                    self.tracker.leave_out("blocks of another rate or other channels")
+                    continue
                 for moved in self._touched.take(part):
                     if self.tracker.take(moved):
                         self._felt_s = self._monotonic_s()
@@ -162,6 +171,11 @@ class LiveTracker:
                     self._conclude()
                 if over():
                     return
+
+    def _is_of_the_rig(self, part: AlignedSamples) -> bool:
+        """Return whether samples are such as the rig's: others may put under its keys, too."""
+        rows = {name: data.shape[0] for name, data in part.data.items()}
+        return part.sample_rate_hz == self._rate_hz and rows == ROWS
 
     def _joined(self, feed: BlockFeed, over: Callable[[], bool]) -> Iterator[Block]:
         """Yield what a stream brings, a tenth of a second at a time."""

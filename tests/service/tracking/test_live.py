@@ -1,5 +1,6 @@
 """The tracker as a part of the service, beside a rig with a person whom nobody measured."""
 
+import contextlib
 import json
 import os
 import signal
@@ -7,12 +8,14 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import frictus
-from frictus.errors import RefusedError
+from frictus.errors import RefusedError, SilenceError
 from frictus.keys import Topics
 from frictus.messages import AdaptationPolicy, EstimateState
 from frictus.model import FirstOrderSpeedLaw, Model
@@ -169,3 +172,38 @@ def test_what_a_tracker_may_not_do_the_rig_refuses(tmp_path: Path) -> None:
         with pytest.raises(RefusedError, match="observe"):
             rig.adapt(now.model, now.etag, "because")
         assert rig.model().etag == now.etag
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize(("channels", "rate_hz"), [(1, 20_000.0), (3, 1_000.0)])
+def test_blocks_that_are_not_the_rigs_do_not_end_it(
+    tmp_path: Path, channels: int, rate_hz: float
+) -> None:
+    config, told = config_in(tmp_path), list[EstimateState]()
+    with (
+        playing(config) as (_, rig),
+        frictus.connect(config.router.endpoint, "stranger") as stranger,
+    ):
+        newest = next(item for item in rig.blocks("force") if isinstance(item, frictus.Block))
+        forged = replace(
+            newest,
+            sequence=newest.sequence + 1_000_000,
+            first_sample=newest.first_sample + 40_000,
+            sample_rate_hz=rate_hz,
+            data=np.full((channels, 200), np.inf, np.float32),
+        )
+
+        def tell(state: EstimateState) -> None:
+            told.append(state)
+            stranger.session.put(rig.keys.of(Topics.FORCE), forged.pack())
+
+        with (
+            LiveTracker(rig, None, Prior.weak(), tell) as live,
+            contextlib.suppress(SilenceError),
+        ):
+            live.follow(lambda: len(told) > 8)
+        # The rig's own blocks look repeated now: whoever begins anew hears them again.
+        begun = len(told)
+        with LiveTracker(rig, None, Prior.weak(), told.append) as live:
+            live.follow(lambda: len(told) > begun + 2)
+    assert told[-1].law is None or np.isfinite(told[-1].law.gain_n.value)
