@@ -103,6 +103,7 @@ def _keep_bytecode(as_json: bool) -> None:
     from frictus_service.api import server  # noqa: F401
     from frictus_service.daemon import rig  # noqa: F401
     from frictus_service.recording import recorder  # noqa: F401
+    from frictus_service.tracking import process  # noqa: F401
 
     try:
         told = f"bytecode of {keep_bytecode(tuple(sys.modules.values()))} more modules is kept"
