@@ -207,7 +207,8 @@ def test_a_policy_is_asked_for_and_shown_once_the_rig_says_so(
         expect(view(page).locator(".held-back")).to_contain_text("known within 7.1 %")
         expect(page.locator("[data-badge=adaptation]")).to_have_count(0)
         expect(policy(page, "Adapt")).to_be_enabled()
-        policy(page, "Adapt").press("Enter")
+        with page.expect_response("**/adaptation"):
+            policy(page, "Adapt").press("Enter")
         outcome = view(page).locator(".policy .outcome")
         expect(outcome).to_contain_text("Adapt: asked")
         assert told.asked == [{"policy": "adapt", "undo": False}]
@@ -220,7 +221,8 @@ def test_a_policy_is_asked_for_and_shown_once_the_rig_says_so(
         page.get_by_role("link", name="Textures", exact=True).click()
         expect(badge).to_contain_text("follows the finger, changed 2 times")
         page.get_by_role("link", name="Live model", exact=True).click()
-        page.get_by_role("button", name="Put the model back").click()
+        with page.expect_response("**/adaptation"):
+            page.get_by_role("button", name="Put the model back").click()
         expect(outcome).to_contain_text("put back")
         # Under `adapt` it would be changed again at once.
         assert told.asked[1:] == [{"policy": "suggest", "undo": True}]
