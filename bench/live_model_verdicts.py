@@ -71,12 +71,10 @@ def coverage(lines: list[Line]) -> str:
     return _verdict(
         not parts,
         f"outside of 92 to 98 % are, {'; '.join(parts)}." if parts else "all are within.",
-        " Where fewer hold: the interval is one of the law over the true speed, and the rig "
-        f"knows a predicted one{_speed_error(lines)}. The cutoffs are fitted at the speed at "
-        "which rendering looks them up, so that rendering should lose nothing by it, which was "
-        "not measured apart; the interval does not say so. Where more hold: the filter "
-        "allows for a finger that drifts and for a cutoff that differs by 5 % from one half "
-        "second to the next, and the people of this table do neither.",
+        " Where more hold: the filter allows for a finger that drifts and for a cutoff that "
+        "differs by 5 % from one half second to the next, and the people of this table do "
+        f"neither. What the rig renders by is a predicted speed{_speed_error(lines)}; the "
+        "tracker takes the one that touch reports tell afterwards.",
     )
 
 
