@@ -345,7 +345,6 @@ class ClosedLoop:
     def _adapt(self, alarms: tuple[str, ...], end_s: float) -> bool:
         estimate = self.tracker.estimate
         now = Circumstances(
-            policy="adapt",
             since_change_s=end_s - self.changes[-1] if self.changes else np.inf,
         )
         try:

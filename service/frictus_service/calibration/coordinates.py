@@ -8,7 +8,7 @@ positive ends mean a positive cutoff everywhere.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, Self
 
 import numpy as np
@@ -259,10 +259,9 @@ class Prior:
         note = f"learned from {n} earlier models"
         if any(own_covariance[3, 3] <= 0.0 for _, own_covariance in known):
             weak = cls.weak()
-            mean[3] = weak.mean[3]
-            covariance[3], covariance[:, 3] = 0.0, 0.0
-            covariance[3, 3] = weak.covariance[3, 3]
             note += "; without their delay, as not all give its variance"
+            own_prior = cls(mean, covariance, n, note)
+            return own_prior.with_delay(float(weak.mean[3]), float(weak.covariance[3, 3]))
         return cls(mean, covariance, n, note)
 
     @classmethod
@@ -282,12 +281,27 @@ class Prior:
             mean, own = _coordinates_of(model)
         except PriorError:
             return population
-        covariance = np.zeros((SIZE, SIZE))
-        covariance[:3, :3] = own[:3, :3] + np.diag(np.square(DAY_SD))
-        covariance[3, 3] = population.covariance[3, 3]
+        covariance = own + np.diag(np.square([*DAY_SD, 0.0]))
         name = model.participant or "nobody in particular"
-        note = f"the model in force, of {name}"
-        return cls(np.append(mean[:3], population.mean[3]), covariance, population.n, note)
+        prior = cls(mean, covariance, population.n, f"the model in force, of {name}")
+        delay_s, variance = population.mean[3], population.covariance[3, 3]
+        return prior.with_delay(float(delay_s), float(variance))
+
+    def with_delay(self, delay_s: float, variance: float) -> Self:
+        """Return the prior with another delay, on which nothing else depends.
+
+        Parameters
+        ----------
+        delay_s : float
+            Its mean.
+        variance : float
+            In s².
+        """
+        mean, covariance = self.mean.copy(), self.covariance.copy()
+        mean[3] = delay_s
+        covariance[3], covariance[:, 3] = 0.0, 0.0
+        covariance[3, 3] = variance
+        return replace(self, mean=mean, covariance=covariance)
 
     @property
     def far_away(self) -> FloatArray:

@@ -67,17 +67,17 @@ class LawEstimate:
     windows: int
 
     @classmethod
-    def begin(cls, prior: Prior, bands: Bands) -> Self:
+    def begin(cls, prior: Prior, n_bands: int) -> Self:
         """Return what is known before anything was felt.
 
         Parameters
         ----------
         prior : Prior
             Of a new person.
-        bands : Bands
+        n_bands : int
             Of the windows.
         """
-        nothing = np.full(bands.centre_hz.size, np.nan)
+        nothing = np.full(n_bands, np.nan)
         return cls(prior.mean, prior.covariance, nothing, 0.02, 0, 0)
 
     @property

@@ -7,7 +7,7 @@ goes on with the model that it has.
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 from typing import Final, Self
 
@@ -18,7 +18,6 @@ from frictus.errors import FrictusError, LinkError, SilenceError
 from frictus.gaps import BlockFeed, Gap
 from frictus.keys import CHANNELS, FORCE, RENDER, VOLTAGE, Topics
 from frictus.messages import (
-    EstimateState,
     GuidanceState,
     Message,
     ModelChange,
@@ -38,12 +37,10 @@ from frictus_service.tracking.audit import Audit
 from frictus_service.tracking.evidence.watch import INSTRUMENT
 from frictus_service.tracking.policy import Circumstances, adapted, difference_db, held_back
 from frictus_service.tracking.touch_motion import TouchedSamples
-from frictus_service.tracking.tracker import ModelInForce, Tracker
+from frictus_service.tracking.tracker import STATE_S, ModelInForce, Tell, Tracker
 from frictus_service.tracking.windows import WindowCutter
 
 SILENT_S: Final = 3.0
-STATE_S: Final = 0.5
-"""The estimate is told this often."""
 BEAT_S: Final = 0.1
 """What has come is taken this often: a block at a time costs four times as much."""
 ROWS: Final = {
@@ -56,8 +53,6 @@ CHANGES: Final = 16
 PUT_BACK: Final = "put back as it was set"
 GUIDED: Final = ("approach", "record")
 """Phases of a guided trial."""
-
-Tell = Callable[[EstimateState], None]
 
 
 class LiveTracker:
@@ -244,10 +239,10 @@ class LiveTracker:
 
     def _conclude(self) -> None:
         """Have the model follow the finger where it may, and tell what is known."""
-        why = self._held_back()
+        state = self.tracker.state(time.time_ns())
+        why = self._held_back(state.alarms)
         if not why and self.status.adaptation == "adapt":
             why = self._adapt()
-        state = self.tracker.state(time.time_ns())
         self._tell(
             state.model_copy(
                 update={
@@ -258,7 +253,7 @@ class LiveTracker:
             )
         )
 
-    def _held_back(self) -> str:
+    def _held_back(self, alarms: Sequence[str]) -> str:
         if self._model is None:
             return "the rig has not said yet which model it renders by"
         if self._unaudited:
@@ -269,9 +264,8 @@ class LiveTracker:
             tracker.in_force,
             self._population,
             tracker.speeds_mm_s,
-            INSTRUMENT.intersection(alarm.cause for alarm in tracker.alarms),
+            INSTRUMENT.intersection(alarms),
             Circumstances(
-                policy=self.status.adaptation,
                 source=self._scene.source if self._scene else "scene",
                 compensated=self.status.compensation.mode == "model",
                 guided=now_s - self._guided_s < 1.0,

@@ -12,7 +12,6 @@ from typing import Any, Final
 import numpy as np
 
 from frictus.errors import FrictusError
-from frictus.messages import AdaptationPolicy
 from frictus.model import FirstOrderSpeedLaw, Model
 from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates
@@ -44,8 +43,6 @@ class Circumstances:
 
     Attributes
     ----------
-    policy : {'observe', 'suggest', 'adapt'}
-        As the rig publishes it.
     source : str
         Of what plays: ``scene``, ``stream`` or ``excitation``.
     compensated : bool
@@ -58,7 +55,6 @@ class Circumstances:
         Since the newest window ended.
     """
 
-    policy: AdaptationPolicy = "observe"
     source: str = "scene"
     compensated: bool = True
     guided: bool = False

@@ -18,17 +18,13 @@ from frictus_service.recording.reader import RecordingReader, State
 from frictus_service.recording.samples import Samples
 from frictus_service.study.reader import StudyReader
 from frictus_service.study.trial import Trial
-from frictus_service.tracking.touch_motion import TouchedSamples
-from frictus_service.tracking.tracker import ModelInForce, Tracker
+from frictus_service.tracking.touch_motion import AROUND_S, TouchedSamples, motion_among
+from frictus_service.tracking.tracker import STATE_S, ModelInForce, Tell, Tracker
 from frictus_service.tracking.windows import WindowCutter
 
-STATE_S: Final = 0.5
-"""The estimate is told this often."""
 PART_S: Final = 0.1
 """Of a trial that is taken at once."""
 _WANTED: Final = {FORCE: "force", VOLTAGE: "voltage", RENDER: "render"}
-
-Tell = Callable[[EstimateState], None]
 
 
 def follow_recording(
@@ -144,32 +140,21 @@ def _parts_of(trial: Trial, run: int) -> Iterator[AlignedSamples]:
     if trial.voltage_v is None:
         return
     rate_hz = trial.info.sample_rate_hz
-    touched = TouchedSamples()
     there = np.isfinite(trial.position_t_s) & np.isfinite(trial.position_mm).all(axis=1)
-    for (x_mm, y_mm), at_s in zip(
-        trial.position_mm[there].tolist(), trial.position_t_s[there].tolist(), strict=True
-    ):
-        touched.report(
-            TouchState(
-                run=run,
-                sample=at_s * rate_hz,
-                x_mm=x_mm,
-                y_mm=y_mm,
-                in_contact=True,
-                source="touch",
-            )
-        )
+    place, at_s = trial.position_mm[there], trial.position_t_s[there]
     n_samples = round(PART_S * rate_hz)
     for first in range(0, trial.voltage_v.size, n_samples):
         cut = slice(first, first + n_samples)
+        voltage = trial.voltage_v[np.newaxis, cut]
+        time_s = (first + np.arange(voltage.size)) / rate_hz
+        near = (at_s >= time_s[0] - AROUND_S) & (at_s <= time_s[-1] + AROUND_S)
         data = {
             "force": trial.force_n[cut].T,
-            "voltage": trial.voltage_v[np.newaxis, cut],
-            "render": np.zeros((3, trial.voltage_v[cut].size)),
+            "voltage": voltage,
+            "render": motion_among(place[near], at_s[near], time_s),
         }
         held = {name: rows.astype(np.float32) for name, rows in data.items()}
-        yield from touched.take(AlignedSamples(run, first, 0, rate_hz, 0, Flag(0), held))
-    yield from touched.rest()
+        yield AlignedSamples(run, first, 0, rate_hz, 0, Flag(0), held)
 
 
 class _Streams:

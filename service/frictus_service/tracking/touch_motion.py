@@ -134,11 +134,13 @@ def motion_among(
         if own.size < LEAST_REPORTS:
             continue
         begin, end = position_t_s[own[0]], position_t_s[own[-1]]
+        if not end > begin:  # of one instant: no rig says so, but anybody may
+            continue
         middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
         degree = min(DEGREE, own.size - 3)
         basis = chebyshev.chebvander((position_t_s[own] - middle) / half, degree)
         path, *_ = np.linalg.lstsq(basis, position_mm[own], rcond=None)
-        if np.abs(basis @ path - position_mm[own]).max() > ROUGH_MM:
+        if not np.abs(basis @ path - position_mm[own]).max() <= ROUGH_MM:  # NaN too
             continue
         inside = (time_s >= begin) & (time_s <= end)
         at = (time_s[inside] - middle) / half

@@ -1,6 +1,7 @@
 """From what a rig publishes to what is known of the finger on it: windows, estimate, watch."""
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -28,10 +29,14 @@ BATCH: Final = 10
 """Windows of an update: half a second of sliding."""
 COHERENT: Final = 0.5
 """Least share of the friction in the bands that follows the drive."""
+STATE_S: Final = 0.5
+"""The estimate is told this often."""
 LATELY: Final = 200
 """Windows of the last 10 s of sliding."""
 ANOTHER: Final = 3
 """So many strange batches in a row are another finger; fewer are left out."""
+
+Tell = Callable[[EstimateState], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +114,8 @@ class Tracker:
         self._prior = prior
         self._rig = rig
         self.participant: str | None = None
-        self.estimate = LawEstimate.begin(prior, cutter.bands)
+        n_bands = cutter.bands.centre_hz.size
+        self.estimate = LawEstimate.begin(prior, n_bands)
         self.new_fingers = 0
         self._run = 0
         self._waiting: list[LawWindow] = []
@@ -121,7 +127,6 @@ class Tracker:
         self._speeds_mm_s = (np.inf, -np.inf)
         self._forces_n = (np.inf, -np.inf)
         self._lately_mm_s: deque[float] = deque(maxlen=LATELY)
-        n_bands = cutter.bands.centre_hz.size
         self._errors = {
             name: PrequentialError.begin(n_bands) for name in ("in_force", "first", "newest")
         }
@@ -345,14 +350,9 @@ def _of_a_new_finger(prior: Prior, known: LawEstimate) -> LawEstimate:
 
     The delay is the rig's, and so what was known of it holds.
     """
-    nothing = np.full(known.noise_n2.size, np.nan)
-    if not known.updates:
-        return LawEstimate(prior.mean, prior.covariance, nothing, 0.02, 0, 0)
-    mean, covariance = prior.mean.copy(), prior.covariance.copy()
-    mean[3] = known.mean[3]
-    covariance[3], covariance[:, 3] = 0.0, 0.0
-    covariance[3, 3] = known.covariance[3, 3]
-    return LawEstimate(mean, covariance, nothing, 0.02, 0, 0)
+    if known.updates:
+        prior = prior.with_delay(float(known.mean[3]), float(known.covariance[3, 3]))
+    return LawEstimate.begin(prior, known.noise_n2.size)
 
 
 def _law_now(estimate: LawEstimate) -> LawNow:

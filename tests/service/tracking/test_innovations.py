@@ -97,7 +97,7 @@ def test_what_is_wholly_nuisance_has_no_information(rng: np.random.Generator) ->
 
 def test_the_score_of_a_batch_points_to_its_law(rng: np.random.Generator) -> None:
     batch = Batch.of(slide(rng, PAPER, speeds(rng)), BANDS)
-    estimate, _ = updated(LawEstimate.begin(Prior.weak(), BANDS), batch)
+    estimate, _ = updated(LawEstimate.begin(Prior.weak(), BANDS.centre_hz.size), batch)
     off = PAPER + np.array([0.0, 0.0, 0.1, 20e-6])
     later = Batch.of(slide(rng, off, speeds(rng)), BANDS)
     nothing = np.zeros((*later.cross.shape, 0), dtype=complex)

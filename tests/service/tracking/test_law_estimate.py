@@ -13,7 +13,7 @@ def after(
     rng: np.random.Generator, at: np.ndarray, n: int, begin: LawEstimate | None = None
 ) -> LawEstimate:
     """Return the estimate after so many batches at speeds of 20 to 100 mm/s."""
-    estimate = LawEstimate.begin(Prior.weak(), BANDS) if begin is None else begin
+    estimate = LawEstimate.begin(Prior.weak(), BANDS.centre_hz.size) if begin is None else begin
     for _ in range(n):
         batch = Batch.of(slide(rng, at, speeds(rng)), BANDS)
         estimate, _ = updated(advanced(estimate, 0.5, new_contact=False), batch)
@@ -33,7 +33,9 @@ def test_it_settles_at_the_law_within_a_second_of_sliding(
 
 def test_without_noise_it_is_the_law(rng: np.random.Generator) -> None:
     windows = slide(rng, PAPER, [30.0] * 5 + [80.0] * 5, noise_n=0.0)
-    found, _ = updated(LawEstimate.begin(Prior.weak(), BANDS), Batch.of(windows, BANDS))
+    found, _ = updated(
+        LawEstimate.begin(Prior.weak(), BANDS.centre_hz.size), Batch.of(windows, BANDS)
+    )
     # What is left is that a band is taken at its mean frequency.
     assert np.all(np.abs(found.mean - PAPER)[:3] < 0.01)
     assert abs(found.mean[3]) < 1e-6
@@ -42,7 +44,7 @@ def test_without_noise_it_is_the_law(rng: np.random.Generator) -> None:
 def test_intervals_hold_where_the_cutoff_wanders_as_expected(rng: np.random.Generator) -> None:
     inside = []
     for _ in range(20):
-        estimate = LawEstimate.begin(Prior.weak(), BANDS)
+        estimate = LawEstimate.begin(Prior.weak(), BANDS.centre_hz.size)
         at = Prior.weak().mean + np.array([*rng.normal(0.0, 0.3, 1).repeat(2), 0.2, 20e-6])
         for _ in range(6):
             wandered = at + np.array([*rng.normal(0.0, 0.05, 1).repeat(2), 0.0, 0.0])

@@ -24,7 +24,7 @@ from frictus_service.tracking.policy import (
 PRIOR = Prior.weak()
 IN_FORCE = PRIOR.mean
 SPEEDS_MM_S = (20.0, 100.0)
-FREE = Circumstances("adapt")
+FREE = Circumstances()
 
 
 def estimate(off: FloatArray, sd: float = 0.01) -> LawEstimate:

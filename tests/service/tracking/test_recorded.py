@@ -16,7 +16,7 @@ from frictus_service.cli.app import app
 from frictus_service.cli.options import Exit
 from frictus_service.study.reader import StudyReader
 from frictus_service.study.writer import StudyWriter
-from frictus_service.tracking.recorded import follow_study
+from frictus_service.tracking.recorded import _parts_of, follow_study
 
 TONES_HZ = tuple(np.geomspace(60.0, 1_500.0, 12).tolist())
 SPEEDS_MM_S = (25.0, 60.0, 95.0)
@@ -60,6 +60,15 @@ def test_each_participant_of_a_study_is_followed(study: Path) -> None:
         assert law.gain_n.value == pytest.approx(np.exp(true[2]), rel=0.02)
         for found, at in ((law.cutoff_20_hz, true[0]), (law.cutoff_100_hz, true[1])):
             assert found.value == pytest.approx(np.exp(at), rel=0.1)
+
+
+def test_a_trial_of_many_reports_is_used_from_its_beginning(rng: np.random.Generator) -> None:
+    one = trial(Made(TONES_HZ, 60.0, noise_n=0.002), rng)
+    dense = np.arange(0.0, 2.0, 1.0 / 2_000.0)
+    place = [np.interp(dense, one.position_t_s, axis) for axis in one.position_mm.T]
+    seen = replace(one, position_mm=np.column_stack(place), position_t_s=dense)
+    begins = next(_parts_of(seen, 0)).data["render"][2]
+    assert np.median(begins) == pytest.approx(60.0, rel=0.1)
 
 
 def test_the_command_writes_the_model_of_the_one_that_is_named(

@@ -50,6 +50,13 @@ def test_nothing_is_said_where_reports_are_few_silent_or_rough() -> None:
     assert not motion_among(jumped, at_s, time_s).any()
 
 
+def test_reports_of_one_instant_or_beyond_all_bounds_are_no_path() -> None:
+    time_s = np.arange(0.35, 0.45, 1.0 / RATE_HZ)
+    assert not motion_among(np.full((8, 2), 20.0), np.full(8, 0.4), time_s).any()
+    far = np.tile([[1e200, 0.0], [-1e200, 0.0]], (9, 1))
+    assert not motion_among(far, np.arange(0.25, 0.25 + 17.5 * SCAN_S, SCAN_S), time_s).any()
+
+
 def part(first: int, run: int = 1) -> AlignedSamples:
     render = np.full((6, 2_000), 7.0, np.float32)
     return AlignedSamples(run, first, 0, RATE_HZ, 0, Flag(0), {"render": render})

@@ -52,7 +52,11 @@ def session(
     batches_per_contact: int | None = None,
 ) -> Session:
     """Return a session in which the finger's laws are the given ones, batch by batch."""
-    watch, estimate, alarm = Watch.begin(MOUNT), LawEstimate.begin(Prior.weak(), BANDS), None
+    watch, estimate, alarm = (
+        Watch.begin(MOUNT),
+        LawEstimate.begin(Prior.weak(), BANDS.centre_hz.size),
+        None,
+    )
     path, contact, gain = strokes(rng), 0, 0.0
     for number, at in enumerate(true):
         lifted = bool(batches_per_contact and number % batches_per_contact == 0)
@@ -186,7 +190,7 @@ def test_its_memory_is_bounded(
 ) -> None:
     monkeypatch.setattr(watch_module, "MOST", 3)
     batch = Batch.of(slide(rng, PAPER, [50.0, 60.0]), BANDS)
-    estimate, _ = updated(LawEstimate.begin(Prior.weak(), BANDS), batch)
+    estimate, _ = updated(LawEstimate.begin(Prior.weak(), BANDS.centre_hz.size), batch)
     watch = Watch.begin()
     for _ in range(BEGIN_BATCHES * 5):
         watch = watch.seen(batch, PAPER, estimate)
