@@ -1,9 +1,8 @@
-"""The law of the finger on the screen now: an iterated extended Kalman filter over windows.
+"""The law of the finger on the screen now: iterated extended Kalman filters over windows.
 
-The state is a person's law in `calibration.coordinates`. Between updates it walks at random: a
-little with time, and the gain with every contact. Each update takes the windows of half a
-second as `calibration.score_information` scores trials: the gain of a window wanders about that
-of its contact, and the cutoff of all of them together about the law.
+What may vary between updates is in `tracking.finger_filters`. Each update takes the windows of
+half a second as `calibration.score_information` scores trials: the gain of a window wanders
+about that of its contact.
 
 Bell and Cathey 1993, The iterated Kalman filter update as a Gauss-Newton method.
 """
@@ -14,23 +13,24 @@ from typing import Final, Self
 
 import numpy as np
 
-from frictus_hardware.arrays import BoolArray, ComplexArray, FloatArray
+from frictus_hardware.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
-from frictus_service.calibration.posterior import EXPECTED, wandered
+from frictus_service.calibration.posterior import wandered
 from frictus_service.calibration.score_information import Data, GainScatter, scores, spread_of
 from frictus_service.discovery.evidence.broadband import Bands
+from frictus_service.tracking.finger_filters import FELT, NOW, PERSON, FingerFilters
+from frictus_service.tracking.strokes import Strokes
 from frictus_service.tracking.windows import LawWindow
 
-GAIN_PER_CONTACT: Final = 0.10
-"""Standard deviation by which ln gain differs from one contact to the next; the simulated
-participants' `WithinPersonScatter` takes the same."""
-WALK: Final = np.array([0.003, 0.003, 0.005, 1e-7])
-"""Standard deviation of the coordinates' random walk in a second: 2 % a minute is followed."""
-LEAST_SD: Final = np.array([0.0, 0.0, 0.0, 5e-7])
-"""However much was felt: a band's mean frequency stands for its lines, and a cutoff that
-wanders leaves a little of itself in the delay."""
+RESPONSE_WITHIN: Final = 1e-3
+"""Relative error of a response that no average makes smaller: a band's mean frequency stands
+for its lines, and a window is not infinitely long."""
+HIGHEST_HZ: Final = 1e3
+"""About the highest band that a texture drives: what it tells of a cutoff and of a delay."""
+CUTOFF_PER_WINDOW: Final = 0.01
+"""Standard deviation of ln cutoff between windows: their speed is not known exactly."""
 HEARD: Final = 1e-3
 """Share of the strongest band's power density below which a band says nothing: leakage."""
 FORGETTING: Final = 0.05
@@ -47,9 +47,8 @@ class LawEstimate:
 
     Attributes
     ----------
-    mean : ndarray, shape (4,)
-        In `calibration.coordinates`.
-    covariance : ndarray, shape (4, 4)
+    filters : FingerFilters
+        Of the person's law, and of how far off it this contact is.
     noise_n2 : ndarray, shape (n_bands,)
         Power of what the law does not explain of the friction, per frequency; NaN before the
         first update.
@@ -57,14 +56,17 @@ class LawEstimate:
         Standard deviation of ln gain between windows of one contact.
     updates, windows : int
         That made it.
+    last_direction, last_minutes : float
+        Of the last window, by which strokes are told; 0 before the first.
     """
 
-    mean: FloatArray
-    covariance: FloatArray
+    filters: FingerFilters
     noise_n2: FloatArray
     gain_scatter: float
     updates: int
     windows: int
+    last_direction: float = 0.0
+    last_minutes: float = 0.0
 
     @classmethod
     def begin(cls, prior: Prior, n_bands: int) -> Self:
@@ -78,12 +80,33 @@ class LawEstimate:
             Of the windows.
         """
         nothing = np.full(n_bands, np.nan)
-        return cls(prior.mean, prior.covariance, nothing, 0.02, 0, 0)
+        return cls(FingerFilters.begin(prior), nothing, 0.02, 0, 0)
+
+    @property
+    def mean(self) -> FloatArray:
+        """The law of this contact in `calibration.coordinates`, shape (4,)."""
+        return self.filters.of(NOW)[0]
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of `mean`, shape (4, 4)."""
+        return self._known(NOW)[1]
+
+    @property
+    def person(self) -> tuple[FloatArray, FloatArray]:
+        """The person's law, about which contacts lie: mean (4,) and covariance (4, 4)."""
+        return self._known(PERSON)
+
+    def _known(self, combination: FloatArray) -> tuple[FloatArray, FloatArray]:
+        mean, covariance = self.filters.of(combination)
+        cutoff = np.exp(mean[:2])
+        least = np.append(np.hypot(cutoff / HIGHEST_HZ, 1.0), [0.0, 0.5 / np.pi / HIGHEST_HZ])
+        return mean, covariance + np.diag(np.square(RESPONSE_WITHIN * least))
 
     @property
     def half_width(self) -> FloatArray:
         """Half of the central 95 % interval of each coordinate, shape (4,)."""
-        half: FloatArray = 1.96 * np.sqrt(np.diag(self.covariance) + np.square(LEAST_SD))
+        half: FloatArray = 1.96 * np.sqrt(np.diag(self.covariance))
         return half
 
 
@@ -146,28 +169,25 @@ class Batch:
         def each(name: str) -> FloatArray:
             return np.array([getattr(window, name) for window in windows])
 
-        speed = each("speed_mm_s")
+        def by_band(name: str, otherwise: FloatArray) -> FloatArray:
+            known = (getattr(window, name) for window in windows)
+            return np.array(
+                [
+                    value if found is None else found
+                    for found, value in zip(known, otherwise, strict=True)
+                ]
+            )
+
+        speed, none = each("speed_mm_s"), np.zeros(power.shape)
         return cls(
             speed,
-            np.array(
-                [
-                    np.full(bands.centre_hz.size, window.speed_mm_s)
-                    if window.band_speed_mm_s is None
-                    else window.band_speed_mm_s
-                    for window in windows
-                ]
-            ),
+            by_band("band_speed_mm_s", none + speed[:, np.newaxis]),
             power,
             np.array([window.cross for window in windows]),
             np.array([window.friction_power for window in windows]),
             density > HEARD * density.max(axis=1, keepdims=True),
             bands,
-            np.array(
-                [
-                    bands.centre_hz if window.frequency_hz is None else window.frequency_hz
-                    for window in windows
-                ]
-            ),
+            by_band("frequency_hz", none + bands.centre_hz),
             SlidingConditions(
                 speed,
                 each("normal_force_n"),
@@ -212,7 +232,7 @@ class Batch:
         density: FloatArray = np.maximum(left, 0.0) / self.bands.lines
         return density
 
-    def rows(self, noise_n2: FloatArray) -> Data:
+    def rows(self, noise_n2: FloatArray, part: IntArray | None = None) -> Data:
         """Return the responses and their variances, as calibration scores them.
 
         Half overlapping Hann windows count half, one frequency as 1.9 (`Bands.averages`).
@@ -220,6 +240,8 @@ class Batch:
         Parameters
         ----------
         noise_n2 : ndarray, shape (n_bands,)
+        part : ndarray of int, shape (n_windows,), optional
+            Number of each window's trial, rising from 0; None: all are of one.
         """
         window, band = np.nonzero(self.heard)
         power = self.drive_power[window, band]
@@ -230,7 +252,7 @@ class Batch:
             self.cross[window, band] / power,
             noise_n2[band] * share / power,
             window,
-            np.zeros(self.speed_mm_s.size, dtype=np.int64),
+            np.zeros(self.speed_mm_s.size, dtype=np.int64) if part is None else part,
             np.zeros(1, dtype=np.int64),
             self.bands.centre_hz[band],
         )
@@ -248,9 +270,7 @@ def advanced(estimate: LawEstimate, seconds: float, new_contact: bool) -> LawEst
     new_contact : bool
         Whether the finger left the screen meanwhile.
     """
-    walked = np.square(WALK) * max(seconds, 0.0)
-    walked[2] += GAIN_PER_CONTACT**2 if new_contact else 0.0
-    return replace(estimate, covariance=estimate.covariance + np.diag(walked))
+    return replace(estimate, filters=estimate.filters.advanced(seconds, new_contact))
 
 
 def updated(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, float]:
@@ -267,54 +287,73 @@ def updated(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, float]:
     -------
     LawEstimate
     float
-        Squared distance from what was expected, in standard deviations of the estimate;
-        above `calibration.posterior.STRANGE`: hardly the same finger.
+        Squared distance from what was expected, in standard deviations
+        (`FingerFilters.seen`); above `calibration.posterior.STRANGE`: hardly the same finger.
     """
     noise = estimate.noise_n2
     if not estimate.updates:
         noise = np.maximum(_scatter(batch), LEAST_NOISE_N2)
-    information = coordinates.inverse(estimate.covariance)
-    data, weights = batch.rows(noise), np.ones(np.count_nonzero(batch.heard))
-    spread = GainScatter(0.0, estimate.gain_scatter)
-    at, total = estimate.mean, information
+    mean, covariance = estimate.filters.of(FELT)
+    information = coordinates.inverse(covariance)
+    strokes = Strokes.of(batch.conditions, estimate.last_direction, estimate.last_minutes)
+    data, weights = batch.rows(noise, strokes.part), np.ones(np.count_nonzero(batch.heard))
+    at = mean
     for _ in range(2):  # scatter from the fit, weights from the scatter
-        at, total = _settle(data, at, spread, weights, estimate.mean, information)
+        at = _settle(data, at, estimate.gain_scatter, weights, mean, information)
         scatter, weights = spread_of(data, at)
-    away = at - estimate.mean
+    filters, strange = estimate.filters, 0.0
+    of_parts = _scores(data, at, estimate.gain_scatter, weights)
+    for begins, score, own in zip(strokes.begins, *of_parts, strict=True):
+        filters = filters.of_another_stroke() if begins else filters
+        filters, away = filters.seen(score, own, at)
+        strange = max(strange, away)
     share = max(1.0 / (estimate.updates + 1), FORGETTING)
     left = batch.unexplained(batch.law_response(at)).mean(axis=0)
     segment = (1.0 - share) * estimate.gain_scatter**2 + share * scatter.segment**2
-    return (
-        LawEstimate(
-            at,
-            coordinates.inverse(total),
-            np.maximum((1.0 - share) * noise + share * left, LEAST_NOISE_N2),
-            float(np.clip(np.sqrt(segment), 1e-3, 1.0)),
-            estimate.updates + 1,
-            estimate.windows + batch.speed_mm_s.size,
-        ),
-        float(away @ information @ away),
+    found = LawEstimate(
+        filters,
+        np.maximum((1.0 - share) * noise + share * left, LEAST_NOISE_N2),
+        float(np.clip(np.sqrt(segment), 1e-3, 1.0)),
+        estimate.updates + 1,
+        estimate.windows + batch.speed_mm_s.size,
+        float(batch.conditions.direction[-1]),
+        float(batch.conditions.minutes[-1]),
     )
+    return found, strange
 
 
 def _settle(
     data: Data,
     at: FloatArray,
-    spread: GainScatter,
+    gain_scatter: float,
     weights: FloatArray,
     mean: FloatArray,
     information: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Return where Gauss-Newton ends and the information there."""
+) -> FloatArray:
+    """Return where Gauss-Newton ends."""
     for _ in range(_STEPS):
-        _, score, own = wandered(*scores(data, at, spread, weights), EXPECTED)
-        total = own[0] + information
-        step = np.linalg.solve(total, score[0] + information @ (mean - at))
+        score, own = _scores(data, at, gain_scatter, weights)
+        total = own.sum(axis=0) + information
+        step = np.linalg.solve(total, score.sum(axis=0) + information @ (mean - at))
         step /= max(1.0, float(np.max(np.abs(step) / _FURTHEST)))
         at = at + step
         if step @ total @ step < 1e-4:
             break
-    return at, total
+    return at
+
+
+def _scores(
+    data: Data, at: FloatArray, gain_scatter: float, weights: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return score and information of each part in a stroke, (n_parts, 4) and (n_parts, 4, 4).
+
+    Gain and cutoff differ from window to window.
+    """
+    each = replace(data, trial_of_segment=np.arange(data.n_segments))
+    score, own = scores(each, at, GainScatter(gain_scatter, 0.0), weights)
+    _, score, own = wandered(score, own, CUTOFF_PER_WINDOW)
+    begins = np.flatnonzero(np.diff(data.trial_of_segment, prepend=-1))
+    return np.add.reduceat(score, begins), np.add.reduceat(own, begins)
 
 
 def _scatter(batch: Batch) -> FloatArray:

@@ -18,9 +18,9 @@ from frictus_service.calibration import coordinates
 from frictus_service.calibration.posterior import EXPECTED
 from frictus_service.calibration.score_information import linearised
 from frictus_service.tracking.evidence.innovations import SYSTEMATIC, UNITS
+from frictus_service.tracking.finger_filters import GAIN_PER_CONTACT
 from frictus_service.tracking.law_estimate import (
     FORGETTING,
-    GAIN_PER_CONTACT,
     LEAST_NOISE_N2,
     Batch,
     LawEstimate,

@@ -19,6 +19,7 @@ from frictus_service.tracking.adaptation import law_values
 from frictus_service.tracking.evidence.advice import advice_of
 from frictus_service.tracking.evidence.naming import NamedAlarm, named_alarms
 from frictus_service.tracking.evidence.watch import ALARM, CAUSES, Watch
+from frictus_service.tracking.finger_filters import NOW
 from frictus_service.tracking.law_estimate import Batch, LawEstimate, advanced, updated
 from frictus_service.tracking.measured_points import MeasuredPoints
 from frictus_service.tracking.predictive_density import PrequentialGain
@@ -323,7 +324,7 @@ class Tracker:
         )
 
     def document(self) -> Model | None:
-        """Return the estimate as a document; None where nothing was felt, or it is no law."""
+        """Return the person's law as a document; None if nothing was felt, or it is no law."""
         if not self.estimate.updates:
             return None
         drive_vpp = 2.0 * self._cutter.screen_peak_v
@@ -332,11 +333,9 @@ class Tracker:
             normal_force_n=self._forces_n,
             drive_vpp=(drive_vpp, drive_vpp),
         )
-        estimate, told = self.estimate, {"source": "live", "rig": self._rig} | self.provenance
+        told = {"source": "live", "rig": self._rig} | self.provenance
         try:
-            return coordinates.document(
-                estimate.mean, estimate.covariance, self.participant, validity, told
-            )
+            return coordinates.document(*self.estimate.person, self.participant, validity, told)
         except (EstimateError, ValueError):  # a cutoff that is not positive where it was felt
             return None
 
@@ -351,7 +350,8 @@ def _of_a_new_finger(prior: Prior, known: LawEstimate) -> LawEstimate:
     The delay is the rig's, and so what was known of it holds.
     """
     if known.updates:
-        prior = prior.with_delay(float(known.mean[3]), float(known.covariance[3, 3]))
+        mean, covariance = known.filters.of(NOW)
+        prior = prior.with_delay(float(mean[3]), float(covariance[3, 3]))
     return LawEstimate.begin(prior, known.noise_n2.size)
 
 

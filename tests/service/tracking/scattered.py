@@ -4,11 +4,11 @@ Drawn band by band and not line by line, so that hundreds of sessions take secon
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from tests.service.tracking.slides import BANDS, MOUNT, PAPER, RATE_HZ, STEP
+from tests.service.tracking.slides import BANDS, MOUNT, PAPER, RATE_HZ, STEP, known
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.schedule import SlidingConditions
@@ -131,7 +131,7 @@ def watched(
 ) -> Session:
     """Return a session in which PAPER's law is in force."""
     noise = np.full(BANDS.centre_hz.size, NOISE_N**2)
-    estimate = LawEstimate(PAPER + off, np.zeros((4, 4)), noise, 1e-3, 1, 10)
+    estimate = LawEstimate(known(PAPER + off, np.zeros((4, 4))), noise, 1e-3, 1, 10)
     watch, first, last_s = Watch.begin(MOUNT), None, 0.0
     path = explored(rng, off, asymmetry, lifts)
     for number in range(batches):
@@ -139,6 +139,11 @@ def watched(
         now_s = 60.0 * float(felt.batch.conditions.minutes[-1])
         watch = watch.seen(felt.batch, PAPER, estimate, now_s - last_s, felt.new_contact)
         last_s = now_s
+        estimate = replace(
+            estimate,
+            last_direction=float(felt.batch.conditions.direction[-1]),
+            last_minutes=float(felt.batch.conditions.minutes[-1]),
+        )
         if first is None and watch.raised:
             first = number
     return Session(watch, first)

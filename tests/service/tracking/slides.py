@@ -13,7 +13,9 @@ from frictus_hardware.physics.linear import Mount
 from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.simulator import Probe, Simulator, predict
 from frictus_service.calibration import coordinates
+from frictus_service.calibration.coordinates import Prior
 from frictus_service.discovery.evidence.broadband import Bands
+from frictus_service.tracking.finger_filters import LAW, FingerFilters
 from frictus_service.tracking.windows import MAINS_HZ, LawWindow
 
 MOUNT: Final = Mount().lateral
@@ -118,6 +120,13 @@ def slide(
             )
         )
     return windows
+
+
+def known(at: FloatArray, covariance: FloatArray) -> FingerFilters:
+    """Return what is known of a person who never differs from the own law."""
+    filters = FingerFilters.begin(Prior(at, covariance, 0, "known"))
+    filters.covariances[:, LAW:] = filters.covariances[:, :, LAW:] = 0.0
+    return filters
 
 
 def speeds(rng: np.random.Generator) -> list[float]:

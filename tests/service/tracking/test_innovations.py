@@ -7,15 +7,13 @@ from tests.service.tracking.slides import BANDS, PAPER, slide, speeds
 
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.tracking.evidence.innovations import (
-    COLUMNS,
-    LAW,
-    STATE,
     UNITS,
     WANDERING,
     Nuisance,
     batch_score,
 )
 from frictus_service.tracking.evidence.sums import log_ratio
+from frictus_service.tracking.finger_filters import COLUMNS, LAW, STATE
 from frictus_service.tracking.law_estimate import Batch, LawEstimate, updated
 
 BATCHES = 30

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tests.service.tracking.slides import BANDS, PAPER, slide, speeds
+from tests.service.tracking.slides import BANDS, PAPER, Place, slide, speeds
 
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.calibration.posterior import STRANGE
@@ -41,14 +41,17 @@ def test_without_noise_it_is_the_law(rng: np.random.Generator) -> None:
     assert abs(found.mean[3]) < 1e-6
 
 
-def test_intervals_hold_where_the_cutoff_wanders_as_expected(rng: np.random.Generator) -> None:
+def test_intervals_hold_where_the_cutoff_differs_from_stroke_to_stroke(
+    rng: np.random.Generator,
+) -> None:
     inside = []
     for _ in range(20):
         estimate = LawEstimate.begin(Prior.weak(), BANDS.centre_hz.size)
         at = Prior.weak().mean + np.array([*rng.normal(0.0, 0.3, 1).repeat(2), 0.2, 20e-6])
-        for _ in range(6):
+        for number in range(6):
             wandered = at + np.array([*rng.normal(0.0, 0.05, 1).repeat(2), 0.0, 0.0])
-            batch = Batch.of(slide(rng, wandered, speeds(rng)), BANDS)
+            stroke = [Place(direction=(-1.0) ** number)] * 10
+            batch = Batch.of(slide(rng, wandered, speeds(rng), places=stroke), BANDS)
             estimate, _ = updated(advanced(estimate, 0.5, new_contact=False), batch)
         inside.append(np.abs(estimate.mean - at) < estimate.half_width)
     held = np.mean(inside, axis=0)

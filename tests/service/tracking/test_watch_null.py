@@ -7,8 +7,8 @@ from tests.service.tracking.scattered import watched
 
 from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_service.tracking.evidence.naming import named_alarms
-from frictus_service.tracking.evidence.strokes import Strokes
 from frictus_service.tracking.evidence.watch import LEVEL
+from frictus_service.tracking.strokes import Strokes
 
 SEED = 20260
 SESSIONS = 200

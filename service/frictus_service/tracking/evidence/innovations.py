@@ -21,20 +21,22 @@ import numpy as np
 from frictus_hardware.arrays import ComplexArray, FloatArray, IntArray
 from frictus_service.calibration.posterior import ENDS, wandered
 from frictus_service.calibration.score_information import GainScatter, linearised
-from frictus_service.tracking.law_estimate import GAIN_PER_CONTACT, Batch, LawEstimate
+from frictus_service.tracking.finger_filters import (
+    CUTOFF_PER_STROKE,
+    GAIN_PER_CONTACT,
+    LAW,
+    STATE,
+)
+from frictus_service.tracking.law_estimate import CUTOFF_PER_WINDOW, Batch, LawEstimate
 
 GAIN_LASTS_S: Final = 30.0
 """The gain of a contact wanders about the law within this time: what a contact of minutes says
 of it counts as so many short ones."""
-GAIN_PER_STROKE: Final = 0.02
-"""Standard deviation of ln gain between strokes of a contact."""
-CUTOFF_PER_STROKE: Final = 0.05
-"""Of ln cutoff between strokes; the simulated participants' `WithinPersonScatter` takes the
-same."""
+GAIN_OF_A_STROKE: Final = 0.02
+"""Standard deviation of ln gain between strokes of a contact. The estimate allows for more:
+what depends on the direction is to be named, and not to be followed."""
 CUTOFF_PER_BATCH: Final = 0.03
 """Of ln cutoff between the batches of one stroke."""
-CUTOFF_PER_WINDOW: Final = 0.01
-"""Of ln cutoff between windows: their speed is known to some tenths of a mm/s."""
 UNITS: Final = np.array([1.0, 1.0, 1.0, 1e-4])
 """Of the coordinates within the filter: all deviations are then about one."""
 WIDE: Final = 1.0
@@ -44,18 +46,12 @@ SYSTEMATIC: Final = 0.01
 lines, and a window is not infinitely long."""
 TAIL: Final = 5.0
 """Degrees of freedom of the t distribution whose weights tame outlying windows."""
-LAW: Final = 4
-STATE: Final = 8
-"""The law's coordinates, and how far off it are now: the contact's gain, the stroke's gain, and
-the stroke's cutoff at both ends of the speeds."""
-COLUMNS: Final = np.array([0, 1, 2, 3, 2, 2, 0, 1])
-"""Of the coordinates, along which each part of the state changes the response."""
 _CONTACT: Final = slice(LAW, LAW + 1)
 _STROKE: Final = slice(LAW + 1, STATE)
 WANDERING: Final = np.zeros((STATE - LAW, STATE - LAW))
 """Covariance of what is off the law; of the cutoff's ends as `calibration.posterior` has it."""
 WANDERING[0, 0] = GAIN_PER_CONTACT**2
-WANDERING[1, 1] = GAIN_PER_STROKE**2
+WANDERING[1, 1] = GAIN_OF_A_STROKE**2
 WANDERING[2:, 2:] = CUTOFF_PER_STROKE**2 * ENDS
 
 

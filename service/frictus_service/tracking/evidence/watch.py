@@ -21,9 +21,6 @@ import numpy as np
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.tracking.evidence.innovations import (
-    COLUMNS,
-    LAW,
-    STATE,
     UNITS,
     WIDE,
     Nuisance,
@@ -39,9 +36,10 @@ from frictus_service.tracking.evidence.signatures import (
     law_directions,
     pattern_directions,
 )
-from frictus_service.tracking.evidence.strokes import Strokes
 from frictus_service.tracking.evidence.sums import Sums, with_another
+from frictus_service.tracking.finger_filters import COLUMNS, LAW, STATE
 from frictus_service.tracking.law_estimate import Batch, LawEstimate
+from frictus_service.tracking.strokes import Strokes
 
 __all__ = ["ALARM", "CAUSES", "INSTRUMENT", "Watch"]
 
@@ -75,8 +73,6 @@ class Watch:
         Processes that have begun in the session, ended ones too.
     began_minutes : float
         Of the device, at the first batch; drifts count from there.
-    last_direction, last_minutes : float
-        Of the window before, by which strokes are told; 0 before the first.
     filters : tuple of Nuisance
         With the law free; with each of `LAW_CAUSES` held; with law and effects free. Empty
         before the first batch.
@@ -92,8 +88,6 @@ class Watch:
     batches: int
     begun: int
     began_minutes: float
-    last_direction: float
-    last_minutes: float
     filters: tuple[Nuisance, ...]
     sums: Sums
     log_evidence: FloatArray
@@ -111,7 +105,7 @@ class Watch:
             Processes that have begun in the session before.
         """
         nothing = np.zeros(len(CAUSES))
-        return cls(mount, 0, begun, 0.0, 0.0, 0.0, (), Sums.zeros(0), nothing, ())
+        return cls(mount, 0, begun, 0.0, (), Sums.zeros(0), nothing, ())
 
     def of_another_model(self) -> Self:
         """Return the watch over another model, on the same finger.
@@ -156,7 +150,7 @@ class Watch:
         first = float(batch.conditions.minutes[0])
         began = self.began_minutes if self.filters else first
         filters = _begun(self.filters, at, estimate)
-        strokes = Strokes.of(batch.conditions, self.last_direction, self.last_minutes)
+        strokes = Strokes.of(batch.conditions, estimate.last_direction, estimate.last_minutes)
         filters = tuple(
             each.advanced(seconds, new_contact, bool(strokes.begins[0])) for each in filters
         )
@@ -186,8 +180,6 @@ class Watch:
             batches=self.batches + 1,
             begun=begun,
             began_minutes=began,
-            last_direction=float(batch.conditions.direction[-1]),
-            last_minutes=float(batch.conditions.minutes[-1]),
             filters=filters,
             sums=sums,
             log_evidence=evidence,
