@@ -91,7 +91,9 @@ class SlewedClock:
         x = (samples - self._sample).astype(np.float64)
         bend = np.maximum(np.searchsorted(begins, x, side="right") - 1, 0)
         offsets = np.rint(begins_ns[bend] + (x - begins[bend]) * rates[bend])
-        return self._at_ns + np.clip(offsets, -LONGEST_NS, LONGEST_NS).astype(np.int64)
+        offset_ns = np.clip(offsets, -LONGEST_NS, LONGEST_NS).astype(np.int64)
+        times_ns: NDArray[np.int64] = self._at_ns + offset_ns
+        return times_ns
 
     def time_of(self, sample: int) -> int:
         """Return the time of one sample, ns.

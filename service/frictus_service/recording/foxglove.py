@@ -52,6 +52,7 @@ LAYOUT: Final = files("frictus_service.recording") / "foxglove_layout.json"
 """Panels for what an exported recording holds."""
 HELD: Final = {topic.suffix for topic in TOPICS if topic.latest}
 """Topics of which the last message holds until the next."""
+DOCUMENTS: Final[dict[str, type[BaseModel]]] = {**STATE_KINDS, **NOTES}
 NOTE_TOPICS: Final = {GapNote: GAPS, PresenceNote: PRESENCE, EndNote: END}
 
 
@@ -153,7 +154,7 @@ class _PlotWriter:
     messages: int = 0
     _channels: dict[str, int] = field(default_factory=dict)
     _clocks: dict[int, SlewedClock] = field(default_factory=dict)
-    _before: dict[str, tuple[type[BaseModel], bytes]] = field(default_factory=dict)
+    _before: dict[str, bytes] = field(default_factory=dict)
 
     def samples(self, samples: Samples, begin_ns: int, end_ns: int) -> None:
         clock = self._clocks.get(samples.run)
@@ -183,29 +184,26 @@ class _PlotWriter:
         if isinstance(item, State):
             if isinstance(item.message, TimeState):
                 self._follow(item.message)
-            topic, payload, kind = item.topic, item.payload, STATE_KINDS[item.topic]
+            topic, payload = item.topic, item.payload
         else:
             assert not isinstance(item, Samples)
-            topic = NOTE_TOPICS[type(item)]
-            payload, kind = item.to_json(), NOTES[topic]
+            topic, payload = NOTE_TOPICS[type(item)], item.to_json()
         at_ns = item.utc_ns
         if at_ns < begin_ns:
             if topic in HELD:
-                self._before[topic] = kind, payload
+                self._before[topic] = payload
         elif at_ns < end_ns:
             self._begin(begin_ns)
-            self._add_document(topic, kind, payload, at_ns)
+            self._add_document(topic, payload, at_ns)
 
     def _begin(self, begin_ns: int) -> None:
         """Write what held when the part begins."""
-        for topic, (kind, payload) in self._before.items():
-            self._add_document(topic, kind, payload, begin_ns)
+        for topic, payload in self._before.items():
+            self._add_document(topic, payload, begin_ns)
         self._before.clear()
 
-    def _add_document(
-        self, topic: str, kind: type[BaseModel], payload: bytes, at_ns: int
-    ) -> None:
-        channel = self._document_channel(topic, kind)
+    def _add_document(self, topic: str, payload: bytes, at_ns: int) -> None:
+        channel = self._document_channel(topic)
         self.writer.add_message(channel, at_ns, payload, at_ns)
         self.messages += 1
 
@@ -238,8 +236,9 @@ class _PlotWriter:
             names = tuple(f"channel_{number}" for number in range(n_channels))
         return names
 
-    def _document_channel(self, topic: str, kind: type[BaseModel]) -> int:
+    def _document_channel(self, topic: str) -> int:
         if topic not in self._channels:
+            kind = DOCUMENTS[topic]
             text = json.dumps(plain_schema(kind)).encode()
             schema = self.writer.register_schema(kind.__name__, JSON_SCHEMA, text)
             self._channels[topic] = self.writer.register_channel(topic, "json", schema)

@@ -1,6 +1,6 @@
 """Every schema in a recording is one that Foxglove and Lichtblick make fields of.
 
-The rules are theirs: the root is an object; each field has one explicit type; an array has items
+The rules are theirs: the root is an object, each field has one explicit type, an array items
 of one type, which is no array; no alternatives, no null. Foxglove also takes references within
 the schema, Lichtblick none.
 """
