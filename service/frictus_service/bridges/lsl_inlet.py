@@ -50,10 +50,9 @@ class MarkerInlet:
         while not self._over.wait(WAIT_S):
             found = resolver.results()
             if found:
-                # It is looked for anew, for it may come back with other channels.
-                inlet = pylsl.StreamInlet(found[0], recover=False, as_numpy=True)
-                with contextlib.suppress(pylsl.LostError, pylsl.util.TimeoutError):
-                    self._read(inlet)
+                # A lost one is looked for anew: it may come back with other channels.
+                with contextlib.suppress(RuntimeError):  # whatever pylsl raises
+                    self._read(pylsl.StreamInlet(found[0], recover=False, as_numpy=True))
 
     def _read(self, inlet: Any) -> None:
         inlet.open_stream(CORRECTION_S)
