@@ -103,7 +103,9 @@ class SlewedClock:
         sample : int
             Device index of this run.
         """
-        return int(self.time_ns(np.array([sample], np.int64))[0])
+        self.newest_sample = max(self.newest_sample, sample)
+        offset_ns = self._line_ns(float(sample - self._sample))
+        return self._at_ns + round(min(max(offset_ns, -LONGEST_NS), LONGEST_NS))
 
     def _line_ns(self, x: float) -> float:
         begin, begin_ns, rate = next(
