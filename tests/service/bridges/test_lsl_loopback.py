@@ -90,10 +90,11 @@ def test_nothing_is_lost_and_time_rises_and_is_right(
             rig.blocks("force", capacity=8_192) as force,
             rig.blocks("accel", capacity=8_192) as accel,
         ):
-            next(force), next(accel)
+            next(force)  # both subscribe before LSL does
+            next(accel)
             came = {name: Gathered(inlet(f"{config.rig}-{name}")) for name in STREAMS}
             etag = _set_scene(rig)
-            blocks = {"force": [], "accel": []}
+            blocks: dict[str, list[Any]] = {"force": [], "accel": []}
             while min(came[name].n for name in blocks) < SAMPLES:
                 for one in came.values():
                     one.pull()
