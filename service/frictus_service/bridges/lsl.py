@@ -92,7 +92,7 @@ class LslBridge:
         status = rig.status()
         self._rig = rig
         self._rate_hz = status.sample_rate_hz
-        self._block_samples = status.block_samples
+        self._block_samples = max(1, status.block_samples)
         self._clock = LslClock(pylsl.local_clock, time.time_ns)
         self._fit = rig.time()
         self._clock.follow(self._fit)
@@ -209,12 +209,14 @@ class LslBridge:
         self._markers.push(text, self._clock.stamp_s(run, sample) if known else now_s)
 
     def _tell(self, marker: Marker) -> None:
-        self._markers.push(marker.text, self._clock.local_s(marker.utc_ns))
+        utc_ns = marker.utc_ns or time.time_ns()  # an old rig's scene says no time
+        self._markers.push(marker.text, self._clock.local_s(utc_ns))
 
     def close(self) -> None:
-        """Stop; outlets vanish from the network with this object."""
+        """Stop; the outlets vanish from the network."""
         self._held.close()
         self._outlets.clear()
+        self._markers.close()
 
     def __enter__(self) -> Self:
         """Return self."""

@@ -18,7 +18,7 @@ RUNS: Final = 2
 NS_PER_SAMPLE: Final = (1.0, 1e9)
 """1 Hz to 1 GHz."""
 MAX_SAMPLE: Final = 2**62
-MAX_LEAP_NS: Final = 3_600e9
+MAX_LEAP_NS: Final = 86_400e9
 """From the newest sample: no gap in one run is longer."""
 
 
@@ -79,7 +79,7 @@ class LslClock:
         utc_ns : int
             Its UTC.
         ns_per_sample : float
-            From 1 to 1e9; others are refused, as are indices above 2^62, and those an hour
+            From 1 to 1e9; others are refused, as are indices above 2^62, and those a day
             away from the newest.
         """
         if run in self._runs:

@@ -205,3 +205,7 @@ class MarkerOutlet:
         """
         self._outlet.push_sample([text], stamp_s)
         self.sent += 1
+
+    def close(self) -> None:
+        """Take it off the network."""
+        del self._outlet

@@ -13,7 +13,7 @@ class Marker:
     Attributes
     ----------
     utc_ns : int
-        When, by the rig's clock.
+        When, by the rig's clock; 0: it does not say.
     text : str
         One word that says what kind it is, and what it is.
     """

@@ -97,11 +97,12 @@ def export_foxglove(
     """
     with RecordingReader(path) as reader:
         begin_ns, end_ns = _part(reader.items(), from_s, to_s)
-        status = RigStatus.from_json(reader.attachments["status.json"])
+        content = reader.attachments.get("status.json")
+        aux = () if content is None else RigStatus.from_json(content).aux
         with create(out) as file:
             writer: Any = Writer(file, CHUNK_BYTES, CompressionType.ZSTD)
             writer.start("", reader.info.software)
-            plot = _PlotWriter(writer, status.aux)
+            plot = _PlotWriter(writer, aux)
             for item in reader.items():
                 if isinstance(item, Samples):
                     plot.samples(item, begin_ns, end_ns)

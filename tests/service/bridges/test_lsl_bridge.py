@@ -160,7 +160,7 @@ def test_the_finger_is_sent_and_what_is_of_another_run_is_not(
         {"data": np.zeros((2, BLOCK), np.float32)},
         {"sample_rate_hz": 10_000.0},
         {"first_sample": 2**63},
-        {"first_sample": 20_000 * 4_000},
+        {"first_sample": 20_000 * 90_000},
     ],
 )
 def test_a_block_that_does_not_fit_costs_itself_alone(

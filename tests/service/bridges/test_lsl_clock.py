@@ -73,10 +73,10 @@ def test_what_no_clock_says_begins_no_run(
     assert clock.run is None
 
 
-def test_a_leap_of_an_hour_and_a_run_long_gone_are_refused(clocks: Clocks) -> None:
+def test_a_leap_of_a_day_and_a_run_long_gone_are_refused(clocks: Clocks) -> None:
     clock = LslClock(clocks.local_s, clocks.utc_ns)
     for run in (4, 5, 6):
         assert clock.begin(run, 0, UTC_NS, 5e4)
     assert not clock.begin(4, 0, UTC_NS, 5e4)
     assert clock.begin(5, 100, UTC_NS, 5e4)
-    assert not clock.begin(6, 20_000 * 3_601, UTC_NS, 5e4)
+    assert not clock.begin(6, 20_000 * 86_401, UTC_NS, 5e4)
