@@ -112,6 +112,7 @@ class Topics:
     MODEL = Topic("state/model", "ModelState", "-", LATEST, latest=True)
     TIME = Topic("state/time", "TimeState", "ns", LATEST, latest=True)
     ESTIMATE = Topic("state/estimate", "EstimateState", "N, Hz, us, dB", LATEST, latest=True)
+    MARKER = Topic("state/marker", "MarkerState", "-", LATEST)
     FORCE = Topic("stream/force", "Block: x, y, z", "N", STREAM)
     ACCEL = Topic("stream/accel", "Block: x, y, z", "m/s^2", STREAM)
     VOLTAGE = Topic("stream/voltage", "Block: monitor", "V", STREAM)

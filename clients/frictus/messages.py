@@ -45,6 +45,8 @@ UtcNs = Annotated[int, Field(ge=0, lt=2**63)]
 """UTC since 1970, ns: 64 bits reach to the year 2262."""
 MAX_REASON: Final = 500
 """Characters of why something was done."""
+MAX_MARKER: Final = 1_000
+"""Characters of a marker."""
 MAX_COUNT: Final = 2**63 - 1
 Count = Annotated[int, Field(ge=0, lt=MAX_COUNT + 1)]
 Int64 = Annotated[int, Field(ge=-(2**63), lt=2**63)]
@@ -147,6 +149,16 @@ class GuidanceState(Message):
     colour: Literal["green", "yellow", "red", "grey"] = "grey"
     """Force in the target range, below, above; grey: no contact."""
     message: str = ""
+
+
+class MarkerState(Message):
+    """An event that another program told while this rig ran, such as one on LSL."""
+
+    utc_ns: UtcNs
+    """When it happened."""
+    source: Annotated[str, Field(max_length=100)]
+    """Who told it."""
+    text: Annotated[str, Field(max_length=MAX_MARKER)]
 
 
 class RecordingState(Message):
@@ -610,6 +622,7 @@ MESSAGES: Final[dict[str, type[Message]]] = {
         FingerState,
         TouchState,
         GuidanceState,
+        MarkerState,
         RecordingState,
         RigStatus,
         SceneState,

@@ -10,6 +10,7 @@ from frictus_service.cli import (
     discover,
     doctor,
     identify,
+    lsl,
     models,
     pki,
     play,
@@ -49,6 +50,7 @@ app.command()(serve.router)
 app.command()(play.play)
 app.command()(play.watch)
 app.command()(record.record)
+app.command()(lsl.lsl)
 app.command()(track.track)
 app.command()(serve.recorder)
 app.command()(serve.tracker)

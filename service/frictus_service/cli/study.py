@@ -97,13 +97,13 @@ def _print_faults(summary: "StudyContents", console: "Console") -> None:
         console.print("missing samples: none")
 
 
-Format = Literal["h5", "mat", "parquet", "replay"]
+Format = Literal["h5", "mat", "parquet", "replay", "foxglove"]
 
 
 def export(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording, or a study.")],
     to: Annotated[
-        Format, typer.Option("--to", help="Study; MATLAB; Parquet; to play as a rig.")
+        Format, typer.Option("--to", help="Study; MATLAB; Parquet; to play as a rig; to plot.")
     ] = "h5",
     out: Annotated[
         Path | None,
@@ -136,7 +136,7 @@ def export(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Write FILE as a study, MATLAB files, Parquet tables, or to be played as a rig.
+    """Write FILE as a study, MATLAB files, Parquet tables, to be played as a rig, or plotted.
 
     Guided trials of a recording become trials; a recording in which nobody was guided is one
     trial, of which --participant, --speed, --force and --tone have to be said.
@@ -145,6 +145,11 @@ def export(
 
     if to == "replay":
         _taped(file, out or file.with_suffix(".npz"), begin, end, touch_latency, as_json)
+        return
+    if to == "foxglove":
+        _plottable(
+            file, out or file.with_name(f"{file.stem}_foxglove.mcap"), begin, end, as_json
+        )
         return
     tones = None if tone is None else tuple(hz for hz in tone if hz > 0.0)
     declared = TrialDeclaration(participant, session, speed, force, tones, begin, end)
@@ -199,6 +204,27 @@ def _taped(
         )
         return
     sys.stdout.write(f"{path}: {done.seconds:.2f} s, {done.missing} samples missing\n")
+    sys.stdout.write(f"the recording {done.ending}\n")
+
+
+def _plottable(
+    file: Path, path: Path, begin: float | None, end: float | None, as_json: bool
+) -> None:
+    """Export a recording for Foxglove or Lichtblick, with a layout beside it."""
+    from frictus_service.recording.foxglove import LAYOUT, export_foxglove
+
+    done = export_foxglove(file, path, begin, end)
+    layout = path.with_name("frictus_layout.json")
+    layout.write_bytes(LAYOUT.read_bytes())
+    if wants_lines(as_json):
+        write_line(
+            out=str(path),
+            layout=str(layout),
+            messages=done.messages,
+            ending=str(done.ending),
+        )
+        return
+    sys.stdout.write(f"{path}: {done.messages} messages; layout to import: {layout}\n")
     sys.stdout.write(f"the recording {done.ending}\n")
 
 

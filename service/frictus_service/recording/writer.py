@@ -19,6 +19,7 @@ from frictus.keys import STREAMS, Topic, Topics
 from frictus.messages import MESSAGES
 from frictus_service.durable import sync_folder
 from frictus_service.errors import NotWrittenError
+from frictus_service.recording.plain_schema import plain_schema
 from frictus_service.recording.records import (
     END,
     GAPS,
@@ -50,6 +51,7 @@ STATES: Final = (
     Topics.MODEL,
     Topics.TIME,
     Topics.ESTIMATE,
+    Topics.MARKER,
 )
 """Topics whose messages are recorded as they came."""
 
@@ -229,7 +231,7 @@ class RecordingWriter:
             )
         models = {topic.suffix: MESSAGES[topic.message] for topic in STATES} | NOTES
         for suffix, model in models.items():
-            text = json.dumps(model.model_json_schema(by_alias=True)).encode()
+            text = json.dumps(plain_schema(model)).encode()
             schema = self._writer.register_schema(model.__name__, JSON_SCHEMA, text)
             self._channels[suffix] = self._writer.register_channel(suffix, "json", schema)
 

@@ -23,8 +23,10 @@ _CACHE: Final = "@adv/**"
 """Where Zenoh's advanced publishers answer for what they have cached."""
 _COMMANDS: Final = tuple(topic for topic in TOPICS if topic.qos is COMMAND)
 _PUBLISHED: Final = tuple(topic for topic in TOPICS if topic.qos is not COMMAND)
-_OWN: Final = tuple(topic for topic in _PUBLISHED if topic is not Topics.GUIDANCE)
-"""What a rig says; guidance comes from whoever calibrates on it."""
+_GIVEN: Final = (Topics.GUIDANCE, Topics.MARKER)
+"""What others publish: whoever calibrates on a rig, and bridges to other programs."""
+_OWN: Final = tuple(topic for topic in _PUBLISHED if topic not in _GIVEN)
+"""What a rig says."""
 _FOR_ALL: Final = ("stop",)
 """A stop is never refused, whoever asks."""
 
@@ -93,7 +95,7 @@ def _observing(base: str) -> list[Rule]:
 def _controlling() -> list[Rule]:
     """Command every rig, hold leases, and guide a participant."""
     base = _EVERYWHERE
-    sent = _keys(base, [_ANY.of(topic) for topic in (*_COMMANDS, Topics.GUIDANCE)])
+    sent = _keys(base, [_ANY.of(topic) for topic in (*_COMMANDS, *_GIVEN)])
     calls = _keys(base, _calls(_ANY))
     token = _keys(base, [_ANY.any_client_alive])
     return [
@@ -109,7 +111,7 @@ def _being(keys: RigKeys) -> list[Rule]:
     """Be one rig, its recorder and its tracker."""
     base = keys.base
     said = [keys.of(topic) for topic in _OWN]
-    heard = [keys.of(topic) for topic in (*_COMMANDS, Topics.GUIDANCE)]
+    heard = [keys.of(topic) for topic in (*_COMMANDS, *_GIVEN)]
     cached = _cached(base)
     # Whoever follows every rig at once subscribes to, and asks for, more than this rig says.
     followed = _keys(_EVERYWHERE, [_ANY.of(topic) for topic in _OWN])

@@ -184,3 +184,28 @@ def test_reading_that_was_interrupted_is_not_taken(rng: np.random.Generator) -> 
 def test_nothing_to_stamp_before_the_first_block() -> None:
     with pytest.raises(RuntimeError, match="no block"):
         Timebase(RATE_HZ).stamp(0)
+
+
+@pytest.mark.parametrize("burst_ns", [0, 30_000_000])
+@pytest.mark.parametrize("block", [20, 100])
+def test_stamps_of_blocks_rise_though_the_fit_moves(
+    rng: np.random.Generator, block: int, burst_ns: int
+) -> None:
+    """Blocks late together and busy stretches move the line by less than a block."""
+    timebase = Timebase(RATE_HZ)
+    stamps, seen = [], 0.0
+    for number in range(1, 4_000):
+        late_ns = rng.exponential(80e3) + (
+            rng.uniform(0.0, 6e6) if rng.random() < 0.01 else 0.0
+        )
+        late_ns += burst_ns if number < 10 else 0.0
+        late_ns += 400e3 if 1_000 < number < 2_000 else 0.0
+        seen = max(seen + 20e3, number * block * 1e9 / RATE_HZ + late_ns)  # in order
+        reading = UtcReading(int(seen), START_NS + int(seen), int(seen) + 300)
+        timebase.observe(number * block, int(seen), reading)
+        stamps.append(timebase.stamp((number - 1) * block).utc_ns)
+        timebase.fit()
+    steps = np.diff(stamps)
+    assert np.all(steps > 0)
+    # The line moves back, too: stamps of samples rise by `frictus.slewed_clock` alone.
+    assert np.min(steps - block * 1e9 / RATE_HZ) < 0

@@ -10,6 +10,7 @@ import pytest
 import zenoh
 
 from frictus.keys import RigKeys, Topics
+from frictus.messages import MarkerState
 from frictus.session import open_router, open_session
 from frictus_service.processes import free_endpoint
 from frictus_service.recording import intake as intake_module
@@ -51,6 +52,7 @@ def test_gaps_garbage_and_states_are_written_down(
 ) -> None:
     publisher, session = sessions
     path = tmp_path / "a.mcap"
+    marker = MarkerState(utc_ns=known.UTC_NS, source="lsl: psychopy", text="trial 1")
     with (
         Intake(session, KEYS) as intake,
         RecordingWriter(path, known.info("a"), {}, lambda: 0.0) as writer,
@@ -60,9 +62,10 @@ def test_gaps_garbage_and_states_are_written_down(
         for sequence in (0, 1, 5):
             put(publisher, Topics.FORCE, known.block(known.FORCE, sequence).pack())
         put(publisher, Topics.TOUCH, b"not a report")
+        put(publisher, Topics.MARKER, marker.to_json())
         put(publisher, Topics.TOUCH, known.touch(3).to_json())
         deadline_s = time.monotonic() + WAIT_S
-        while intake.received_blocks < 3 or not touched(writer):
+        while intake.received_blocks < 3 or len(states_in(writer)) < 2:
             assert time.monotonic() < deadline_s
             intake.drain_into(writer, known.UTC_NS)
         assert intake.lost_blocks == 3
@@ -78,14 +81,15 @@ def test_gaps_garbage_and_states_are_written_down(
     }
     force = [item for item in items if isinstance(item, Samples)]
     assert [(item.first_sequence, item.blocks) for item in force] == [(0, 2), (5, 1)]
-    assert [item.message for item in items if isinstance(item, State)] == [known.touch(3)]
+    states = [item.message for item in items if isinstance(item, State)]
+    assert sorted(states, key=repr) == [marker, known.touch(3)]
 
 
-def touched(writer: RecordingWriter) -> bool:
-    """Whether a touch report has been written; a chunk that is not closed yet shows nothing."""
+def states_in(writer: RecordingWriter) -> list[State]:
+    """States that were written; a chunk that is not closed yet shows nothing."""
     writer.sync()
     with RecordingReader(writer.path) as reader:
-        return any(isinstance(item, State) for item in reader.items())
+        return [item for item in reader.items() if isinstance(item, State)]
 
 
 def test_a_recorder_that_is_too_slow_writes_down_how_much_it_missed(

@@ -70,7 +70,7 @@ def test_names_are_unique_and_every_one_is_defined() -> None:
 
 def test_only_a_rig_says_what_it_measured_and_only_its_own() -> None:
     for topic in TOPICS:
-        mine = topic.qos is not COMMAND and topic is not Topics.GUIDANCE
+        mine = topic.qos is not COMMAND and topic not in (Topics.GUIDANCE, Topics.MARKER)
         assert allowed(RIG, "ingress", "put", KEYS.of(topic)) is mine
         assert not allowed(RIG, "ingress", "put", OTHER.of(topic))
         assert not allowed(BOB, "ingress", "put", KEYS.of(topic))

@@ -1,0 +1,1 @@
+"""Bridges: what a rig publishes, on the networks of other programs."""
