@@ -203,22 +203,22 @@ def test_recordings(api: TestClient, rng: np.random.Generator) -> None:
     assert made.json()["kind"] == "profile"
 
 
+LONG = keyframes((0, 0.5, 80), (12_000, 0.5, 80))
+
+
 @pytest.mark.parametrize(
     ("kind", "content"),
     [
         ("haptics/x-ahap", ahap(continuous(0.0, 12.0), event("AudioCustom", 0.0))),
         ("haptics/x-haptic", haptic([(0.0, 0.5), (12.0, 0.5)])),
-        (
-            "haptics/hjif",
-            hjif(band("VectorialWave", basis(0, keyframes((0, 0.5, 80), (12_000, 0.5, 80))))),
-        ),
+        ("haptics/hjif", hjif(band("VectorialWave", basis(0, LONG)))),
     ],
 )
 def test_effects(api: TestClient, kind: str, content: str) -> None:
     headers = {**NEW, "Content-Type": kind}
     refused = api.put("/v1/textures/long", content=content, headers=headers)
     assert refused.status_code == 422
-    assert "give part_s of it, or the speed" in refused.json()["detail"]
+    assert "give a part of it" in refused.json()["detail"]
     query = {"scale_n": 0.2, "part_from_s": 1.0, "part_to_s": 3.0}
     made = api.put("/v1/textures/buzz", content=content, params=query, headers=headers)
     assert made.status_code == 201, made.json()

@@ -170,7 +170,7 @@ def test_what_cannot_be_played_is_a_usage_error(rig: Any, config: Path, tmp_path
         ((column, "--speed", 40), "rate"),
         ((column, "--speed", -1, "--rate", 100), "speed"),
         ((column, "--rate", 100, "--part", "1-2"), "--part 1-2: two times in s, such as 2:7.5"),
-        ((effect, "--scale", 0.1), "give part_s of it, or the speed"),
+        ((effect, "--scale", 0.1), "give a part of it"),
     ):
         result = run("play", *args, "-c", config)
         assert result.exit_code == Exit.USAGE
