@@ -11,7 +11,7 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-from frictus.effects import EFFECT_SUFFIXES, render_effect
+from frictus.effect_files import EFFECT_SUFFIXES, render_effect
 from frictus.errors import TextureError
 from frictus.recordings import import_texture
 

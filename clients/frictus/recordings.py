@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
-from frictus.effects import EFFECT_SUFFIXES, render_effect
+from frictus.effect_files import EFFECT_SUFFIXES, render_effect
 from frictus.errors import TextureError, explain
 from frictus.sample_files import read_csv, read_text, read_wav, require
 from frictus.textures import (
@@ -108,8 +108,8 @@ def import_texture(
     ``.wav``: PCM of 8, 16, 24 or 32 bits; full scale is ``scale_n`` newtons. ``.csv``: newtons
     times `scale_n`, one column of samples or two columns, time in s and sample; a header line
     may stand first. ``.json``: a texture document as `frictus.textures` describes it.
-    ``.ahap``, ``.haptic`` and ``.hjif``: effects, rendered as `frictus.effects` describes it;
-    full scale is ``scale_n`` newtons.
+    ``.ahap``, ``.haptic`` and ``.hjif``: effects, rendered as `frictus.effect_files` describes
+    it; full scale is ``scale_n`` newtons.
 
     A recording or effect becomes a `Profile` that repeats without end, over position where its
     speed is given, otherwise over time. Its mean is removed, since friction is relative: the

@@ -25,6 +25,13 @@ EVEN_SHARE: Final = 0.01  # times may stray from an even grid by this share of a
 def read_wav(path: Path, channel: int) -> tuple[FloatArray, float]:
     """Return one channel of a WAV file, full scale +/-1, and its rate in Hz.
 
+    Parameters
+    ----------
+    path : Path
+        PCM of 8, 16, 24 or 32 bits.
+    channel : int
+        From 0.
+
     Raises
     ------
     TextureError
@@ -143,6 +150,11 @@ def _rate_of(time_s: FloatArray, name: str) -> float:
 def read_text(path: Path) -> str:
     """Return the text of a file of at most `MAX_TEXT_BYTES`.
 
+    Parameters
+    ----------
+    path : Path
+        In UTF-8.
+
     Raises
     ------
     TextureError
@@ -158,6 +170,13 @@ def read_text(path: Path) -> str:
 
 def require(holds: bool, complaint: str) -> None:
     """Raise if something does not hold.
+
+    Parameters
+    ----------
+    holds : bool
+        Whether it does.
+    complaint : str
+        What is wrong, what is accepted.
 
     Raises
     ------

@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.clients.effects.made import ahap, band, basis, continuous, haptic, hjif, keyframes
+from tests.clients.effect_files.made import (
+    ahap,
+    band,
+    basis,
+    continuous,
+    haptic,
+    hjif,
+    keyframes,
+)
 
 from frictus.errors import TextureError
 from frictus.recordings import import_texture, load_texture, profile_of
@@ -219,7 +227,7 @@ def test_more_of_a_recording_than_any_screen_shows_is_refused(tmp_path: Path) ->
         load_texture(path, speed_mm_s=600.0)
 
 
-# Effects; what they render to is in tests/clients/effects
+# Effects; what they render to is in tests/clients/effect_files
 
 
 def test_an_effect_is_a_texture_over_time_or_at_a_speed_over_position(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
-from tests.clients.effects.made import ahap, continuous, event
+from tests.clients.effect_files.made import ahap, continuous, event
 from tests.dashboard.lab import Lab
 from tests.dashboard.textures.view import SPEED_MM_S, drop, names, part, wav
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fastapi.testclient import TestClient
-from tests.clients.effects.made import (
+from tests.clients.effect_files.made import (
     ahap,
     band,
     basis,

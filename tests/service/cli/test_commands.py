@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.clients.effects.made import ahap, continuous, event
+from tests.clients.effect_files.made import ahap, continuous, event
 from typer.testing import CliRunner
 
 from frictus_service.cli.app import app

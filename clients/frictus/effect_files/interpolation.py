@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from frictus.effects.timeline import FloatArray
+from frictus.effect_files.timeline import FloatArray
 
 Curve = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 

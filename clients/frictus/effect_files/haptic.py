@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from frictus.effects.document import child, items, number, within
-from frictus.effects.timeline import (
+from frictus.effect_files.document import child, items, number, within
+from frictus.effect_files.timeline import (
     SHARPNESS_HZ,
-    Effect,
     FloatArray,
+    RenderedEffect,
     Timeline,
     burst_s,
     sharpness_hz,
@@ -16,7 +16,7 @@ from frictus.effects.timeline import (
 from frictus.errors import TextureError
 
 
-def render_haptic(document: dict[str, Any]) -> Effect:
+def render_haptic(document: dict[str, Any]) -> RenderedEffect:
     """Render a `.haptic` document.
 
     One wave whose amplitude and frequency (0 to 1, taken for a sharpness) go linearly from

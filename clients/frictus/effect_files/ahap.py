@@ -8,11 +8,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from frictus.effects.document import item, items, number, word
-from frictus.effects.timeline import (
+from frictus.effect_files.document import item, items, number, word
+from frictus.effect_files.timeline import (
     MAX_DURATION_S,
-    Effect,
     FloatArray,
+    RenderedEffect,
     Timeline,
     burst_s,
     sharpness_hz,
@@ -161,7 +161,7 @@ class _Pattern:
         return limited
 
 
-def render_ahap(document: dict[str, Any]) -> Effect:
+def render_ahap(document: dict[str, Any]) -> RenderedEffect:
     """Render an AHAP document.
 
     A continuous event is a sine, its amplitude the intensity; a transient is a burst. Dynamic

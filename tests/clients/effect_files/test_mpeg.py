@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.clients.effects.made import band, basis, hjif, keyframes
-from tests.clients.effects.spectra import burst_transform, line, strays, times, transform
+from tests.clients.effect_files.made import band, basis, hjif, keyframes
+from tests.clients.effect_files.spectra import burst_transform, line, strays, times, transform
 
-from frictus.effects import render_effect
-from frictus.effects.interpolation import CURVES
+from frictus.effect_files import render_effect
+from frictus.effect_files.interpolation import CURVES
 from frictus.errors import TextureError
 
 STEADY = keyframes((0, 0.5, 100), (1_000, 0.5, 100))

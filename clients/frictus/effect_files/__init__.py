@@ -2,21 +2,22 @@
 
 An effect lasts some seconds and changes as it goes: bursts, waves, curves, envelopes. Its file
 says how strong in shares of a device's full scale, and mostly how sharp without saying in Hz;
-what is taken for it stands in `frictus.effects.timeline`, and `Effect.notes` says what was left
-out or limited. `frictus.load_texture` makes a texture of an effect, over time or position.
+what is taken for it stands in `frictus.effect_files.timeline`, and `RenderedEffect.notes` says
+what was left out or limited. `frictus.load_texture` makes a texture of an effect, over time or
+over position.
 """
 
 from collections.abc import Callable
 from typing import Any, Final
 
-from frictus.effects.ahap import render_ahap
-from frictus.effects.document import parsed
-from frictus.effects.haptic import render_haptic
-from frictus.effects.mpeg import render_hjif
-from frictus.effects.timeline import Effect
+from frictus.effect_files.ahap import render_ahap
+from frictus.effect_files.document import parsed
+from frictus.effect_files.haptic import render_haptic
+from frictus.effect_files.mpeg import render_hjif
+from frictus.effect_files.timeline import RenderedEffect
 from frictus.errors import TextureError
 
-_RENDERERS: Final[dict[str, Callable[[dict[str, Any]], Effect]]] = {
+_RENDERERS: Final[dict[str, Callable[[dict[str, Any]], RenderedEffect]]] = {
     ".ahap": render_ahap,
     ".haptic": render_haptic,
     ".hjif": render_hjif,
@@ -24,7 +25,7 @@ _RENDERERS: Final[dict[str, Callable[[dict[str, Any]], Effect]]] = {
 EFFECT_SUFFIXES: Final = tuple(_RENDERERS)
 
 
-def render_effect(text: str, suffix: str) -> Effect:
+def render_effect(text: str, suffix: str) -> RenderedEffect:
     """Render an effect file.
 
     Parameters
@@ -37,7 +38,7 @@ def render_effect(text: str, suffix: str) -> Effect:
 
     Returns
     -------
-    Effect
+    RenderedEffect
         The signal, full scale 1, and what was left out of it.
 
     Raises
@@ -50,4 +51,4 @@ def render_effect(text: str, suffix: str) -> Effect:
     return _RENDERERS[suffix](parsed(text))
 
 
-__all__ = ["EFFECT_SUFFIXES", "Effect", "render_effect"]
+__all__ = ["EFFECT_SUFFIXES", "RenderedEffect", "render_effect"]

@@ -1,4 +1,4 @@
-"""Damaged effect files: `python -m tests.campaigns.effects lines.jsonl --cases 500`.
+"""Damaged effect files: `python -m tests.campaigns.effect_files lines.jsonl --cases 500`.
 
 Each is read as a texture by what every door uses, `frictus.recordings.import_texture`. What
 must hold: a texture or a refusal in words, in `MOST_S`, and at most `MOST_MB` of memory.
@@ -15,7 +15,7 @@ from typing import Any, Final
 from tests.campaigns.lines import Line, asked, go_on
 from tests.campaigns.mutations import draw_damaged
 
-from frictus.effects import EFFECT_SUFFIXES
+from frictus.effect_files import EFFECT_SUFFIXES
 from frictus.errors import TextureError
 from frictus.recordings import import_texture
 from frictus.sample_files import MAX_TEXT_BYTES

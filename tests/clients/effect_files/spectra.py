@@ -3,23 +3,23 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus.effects import Effect
+from frictus.effect_files import RenderedEffect
 
 FloatArray = NDArray[np.float64]
 
 
-def times(effect: Effect) -> FloatArray:
+def times(effect: RenderedEffect) -> FloatArray:
     """Return the time of each sample, s."""
     return np.arange(effect.signal.size) / effect.sample_rate_hz
 
 
-def line(effect: Effect, hz: float) -> float:
+def line(effect: RenderedEffect, hz: float) -> float:
     """Return the amplitude of a sine that fits a whole number of times into the effect."""
     turned = np.exp(-2j * np.pi * hz * times(effect))
     return float(2.0 * abs(np.mean(effect.signal * turned)))
 
 
-def strays(effect: Effect, wanted: FloatArray) -> float:
+def strays(effect: RenderedEffect, wanted: FloatArray) -> float:
     """Return how far the effect is from a course, rms, as a share of the course's own.
 
     Where a course bends or steps, limiting its band moves single samples.
@@ -27,7 +27,7 @@ def strays(effect: Effect, wanted: FloatArray) -> float:
     return float(np.sqrt(np.mean((effect.signal - wanted) ** 2) / np.mean(wanted**2)))
 
 
-def transform(effect: Effect, hz: FloatArray) -> NDArray[np.complex128]:
+def transform(effect: RenderedEffect, hz: FloatArray) -> NDArray[np.complex128]:
     """Return the Fourier transform at some frequencies, per Hz."""
     turned = np.exp(-2j * np.pi * hz[:, None] * times(effect))
     return np.asarray(turned @ effect.signal / effect.sample_rate_hz)

@@ -30,7 +30,7 @@ _FINE: Final = 4  # steps and square waves are drawn finer, so that little of th
 
 
 @dataclass(frozen=True, slots=True)
-class Effect:
+class RenderedEffect:
     """An effect as a signal in time.
 
     Attributes
@@ -83,6 +83,11 @@ class Timeline:
     def span(self, begin_s: float, end_s: float) -> tuple[slice, FloatArray]:
         """Return the samples from `begin_s` until before `end_s`, and their times.
 
+        Parameters
+        ----------
+        begin_s, end_s : float
+            Cut to the timeline.
+
         Returns
         -------
         where : slice
@@ -106,7 +111,17 @@ class Timeline:
         return slice(first, last), np.arange(first, last) / self.rate_hz - begin_s
 
     def burst(self, begin_s: float, amplitude: float, hz: float) -> None:
-        """Add two cycles of a sine that begin at a time."""
+        """Add two cycles of a sine.
+
+        Parameters
+        ----------
+        begin_s : float
+            When they begin.
+        amplitude : float
+            In shares of full scale.
+        hz : float
+            Above 0.
+        """
         where, time_s = self.span(begin_s, begin_s + burst_s(hz))
         self.samples[where] += amplitude * np.sin(2.0 * np.pi * hz * time_s)
 
@@ -127,7 +142,7 @@ class Timeline:
         steps[1:] = (hz[1:] + hz[:-1]) / (2.0 * self.rate_hz)
         return 2.0 * np.pi * np.cumsum(steps)
 
-    def finished(self, notes: list[str]) -> Effect:
+    def finished(self, notes: list[str]) -> RenderedEffect:
         """Return the effect at `RATE_HZ`, limited to full scale.
 
         Parameters
@@ -148,15 +163,27 @@ class Timeline:
         count = self.samples.size // _FINE
         # A texture repeats, so that its band is limited around the seam as well.
         signal = np.fft.irfft(spectrum[: count // 2 + 1], count) / _FINE
-        return Effect(signal, tuple(notes))
+        return RenderedEffect(signal, tuple(notes))
 
 
 def sharpness_hz(sharpness: FloatArray | float) -> FloatArray:
-    """Return the frequency that a sharpness from 0 to 1 stands for, Hz."""
+    """Return the frequency that a sharpness stands for, Hz.
+
+    Parameters
+    ----------
+    sharpness : float or ndarray
+        0 to 1.
+    """
     low_hz, high_hz = SHARPNESS_HZ
     return low_hz + (high_hz - low_hz) * np.asarray(sharpness)
 
 
 def burst_s(hz: float) -> float:
-    """Return how long a burst of a frequency lasts, s."""
+    """Return how long a burst lasts, s.
+
+    Parameters
+    ----------
+    hz : float
+        Its frequency, above 0.
+    """
     return BURST_CYCLES / hz

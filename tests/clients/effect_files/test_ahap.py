@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from tests.clients.effects.made import ahap, continuous, curve, event
-from tests.clients.effects.spectra import burst_transform, line, strays, times, transform
+from tests.clients.effect_files.made import ahap, continuous, curve, event
+from tests.clients.effect_files.spectra import burst_transform, line, strays, times, transform
 
-from frictus.effects import render_effect
-from frictus.effects.timeline import SHARPNESS_HZ
+from frictus.effect_files import render_effect
+from frictus.effect_files.timeline import SHARPNESS_HZ
 from frictus.errors import TextureError
 
 LOW_HZ, HIGH_HZ = SHARPNESS_HZ

@@ -14,6 +14,11 @@ LARGEST: Final = 1e9
 def parsed(text: str) -> dict[str, Any]:
     """Parse a document whose outermost value is an object.
 
+    Parameters
+    ----------
+    text : str
+        JSON.
+
     Raises
     ------
     TextureError
@@ -29,6 +34,13 @@ def parsed(text: str) -> dict[str, Any]:
 def item(value: Any, where: str) -> dict[str, Any]:
     """Return the value if it is an object.
 
+    Parameters
+    ----------
+    value : object
+        As parsed.
+    where : str
+        Its place in the document.
+
     Raises
     ------
     TextureError
@@ -40,6 +52,15 @@ def item(value: Any, where: str) -> dict[str, Any]:
 
 def child(parent: dict[str, Any], name: str, where: str) -> dict[str, Any]:
     """Return the object `name` of an object.
+
+    Parameters
+    ----------
+    parent : dict
+        The object that holds it.
+    name : str
+        What it is called.
+    where : str
+        Place of the parent.
 
     Raises
     ------
@@ -84,6 +105,17 @@ def number(
 ) -> float:
     """Return the number `name` of an object, or the default where it is missing.
 
+    Parameters
+    ----------
+    parent : dict
+        The object that holds it.
+    name : str
+        What it is called.
+    where : str
+        Place of the parent.
+    default : float or None
+        None: it must be there.
+
     Raises
     ------
     TextureError
@@ -109,6 +141,13 @@ def within(
 ) -> float:
     """Return the number `name` if it lies in a range.
 
+    Parameters
+    ----------
+    parent, name, where, default
+        See `number`.
+    low, high : float
+        The range, both within.
+
     Raises
     ------
     TextureError
@@ -121,7 +160,18 @@ def within(
 
 
 def word(parent: dict[str, Any], name: str, where: str, default: str | None = None) -> str:
-    """Return the text `name` of an object, or the default where it is missing.
+    """Return the first 100 characters of the text `name` of an object, or the default.
+
+    Parameters
+    ----------
+    parent : dict
+        The object that holds it.
+    name : str
+        What it is called.
+    where : str
+        Place of the parent.
+    default : str or None
+        Where it is missing; None: it must be there.
 
     Raises
     ------

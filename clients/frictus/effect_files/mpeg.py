@@ -6,9 +6,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from frictus.effects.document import LARGEST, items, number, within, word
-from frictus.effects.interpolation import CURVES
-from frictus.effects.timeline import MAX_HZ, Effect, FloatArray, Timeline
+from frictus.effect_files.document import LARGEST, items, number, within, word
+from frictus.effect_files.interpolation import CURVES
+from frictus.effect_files.timeline import MAX_HZ, FloatArray, RenderedEffect, Timeline
 from frictus.errors import TextureError
 
 BURST_S: Final = 0.022
@@ -43,7 +43,7 @@ class _Band:
     pieces: list[_Piece]
 
 
-def render_hjif(document: dict[str, Any]) -> Effect:
+def render_hjif(document: dict[str, Any]) -> RenderedEffect:
     """Render an HJIF document.
 
     Bands of type `Transient`, `VectorialWave` and `Curve` are rendered, all effects of a band,
