@@ -201,6 +201,11 @@ def _texture_in(
         )
     suffix = "csv" if given == CSV else EFFECTS.get(given, "wav")
     to_s = recording.part_to_s
+    if recording.part_from_s > 0.0 and to_s is None:
+        raise problems.InvalidError(
+            "part_from_s goes with part_to_s",
+            [problems.Place(where=["query", "part_to_s"], what="Field required")],
+        )
     with tempfile.TemporaryDirectory(prefix="frictus-") as folder:
         # Refusals name the file.
         file = pathlib.Path(folder) / f"{name}.{suffix}"

@@ -140,6 +140,7 @@ def test_a_dropped_effect_is_over_time_or_at_a_speed_over_position(
     )
     assert lab.ask("GET", "/textures/buzz")["period_s"] == pytest.approx(0.5)
     drop(page, "laid.ahap", buzz.encode())
+    expect(recorded.get_by_label("Speed at which it is felt in its own time")).to_have_value("")
     recorded.get_by_label("Speed at which it is felt in its own time").fill("40")
     page.keyboard.press("Enter")
     expect(recorded).to_contain_text("laid.ahap is in the library as laid")

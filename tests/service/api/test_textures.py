@@ -219,7 +219,10 @@ def test_effects(api: TestClient, kind: str, content: str) -> None:
     refused = api.put("/v1/textures/long", content=content, headers=headers)
     assert refused.status_code == 422
     assert "give a part of it" in refused.json()["detail"]
-    query = {"scale_n": 0.2, "part_from_s": 1.0, "part_to_s": 3.0}
+    query = {"scale_n": 0.2, "part_from_s": 1.0}
+    half = api.put("/v1/textures/half", content=content, params=query, headers=headers)
+    assert half.json()["errors"][0]["where"] == ["query", "part_to_s"]
+    query |= {"part_to_s": 3.0}
     made = api.put("/v1/textures/buzz", content=content, params=query, headers=headers)
     assert made.status_code == 201, made.json()
     if kind == "haptics/x-ahap":

@@ -105,6 +105,7 @@ export class Recording {
     apply(this.ofWav, suffix === "wav");
     const effect = suffix !== "csv" && suffix !== "wav";
     this.speed.required = !effect;
+    if (effect) this.speed.value = ""; // that of an earlier file would lay it out over position
     say(
       this.meaning,
       effect
