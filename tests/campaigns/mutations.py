@@ -35,6 +35,8 @@ OTHERS: Final[tuple[Any, ...]] = (
     *([], {}, [[]], [None] * 100, {"": {}}, {"__class__": 1}, -1, 1e9),
 )
 """Values of other types."""
+Ways = dict[str, tuple[float, Callable[[], bytes]]]
+"""How often each is drawn, and what it makes."""
 DEPTHS: Final = (10, 127, 200, 1_000, 20_000)
 
 
@@ -65,7 +67,7 @@ def draw_mutant(
     """
     valid = draw_payload(key, client, utc_ns, rng)
     if isinstance(valid, bytes):
-        ways: dict[str, tuple[float, Callable[[], bytes]]] = {
+        ways: Ways = {
             "valid": (1.0, lambda: valid),
             "header": (4.0, lambda: _with_header(valid, rng)),
             "samples": (2.0, lambda: _with_samples(valid, rng)),
@@ -73,22 +75,50 @@ def draw_mutant(
         plain = valid
     else:
         plain = json.dumps(valid).encode()
-        ways = {
-            "valid": (1.0, lambda: plain),
-            "number": (6.0, lambda: _with_numbers(valid, rng)),
-            "value": (3.0, lambda: _with_value(valid, rng)),
-            "field": (1.0, lambda: _without_field(valid, rng)),
-            "depth": (0.5, lambda: _deep(valid, rng)),
-        }
-    ways |= {
+        ways = _ways_of_tree(valid, plain, rng)
+    ways |= _ways_of_bytes(plain, most_bytes, rng)
+    ways["spliced"] = (1.0, lambda: _spliced(plain, key, client, utc_ns, rng))
+    return _drawn(ways, rng)
+
+
+def draw_damaged(valid: Tree, most_bytes: int, rng: random.Random) -> Mutant:
+    """Return a JSON document that is valid or no longer so; see `draw_mutant`.
+
+    Parameters
+    ----------
+    valid : dict
+        The document.
+    most_bytes : int
+        What its reader accepts.
+    rng : Random
+    """
+    plain = json.dumps(valid).encode()
+    ways = _ways_of_tree(valid, plain, rng) | _ways_of_bytes(plain, most_bytes, rng)
+    ways["repeated"] = (1.0, lambda: _repeated(valid, most_bytes, rng))
+    return _drawn(ways, rng)
+
+
+def _ways_of_tree(valid: Tree, plain: bytes, rng: random.Random) -> Ways:
+    return {
+        "valid": (1.0, lambda: plain),
+        "number": (6.0, lambda: _with_numbers(valid, rng)),
+        "value": (3.0, lambda: _with_value(valid, rng)),
+        "field": (1.0, lambda: _without_field(valid, rng)),
+        "depth": (0.5, lambda: _deep(valid, rng)),
+    }
+
+
+def _ways_of_bytes(plain: bytes, most_bytes: int, rng: random.Random) -> Ways:
+    return {
         "flipped": (1.0, lambda: _flipped(plain, rng)),
         "cut": (0.5, lambda: plain[: rng.randrange(len(plain))]),
-        "spliced": (1.0, lambda: _spliced(plain, key, client, utc_ns, rng)),
         "random": (0.5, lambda: rng.randbytes(rng.choice([0, 1, 63, 64, 65, 4_096]))),
         "size": (0.1, lambda: _padded(plain, most_bytes, rng)),
     }
-    weights = [weight for weight, _ in ways.values()]
-    (how,) = rng.choices(list(ways), weights)
+
+
+def _drawn(ways: Ways, rng: random.Random) -> Mutant:
+    (how,) = rng.choices(list(ways), [weight for weight, _ in ways.values()])
     return Mutant(how, ways[how][1]())
 
 
@@ -169,6 +199,19 @@ def _deep(valid: Tree, rng: random.Random) -> bytes:
     container, index = rng.choice([*_places(tree, lambda _value: True), (tree, "extra")])
     container[index] = _MARK
     return json.dumps(tree).replace(f'"{_MARK}"', nested).encode()
+
+
+def _repeated(valid: Tree, most_bytes: int, rng: random.Random) -> bytes:
+    """Fill the document with copies of what one of its lists holds, as far as is accepted."""
+    tree = copy.deepcopy(valid)
+    lists = [value for c, i in _places(tree, lambda v: isinstance(v, list)) if (value := c[i])]
+    if not lists:
+        return json.dumps(tree).encode()
+    chosen = rng.choice(lists)
+    room = most_bytes - len(json.dumps(tree))
+    most = max(room // (len(json.dumps(chosen)) + 2), 1)
+    chosen *= min(int(10.0 ** rng.uniform(0.3, 6.0)), most)
+    return json.dumps(tree).encode()
 
 
 def _flipped(plain: bytes, rng: random.Random) -> bytes:

@@ -1,20 +1,26 @@
 """Textures from files: what is read, and what is refused with which reason."""
 
-import json
 import math
 import wave
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.clients.effect_files.made import (
+    ahap,
+    band,
+    basis,
+    continuous,
+    haptic,
+    hjif,
+    keyframes,
+)
 
 from frictus.errors import TextureError
-from frictus.imports import AHAP_SHARPNESS_HZ, read_ahap, read_hjif
-from frictus.recordings import load_texture, profile_of
-from frictus.textures import Profile, Spectrum
+from frictus.recordings import import_texture, load_texture, profile_of
+from frictus.textures import Profile
 
 
 def write_wav(path: Path, channels: np.ndarray, width: int, rate_hz: int = 8_000) -> Path:
@@ -221,103 +227,52 @@ def test_more_of_a_recording_than_any_screen_shows_is_refused(tmp_path: Path) ->
         load_texture(path, speed_mm_s=600.0)
 
 
-# Effects of other systems
+# Effects; what they render to is in tests/clients/effect_files
 
 
-def ahap(**changes: Any) -> str:
-    event = {
-        "Time": 0.0,
-        "EventType": "HapticContinuous",
-        "EventDuration": 1.0,
-        "EventParameters": [
-            {"ParameterID": "HapticIntensity", "ParameterValue": 0.5},
-            {"ParameterID": "HapticSharpness", "ParameterValue": 0.2},
-        ],
-    }
-    return json.dumps({"Version": 1.0, "Pattern": [{"Event": event | changes}]})
-
-
-def test_a_continuous_ahap_event_is_a_component(tmp_path: Path) -> None:
+def test_an_effect_is_a_texture_over_time_or_at_a_speed_over_position(tmp_path: Path) -> None:
     path = tmp_path / "a.ahap"
-    path.write_text(ahap(), encoding="utf-8")
-    texture = load_texture(path, scale_n=0.4)
-    assert isinstance(texture, Spectrum)
-    (component,) = texture.components
-    low_hz, high_hz = AHAP_SHARPNESS_HZ
-    assert component.amplitude_n == pytest.approx(0.2)
-    assert component.hz == pytest.approx(low_hz + 0.2 * (high_hz - low_hz))
+    path.write_text(ahap(continuous(0.0, 0.5, HapticSharpness=0.0)), encoding="utf-8")
+    over_time = load_texture(path, scale_n=0.4)
+    over_position = load_texture(path, 40.0, scale_n=0.4, angle_deg=90.0)
+    assert isinstance(over_time, Profile)
+    assert isinstance(over_position, Profile)
+    assert over_time.period_s == pytest.approx(0.5)
+    assert over_position.period_mm == pytest.approx(20.0)
+    assert over_position.angle_deg == 90.0
+    assert over_time.friction_n == over_position.friction_n
+    assert max(over_time.friction_n) == pytest.approx(0.4, rel=0.01)
+    part = load_texture(path, scale_n=0.4, part_s=(0.1, 0.2))
+    assert isinstance(part, Profile)
+    assert part.period_s == pytest.approx(0.1)
 
 
-@pytest.mark.parametrize(
-    ("text", "complaint"),
-    [
-        ("", "not an AHAP document"),
-        ("[]", "an object was expected"),
-        ("{}", "a list 'Pattern'"),
-        ('{"Pattern": []}', "no effect"),
-        ('{"Pattern": [{"ParameterCurve": {}}]}', "changes over time"),
-        ('{"Pattern": [{"Event": 3}]}', "an object was expected"),
-        (ahap(EventType="HapticTransient"), "HapticTransient"),
-        (ahap(EventType="AudioCustom"), "AudioCustom"),
-        (ahap(Time=0.5), "starts later"),
-        (ahap(Time="now"), "must be a number"),
-        (ahap(EventParameters=5), "a list 'EventParameters'"),
-        (ahap(EventParameters=[{"ParameterID": "AttackTime"}]), "AttackTime"),
-        (ahap().replace("0.5", "1.5"), "0 to 1 accepted"),
-        (ahap().replace("0.5", "NaN"), "not finite"),
-        (ahap().replace("0.2", "1e999"), "not finite"),
-        ("[" * 100_000, "not an AHAP document"),
-    ],
-)
-def test_what_is_no_texture_in_ahap_is_refused(text: str, complaint: str) -> None:
-    with pytest.raises(TextureError, match=complaint):
-        read_ahap(text)
+def test_what_an_effect_lost_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = tmp_path / "a.haptic"
+    path.write_text(haptic([(0.0, 0.5), (0.5, 0.5)]), encoding="utf-8")
+    assert import_texture(path).notes == ("no frequency is given: 80 Hz",)
+    load_texture(path)
+    assert "a.haptic: no frequency is given: 80 Hz" in caplog.text
+    push = band(
+        "Curve", basis(0, keyframes((0, 0.0, None), (100, 1.0, None), (200, 0.5, None)))
+    )
+    path = tmp_path / "b.hjif"
+    path.write_text(hjif(push), encoding="utf-8")
+    assert "its mean, 0.62 of full scale, is removed" in "".join(import_texture(path).notes)
 
 
-def hjif(band: dict[str, Any] | None = None, effect: dict[str, Any] | None = None) -> str:
-    frames = [
-        {"relative_position": at, "amplitude_modulation": 0.5, "frequency_modulation": 150}
-        for at in (0, 1000)
-    ]
-    sine = {"effect_type": "Basis", "position": 0, "base_signal": "Sine", "keyframes": frames}
-    wave_band = {"band_type": "VectorialWave", "effects": [sine | (effect or {})]}
-    channels = [{"gain": 0.5, "bands": [wave_band | (band or {})]}]
-    perception = {"perception_modality": "Vibrotactile", "channels": channels}
-    return json.dumps({"version": "2023", "perceptions": [perception]})
-
-
-def test_a_constant_sine_of_hjif_is_a_component() -> None:
-    (component,) = read_hjif(hjif(), scale_n=0.4).components
-    assert component.amplitude_n == pytest.approx(0.1)
-    assert component.hz == 150.0
-    assert math.cos(component.phase_rad) == pytest.approx(0.0, abs=1e-12)  # a sine starts at 0
-    assert math.sin(component.phase_rad) == pytest.approx(-1.0)  # and rises
-
-
-@pytest.mark.parametrize(
-    ("text", "complaint"),
-    [
-        (hjif().replace("Vibrotactile", "Stiffness"), "Stiffness"),
-        (hjif(band={"band_type": "WaveletWave"}), "WaveletWave"),
-        (hjif(band={"effects": []}), "0 effects"),
-        (hjif(effect={"base_signal": "Square"}), "base signal Sine"),
-        (hjif(effect={"effect_type": "Reference"}), "Basis"),
-        (hjif(effect={"position": 10}), "starts later"),
-        (hjif(effect={"keyframes": []}), "takes 0 values"),
-        (hjif().replace('0.5, "frequency', '0.6, "frequency', 1), "takes 2 values"),
-        (hjif().replace("150", "-150"), "greater than or equal to 0.01"),
-        (hjif().replace("150", "1e400"), "not finite"),
-        ('{"perceptions": [5]}', "an object was expected"),
-    ],
-)
-def test_what_is_no_texture_in_hjif_is_refused(text: str, complaint: str) -> None:
-    with pytest.raises(TextureError, match=complaint):
-        read_hjif(text)
-
-
-@settings(deadline=None)
-@given(st.text(max_size=100))
-def test_garbage_effects_are_texture_errors(text: str) -> None:
-    for read in (read_ahap, read_hjif):
-        with pytest.raises(TextureError):
-            read(text)
+def test_an_effect_that_no_texture_can_hold_says_what_to_give(tmp_path: Path) -> None:
+    path = tmp_path / "long.haptic"
+    path.write_text(haptic([(0.0, 0.5), (11.0, 0.5)]), encoding="utf-8")
+    with pytest.raises(
+        TextureError, match=r"long.haptic: period_s: 11 s.*give a part.*or its speed"
+    ):
+        load_texture(path)
+    load_texture(path, part_s=(0.0, 9.0))
+    with pytest.raises(TextureError, match="it has 6000 Hz, not 100 Hz"):
+        load_texture(path, sample_rate_hz=100.0)
+    path.write_text(haptic([(0.0, 0.0), (1.0, 0.0)]), encoding="utf-8")
+    with pytest.raises(TextureError, match="the effect is silent"):
+        load_texture(path)
+    with pytest.raises(TextureError, match="binary form of MPEG haptics is not read"):
+        load_texture(tmp_path / "a.hmpg")

@@ -7,7 +7,7 @@ from typing import Annotated, Final, Literal
 from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from pydantic import BaseModel, Field, FiniteFloat, TypeAdapter
 
-from frictus.recordings import load_texture
+from frictus.recordings import ImportedTexture, import_texture
 from frictus.textures import Texture
 from frictus_service.api import problems
 from frictus_service.api.access import needs
@@ -42,6 +42,12 @@ Positive = Annotated[FiniteFloat, Field(gt=0.0)]
 
 WAV: Final = ("audio/wav", "audio/x-wav", "audio/wave", "audio/vnd.wave")
 CSV: Final = "text/csv"
+EFFECTS: Final = {
+    "haptics/x-ahap": "ahap",
+    "haptics/x-haptic": "haptic",
+    "haptics/hjif": "hjif",
+}
+"""Media types of effect files, and their suffixes; RFC 9695 registers the last."""
 _TEXTURE: Final[TypeAdapter[Texture]] = TypeAdapter(Texture)
 _READ: Final = (
     problems.UnauthenticatedError,
@@ -69,6 +75,7 @@ _BODY: Final = {
             JSON: {"schema": TEXTURE_SCHEMA},
             WAV[0]: {"schema": {"type": "string", "contentMediaType": WAV[0]}},
             CSV: {"schema": {"type": "string", "contentMediaType": CSV}},
+            **{kind: {"schema": {"type": "object"}} for kind in EFFECTS},
         },
     }
 }
@@ -76,16 +83,20 @@ router = APIRouter(prefix="/v1/textures", tags=["textures"])
 
 
 class Recording(BaseModel):
-    """How a recording in the body was made; a JSON texture needs none of it."""
+    """How a recording or effect in the body was made; a JSON texture needs none of it."""
 
     recording_speed_mm_s: Annotated[Positive, Field(le=1_000.0)] | None = None
-    """Speed of the finger or probe: turns time into position."""
+    """Speed of the finger or probe: time becomes position. An effect needs none."""
     sample_rate_hz: Annotated[Positive, Field(le=1e7)] | None = None
     """Rate of a CSV with one column; a WAV, and a CSV with times, bring theirs."""
     scale_n: Annotated[Positive, Field(le=1e6)] = 1.0
-    """Newtons per unit of a CSV, or at full scale of a WAV."""
+    """Newtons per unit of a CSV, or at full scale of a WAV or an effect."""
     channel: Annotated[int, Field(ge=0, le=1_000)] = 0
     """Channel of a WAV."""
+    part_from_s: Annotated[FiniteFloat, Field(ge=0.0)] = 0.0
+    """Where the part begins that becomes the texture."""
+    part_to_s: Annotated[Positive, Field(le=1e6)] | None = None
+    """Where it ends; a texture over time holds 10 s. Without, all of it is taken."""
 
 
 class TextureSummary(BaseModel):
@@ -96,6 +107,7 @@ class TextureSummary(BaseModel):
     kind: Literal["spectrum", "profile", "beta", "slope", "map"] | None = None
     etag: str | None = None
     damaged: str | None = Field(None, description="Why the file does not hold a texture")
+    notes: list[str] = Field([], description="What a recording or effect lost when it was put")
 
 
 class TexturePage(BaseModel):
@@ -149,18 +161,19 @@ def put_texture(
 ) -> TextureSummary:
     """Make a texture (`If-None-Match: *`) or replace one (`If-Match`).
 
-    The body is a texture in JSON, or a recording in WAV or CSV; a recording needs
-    `recording_speed_mm_s`, the speed of the finger or probe, so that time becomes position.
+    The body is a texture in JSON, a recording in WAV or CSV, or an effect (AHAP, .haptic,
+    HJIF). A recording needs `recording_speed_mm_s`, the speed of the finger or probe, so that
+    time becomes position; an effect without it repeats over time.
     """
     check_name(name)
-    texture = _texture_in(request, body, recording, name)
+    imported = _texture_in(request, body, recording, name)
     replaces = _replaced(given.library, name, if_match, create)
-    entry = given.library.put(name, texture, replaces)
+    entry = given.library.put(name, imported.texture, replaces)
     response.headers["ETag"] = quoted(entry.etag)
     if replaces is None:
         response.status_code = 201
         response.headers["Location"] = f"/v1/textures/{name}"
-    return _summarised(entry)
+    return _summarised(entry, imported.notes)
 
 
 @router.delete(
@@ -175,25 +188,35 @@ def delete_texture(name: Name, given: Given, if_match: IfMatch = None) -> None:
     given.library.delete(name, required_match(if_match, _etag(given.library, name)))
 
 
-def _texture_in(request: Request, body: bytes, recording: Recording, name: str) -> Texture:
-    given = require_media(request, JSON, CSV, *WAV)
+def _texture_in(
+    request: Request, body: bytes, recording: Recording, name: str
+) -> ImportedTexture:
+    given = require_media(request, JSON, CSV, *WAV, *EFFECTS)
     if given == JSON:
-        return parse_json(_TEXTURE, body)
-    if recording.recording_speed_mm_s is None:
+        return ImportedTexture(parse_json(_TEXTURE, body))
+    if recording.recording_speed_mm_s is None and given not in EFFECTS:
         raise problems.InvalidError(
             "a recording needs the query parameter recording_speed_mm_s",
             [problems.Place(where=["query", "recording_speed_mm_s"], what="Field required")],
         )
+    suffix = "csv" if given == CSV else EFFECTS.get(given, "wav")
+    to_s = recording.part_to_s
+    if recording.part_from_s > 0.0 and to_s is None:
+        raise problems.InvalidError(
+            "part_from_s goes with part_to_s",
+            [problems.Place(where=["query", "part_to_s"], what="Field required")],
+        )
     with tempfile.TemporaryDirectory(prefix="frictus-") as folder:
         # Refusals name the file.
-        file = pathlib.Path(folder) / f"{name}.{'csv' if given == CSV else 'wav'}"
+        file = pathlib.Path(folder) / f"{name}.{suffix}"
         file.write_bytes(body)
-        return load_texture(
+        return import_texture(
             file,
             recording.recording_speed_mm_s,
             recording.sample_rate_hz,
             recording.scale_n,
             channel=recording.channel,
+            part_s=None if to_s is None else (recording.part_from_s, to_s),
         )
 
 
@@ -232,7 +255,11 @@ def _summary(library: TextureLibrary, name: str) -> TextureSummary | None:
         return TextureSummary(name=name, shipped=False, damaged=str(error))
 
 
-def _summarised(entry: Entry) -> TextureSummary:
+def _summarised(entry: Entry, notes: tuple[str, ...] = ()) -> TextureSummary:
     return TextureSummary(
-        name=entry.name, shipped=entry.shipped, kind=entry.texture.kind, etag=entry.etag
+        name=entry.name,
+        shipped=entry.shipped,
+        kind=entry.texture.kind,
+        etag=entry.etag,
+        notes=list(notes),
     )

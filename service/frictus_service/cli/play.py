@@ -56,12 +56,14 @@ def play(
         str,
         typer.Argument(
             metavar="TEXTURE",
-            help="WAV, CSV, JSON, AHAP or HJIF file, or the name of a library texture.",
+            help="WAV, CSV, JSON, AHAP, .haptic or HJIF file, or the name of a texture.",
         ),
     ],
     speed: Annotated[
         float | None,
-        typer.Option("--speed", metavar="MM/S", help="Speed at which it was recorded."),
+        typer.Option(
+            "--speed", metavar="MM/S", help="Speed at which it was recorded, or is to be felt."
+        ),
     ] = None,
     rate: Annotated[
         float | None, typer.Option("--rate", metavar="HZ", help="Rate of a one-column CSV.")
@@ -69,6 +71,12 @@ def play(
     scale: Annotated[
         float, typer.Option("--scale", metavar="N", help="Newtons per unit of the file.")
     ] = 1.0,
+    part: Annotated[
+        str | None,
+        typer.Option(
+            "--part", metavar="S:S", help="From when to when of a file, such as 2:7.5."
+        ),
+    ] = None,
     gain: Annotated[
         float, typer.Option("--gain", min=0.0, max=100.0, help="Amplify it.")
     ] = 1.0,
@@ -93,7 +101,7 @@ def play(
 
     mode = compensation_of(compensation)
     target = TargetRig.of(config, router, site, rig)
-    scene = scene_of(texture, target.config.textures, speed, rate, scale, gain)
+    scene = scene_of(texture, target.config.textures, speed, rate, scale, gain, _part_of(part))
     lines = wants_lines(as_json)
     with frictus.connect(target.router, tls=target.tls) as client:
         found = target.choose(client)
@@ -152,6 +160,7 @@ def scene_of(
     sample_rate_hz: float | None = None,
     scale_n: float = 1.0,
     gain: float = 1.0,
+    part_s: tuple[float, float] | None = None,
 ) -> "frictus.Scene":
     """Return the scene that an argument of the command line stands for.
 
@@ -166,6 +175,8 @@ def scene_of(
         How a recording was made; see `frictus.load_texture`.
     gain : float
         Multiplies the gain of every region.
+    part_s : tuple of float or None
+        From when to when of a recording or effect.
 
     Raises
     ------
@@ -181,20 +192,36 @@ def scene_of(
     path = Path(texture)
     if path.is_file():
         if (scene := _scene_in(path)) is None:
-            found = frictus.load_texture(path, speed_mm_s, sample_rate_hz, scale_n)
+            found = frictus.load_texture(
+                path, speed_mm_s, sample_rate_hz, scale_n, part_s=part_s
+            )
             scene = frictus.Scene(name=path.stem[:100], regions=[frictus.Region(texture=found)])
     else:
         try:
             entry = TextureLibrary(library).get(texture)
         except TextureNameError as error:
             raise FileNotFoundError(f"there is no file {texture!r}") from error
-        if (speed_mm_s, sample_rate_hz, scale_n) != (None, None, 1.0):
-            raise TextureError("--speed, --rate and --scale are for recordings in files")
+        if (speed_mm_s, sample_rate_hz, scale_n, part_s) != (None, None, 1.0, None):
+            raise TextureError("--speed, --rate, --scale and --part are for files")
         scene = frictus.Scene(name=texture, regions=[frictus.Region(texture=entry.texture)])
     if gain == 1.0:
         return scene
     amplified = [region.model_dump() | {"gain": gain * region.gain} for region in scene.regions]
     return _checked_scene({"name": scene.name, "regions": amplified})
+
+
+def _part_of(text: str | None) -> tuple[float, float] | None:
+    from frictus.errors import ArgumentError
+
+    if text is None:
+        return None
+    try:
+        begin_s, end_s = map(float, text.split(":"))
+    except ValueError as error:
+        raise ArgumentError(
+            f"--part {text}: two times in s, such as 2:7.5, accepted"
+        ) from error
+    return begin_s, end_s
 
 
 def _scene_in(path: Path) -> "frictus.Scene | None":

@@ -97,17 +97,18 @@ def _print_faults(summary: "StudyContents", console: "Console") -> None:
         console.print("missing samples: none")
 
 
-Format = Literal["h5", "mat", "parquet", "replay", "foxglove"]
+Format = Literal["h5", "mat", "parquet", "nwb", "replay", "foxglove"]
 
 
 def export(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording, or a study.")],
     to: Annotated[
-        Format, typer.Option("--to", help="Study; MATLAB; Parquet; to play as a rig; to plot.")
+        Format,
+        typer.Option("--to", help="Study; MATLAB; Parquet; for an archive; a rig; to plot."),
     ] = "h5",
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="PATH", help="File, or folder for mat and parquet."),
+        typer.Option("--out", metavar="PATH", help="File, or folder for mat, parquet and nwb."),
     ] = None,
     participant: Annotated[
         str | None, typer.Option("--participant", help="Pseudonym.  [default: the recording's]")
@@ -134,15 +135,26 @@ def export(
         float | None,
         typer.Option("--touch-latency", min=0.0, help="s, where an old recording has none."),
     ] = None,
+    licence: Annotated[
+        str | None,
+        typer.Option("--licence", metavar="SPDX", help="Of the data, for nwb: CC-BY-4.0."),
+    ] = None,
+    age: Annotated[
+        str | None,
+        typer.Option("--age", metavar="P18Y/P65Y", help="Of all participants, for nwb."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Write FILE as a study, MATLAB files, Parquet tables, to be played as a rig, or plotted.
+    """Write FILE as a study, MATLAB files, Parquet tables, for an archive, a rig, or plots.
 
     Guided trials of a recording become trials; a recording in which nobody was guided is one
     trial, of which --participant, --speed, --force and --tone have to be said.
     """
     from frictus_service.recording.segments import TrialDeclaration
 
+    if (licence, age) != (None, None) and to != "nwb":
+        raise typer.BadParameter("--licence and --age go with --to nwb")
+    card = {"licence": licence, "age": age}
     if to == "replay":
         _taped(file, out or file.with_suffix(".npz"), begin, end, touch_latency, as_json)
         return
@@ -155,10 +167,10 @@ def export(
     declared = TrialDeclaration(participant, session, speed, force, tones, begin, end)
     path = out or _beside(file, to)
     if file.suffix != ".mcap":
-        trials, excluded = _converted(file, to, path)
+        trials, excluded = _converted(file, to, path, card)
         told = ""
     else:
-        trials, excluded, told = _recorded(file, to, path, declared, mount)
+        trials, excluded, told = _recorded(file, to, path, declared, mount, card)
     _tell(path, trials, excluded, told, as_json)
 
 
@@ -167,7 +179,12 @@ def _beside(file: Path, to: Format) -> Path:
 
 
 def _recorded(
-    file: Path, to: Format, path: Path, declared: "TrialDeclaration", mount: str
+    file: Path,
+    to: Format,
+    path: Path,
+    declared: "TrialDeclaration",
+    mount: str,
+    card: dict[str, str | None],
 ) -> tuple[int, "tuple[Exclusion, ...]", str]:
     """Export a recording; return how many trials, what was left out, and how it ends."""
     from frictus_service.recording.export import export_study
@@ -179,7 +196,7 @@ def _recorded(
     with tempfile.TemporaryDirectory() as folder:
         study = Path(folder) / "study.h5"
         done = export_study(file, study, declared, read_mount(mount))
-        trials, more = _converted(study, to, path)
+        trials, more = _converted(study, to, path, card)
     return trials, (*done.excluded, *more), str(done.ending)
 
 
@@ -228,16 +245,21 @@ def _plottable(
     sys.stdout.write(f"the recording {done.ending}\n")
 
 
-def _converted(file: Path, to: Format, path: Path) -> tuple[int, "tuple[Exclusion, ...]"]:
+def _converted(
+    file: Path, to: Format, path: Path, card: dict[str, str | None]
+) -> tuple[int, "tuple[Exclusion, ...]"]:
     """Export a study; return how many trials, and what was left out."""
+    from frictus_service.study.archive import export_archive
     from frictus_service.study.export import export_matlab, export_parquet
     from frictus_service.study.importers import open_study
 
     if to == "h5":
-        raise typer.BadParameter(f"{file} is a study already: --to mat or parquet")
-    write = export_matlab if to == "mat" else export_parquet
+        raise typer.BadParameter(f"{file} is a study already: --to mat, parquet or nwb")
     with open_study(file) as study:
-        excluded = write(study, path)
+        if to == "nwb":
+            excluded = export_archive(study, path, **card)
+        else:
+            excluded = (export_matlab if to == "mat" else export_parquet)(study, path)
         left_out = {one.trial for one in excluded}
         return sum(info.id not in left_out for info in study.trials), excluded
 

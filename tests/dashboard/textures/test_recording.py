@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
+from tests.clients.effect_files.made import ahap, continuous, event
 from tests.dashboard.lab import Lab
 from tests.dashboard.textures.view import SPEED_MM_S, drop, names, part, wav
 
@@ -118,9 +119,29 @@ def test_a_csv_is_chosen_by_keyboard_and_a_malformed_one_refused_with_the_reason
     page.keyboard.press("Enter")
     expect(recorded).to_contain_text("is not a WAV file with PCM samples")
     drop(page, "notes.txt", b"hello")
-    expect(recorded).to_contain_text("notes.txt is neither a WAV nor a CSV file")
+    expect(recorded).to_contain_text("notes.txt: .wav, .csv, .ahap, .haptic, .hjif are read")
     expect(recorded.get_by_role("button", name="Make it a texture")).to_be_hidden()
     drop(page, "huge.wav", bytes(11_000_000))
     page.keyboard.type("40")
     page.keyboard.press("Enter")
     expect(recorded).to_contain_text("huge.wav is not a texture yet: the body is larger than")
+
+
+def test_a_dropped_effect_is_over_time_or_at_a_speed_over_position(
+    page: Page, lab: Lab
+) -> None:
+    buzz = ahap(continuous(0.0, 0.5, HapticSharpness=0.0), event("AudioCustom", 0.0))
+    recorded = part(page, "A recording becomes a texture")
+    drop(page, "buzz.ahap", buzz.encode())
+    recorded.get_by_label("Newtons at full scale").fill("0.1")
+    recorded.get_by_role("button", name="Make it a texture").click()
+    expect(recorded).to_contain_text(
+        "buzz.ahap is in the library as buzz; AudioCustom: left out"
+    )
+    assert lab.ask("GET", "/textures/buzz")["period_s"] == pytest.approx(0.5)
+    drop(page, "laid.ahap", buzz.encode())
+    expect(recorded.get_by_label("Speed at which it is felt in its own time")).to_have_value("")
+    recorded.get_by_label("Speed at which it is felt in its own time").fill("40")
+    page.keyboard.press("Enter")
+    expect(recorded).to_contain_text("laid.ahap is in the library as laid")
+    assert lab.ask("GET", "/textures/laid")["period_mm"] == pytest.approx(20.0)

@@ -9,6 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 from fastapi.testclient import TestClient
+from tests.clients.effect_files.made import (
+    ahap,
+    band,
+    basis,
+    continuous,
+    event,
+    haptic,
+    hjif,
+    keyframes,
+)
 
 from frictus_service import library as library_module
 
@@ -193,6 +203,37 @@ def test_recordings(api: TestClient, rng: np.random.Generator) -> None:
     assert made.json()["kind"] == "profile"
 
 
+LONG = keyframes((0, 0.5, 80), (12_000, 0.5, 80))
+
+
+@pytest.mark.parametrize(
+    ("kind", "content"),
+    [
+        ("haptics/x-ahap", ahap(continuous(0.0, 12.0), event("AudioCustom", 0.0))),
+        ("haptics/x-haptic", haptic([(0.0, 0.5), (12.0, 0.5)])),
+        ("haptics/hjif", hjif(band("VectorialWave", basis(0, LONG)))),
+    ],
+)
+def test_effects(api: TestClient, kind: str, content: str) -> None:
+    headers = {**NEW, "Content-Type": kind}
+    refused = api.put("/v1/textures/long", content=content, headers=headers)
+    assert refused.status_code == 422
+    assert "give a part of it" in refused.json()["detail"]
+    query = {"scale_n": 0.2, "part_from_s": 1.0}
+    half = api.put("/v1/textures/half", content=content, params=query, headers=headers)
+    assert half.json()["errors"][0]["where"] == ["query", "part_to_s"]
+    query |= {"part_to_s": 3.0}
+    made = api.put("/v1/textures/buzz", content=content, params=query, headers=headers)
+    assert made.status_code == 201, made.json()
+    if kind == "haptics/x-ahap":
+        assert made.json()["notes"] == ["AudioCustom: left out, 1 of them"]
+    assert api.get("/v1/textures/buzz").json()["period_s"] == pytest.approx(2.0)
+    query = {"scale_n": 0.2, "recording_speed_mm_s": 20.0}
+    made = api.put("/v1/textures/laid", content=content, params=query, headers=headers)
+    assert made.status_code == 201, made.json()
+    assert api.get("/v1/textures/laid").json()["period_mm"] == pytest.approx(240.0)
+
+
 @pytest.mark.parametrize(
     ("kind", "content", "query"),
     [
@@ -204,6 +245,9 @@ def test_recordings(api: TestClient, rng: np.random.Generator) -> None:
         ("text/csv", b"\xff\xfe\x00", {}),
         ("audio/wav", b"RIFFxxxx", {}),
         ("audio/wav", b"", {}),
+        ("haptics/hjif", b"{}", {}),
+        ("haptics/x-ahap", b"\xff", {}),
+        ("haptics/x-haptic", b"[" * 9_999, {}),
     ],
 )
 def test_bad_recordings_say_what_is_wrong(

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.clients.effect_files.made import ahap, continuous, event
 from typer.testing import CliRunner
 
 from frictus_service.cli.app import app
@@ -129,12 +130,15 @@ def test_play_takes_recordings_scenes_and_library_names(
     library = tmp_path / "textures"
     library.mkdir()
     (library / "mine.json").write_text(json.dumps(SINE))
+    effect = tmp_path / "d.ahap"
+    effect.write_text(ahap(continuous(0.0, 12.0), event("AudioCustom", 0.0)))
     options = ("-c", config, "--seconds", 0.1)
     for args in (
         (csv, "--speed", 40, "--rate", 20_000),
         (wav, "--speed", 40, "--scale", 0.2),
         (scene,),
         ("mine",),
+        (effect, "--part", "2:7", "--scale", 0.1),
     ):
         result = run("play", *args, *options)
         assert result.exit_code == Exit.OK, result.stderr
@@ -144,10 +148,12 @@ def test_play_takes_recordings_scenes_and_library_names(
         "profile",
         "spectrum",
         "spectrum",
+        "profile",
     ]
     assert scenes[0].regions[0].texture.period_mm == pytest.approx(0.8)
     assert scenes[2].regions[0].gain == 3.0
     assert scenes[3].name == "mine"
+    assert scenes[4].regions[0].texture.period_s == pytest.approx(5.0)
 
 
 def test_what_cannot_be_played_is_a_usage_error(rig: Any, config: Path, tmp_path: Path) -> None:
@@ -155,12 +161,16 @@ def test_what_cannot_be_played_is_a_usage_error(rig: Any, config: Path, tmp_path
     bad.write_text('{"kind": "spectrum", "components": [{"amplitude_n": 1e999, "hz": 1}]}')
     column = tmp_path / "column.csv"
     column.write_text("1\n2\n")
+    effect = tmp_path / "long.ahap"
+    effect.write_text(ahap(continuous(0.0, 12.0)))
     for args, said in (
         (("missing.csv",), "missing.csv"),
         (("not-in-the-library",), "not-in-the-library"),
         ((bad,), "amplitude_n"),
         ((column, "--speed", 40), "rate"),
         ((column, "--speed", -1, "--rate", 100), "speed"),
+        ((column, "--rate", 100, "--part", "1-2"), "--part 1-2: two times in s, such as 2:7.5"),
+        ((effect, "--scale", 0.1), "give a part of it"),
     ):
         result = run("play", *args, "-c", config)
         assert result.exit_code == Exit.USAGE

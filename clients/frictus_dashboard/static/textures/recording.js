@@ -1,4 +1,4 @@
-/** A recording, dropped or chosen, becomes a texture of the library. */
+/** A recording or an effect file, dropped or chosen, becomes a texture of the library. */
 
 import { request } from "../api.js";
 import { element, say } from "../element.js";
@@ -6,7 +6,14 @@ import { apply, labelled, name, number } from "../fields.js";
 import { figure } from "../figures.js";
 import { Outcome } from "../outcome.js";
 
-const TYPES = { wav: "audio/wav", csv: "text/csv" };
+const TYPES = {
+  wav: "audio/wav",
+  csv: "text/csv",
+  ahap: "haptics/x-ahap",
+  haptic: "haptics/x-haptic",
+  hjif: "haptics/hjif",
+};
+const SUFFIXES = Object.keys(TYPES).map((suffix) => `.${suffix}`);
 const TIMEOUT_MS = 30_000;
 
 export class Recording {
@@ -17,7 +24,7 @@ export class Recording {
   constructor(into, made) {
     this.made = made;
     this.file = this.saved = null;
-    this.picker = element("input", { type: "file", accept: ".wav,.csv" });
+    this.picker = element("input", { type: "file", accept: SUFFIXES.join() });
     this.picker.addEventListener("change", () => this.#take(this.picker.files[0] ?? null));
     this.name = name();
     this.speed = number({ min: 0.001, max: 1000 });
@@ -34,7 +41,11 @@ export class Recording {
       this.#save();
     });
     into.append(
-      element("p", { class: "quiet" }, "Drop a WAV or CSV file anywhere here, or choose one."),
+      element(
+        "p",
+        { class: "quiet" },
+        "Drop a recording (WAV, CSV) or a haptic effect (AHAP, .haptic, HJIF) anywhere here, or choose one.",
+      ),
       element("div", { class: "fields" }, labelled("File", this.picker)),
       this.chosen,
       this.form,
@@ -67,10 +78,11 @@ export class Recording {
     this.ofCsv = labelled("Sample rate, Hz (of a single column)", this.rate);
     this.ofWav = labelled("Channel", this.channel);
     this.unit = element("span");
+    this.meaning = element("span");
     const scale = element("label", {}, this.unit, this.scale);
     const fields = [
       labelled("Name in the library", this.name),
-      labelled("Speed of the recording, mm/s", this.speed),
+      element("label", {}, this.meaning, this.speed),
       this.ofCsv,
       this.ofWav,
       scale,
@@ -86,12 +98,21 @@ export class Recording {
     this.form.hidden = !known;
     this.file = known ? file : null;
     say(this.chosen, known ? `${file.name}, ${figure(file.size / 1e3, 3)} kB` : "");
-    if (file !== null && !known) this.outcome.bad(`${file.name} is neither a WAV nor a CSV file`);
+    if (file !== null && !known) this.outcome.bad(`${file.name}: ${SUFFIXES.join(", ")} are read`);
     if (!known) return;
     this.type = TYPES[suffix];
     apply(this.ofCsv, suffix === "csv");
     apply(this.ofWav, suffix === "wav");
-    say(this.unit, suffix === "wav" ? "Newtons at full scale" : "Newtons per unit");
+    const effect = suffix !== "csv" && suffix !== "wav";
+    this.speed.required = !effect;
+    if (effect) this.speed.value = ""; // that of an earlier file would lay it out over position
+    say(
+      this.meaning,
+      effect
+        ? "Speed at which it is felt in its own time, mm/s (empty: over time)"
+        : "Speed of the recording, mm/s",
+    );
+    say(this.unit, suffix === "csv" ? "Newtons per unit" : "Newtons at full scale");
     this.name.value = nameOf(file.name);
     this.speed.focus();
     this.speed.select(); // typing replaces that of an earlier file
@@ -101,12 +122,12 @@ export class Recording {
     const { file } = this;
     if (file === this.saved) return; // it is on its way
     this.saved = file;
-    const wav = this.type === TYPES.wav;
+    const { type, rate, speed } = this;
     const query = new URLSearchParams({
-      recording_speed_mm_s: this.speed.value,
       scale_n: this.scale.value,
-      ...(wav ? { channel: this.channel.value } : {}),
-      ...(!wav && this.rate.value !== "" ? { sample_rate_hz: this.rate.value } : {}),
+      ...(speed.value !== "" ? { recording_speed_mm_s: speed.value } : {}),
+      ...(type === TYPES.wav ? { channel: this.channel.value } : {}),
+      ...(type === TYPES.csv && rate.value !== "" ? { sample_rate_hz: rate.value } : {}),
     });
     const sent = request("PUT", `/textures/${this.name.value}?${query}`, {
       body: file,
@@ -120,7 +141,9 @@ export class Recording {
       this.picker.value = "";
       this.#take(null);
     }
-    this.outcome.good(`${file.name} is in the library as ${made.name}`);
+    this.outcome.good(
+      [`${file.name} is in the library as ${made.name}`, ...made.notes].join("; "),
+    );
     this.made(made.name);
   }
 }

@@ -1,0 +1,187 @@
+"""Samples and texts from files that anybody may have written: bounded, every refusal named."""
+
+import math
+import struct
+import wave
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus.errors import TextureError
+from frictus.textures import MAX_PROFILE_SAMPLES
+
+FloatArray = NDArray[np.float64]
+
+MAX_WAV_SAMPLES: Final = 8_000_000
+"""Of one channel: three minutes at 44.1 kHz."""
+MAX_TEXT_BYTES: Final = 10_000_000
+MAX_CSV_COLUMNS: Final = 100
+"""Looked at; a header may have more than the samples."""
+EVEN_SHARE: Final = 0.01  # times may stray from an even grid by this share of a step
+
+
+def read_wav(path: Path, channel: int) -> tuple[FloatArray, float]:
+    """Return one channel of a WAV file, full scale +/-1, and its rate in Hz.
+
+    Parameters
+    ----------
+    path : Path
+        PCM of 8, 16, 24 or 32 bits.
+    channel : int
+        From 0.
+
+    Raises
+    ------
+    TextureError
+        If the file is none, has no such channel or too many samples.
+    """
+    try:
+        with wave.open(str(path), "rb") as file:
+            width, channels = file.getsampwidth(), file.getnchannels()
+            rate_hz, count = float(file.getframerate()), file.getnframes()
+            require(
+                0 <= channel < channels,
+                f"{path.name} has channels 0 to {channels - 1}, no channel {channel}",
+            )
+            require(
+                count <= MAX_WAV_SAMPLES,
+                f"{path.name} has {count} samples; at most {MAX_WAV_SAMPLES} are read: cut it",
+            )
+            raw = file.readframes(count)
+    except (wave.Error, EOFError, RuntimeError, struct.error, ZeroDivisionError) as error:
+        # The standard reader lets its own slips out on torn files.
+        raise TextureError(
+            f"{path.name} is not a WAV file with PCM samples ({error!r}); convert it to 16 bit"
+        ) from error
+    require(width in (1, 2, 3, 4), f"{path.name}: {8 * width} bits; 8, 16, 24, 32 accepted")
+    whole = len(raw) - len(raw) % (width * channels)
+    octets = np.frombuffer(raw[:whole], dtype=np.uint8).reshape(-1, channels, width)[:, channel]
+    if width == 1:  # 8-bit samples are unsigned
+        return (octets[:, 0].astype(np.float64) - 128.0) / 128.0, rate_hz
+    padded = np.zeros((octets.shape[0], 4), dtype=np.uint8)
+    padded[:, 4 - width :] = octets  # into the high bytes, so that the sign is kept
+    return padded.view("<i4")[:, 0].astype(np.float64) / 2.0**31, rate_hz
+
+
+def read_csv(path: Path, sample_rate_hz: float | None) -> tuple[FloatArray, float]:
+    """Return the samples of a CSV file and their rate in Hz.
+
+    Parameters
+    ----------
+    path : Path
+        One column of samples, or two: time in s and sample.
+    sample_rate_hz : float or None
+        Rate of a single column.
+
+    Raises
+    ------
+    TextureError
+        If it holds something else; the text names the line.
+    """
+    rows: list[list[float]] = []
+    first_line = True
+    for number, line in enumerate(read_text(path).splitlines(), 1):
+        require(
+            len(rows) <= MAX_PROFILE_SAMPLES,
+            f"{path.name} has more lines of samples than are read: at most "
+            f"{MAX_PROFILE_SAMPLES}; convert it to WAV",
+        )
+        separator = "," if "," in line else ";"
+        columns = line.count(separator) + 1
+        require(columns <= MAX_CSV_COLUMNS, f"{path.name}, line {number}: {columns} columns")
+        cells = [cell.strip() for cell in line.split(separator)]
+        if not any(cells):
+            continue
+        try:
+            row = [float(cell) for cell in cells]
+        except ValueError:
+            require(
+                first_line,
+                f"{path.name}, line {number}: {line[:60]!r} is not numbers",
+            )
+            row = []
+        first_line = False
+        if not row:
+            continue
+        columns = len(rows[0]) if rows else len(row)
+        if len(row) not in (1, 2) or len(row) != columns:
+            raise TextureError(
+                f"{path.name}, line {number}: {len(row)} columns; one (samples) or two "
+                "(time in s, sample) are accepted, the same number in every line"
+            )
+        require(
+            all(math.isfinite(value) for value in row),
+            f"{path.name}, line {number}: NaN and infinities are not accepted",
+        )
+        rows.append(row)
+    require(len(rows) >= 2, f"{path.name}: {len(rows)} samples; at least 2 make a texture")
+    table = np.array(rows)
+    if table.shape[1] == 2:
+        rate_hz = _rate_of(table[:, 0], path.name)
+        if sample_rate_hz is not None and not math.isclose(
+            sample_rate_hz, rate_hz, rel_tol=1e-3
+        ):
+            raise TextureError(
+                f"{path.name}: its times say {rate_hz:g} Hz, not {sample_rate_hz:g} Hz"
+            )
+        return table[:, 1], rate_hz
+    if sample_rate_hz is None:
+        raise TextureError(f"{path.name} has one column: give its sample_rate_hz")
+    return table[:, 0], sample_rate_hz
+
+
+def _rate_of(time_s: FloatArray, name: str) -> float:
+    step_s = (time_s[-1] - time_s[0]) / (time_s.size - 1)
+    require(step_s > 0.0, f"{name}: the times in its first column do not rise")
+    even = time_s[0] + step_s * np.arange(time_s.size)
+    stray = np.abs(time_s - even)
+    # Printed times are rounded; a grid is even if no time strays by a visible part of a step.
+    worst = int(np.argmax(stray))
+    require(
+        stray[worst] <= EVEN_SHARE * step_s,
+        f"{name}: sample {worst} stands {stray[worst] / step_s:.2g} steps off an even grid; "
+        "resample it evenly",
+    )
+    return float(1.0 / step_s)
+
+
+def read_text(path: Path) -> str:
+    """Return the text of a file of at most `MAX_TEXT_BYTES`.
+
+    Parameters
+    ----------
+    path : Path
+        In UTF-8.
+
+    Raises
+    ------
+    TextureError
+        If it is longer, or no UTF-8.
+    """
+    size = path.stat().st_size
+    require(size <= MAX_TEXT_BYTES, f"{path.name}: {size} bytes; at most {MAX_TEXT_BYTES}")
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise TextureError(f"{path.name} is not text in UTF-8: {error}") from error
+
+
+def require(holds: bool, complaint: str) -> None:
+    """Raise if something does not hold.
+
+    Parameters
+    ----------
+    holds : bool
+        Whether it does.
+    complaint : str
+        What is wrong, what is accepted.
+
+    Raises
+    ------
+    TextureError
+        With the complaint.
+    """
+    if not holds:
+        raise TextureError(complaint)

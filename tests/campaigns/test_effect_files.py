@@ -1,0 +1,39 @@
+"""Damaged effect files end in a texture or in words; a small part of the campaign."""
+
+import json
+import random
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.campaigns import effect_files
+from tests.campaigns.lines import run_all
+
+from frictus.effect_files import EFFECT_SUFFIXES, render_effect
+
+SEED = 20
+
+
+@pytest.mark.parametrize("suffix", EFFECT_SUFFIXES)
+def test_a_few_damaged_files_end_in_a_texture_or_in_words(suffix: str) -> None:
+    line = effect_files.run(f"{suffix}/0", SEED, cases=15)
+    assert line["failures"] == []
+    assert sum(line["outcomes"].values()) == line["cases"]
+    assert set(line["outcomes"]) == {"texture", "refused"}
+
+
+@pytest.mark.parametrize("suffix", EFFECT_SUFFIXES)
+def test_what_is_damaged_was_whole(suffix: str) -> None:
+    rng = random.Random(SEED)
+    for _ in range(5):
+        effect = render_effect(json.dumps(effect_files.draw_effect(suffix, rng)), suffix)
+        assert np.sqrt(np.mean(effect.signal**2)) > 0.01
+
+
+@pytest.mark.campaign
+@pytest.mark.timeout(3600)
+def test_five_hundred_damaged_files(lines_folder: Path) -> None:
+    broken = run_all(
+        lines_folder / "effect_files.jsonl", effect_files.names(500), effect_files.run
+    )
+    assert not broken, "\n".join(broken)
