@@ -1,6 +1,6 @@
 """The column map: which column of a file is which channel, in which unit and direction.
 
-Saved beside the file as `FILE.map.toml`, and read from there; strict, as what a person answered.
+Saved beside the file as `FILE.map.toml`, and read from there. Strict: a person answered it.
 """
 
 import json
@@ -198,13 +198,18 @@ def map_text(column_map: ColumnMap) -> str:
     """
     plain = column_map.model_dump(mode="json", by_alias=True, exclude_none=True)
     channels = plain.pop("channels")
-    lines = [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in plain.items()]
+    lines = _entries(plain)
     for name, values in channels.items():
         lines += ["", f"[channels.{name}]  # {BY_NAME[name].meaning}"]
         lines += [
             f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in values.items()
         ]
     return "\n".join(lines) + "\n"
+
+
+def _entries(values: dict[str, object]) -> list[str]:
+    # Values of these kinds read the same in TOML as in JSON.
+    return [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in values.items()]
 
 
 def changed(column_map: ColumnMap, assignments: list[str]) -> ColumnMap:

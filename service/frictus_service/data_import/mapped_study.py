@@ -62,9 +62,9 @@ class MappedStudy:
         strokes = find_strokes(recording)
         if not strokes:
             raise StudyError(
-                f"{path}: no stroke is found in {recording.seconds:.1f} s; accepted: sections of "
-                "one direction that last 0.1 s and 3 mm at least, the finger pressing; look at "
-                "unit and sign of position and normal force"
+                f"{path}: no stroke is found in {recording.seconds:.1f} s; accepted: sections "
+                "of one direction that last 0.1 s and 3 mm at least, the finger pressing; look "
+                "at unit and sign of position and normal force"
             )
         self._trials, self.excluded = _trials(
             path.stem, recording, column_map, strokes, self.info, started

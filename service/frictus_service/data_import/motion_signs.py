@@ -1,8 +1,8 @@
 """Axes and signs that physics settles: friction opposes the slide, a finger presses.
 
-The sensor under the screen reports the force of the finger on it, so that along the slide it has
-the sign of the velocity. A force that is clearly against the velocity has the other sign; one
-that is neither is a question.
+The sensor under the screen reports the force of the finger on it, so that along the slide it
+has the sign of the velocity. A force that is clearly against the velocity has the other sign;
+one that is neither is a question.
 """
 
 from dataclasses import dataclass
@@ -90,7 +90,7 @@ def _velocity(column_map: ColumnMap) -> dict[str, object]:
 
 
 def friction_correlation(recording: Recording) -> float | None:
-    """Return how the tangential force follows the velocity, -1 to 1; None where it cannot be told.
+    """Return how the tangential force follows the velocity, -1 to 1; None where nothing moves.
 
     Parameters
     ----------

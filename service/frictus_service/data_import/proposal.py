@@ -32,14 +32,6 @@ BEFORE_AMPLIFIER_V: Final = 12.0
 """Converters reach ±10 V: so small a drive is not the screen's."""
 
 
-_ANSWERS: Final = {
-    "force_z": ("force_z", "normal_load_n"),
-    "rate_hz": ("rate_hz", "time."),
-    "stage_speed_mm_s": ("stage_speed_mm_s", "position_x", "velocity_x"),
-}
-"""How entries begin that answer a question, where several do."""
-
-
 @dataclass(frozen=True, slots=True)
 class Question:
     """What a person has to say.
@@ -88,12 +80,18 @@ class Proposal:
         left = tuple(
             question
             for question in self.questions
-            if not any(
-                name.startswith(_ANSWERS.get(question.entry, (question.entry,)))
-                for name in names
-            )
+            if not any(name.startswith(_answers(question.entry)) for name in names)
         )
         return replace(self, column_map=column_map, questions=left)
+
+
+def _answers(entry: str) -> tuple[str, ...]:
+    """Return how entries begin that answer a question, where it may be several."""
+    return {
+        "force_z": ("force_z", "normal_load_n"),
+        "rate_hz": ("rate_hz", "time."),
+        "stage_speed_mm_s": ("stage_speed_mm_s", "position_x", "velocity_x"),
+    }.get(entry, (entry,))
 
 
 def propose(columns: Columns, file_stem: str = "", **said: Any) -> Proposal:
@@ -196,8 +194,8 @@ class _Draft:
             Question(
                 f"{name}.",
                 f"{column.name!r} is in counts or fractions of full scale: set {name}.scale to "
-                f"the newtons of one and {name}.unit to N (counts show friction alone, and make "
-                "no study)",
+                f"the newtons of one and {name}.unit to N (counts make no study, but show "
+                "friction)",
             )
         )
 
@@ -208,7 +206,7 @@ class _Draft:
                 Question(
                     "drive_",
                     f"the drive voltage {column.name!r} reaches {peak:.3g} V: before an "
-                    "amplifier, set drive_voltage.scale to its gain; at the screen, set it to 1",
+                    "amplifier, set drive_voltage.scale to its gain; at the screen, to 1",
                 )
             )
 
@@ -216,8 +214,8 @@ class _Draft:
             self.questions.append(
                 Question(
                     "screen_peak_v",
-                    f"the drive voltage {column.name!r} reaches {peak:.3g} V: set screen_peak_v "
-                    "to the screen volts at full drive",
+                    f"the drive voltage {column.name!r} reaches {peak:.3g} V: set "
+                    "screen_peak_v to the screen volts at full drive",
                 )
             )
 
@@ -265,7 +263,7 @@ class _Draft:
 
 
 def _channel_of(name: str, unit: str) -> Channel | None:
-    """Return the channel that a name and a unit stand for; where they differ, the unit decides."""
+    """Return the channel that name and unit stand for; where they differ, the unit decides."""
     channel = named_channel(name)
     if channel is None or not unit:
         return channel

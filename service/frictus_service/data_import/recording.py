@@ -167,7 +167,6 @@ class _Mapped:
         return values
 
     def _voltage(self, rate_hz: float, count: int) -> FloatArray | None:
-        peak_v = self._map.screen_peak_v
         for name in ("drive_voltage", "drive_envelope", "drive_fraction"):
             sampled = self._sampled(name)
             if sampled is None:
@@ -175,15 +174,16 @@ class _Mapped:
             values = self._held(name, sampled, rate_hz, count)
             if name == "drive_voltage":
                 return values
-            # Its square over the peak's half is the drive fraction, as that of a carrier's mean.
+            # Its square gives the drive fraction that a carrier's gives in the mean.
             self._notes.append(
                 f"{name} is kept as the voltage of the same drive without its carrier"
             )
-            if name == "drive_envelope":
-                return values / np.sqrt(2.0)
-            if np.nanmin(values) < -1e-9:
-                raise FieldError(name, "is below 0; a drive fraction is 0 to 1")
-            return peak_v * np.sqrt(np.maximum(values, 0.0) / 2.0)
+            if name == "drive_fraction":
+                if not np.nanmin(values) >= -1e-9:
+                    raise FieldError(name, "is below 0; a drive fraction is 0 to 1")
+                values = self._map.screen_peak_v * np.sqrt(np.maximum(values, 0.0))
+            without_carrier: FloatArray = values / np.sqrt(2.0)
+            return without_carrier
         return None
 
     def _held(self, name: str, sampled: Sampled, rate_hz: float, count: int) -> FloatArray:
@@ -201,8 +201,8 @@ class _Mapped:
         if abs(ratio - whole) > 1e-6:
             raise FieldError(
                 name,
-                f"has {sampled.rate_hz:g} Hz, the force {rate_hz:g} Hz; accepted: a lower rate, "
-                "the same, or a whole multiple; resample it",
+                f"has {sampled.rate_hz:g} Hz, the force {rate_hz:g} Hz; accepted: a lower "
+                "rate, the same, or a whole multiple; resample it",
             )
         self._notes.append(f"{name} has {whole} times the rate: its root mean square is kept")
         cut = sampled.values[: len(sampled.values) // whole * whole].reshape(-1, whole)
@@ -214,7 +214,7 @@ class _Mapped:
         if abs(sampled.rate_hz / rate_hz - 1.0) > 1e-6:
             raise FieldError(
                 name,
-                f"has {sampled.rate_hz:g} Hz, the force {rate_hz:g} Hz; accepted: the same rate; "
+                f"has {sampled.rate_hz:g} Hz, the force {rate_hz:g} Hz; accepted: the same; "
                 "resample it to the force's (only a drive may be held)",
             )
         self._check_end(name, sampled, rate_hz, count)
@@ -225,8 +225,8 @@ class _Mapped:
         if abs(ends_s - force_s) > max(END_TOLERANCE * force_s, 2.0 / rate_hz):
             raise FieldError(
                 name,
-                f"lasts {ends_s:.4g} s, the force {force_s:.4g} s; give its rate_hz, or cut both "
-                "to the same time",
+                f"lasts {ends_s:.4g} s, the force {force_s:.4g} s; give its rate_hz, or cut "
+                "both to the same time",
             )
 
     def _position(self, force: Sampled) -> tuple[FloatArray, FloatArray]:
@@ -253,7 +253,7 @@ class _Mapped:
         elif self._map.stage_speed_mm_s is not None:
             step_s = 1.0 / force.rate_hz
             self._notes.append("the whole recording is taken as one stroke of the stage")
-            speed = np.full(len(force.values), self._map.stage_speed_mm_s)
+            speed = self._map.stage_speed_mm_s * np.ones(len(force.values))
         else:
             return np.empty((0, 2)), np.empty(0)
         x_mm = np.cumsum(speed) * step_s

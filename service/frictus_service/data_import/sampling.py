@@ -96,7 +96,8 @@ def held(sampled: Sampled, rate_hz: float, count: int) -> FloatArray:
     """
     # A product next to a whole number is that number.
     at = np.floor(np.arange(count) * (sampled.rate_hz / rate_hz) + 1e-6).astype(np.int64)
-    return sampled.values[np.minimum(at, len(sampled.values) - 1)]
+    values: FloatArray = sampled.values[np.minimum(at, len(sampled.values) - 1)]
+    return values
 
 
 def of_length(values: FloatArray, count: int) -> FloatArray:

@@ -97,7 +97,7 @@ def _strokes(recording: Recording, motion: TouchMotion) -> Iterator[Stroke]:
 
 
 def _pressed(recording: Recording, time_s: FloatArray) -> BoolArray:
-    """Return whether the finger is on the screen at each time, by force; where none says: yes."""
+    """Return whether the finger presses at each time; without a normal force it does."""
     normal = recording.force_n[:, 2]
     if not np.isfinite(normal).any():
         return np.ones(time_s.size, dtype=np.bool_)

@@ -95,6 +95,6 @@ def _check_same(maps: Sequence[ColumnMap]) -> None:
         values = {getattr(each, key) for each in maps}
         if len(values) > 1:
             raise StudyError(
-                f"the files differ in {key}: {', '.join(map(str, sorted(values)))}; a study has "
-                "one; import them apart"
+                f"the files differ in {key}: {', '.join(map(str, sorted(values)))}; a study "
+                "has one; import them apart"
             )

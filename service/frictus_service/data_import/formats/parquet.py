@@ -7,6 +7,7 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import parquet
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.data_import.formats.columns import Columns, Gatherer
 
 MAX_METADATA: Final = 1 << 24
@@ -46,11 +47,13 @@ def read(path: Path) -> Columns:
 
 
 def _is_number(kind: pa.DataType) -> bool:
-    return pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind)
+    types = pa.types
+    return bool(types.is_floating(kind) or types.is_integer(kind) or types.is_boolean(kind))
 
 
-def _floats(values: pa.ChunkedArray) -> np.ndarray:
-    return values.cast(pa.float64(), safe=False).to_numpy()
+def _floats(values: pa.ChunkedArray) -> FloatArray:
+    floats: FloatArray = values.cast(pa.float64(), safe=False).to_numpy()
+    return floats
 
 
 def _unit(field: pa.Field) -> str:

@@ -42,8 +42,8 @@ def read_columns(path: Path) -> Columns:
     except Exception as error:  # parsers raise whatever a damaged file leads them to
         what = str(error) or type(error).__name__
         raise StudyError(
-            f"{path} cannot be read ({what[:200]}); where it is damaged or cut short, restore it "
-            f"from a copy, or save it again; {ACCEPTED}"
+            f"{path} cannot be read ({what[:200]}); where it is damaged or cut short, restore "
+            f"it from a copy, or save it again; {ACCEPTED}"
         ) from error
 
 

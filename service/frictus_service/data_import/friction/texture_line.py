@@ -1,0 +1,154 @@
+"""Lines in the spectrum of the force, and whether they follow the speed as a texture's do.
+
+A texture of period p makes a line at v / p: its frequency rises as the speed. A resonance, or
+the mains, stays where it is. Each slide gives its strongest line; the slope of log frequency
+over log speed, 1 or 0, tells them apart (spatial spectrum: Wiertlewski, Lozada, Hayward 2011).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+
+from frictus_hardware.arrays import FloatArray
+from frictus_service.data_import.friction.interval import Interval, mean_of, regression
+from frictus_service.data_import.friction.slides import Slide
+
+LEAST: Final = 64
+"""Samples of a slide that is looked at."""
+WINDOWS: Final = 4
+"""A slide is divided into so many windows, half overlapping seven."""
+CHANCE: Final = 1e-3
+"""That noise alone makes a line anywhere in the spectrum of a slide."""
+BACKGROUND_BINS: Final = 15
+LEAST_SPEEDS: Final = 1.3
+
+
+@dataclass(frozen=True, slots=True)
+class TextureLine:
+    """What lines the force has.
+
+    Attributes
+    ----------
+    slides, lines : int
+        Looked at, and of these with a line.
+    force : {'tangential', 'normal'}
+        Whose spectrum.
+    rms : Interval or None
+        Of the force within a slide, its straight line left out; in its unit.
+    slope : Interval or None
+        Of log frequency over log speed; None where speeds differ too little, or lines are few.
+    origin : {'texture', 'fixed frequency', 'cannot tell', 'none'}
+        What the slope says.
+    period_mm : Interval or None
+        Of a texture.
+    frequency_hz : Interval or None
+        Of a line at a fixed frequency.
+    """
+
+    slides: int
+    lines: int
+    force: Literal["tangential", "normal"]
+    rms: Interval | None
+    slope: Interval | None
+    origin: Literal["texture", "fixed frequency", "cannot tell", "none"]
+    period_mm: Interval | None
+    frequency_hz: Interval | None
+
+
+def texture_line(slides: Sequence[Slide]) -> TextureLine | None:
+    """Return the lines of the slides; None where no slide is long enough.
+
+    Parameters
+    ----------
+    slides : sequence of Slide
+        Without a drive.
+    """
+    tangential = any(np.isfinite(each.friction).any() for each in slides)
+    force: Literal["tangential", "normal"] = "tangential" if tangential else "normal"
+    kept = [
+        (each, values)
+        for each in slides
+        if (values := _whole(each.friction if tangential else each.normal)).size
+        >= LEAST_SAMPLES
+    ]
+    if not kept:
+        return None
+    rms = np.array([float(np.std(values)) for _, values in kept])
+    found = [(each.speed_mm_s, strongest_line(values, each.rate_hz)) for each, values in kept]
+    lines = np.array([(speed, hz) for speed, hz in found if hz is not None]).reshape(-1, 2)
+    speed, hz = lines.T
+    slope = None
+    if len(lines) >= 4 and speed.max() >= LEAST_SPEEDS * speed.min():
+        fitted = regression(
+            np.column_stack([np.ones(speed.size), np.log(speed / speed.mean())]), np.log(hz)
+        )
+        slope = None if fitted is None else fitted[1]
+    origin = _origin(len(lines), slope)
+    period = mean_of(np.log(speed / hz)) if origin == "texture" else None
+    fixed = mean_of(np.log(hz)) if origin == "fixed frequency" else None
+    return TextureLine(
+        slides=len(kept),
+        lines=len(lines),
+        force=force,
+        rms=mean_of(rms),
+        slope=slope,
+        origin=origin,
+        period_mm=None if period is None else period.transformed(np.exp),
+        frequency_hz=None if fixed is None else fixed.transformed(np.exp),
+    )
+
+
+def _origin(
+    lines: int, slope: Interval | None
+) -> Literal["texture", "fixed frequency", "cannot tell", "none"]:
+    if not lines:
+        return "none"
+    if slope is None:
+        return "cannot tell"
+    texture, fixed = (slope.low <= value <= slope.high for value in (1.0, 0.0))
+    if texture == fixed:
+        return "cannot tell"
+    return "texture" if texture else "fixed frequency"
+
+
+def strongest_line(values: FloatArray, rate_hz: float) -> float | None:
+    """Return the frequency that stands out most from its neighbours; None where none does.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        A straight line taken out.
+    rate_hz : float
+    """
+    from scipy import signal, stats
+
+    window = max(int(values.size / ((WINDOWS + 1) / 2.0)), LEAST // 2)
+    hz, power = signal.welch(values, rate_hz, "hann", window, detrend="linear")
+    hz, power = hz[2:-1], power[2:-1]
+    if hz.size < BACKGROUND_BINS or not power.min() > 0.0:
+        return None
+    padded = np.pad(np.log(power), BACKGROUND_BINS // 2, mode="reflect")
+    around = np.median(
+        np.lib.stride_tricks.sliding_window_view(padded, BACKGROUND_BINS), axis=1
+    )
+    free = 2.0 * WINDOWS  # of the half overlapping windows about as many are independent
+    middle = stats.chi2.median(free) / free
+    ratio = np.exp(np.log(power) - around) * middle
+    best = int(np.argmax(ratio))
+    threshold = stats.chi2.isf(CHANCE / hz.size, free) / free
+    # Three bins share a line through Hann's window, and a background of few bins is uncertain.
+    return float(hz[best]) if ratio[best] > 2.0 * threshold else None
+
+
+def _whole(values: FloatArray) -> FloatArray:
+    there = np.isfinite(values)
+    if there.mean() < 0.9:
+        return np.empty(0)
+    index = np.arange(values.size, dtype=np.float64)
+    filled = np.interp(index, index[there], values[there])
+    if filled.size < 2:
+        return filled
+    flat: FloatArray = filled - np.polyval(np.polyfit(index, filled, 1), index)
+    return flat
