@@ -41,6 +41,7 @@ def _slides(file: Path, map_file: Path | None) -> "list[Slide]":
         slides_of_recording,
         slides_of_study,
     )
+    from frictus_service.data_import.proposal import speed_in
     from frictus_service.data_import.recording import apply_map
     from frictus_service.study.importers import open_study
 
@@ -49,6 +50,11 @@ def _slides(file: Path, map_file: Path | None) -> "list[Slide]":
         with open_study(file) as study:
             return list(slides_of_study(study))
     column_map = load_map(map_file or beside)
+    moved = {"position_x", "velocity_x"} & set(column_map.channels)
+    if not moved and column_map.stage_speed_mm_s is None:
+        # One map for files at several speeds.
+        named = {"stage_speed_mm_s": speed_in(file.stem)}
+        column_map = column_map.model_copy(update=named)
     recording = apply_map(read_columns(file), column_map)
     return slides_of_recording(recording, column_map.screen_peak_v)
 
@@ -74,6 +80,14 @@ def _lines(found: "FrictionReport") -> list[str]:
             lines.append(f"period {_shown(texture.period_mm)} mm")
         if texture.frequency_hz is not None:
             lines.append(f"at {_shown(texture.frequency_hz)} Hz at every speed")
+    for each in found.spectra:
+        levels = zip(each.centre_hz, each.rms, strict=True)
+        loudest = sorted(levels, key=lambda level: -level[1])[:3]
+        told = ", ".join(f"{rms:.3g} at {hz:.3g} Hz" for hz, rms in loudest)
+        lines.append(
+            f"{each.speed_mm_s:g} mm/s, {each.slides} slides: mean {_shown(each.mean)}; "
+            f"strongest third octaves, rms: {told} (all of them: --json)"
+        )
     if (slips := found.stick_slip) is not None:
         share = "" if slips.drop_share is None else f", each {slips.drop_share:.0%} of friction"
         lines.append(

@@ -76,6 +76,7 @@ def _map_of(file: Path, map_file: Path | None, answers: list[str], accept: bool)
     """Return the map of a file: given, beside it, or proposed and confirmed."""
     from frictus_service.data_import.column_map import changed, load_map, map_beside, save_map
     from frictus_service.data_import.formats.read import read_columns
+    from frictus_service.data_import.mapped_study import modified_utc
     from frictus_service.data_import.proposal import propose
 
     beside = map_beside(file)
@@ -83,7 +84,8 @@ def _map_of(file: Path, map_file: Path | None, answers: list[str], accept: bool)
         return changed(load_map(map_file or beside), answers)
     _refuse_known_layouts(file)
     columns = read_columns(file)
-    proposal = propose(columns, file.stem)
+    started_utc = columns.started_utc or modified_utc(file)
+    proposal = propose(columns, file.stem, started_utc=started_utc)
     proposal = proposal.answered(changed(proposal.column_map, answers), answers)
     _describe(file, columns, proposal)
     confirmed = _accepted(file, proposal) if accept else _confirmed(file, proposal, answers)
@@ -195,7 +197,7 @@ def _show(out: Path, done: "Imported", as_json: bool) -> None:
         )
         return
     sys.stdout.write(
-        f"{out}: {done.trials} trials, {done.seconds:.1f} s of {done.recorded_s:.1f} s recorded\n"
+        f"{out}: {done.trials} trials, {done.seconds:.1f} s of {done.recorded_s:.1f} s\n"
     )
     for one in done.excluded[:MOST_SHOWN]:
         sys.stdout.write(f"left out: trial {one.trial}, {one.field}: {one.reason}\n")

@@ -20,7 +20,12 @@ from frictus_service.data_import.strokes import Stroke, conditions_of, find_stro
 from frictus_service.errors import Exclusion, FieldError, StudyError
 from frictus_service.identification.observation.response import drive_fraction
 from frictus_service.study.layout import digest
-from frictus_service.study.plausible import check_asked, check_measured, check_study
+from frictus_service.study.plausible import (
+    SAMPLE_RATE,
+    check_asked,
+    check_measured,
+    check_study,
+)
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 
 AROUND_S: Final = 0.1
@@ -58,7 +63,7 @@ class MappedStudy:
         self.path = path
         self.recording = recording
         self._map = column_map
-        started = column_map.started_utc or columns.started_utc or _modified(path)
+        started = column_map.started_utc or columns.started_utc or modified_utc(path)
         strokes = find_strokes(recording)
         if not strokes:
             raise StudyError(
@@ -142,27 +147,42 @@ class MappedImporter:
 IMPORTER: Final = MappedImporter()
 
 
-def _modified(path: Path) -> str:
+def modified_utc(path: Path) -> str:
+    """Return when a file was last written, ISO 8601.
+
+    Parameters
+    ----------
+    path : Path
+    """
     return datetime.fromtimestamp(int(path.stat().st_mtime), UTC).isoformat()
 
 
 def _check_usable(recording: Recording) -> None:
     """Refuse what identifies nothing, and say what it is good for."""
-    friction = "friction can be looked at: frictus study show --friction"
-    if recording.force_unit == "counts":
-        raise FieldError(
-            "force_x",
-            f"is in raw counts: give scale in newtons per count, and the unit N; {friction}",
+    lacks: dict[str, str] = {}
+    if recording.rate_hz < SAMPLE_RATE.lowest:
+        lacks["rate_hz"] = (
+            f"{recording.rate_hz:.4g} Hz is too slow for the band of 20 to 1000 Hz, which needs "
+            f"{SAMPLE_RATE.lowest:g} Hz"
         )
+    if recording.force_unit == "counts":
+        lacks["force unit"] = "raw counts; give scale in newtons per count, and the unit N"
     if not np.isfinite(recording.force_n[:, 0]).any():
-        raise FieldError("force_x", f"no tangential force is mapped; {friction}")
+        lacks["force_x"] = "no tangential force is mapped"
     if not np.isfinite(recording.force_n[:, 2]).any():
-        raise FieldError("force_z", "no normal force is mapped; map it, or set normal_load_n")
+        lacks["force_z"] = "no normal force is mapped; map it, or set normal_load_n"
     if not len(recording.position_mm):
+        lacks["position_x"] = (
+            "nothing says where the finger was; map position_x or velocity_x, or set "
+            "stage_speed_mm_s"
+        )
+    if lacks:
+        field, reason = next(iter(lacks.items()))
+        more = [f"{name}: {why}" for name, why in lacks.items() if name != field]
         raise FieldError(
-            "position_x",
-            "nothing says where the finger was: map position_x or velocity_x, or set "
-            "stage_speed_mm_s",
+            field,
+            "; ".join([reason, *more])
+            + ". What is there can be looked at: frictus study show --friction",
         )
 
 

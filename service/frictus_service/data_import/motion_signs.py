@@ -60,7 +60,8 @@ def signed(columns: Columns, column_map: ColumnMap) -> Signed:
     except FieldError as error:
         return Signed(column_map, tuple(reasons), ((error.field, str(error)),))
     normal = recording.force_n[:, 2]
-    if np.isfinite(normal).any() and np.nanmean(normal) < 0.0:
+    pressed_negative = bool(np.isfinite(normal).any() and np.nanmean(normal) < 0.0)
+    if pressed_negative:
         column_map = _turned(column_map, "force_z")
         reasons.append(
             "the normal force is negative while the finger presses: its sign is turned"
@@ -70,6 +71,8 @@ def signed(columns: Columns, column_map: ColumnMap) -> Signed:
         return Signed(column_map, tuple(reasons), ())
     if correlation < -CLEAR:
         column_map = _turned(column_map, "force_x")
+        if pressed_negative:  # all of the force is that of the screen on the finger
+            column_map = _turned(column_map, "force_y")
         reasons.append(
             f"the tangential force is against the velocity (correlation {correlation:.2f}), as "
             "that of the screen on the finger: its sign is turned"

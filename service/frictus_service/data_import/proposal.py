@@ -110,9 +110,7 @@ def propose(columns: Columns, file_stem: str = "", **said: Any) -> Proposal:
     for column in columns.columns:
         draft.consider(column)
     draft.check_complete(said, file_stem)
-    column_map = ColumnMap(
-        channels=draft.channels, started_utc=columns.started_utc, **(draft.known | said)
-    )
+    column_map = ColumnMap(channels=draft.channels, **(draft.known | said))
     proposal = Proposal(column_map, tuple(draft.reasons), tuple(draft.questions))
     return _with_signs(columns, proposal)
 
@@ -225,7 +223,11 @@ class _Draft:
             if name in self.channels or (name == "force_z" and said.get("normal_load_n")):
                 continue
             listed = ", ".join(repr(column.name) for column in self._columns.columns[:20])
-            other = ", or normal_load_n to a dead weight in N" if name == "force_z" else ""
+            other = (
+                ", or normal_load_n to a dead weight in N"
+                if name == "force_z"
+                else " (hammer blows are for frictus mount)"
+            )
             self.questions.append(
                 Question(
                     name,
@@ -236,7 +238,7 @@ class _Draft:
         self._check_rate(said)
         moved = {"position_x", "velocity_x"} & set(self.channels)
         if not moved and not said.get("stage_speed_mm_s"):
-            speed = _speed_in(file_stem)
+            speed = speed_in(file_stem)
             if speed is not None:
                 self.known["stage_speed_mm_s"] = speed
                 self.reasons.append(f"the stage moves at {speed:g} mm/s, by the file's name")
@@ -310,6 +312,13 @@ def _by_gravity(column: Column) -> list[str]:
     ]
 
 
-def _speed_in(file_stem: str) -> float | None:
+def speed_in(file_stem: str) -> float | None:
+    """Return the speed that a file's name tells, mm/s, as `linen_50mmps`; None where none.
+
+    Parameters
+    ----------
+    file_stem : str
+        Its name without the ending.
+    """
     found = re.search(r"(\d+(?:\.\d+)?)\s*(?:mmps|mm_s|mm\.s|mms)(?![a-z])", file_stem)
     return float(found[1]) if found and float(found[1]) > 0.0 else None

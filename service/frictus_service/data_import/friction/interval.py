@@ -25,10 +25,7 @@ class Interval:
 
     def transformed(self, by: "np.ufunc") -> "Interval":
         """Return the interval of a rising function of the value."""
-        low, value, high = (
-            factor * float(by(each)) for each in (self.low, self.value, self.high)
-        )
-        return Interval(value, low, high)
+        return Interval(float(by(self.value)), float(by(self.low)), float(by(self.high)))
 
 
 def mean_of(values: FloatArray) -> Interval | None:

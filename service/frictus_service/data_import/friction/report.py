@@ -8,6 +8,7 @@ from frictus_service.data_import.friction.coefficient import (
     FrictionCoefficient,
     friction_coefficient,
 )
+from frictus_service.data_import.friction.force_spectrum import ForceSpectrum, force_spectra
 from frictus_service.data_import.friction.slides import Slide
 from frictus_service.data_import.friction.stick_slip import (
     LEAST_RATE_HZ,
@@ -29,6 +30,8 @@ class FrictionReport:
     coefficient : FrictionCoefficient or None
     texture : TextureLine or None
     stick_slip : StickSlip or None
+    spectra : tuple of ForceSpectrum
+        Of the tangential force, else of the normal force, by speed.
     notes : tuple of str
         Why something is None, and what the intervals hold for.
     """
@@ -38,6 +41,7 @@ class FrictionReport:
     coefficient: FrictionCoefficient | None
     texture: TextureLine | None
     stick_slip: StickSlip | None
+    spectra: tuple[ForceSpectrum, ...]
     notes: tuple[str, ...]
 
     def fields(self) -> dict[str, Any]:
@@ -85,7 +89,13 @@ def report_friction(slides: Sequence[Slide]) -> FrictionReport:
             f"{LEAST_RATE_HZ:g} Hz at least"
         )
     return FrictionReport(
-        len(slides), len(slides) - len(blank), coefficient, texture, slips, tuple(notes)
+        slides=len(slides),
+        driven=len(slides) - len(blank),
+        coefficient=coefficient,
+        texture=texture,
+        stick_slip=slips,
+        spectra=force_spectra(blank),
+        notes=tuple(notes),
     )
 
 

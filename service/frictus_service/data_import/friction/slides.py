@@ -1,7 +1,8 @@
 """Steady slides of a recording or a study, friction positive along the motion."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Final, Literal
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from frictus_service.identification.observation.response import drive_fraction
 from frictus_service.identification.observation.validity import LEAST_DRIVE
 from frictus_service.study.importers import Study, read_all
 from frictus_service.study.trial import Trial
+
+LEAST_THERE: Final = 0.9
+"""Share of the samples of a slide that must be there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +47,33 @@ class Slide:
     normal: FloatArray
     unit: str
     driven: bool
+
+
+def force_of(slides: Sequence[Slide]) -> Literal["friction", "normal"]:
+    """Return which force the slides have: the friction, else the normal force.
+
+    Parameters
+    ----------
+    slides : sequence of Slide
+    """
+    tangential = any(np.isfinite(each.friction).any() for each in slides)
+    return "friction" if tangential else "normal"
+
+
+def whole(values: FloatArray) -> FloatArray:
+    """Return values without their straight line, gaps bridged; empty where a tenth is missing.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+    """
+    there = np.isfinite(values)
+    if values.size < 3 or there.mean() < LEAST_THERE:
+        return np.empty(0)
+    index = np.arange(values.size, dtype=np.float64)
+    filled = np.interp(index, index[there], values[there])
+    flat: FloatArray = filled - np.polyval(np.polyfit(index, filled, 1), index)
+    return flat
 
 
 def slides_of_recording(recording: Recording, screen_peak_v: float) -> list[Slide]:

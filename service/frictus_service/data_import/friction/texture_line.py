@@ -13,7 +13,7 @@ import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.data_import.friction.interval import Interval, mean_of, regression
-from frictus_service.data_import.friction.slides import Slide
+from frictus_service.data_import.friction.slides import Slide, force_of, whole
 
 LEAST: Final = 64
 """Samples of a slide that is looked at."""
@@ -65,13 +65,11 @@ def texture_line(slides: Sequence[Slide]) -> TextureLine | None:
     slides : sequence of Slide
         Without a drive.
     """
-    tangential = any(np.isfinite(each.friction).any() for each in slides)
-    force: Literal["tangential", "normal"] = "tangential" if tangential else "normal"
+    name = force_of(slides)
     kept = [
         (each, values)
         for each in slides
-        if (values := _whole(each.friction if tangential else each.normal)).size
-        >= LEAST_SAMPLES
+        if (values := whole(getattr(each, name))).size >= LEAST
     ]
     if not kept:
         return None
@@ -91,7 +89,7 @@ def texture_line(slides: Sequence[Slide]) -> TextureLine | None:
     return TextureLine(
         slides=len(kept),
         lines=len(lines),
-        force=force,
+        force="tangential" if name == "friction" else "normal",
         rms=mean_of(rms),
         slope=slope,
         origin=origin,
@@ -140,15 +138,3 @@ def strongest_line(values: FloatArray, rate_hz: float) -> float | None:
     threshold = stats.chi2.isf(CHANCE / hz.size, free) / free
     # Three bins share a line through Hann's window, and a background of few bins is uncertain.
     return float(hz[best]) if ratio[best] > 2.0 * threshold else None
-
-
-def _whole(values: FloatArray) -> FloatArray:
-    there = np.isfinite(values)
-    if there.mean() < 0.9:
-        return np.empty(0)
-    index = np.arange(values.size, dtype=np.float64)
-    filled = np.interp(index, index[there], values[there])
-    if filled.size < 2:
-        return filled
-    flat: FloatArray = filled - np.polyval(np.polyfit(index, filled, 1), index)
-    return flat
