@@ -1,5 +1,6 @@
 """`frictus identify` and `mount`: from a study to models, from hammer blows to resonances."""
 
+import json
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -157,17 +158,40 @@ def mount(
             "--rate", metavar="HZ", min=1.0, help="Sample rate.  [default: the file's]"
         ),
     ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="Write the mount, as --mount reads it."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Tell frequency and damping of a mount's resonances from hammer blows in RECORDING."""
+    """Tell frequency and damping of a mount's resonances from hammer blows in RECORDING.
+
+    The mount that --out writes is the strongest of them, with a gain of 1 at rest: blows show
+    neither that gain nor how others add up, which stand beside it.
+    """
     from frictus_service.discovery.ring_down import estimate_ring_down, read_impacts
 
     blows = read_impacts(recording, rate_hz)
     found = estimate_ring_down(blows.samples, blows.rate_hz, band)
+    if out is not None:
+        _write_mount(out, found)
     if wants_lines(as_json):
         write_line(resonances=[asdict(each) for each in found])
     else:
         _show(found)
+
+
+def _write_mount(out: Path, found: "list[Resonance]") -> None:
+    from frictus_hardware.physics.linear import second_order
+    from frictus_service.durable import replace_file
+
+    strongest = max(found, key=lambda each: each.level_db)
+    lateral = second_order(strongest.frequency_hz, strongest.damping_ratio)
+    document = {"lateral": asdict(lateral), "resonances": [asdict(each) for each in found]}
+    replace_file(out, (json.dumps(document, indent=2) + "\n").encode())
+    _tell(
+        f"{out}: the mount resonates at {strongest.frequency_hz:.1f} Hz, its gain at rest is 1"
+    )
 
 
 def _show(found: "list[Resonance]") -> None:

@@ -140,8 +140,6 @@ def _accepted(file: Path, proposal: "Proposal") -> "ColumnMap":
 
 def _confirmed(file: Path, proposal: "Proposal", answers: list[str]) -> "ColumnMap":
     """Ask until nothing is open and the map is accepted; keep the answers for later files."""
-    import click
-
     from frictus_service.data_import.column_map import changed
     from frictus_service.data_import.recording import mapped_of
     from frictus_service.errors import StudyError
@@ -157,7 +155,7 @@ def _confirmed(file: Path, proposal: "Proposal", answers: list[str]) -> "ColumnM
                 show_default=False,
                 err=True,
             )
-        except click.Abort:
+        except typer.Abort:
             _accepted(file, proposal)
             raise StudyError(
                 f"{file}: nobody confirmed the map; --yes accepts it, --map gives another"

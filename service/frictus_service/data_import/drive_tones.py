@@ -21,7 +21,9 @@ NEAR_ROUND: Final = 0.03
 """Of a line's width, within which a tone is taken as a round tenth of a hertz."""
 
 
-def find_tones(drive: FloatArray, rate_hz: float) -> tuple[float, ...] | None:
+def find_tones(
+    drive: FloatArray, rate_hz: float, carrier_hz: float
+) -> tuple[float, ...] | None:
     """Return the tones of a drive; empty: broadband; None: no drive.
 
     Hann's window; a line's frequency by the ratio of its two highest bins (Rife and Vincent
@@ -32,6 +34,9 @@ def find_tones(drive: FloatArray, rate_hz: float) -> tuple[float, ...] | None:
     drive : ndarray, shape (n,)
         Drive fraction; missing samples NaN.
     rate_hz : float
+    carrier_hz : float
+        Its second harmonic is a line of the drive fraction too, and folds into the band where
+        the rate is low.
     """
     values = np.nan_to_num(drive)
     length = values.size
@@ -49,6 +54,8 @@ def find_tones(drive: FloatArray, rate_hz: float) -> tuple[float, ...] | None:
     inner = power[low:high]
     rising = inner > power[low - 1 : high - 1]
     peaks = low + np.flatnonzero(rising & (inner >= power[low + 1 : high + 1]))
+    folded_hz = abs((2.0 * carrier_hz + rate_hz / 2.0) % rate_hz - rate_hz / 2.0)
+    peaks = peaks[np.abs(peaks - folded_hz * length / rate_hz) > 2.0]
     strong = peaks[power[peaks] >= 0.5 * LINE_POWER * whole]
     strong = strong[np.argsort(power[strong])[::-1]][:MOST_TONES]
     lines = [(int(peak), _line_power(power, int(peak))) for peak in strong]

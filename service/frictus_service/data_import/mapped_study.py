@@ -162,8 +162,8 @@ def _check_usable(recording: Recording) -> None:
     lacks: dict[str, str] = {}
     if recording.rate_hz < SAMPLE_RATE.lowest:
         lacks["rate_hz"] = (
-            f"{recording.rate_hz:.4g} Hz is too slow for the band of 20 to 1000 Hz, which needs "
-            f"{SAMPLE_RATE.lowest:g} Hz"
+            f"{recording.rate_hz:.4g} Hz is too slow for the band of 20 to 1000 Hz, which "
+            f"needs {SAMPLE_RATE.lowest:g} Hz"
         )
     if recording.force_unit == "counts":
         lacks["force unit"] = "raw counts; give scale in newtons per count, and the unit N"
@@ -248,7 +248,7 @@ def _driven(
         return asked
     voltage = recording.voltage_v[stroke.first : stroke.last]
     drive = drive_fraction(voltage, column_map.screen_peak_v)
-    tones = find_tones(drive, recording.rate_hz)
+    tones = find_tones(drive, recording.rate_hz, column_map.carrier_hz)
     if tones is None:
         return asked
     if column_map.tones_hz is not None:

@@ -27,6 +27,27 @@ from frictus_service.study.plausible import OVER_PEAK
 RATES_HZ: Final = (10.0, 2e6)
 SECONDS: Final = (0.5, 1e5)
 GRAVITY_TOLERANCE: Final = 0.05
+USUAL: Final = (
+    "N",
+    "mN",
+    "gf",
+    "mm",
+    "m",
+    "um",
+    "mm/s",
+    "m/s",
+    "m/s2",
+    "g",
+    "V",
+    "mV",
+    "kV",
+    "s",
+    "ms",
+    "us",
+    "1",
+    "%",
+)
+"""Units among which the size of a column decides; others have to be named."""
 PEAK_V: Final = float(ColumnMap.model_fields["screen_peak_v"].default)
 BEFORE_AMPLIFIER_V: Final = 12.0
 """Converters reach ±10 V: so small a drive is not the screen's."""
@@ -107,8 +128,12 @@ def propose(columns: Columns, file_stem: str = "", **said: Any) -> Proposal:
         Entries of the map that are known.
     """
     draft = _Draft(columns)
-    for column in columns.columns:
+    # Across the slide is little to tell a unit by: the other axes come first.
+    for column in sorted(
+        columns.columns, key=lambda each: split_name(each.name)[0][-1:] == "y"
+    ):
         draft.consider(column)
+    draft.settle_axes()
     draft.check_complete(said, file_stem)
     column_map = ColumnMap(channels=draft.channels, **(draft.known | said))
     proposal = Proposal(column_map, tuple(draft.reasons), tuple(draft.questions))
@@ -168,10 +193,20 @@ class _Draft:
 
     def _guessed(self, channel: Channel, column: Column) -> str:
         """Return a unit by magnitude; a question where several or none fit."""
+        for name, mapped in self.channels.items():
+            same_sensor = name[:-1] == channel.name[:-1] and not self._is_open(name)
+            if (
+                same_sensor
+                and channel.dimension != "acceleration"
+                and _fits(channel, column, UNITS[mapped.unit].factor)
+            ):
+                self.reasons.append(f"{column.name!r} has the unit of {mapped.column!r}")
+                return mapped.unit
         candidates = units_of(channel.dimension)
-        fitting = [unit for unit in candidates if _fits(channel, column, UNITS[unit].factor)]
-        if channel.dimension == "acceleration":
-            fitting = _by_gravity(column) or fitting
+        usual = [unit for unit in candidates if unit in USUAL]
+        fitting = [unit for unit in usual if _fits(channel, column, UNITS[unit].factor)]
+        if channel.dimension == "acceleration":  # a vibration has no usual size
+            fitting = _by_gravity(column) or ["m/s2", "g"]
         if len(fitting) == 1:
             self.reasons.append(
                 f"{column.name!r} names no unit; by its size it is in {fitting[0]}"
@@ -186,6 +221,25 @@ class _Draft:
             )
         )
         return fitting[0] if fitting else candidates[0]
+
+    def _is_open(self, name: str) -> bool:
+        return any(question.entry == f"{name}.unit" for question in self.questions)
+
+    def settle_axes(self) -> None:
+        """Give the axes of an accelerometer the unit that one of them shows."""
+        axes = [name for name in self.channels if name.startswith("accel_")]
+        known = [name for name in axes if not self._is_open(name)]
+        for name in axes if known else ():
+            if self._is_open(name):
+                unit = self.channels[known[0]].unit
+                self.channels[name] = self.channels[name].model_copy(update={"unit": unit})
+                self.reasons.append(f"{name} has the unit of {known[0]}: one sensor")
+        if known:
+            self.questions = [
+                question
+                for question in self.questions
+                if not (question.entry.startswith("accel_") and question.entry.endswith("unit"))
+            ]
 
     def _ask_scale(self, name: str, column: Column) -> None:
         self.questions.append(

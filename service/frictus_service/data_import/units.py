@@ -126,8 +126,12 @@ def split_name(name: str) -> tuple[str, str]:
     Parameters
     ----------
     name : str
-        As `Fx [mN]`, `Fx (N)`, `force_x_mN` or `Fx`.
+        As `Fx [mN]`, `Fx (N)`, `force_x_mN`, `force_mN:2` (a column of a matrix) or `Fx`.
     """
+    matrix, colon, number = name.rpartition(":")
+    if colon and number.isdigit():
+        bare, unit = split_name(matrix)
+        return f"{bare}:{number}", unit
     if (match := _BRACKETED.fullmatch(name)) and is_unit(match[2]):
         return match[1], find_unit(match[2]) or ""
     for suffix, unit in _SUFFIXED:

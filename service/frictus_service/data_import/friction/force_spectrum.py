@@ -1,7 +1,8 @@
 """Spectra of the force by speed: third-octave levels, as a texture drives it.
 
 Welch's method within each slide; a level is the root mean square of what lies in a band, its
-interval that of the mean over slides of one speed. Bands by IEC 61260-1: centres 1000 · 10^(n/10).
+interval that of the mean over slides of one speed. Centres of bands are 1000 · 10^(n/10) Hz, by
+IEC 61260-1.
 """
 
 from collections.abc import Iterator, Sequence
@@ -31,19 +32,19 @@ class ForceSpectrum:
         Middle of their speeds.
     slides : int
         So many.
-    mean : Interval or None
-        Of the force itself; None where fewer than three slides are there, as below.
+    mean : Interval
+        Of the force itself; of no width where fewer than three slides are there, as below.
     centre_hz : tuple of float
         Of the third-octave bands.
     rms : tuple of float
         Root mean square of the force in each band, mean over slides.
     rms_low, rms_high : tuple of float
-        95 % interval; equal to `rms` where fewer than three slides are there.
+        95 % interval.
     """
 
     speed_mm_s: float
     slides: int
-    mean: Interval | None
+    mean: Interval
     centre_hz: tuple[float, ...]
     rms: tuple[float, ...]
     rms_low: tuple[float, ...]
@@ -78,12 +79,13 @@ def _spectra(slides: Sequence[Slide]) -> Iterator[ForceSpectrum]:
         # The shortest slide has the fewest bands.
         centres = min((centre for centre, _ in levels), key=len)
         table = np.array([rms[-centres.size :] for _, rms in levels]).reshape(-1, centres.size)
+        level = np.array([float(np.nanmean(force)) for force in forces])
         found = [mean_of(column) for column in table.T]
         means = table.mean(axis=0)
         yield ForceSpectrum(
             speed_mm_s=speed,
             slides=len(own),
-            mean=mean_of(np.array([float(np.nanmean(force)) for force in forces])),
+            mean=mean_of(level) or Interval(*[float(level.mean())] * 3),
             centre_hz=tuple(centres.tolist()),
             rms=tuple(means.tolist()),
             rms_low=_ends(found, means, "low"),
