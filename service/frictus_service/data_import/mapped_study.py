@@ -160,6 +160,8 @@ def modified_utc(path: Path) -> str:
 def _check_usable(recording: Recording) -> None:
     """Refuse what identifies nothing, and say what it is good for."""
     lacks: dict[str, str] = {}
+    if recording.rate_hz > SAMPLE_RATE.highest:
+        lacks["rate_hz"] = f"{recording.rate_hz:.4g} Hz is absurd; correct rate_hz or time.unit"
     if recording.rate_hz < SAMPLE_RATE.lowest:
         lacks["rate_hz"] = (
             f"{recording.rate_hz:.4g} Hz is too slow for the band of 20 to 1000 Hz, which "
