@@ -26,9 +26,6 @@ def find_tones(
 ) -> tuple[float, ...] | None:
     """Return the tones of a drive; empty: broadband; None: no drive.
 
-    Hann's window; a line's frequency by the ratio of its two highest bins (Rife and Vincent
-    1970), which is exact for a single tone.
-
     Parameters
     ----------
     drive : ndarray, shape (n,)
@@ -62,16 +59,34 @@ def find_tones(
     lines = [(peak, held) for peak, held in lines if held >= LINE_POWER * whole]
     if sum(held for _, held in lines) < TONES_POWER * whole:
         return ()
-    return tuple(sorted(_frequency_hz(spectrum, peak, rate_hz / length) for peak, _ in lines))
+    step_hz = rate_hz / length
+    return tuple(sorted(_rounded(spectrum, peak, step_hz) for peak, _ in lines))
 
 
 def _line_power(power: FloatArray, peak: int) -> float:
     return float(power[peak - 1 : peak + 2].sum()) / HANN_LINES
 
 
-def _frequency_hz(spectrum: FloatArray, peak: int, step_hz: float) -> float:
+def line_hz(spectrum: FloatArray, peak: int, step_hz: float) -> float:
+    """Return the frequency of a line, by the ratio of its two highest bins.
+
+    Rife and Vincent 1970; exact for a single tone under Hann's window.
+
+    Parameters
+    ----------
+    spectrum : ndarray
+        Amplitudes.
+    peak : int
+        Highest bin of the line, neither the first nor the last.
+    step_hz : float
+        From bin to bin.
+    """
     side = 1 if spectrum[peak + 1] >= spectrum[peak - 1] else -1
     ratio = float(spectrum[peak + side] / spectrum[peak])
-    found = (peak + side * (2.0 * ratio - 1.0) / (ratio + 1.0)) * step_hz
+    return (peak + side * (2.0 * ratio - 1.0) / (ratio + 1.0)) * step_hz
+
+
+def _rounded(spectrum: FloatArray, peak: int, step_hz: float) -> float:
+    found = line_hz(spectrum, peak, step_hz)
     near = round(found, 1)
     return near if abs(near - found) < NEAR_ROUND * step_hz else round(found, 3)

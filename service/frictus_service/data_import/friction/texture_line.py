@@ -12,6 +12,7 @@ from typing import Final, Literal
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
+from frictus_service.data_import.drive_tones import line_hz
 from frictus_service.data_import.friction.interval import Interval, mean_of, regression
 from frictus_service.data_import.friction.slides import Slide, force_of, whole
 
@@ -124,6 +125,7 @@ def strongest_line(values: FloatArray, rate_hz: float) -> float | None:
 
     window = max(int(values.size / ((WINDOWS + 1) / 2.0)), LEAST // 2)
     hz, power = signal.welch(values, rate_hz, "hann", window, detrend="linear")
+    amplitude, step_hz = np.sqrt(power), float(hz[1])
     hz, power = hz[2:-1], power[2:-1]
     if hz.size < BACKGROUND_BINS or not power.min() > 0.0:
         return None
@@ -137,4 +139,6 @@ def strongest_line(values: FloatArray, rate_hz: float) -> float | None:
     best = int(np.argmax(ratio))
     threshold = stats.chi2.isf(CHANCE / hz.size, free) / free
     # Three bins share a line through Hann's window, and a background of few bins is uncertain.
-    return float(hz[best]) if ratio[best] > 2.0 * threshold else None
+    if not ratio[best] > 2.0 * threshold:
+        return None
+    return line_hz(amplitude, best + 2, step_hz)
