@@ -78,12 +78,19 @@ def _map_of(file: Path, map_file: Path | None, answers: list[str], accept: bool)
     from frictus_service.data_import.formats.read import read_columns
     from frictus_service.data_import.mapped_study import modified_utc
     from frictus_service.data_import.proposal import propose
+    from frictus_service.data_import.response_table import find_response
+    from frictus_service.errors import StudyError
 
     beside = map_beside(file)
     if map_file is not None or beside.is_file():
         return changed(load_map(map_file or beside), answers)
     _refuse_known_layouts(file)
     columns = read_columns(file)
+    if find_response(columns) is not None:
+        raise StudyError(
+            f"{file} holds a frequency response and no samples: a study cannot hold it; "
+            "frictus identify fits gain, cutoff and delay to it"
+        )
     started_utc = columns.started_utc or modified_utc(file)
     proposal = propose(columns, file.stem, started_utc=started_utc)
     proposal = proposal.answered(changed(proposal.column_map, answers), answers)

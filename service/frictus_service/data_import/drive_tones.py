@@ -32,8 +32,8 @@ def find_tones(
         Drive fraction; missing samples NaN.
     rate_hz : float
     carrier_hz : float
-        Its second harmonic is a line of the drive fraction too, and folds into the band where
-        the rate is low.
+        Its second harmonic is a line of the drive fraction too, and no tone. Where the rate
+        folds it into the band the drive counts as broadband, unless the map names its tones.
     """
     values = np.nan_to_num(drive)
     length = values.size

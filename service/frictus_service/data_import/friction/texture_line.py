@@ -23,6 +23,8 @@ WINDOWS: Final = 4
 CHANCE: Final = 1e-3
 """That noise alone makes a line anywhere in the spectrum of a slide."""
 BACKGROUND_BINS: Final = 15
+SLOPE_SLACK: Final = 0.05
+"""A line's frequency is known to a fraction of a bin, which does not average out."""
 LEAST_SPEEDS: Final = 1.3
 
 
@@ -106,7 +108,9 @@ def _origin(
         return "none"
     if slope is None:
         return "cannot tell"
-    texture, fixed = (slope.low <= value <= slope.high for value in (1.0, 0.0))
+    texture, fixed = (
+        slope.low - SLOPE_SLACK <= value <= slope.high + SLOPE_SLACK for value in (1.0, 0.0)
+    )
     if texture == fixed:
         return "cannot tell"
     return "texture" if texture else "fixed frequency"
