@@ -235,7 +235,7 @@ def _lateral(mount: Mount) -> TransferFunction:
     return second_order(mount.sensor_hz, mount.sensor_damping_ratio) * tape
 
 
-def with_movedsecond_order(mount: TransferFunction, share: float) -> TransferFunction:
+def with_moved_resonance(mount: TransferFunction, share: float) -> TransferFunction:
     """Return a mount whose highest resonance lies elsewhere.
 
     The pole pair of highest natural frequency moves to ``1 + share`` times its frequency, with

@@ -253,7 +253,7 @@ class _Mapped:
         elif self._map.stage_speed_mm_s is not None:
             step_s = 1.0 / force.rate_hz
             self._notes.append("the whole recording is taken as one stroke of the stage")
-            speed = self._map.stage_speed_mm_s * np.ones(len(force.values))
+            speed = np.full(len(force.values), self._map.stage_speed_mm_s)
         else:
             return np.empty((0, 2)), np.empty(0)
         x_mm = np.cumsum(speed) * step_s

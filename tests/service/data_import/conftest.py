@@ -64,7 +64,7 @@ def write_matlab(one: Swipes, path: Path) -> None:
         "fs": one.rate_hz,
         "data": {
             "force_N": one.force_n,
-            "acc": one.accel_m_s2 + [0.0, 0.0, 9.81],
+            "acc": np.add(one.accel_m_s2, (0.0, 0.0, 9.81)),
             "u_V": one.voltage_v,
             "pos_mm": one.position_mm,
             "pos_t_s": one.position_t_s,

@@ -50,10 +50,13 @@ def swipes(
     time_s = np.arange(len(found.force_n)) / RATE_HZ
     voltage = np.zeros(time_s.size) if found.voltage_v is None else found.voltage_v
     assert found.accel_m_s2 is not None
+    force_x_n, force_y_n, force_z_n = found.force_n.T
     return Swipes(
         time_s,
         voltage,
-        *found.force_n.T,
+        force_x_n,
+        force_y_n,
+        force_z_n,
         found.accel_m_s2,
         np.interp(time_s, found.position_t_s, found.position_mm[:, 0]),
         np.interp(time_s, found.position_t_s, found.position_mm[:, 1]),

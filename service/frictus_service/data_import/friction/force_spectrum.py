@@ -17,6 +17,8 @@ from frictus_service.data_import.friction.slides import Slide, force_of, whole
 from frictus_service.data_import.strokes import conditions_of
 
 WINDOW_S: Final = 1.0
+HIGHEST_HZ: Final = 1000.0
+"""Above, fingers feel nothing of a texture."""
 HIGHEST_SHARE: Final = 0.4
 """Of the sample rate: above lies the roll-off of whatever filtered the samples."""
 LEAST_BINS: Final = 2
@@ -105,9 +107,10 @@ def _levels(flat: FloatArray, rate_hz: float) -> tuple[FloatArray, FloatArray]:
     from scipy import signal
 
     window = min(flat.size, round(WINDOW_S * rate_hz))
-    hz, power = signal.welch(flat, rate_hz, "hann", window, detrend="linear")
+    hz, power = signal.welch(flat, rate_hz, "hann", window, detrend="constant")
     step = hz[1]
-    highest = int(np.floor(10.0 * np.log10(HIGHEST_SHARE * rate_hz / 1000.0)))
+    highest_hz = min(HIGHEST_HZ, HIGHEST_SHARE * rate_hz)
+    highest = int(np.floor(10.0 * np.log10(highest_hz / 1000.0) + 1e-9))
     centres, levels = [], []
     for number in range(highest, -31, -1):
         centre = 1000.0 * 10.0 ** (number / 10.0)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.data_import.drive_tones import line_hz
@@ -22,7 +23,10 @@ WINDOWS: Final = 4
 """A slide is divided into so many windows, half overlapping seven."""
 CHANCE: Final = 1e-3
 """That noise alone makes a line anywhere in the spectrum of a slide."""
-BACKGROUND_BINS: Final = 15
+SIDE_BINS: Final = 6
+"""On either side of a line, its background;"""
+LINE_BINS: Final = 2
+"""and between the two, which Hann's window fills."""
 SLOPE_SLACK: Final = 0.05
 """A line's frequency is known to a fraction of a bin, which does not average out."""
 LEAST_SPEEDS: Final = 1.3
@@ -128,21 +132,23 @@ def strongest_line(values: FloatArray, rate_hz: float) -> float | None:
     from scipy import signal, stats
 
     window = max(int(values.size / ((WINDOWS + 1) / 2.0)), LEAST // 2)
-    hz, power = signal.welch(values, rate_hz, "hann", window, detrend="linear")
+    hz, power = signal.welch(values, rate_hz, "hann", window, detrend="constant")
     amplitude, step_hz = np.sqrt(power), float(hz[1])
     hz, power = hz[2:-1], power[2:-1]
-    if hz.size < BACKGROUND_BINS or not power.min() > 0.0:
+    if hz.size < 4 * SIDE_BINS or not power.min() > 0.0:
         return None
-    padded = np.pad(np.log(power), BACKGROUND_BINS // 2, mode="reflect")
-    around = np.median(
-        np.lib.stride_tricks.sliding_window_view(padded, BACKGROUND_BINS), axis=1
-    )
+    # The higher side: a spectrum that only falls has no line, however steeply.
+    level = np.log(power)
+    sides = np.median(sliding_window_view(level, SIDE_BINS), axis=1)
+    apart = SIDE_BINS + 2 * LINE_BINS + 1
+    around = np.maximum(sides[:-apart], sides[apart:])
+    first = SIDE_BINS + LINE_BINS
     free = 2.0 * WINDOWS  # of the half overlapping windows about as many are independent
     middle = stats.chi2.median(free) / free
-    ratio = np.exp(np.log(power) - around) * middle
+    ratio = np.exp(level[first : first + around.size] - around) * middle
     best = int(np.argmax(ratio))
     threshold = stats.chi2.isf(CHANCE / hz.size, free) / free
     # Three bins share a line through Hann's window, and a background of few bins is uncertain.
     if not ratio[best] > 2.0 * threshold:
         return None
-    return line_hz(amplitude, best + 2, step_hz)
+    return line_hz(amplitude, best + first + 2, step_hz)

@@ -96,7 +96,8 @@ def fit_response(
         )
     free = 2 * hz.size - 3
     scatter = 2.0 * found.cost / free
-    errors = np.sqrt(scatter * np.diag(np.linalg.pinv(found.jac.T @ found.jac)))
+    slopes = np.asarray(found.jac, dtype=np.float64)
+    errors = np.sqrt(scatter * np.diag(np.linalg.pinv(slopes.T @ slopes)))
     half = float(stats.t.ppf(0.975, free)) * errors
     off = residual(found.x) / np.tile(weight, 2)
     size, phase = off[: hz.size], off[hz.size :]
