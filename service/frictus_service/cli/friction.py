@@ -22,6 +22,7 @@ def show_friction(files: list[Path], map_file: Path | None, as_json: bool) -> No
     map_file : Path or None
         Of all recordings; None: the map beside each.
     as_json : bool
+        One object as one line, instead of sentences.
     """
     from frictus_service.data_import.friction.report import report_friction
 

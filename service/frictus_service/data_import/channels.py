@@ -139,6 +139,7 @@ def named_channel(name: str) -> Channel | None:
     Parameters
     ----------
     name : str
+        As the file has it.
     """
     last = re.split(r"[./]", name)[-1]
     plain = re.sub(r"[\s\-]+", "_", last.strip().lower())

@@ -127,6 +127,7 @@ def map_beside(path: Path) -> Path:
     Parameters
     ----------
     path : Path
+        Of the recording.
     """
     return path.with_name(path.name + SUFFIX)
 
@@ -184,7 +185,9 @@ def save_map(column_map: ColumnMap, path: Path) -> None:
     Parameters
     ----------
     column_map : ColumnMap
+        As it was confirmed.
     path : Path
+        Of the map.
     """
     replace_file(path, map_text(column_map).encode())
 
@@ -195,6 +198,7 @@ def map_text(column_map: ColumnMap) -> str:
     Parameters
     ----------
     column_map : ColumnMap
+        As it is saved.
     """
     plain = column_map.model_dump(mode="json", by_alias=True, exclude_none=True)
     channels = plain.pop("channels")
@@ -218,6 +222,7 @@ def changed(column_map: ColumnMap, assignments: list[str]) -> ColumnMap:
     Parameters
     ----------
     column_map : ColumnMap
+        To begin with.
     assignments : list of str
 
     Raises

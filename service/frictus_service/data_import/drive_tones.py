@@ -31,6 +31,7 @@ def find_tones(
     drive : ndarray, shape (n,)
         Drive fraction; missing samples NaN.
     rate_hz : float
+        Of the samples.
     carrier_hz : float
         Its second harmonic is a line of the drive fraction too, and no tone. Where the rate
         folds it into the band the drive counts as broadband, unless the map names its tones.

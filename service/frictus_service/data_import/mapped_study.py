@@ -153,6 +153,7 @@ def modified_utc(path: Path) -> str:
     Parameters
     ----------
     path : Path
+        Of the file.
     """
     return datetime.fromtimestamp(int(path.stat().st_mtime), UTC).isoformat()
 

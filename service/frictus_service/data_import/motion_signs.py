@@ -29,6 +29,7 @@ class Signed:
     Attributes
     ----------
     column_map : ColumnMap
+        With axes and signs by motion.
     reasons : tuple of str
         What was turned, and why.
     questions : tuple of (str, str)
@@ -98,6 +99,7 @@ def friction_correlation(recording: Recording) -> float | None:
     Parameters
     ----------
     recording : Recording
+        With tangential force and position.
     """
     motion = smooth(recording.position_mm, recording.position_t_s)
     brisk = _brisk(motion)

@@ -238,6 +238,7 @@ class _Mapped:
                 raise FieldError("position_y", f"has {y_mm.size} rows, position_x {x_mm.size}")
             return averaged(np.column_stack([x_mm, y_mm]), time_s)
         velocity = self._sampled("velocity_x")
+        speed: FloatArray
         if velocity is not None:
             step_s = 1.0 / velocity.rate_hz
             self._notes.append("the position is the integral of velocity_x")
@@ -256,10 +257,10 @@ class _Mapped:
             speed = np.full(len(force.values), self._map.stage_speed_mm_s)
         else:
             return np.empty((0, 2)), np.empty(0)
-        x_mm = np.cumsum(speed) * step_s
-        x_mm -= x_mm.min()
-        time_s = np.arange(x_mm.size) * step_s
-        return averaged(np.column_stack([x_mm, np.zeros(x_mm.size)]), time_s)
+        travelled = np.cumsum(speed) * step_s
+        travelled -= travelled.min()
+        path_mm = np.column_stack([travelled, np.zeros(travelled.size)])
+        return averaged(path_mm, np.arange(travelled.size) * step_s)
 
     def _positions(self, name: str) -> tuple[FloatArray, FloatArray] | None:
         mapped = self._map.channels.get(name)

@@ -89,6 +89,7 @@ def held(sampled: Sampled, rate_hz: float, count: int) -> FloatArray:
     Parameters
     ----------
     sampled : Sampled
+        At its own rate.
     rate_hz : float
         Of the result.
     count : int
@@ -107,6 +108,7 @@ def of_length(values: FloatArray, count: int) -> FloatArray:
     ----------
     values : ndarray, shape (n,)
     count : int
+        Samples of the result.
     """
     if len(values) >= count:
         return values[:count]
@@ -120,6 +122,7 @@ def direction_of(tangential_n: FloatArray, rate_hz: float) -> FloatArray:
     ----------
     tangential_n : ndarray, shape (n,)
     rate_hz : float
+        Of the samples.
     """
     width = max(round(FRICTION_CUTOFF_S * rate_hz), 1)
     total = np.concatenate([[0.0], np.cumsum(np.nan_to_num(tangential_n))])

@@ -56,6 +56,7 @@ def find_strokes(recording: Recording) -> list[Stroke]:
     Parameters
     ----------
     recording : Recording
+        Of any length.
     """
     motion = smooth(recording.position_mm, recording.position_t_s)
     if motion.time_s.size < 2:

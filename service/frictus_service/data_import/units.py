@@ -109,6 +109,7 @@ def units_of(dimension: Dimension) -> tuple[str, ...]:
     Parameters
     ----------
     dimension : str
+        As `Unit.dimension`.
     """
     return tuple(name for name, unit in UNITS.items() if unit.dimension == dimension)
 

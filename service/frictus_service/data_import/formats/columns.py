@@ -81,6 +81,7 @@ class Gatherer:
         Parameters
         ----------
         name : str
+            For the error.
         shape : tuple of int
             As the file declares.
 
@@ -112,6 +113,7 @@ class Gatherer:
         Parameters
         ----------
         name : str
+            In the file.
         array : ndarray
             Other than real numbers are left out.
         unit : str
@@ -178,6 +180,7 @@ def named_rate_hz(numbers: Mapping[str, float]) -> float | None:
     Parameters
     ----------
     numbers : mapping of str to float
+        By name, as in `Columns`.
     """
     for name, value in numbers.items():
         plain = "".join(

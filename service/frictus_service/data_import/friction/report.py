@@ -28,8 +28,11 @@ class FrictionReport:
     slides, driven : int
         Found, and of these left out because a voltage drove them.
     coefficient : FrictionCoefficient or None
+        Against speed and load.
     texture : TextureLine or None
+        Lines of the spectrum.
     stick_slip : StickSlip or None
+        Whether friction sticks and slips.
     spectra : tuple of ForceSpectrum
         Of the tangential force, else of the normal force, by speed.
     notes : tuple of str

@@ -55,6 +55,7 @@ def force_of(slides: Sequence[Slide]) -> Literal["friction", "normal"]:
     Parameters
     ----------
     slides : sequence of Slide
+        Of one recording or study.
     """
     tangential = any(np.isfinite(each.friction).any() for each in slides)
     return "friction" if tangential else "normal"
@@ -82,6 +83,7 @@ def slides_of_recording(recording: Recording, screen_peak_v: float) -> list[Slid
     Parameters
     ----------
     recording : Recording
+        Of any length.
     screen_peak_v : float
         Screen volts at full drive.
     """
@@ -143,6 +145,7 @@ def is_driven(voltage_v: FloatArray | None, screen_peak_v: float) -> bool:
     ----------
     voltage_v : ndarray, shape (n,), or None
     screen_peak_v : float
+        Screen volts at full drive.
     """
     if voltage_v is None or not np.isfinite(voltage_v).any():
         return False

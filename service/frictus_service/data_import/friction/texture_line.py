@@ -128,6 +128,7 @@ def strongest_line(values: FloatArray, rate_hz: float) -> float | None:
     values : ndarray, shape (n,)
         A straight line taken out.
     rate_hz : float
+        Of the samples.
     """
     from scipy import signal, stats
 
