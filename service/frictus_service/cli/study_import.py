@@ -77,7 +77,7 @@ def _map_of(file: Path, map_file: Path | None, answers: list[str], accept: bool)
     from frictus_service.data_import.column_map import changed, load_map, map_beside, save_map
     from frictus_service.data_import.formats.read import read_columns
     from frictus_service.data_import.mapped_study import modified_utc
-    from frictus_service.data_import.proposal import propose
+    from frictus_service.data_import.proposal import propose, with_signs
     from frictus_service.data_import.response_table import find_response
     from frictus_service.errors import StudyError
 
@@ -94,8 +94,11 @@ def _map_of(file: Path, map_file: Path | None, answers: list[str], accept: bool)
     started_utc = columns.started_utc or modified_utc(file)
     proposal = propose(columns, file.stem, started_utc=started_utc)
     proposal = proposal.answered(changed(proposal.column_map, answers), answers)
+    proposal = with_signs(columns, proposal)
     _describe(file, columns, proposal)
-    confirmed = _accepted(file, proposal) if accept else _confirmed(file, proposal, answers)
+    confirmed = (
+        _accepted(file, proposal) if accept else _confirmed(file, columns, proposal, answers)
+    )
     try:
         save_map(confirmed, beside)
         _tell(f"saved as {beside}")
@@ -145,9 +148,12 @@ def _accepted(file: Path, proposal: "Proposal") -> "ColumnMap":
     )
 
 
-def _confirmed(file: Path, proposal: "Proposal", answers: list[str]) -> "ColumnMap":
+def _confirmed(
+    file: Path, columns: "Columns", proposal: "Proposal", answers: list[str]
+) -> "ColumnMap":
     """Ask until nothing is open and the map is accepted; keep the answers for later files."""
     from frictus_service.data_import.column_map import changed
+    from frictus_service.data_import.proposal import with_signs
     from frictus_service.data_import.recording import mapped_of
     from frictus_service.errors import StudyError
 
@@ -171,13 +177,15 @@ def _confirmed(file: Path, proposal: "Proposal", answers: list[str]) -> "ColumnM
             if not proposal.questions:
                 return proposal.column_map
             continue
+        told = proposal.reasons
         try:
             proposal = proposal.answered(changed(proposal.column_map, [answer]), [answer])
         except StudyError as error:
             _tell(str(error))
             continue
         answers.append(answer)
-        for line in mapped_of(proposal.column_map):
+        proposal = with_signs(columns, proposal)
+        for line in (*mapped_of(proposal.column_map), *proposal.reasons[len(told) :]):
             _tell(f"  {line}")
     raise StudyError(f"{file}: {MAX_ANSWERS} answers, and the map is not accepted; use --map")
 

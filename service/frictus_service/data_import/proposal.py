@@ -81,11 +81,14 @@ class Proposal:
         Why, where it is not the file's own words.
     questions : tuple of Question
         What is open.
+    signs_settled : bool
+        Whether axes and signs are those that the motion shows, or a person's.
     """
 
     column_map: ColumnMap
     reasons: tuple[str, ...]
     questions: tuple[Question, ...]
+    signs_settled: bool = False
 
     def answered(self, column_map: ColumnMap, entries: Iterable[str]) -> "Proposal":
         """Return the proposal with a changed map, without the questions that are answered.
@@ -103,7 +106,10 @@ class Proposal:
             for question in self.questions
             if not any(name.startswith(_answers(question.entry)) for name in names)
         )
-        return replace(self, column_map=column_map, questions=left)
+        if not names:
+            return self
+        by_person = any(name.endswith(".sign") for name in names)
+        return replace(self, column_map=column_map, questions=left, signs_settled=by_person)
 
 
 def _answers(entry: str) -> tuple[str, ...]:
@@ -136,12 +142,21 @@ def propose(columns: Columns, file_stem: str = "", **said: Any) -> Proposal:
     draft.settle_axes()
     draft.check_complete(said, file_stem)
     column_map = ColumnMap(channels=draft.channels, **(draft.known | said))
-    proposal = Proposal(column_map, tuple(draft.reasons), tuple(draft.questions))
-    return _with_signs(columns, proposal)
+    return Proposal(column_map, tuple(draft.reasons), tuple(draft.questions))
 
 
-def _with_signs(columns: Columns, proposal: Proposal) -> Proposal:
-    """Return the proposal with axes and signs as the motion shows them."""
+def with_signs(columns: Columns, proposal: Proposal) -> Proposal:
+    """Return the proposal with axes and signs as the motion shows them, once it can be seen.
+
+    Parameters
+    ----------
+    columns : Columns
+        Of the file.
+    proposal : Proposal
+        As answered so far.
+    """
+    if proposal.signs_settled:
+        return proposal
     if any(
         question.entry not in ("drive_", "screen_peak_v") for question in proposal.questions
     ):
@@ -152,6 +167,7 @@ def _with_signs(columns: Columns, proposal: Proposal) -> Proposal:
         found.column_map,
         (*proposal.reasons, *found.reasons),
         (*proposal.questions, *questions),
+        signs_settled=True,
     )
 
 

@@ -260,7 +260,7 @@ class _Mapped:
         travelled = np.cumsum(speed) * step_s
         travelled -= travelled.min()
         path_mm = np.column_stack([travelled, np.zeros(travelled.size)])
-        return averaged(path_mm, np.arange(travelled.size) * step_s)
+        return averaged(path_mm, step_s * np.arange(float(travelled.size)))
 
     def _positions(self, name: str) -> tuple[FloatArray, FloatArray] | None:
         mapped = self._map.channels.get(name)

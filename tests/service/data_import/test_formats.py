@@ -87,15 +87,23 @@ def test_nobody_confirms(recorded: Swipes, tmp_path: Path) -> None:
 
 def test_what_is_open_is_asked_not_guessed(recorded: Swipes, tmp_path: Path) -> None:
     path = tmp_path / "bare.csv"
-    table = np.column_stack([recorded.force_x_n, 1e3 * recorded.force_z_n, recorded.x_mm])
+    table = np.column_stack([-recorded.force_x_n, 1e3 * recorded.force_z_n, recorded.x_mm])
     np.savetxt(path, table, "%.6g", ",", header="Fx,Fz,x", comments="")
     code, _, told = run(path, tmp_path / "a.h5", "--yes")
     assert code == 2
     assert "rate_hz" in told  # nothing says it
     assert "could be mN or gf" in told  # 400 of force_z fit two units
+    assert "its sign is turned" not in told  # nothing is said of signs before the rest is known
     done = ["--set", "force_z.unit=mN", "--set", "rate_hz=20000"]
     code, _, told = run(path, tmp_path / "a.h5", "--yes", *done)
     assert code == 0, told
+    assert "the tangential force is against the velocity" in told
+    assert load_map(map_beside(path)).channels["force_x"].sign == -1
+    map_beside(path).unlink()
+    by_person = [*done, "--set", "force_x.sign=1"]
+    code, _, told = run(path, tmp_path / "b.h5", "--yes", *by_person)
+    assert code == 0, told
+    assert load_map(map_beside(path)).channels["force_x"].sign == 1
 
 
 def test_many_files_are_one_study(
