@@ -219,6 +219,8 @@ def _entries(values: dict[str, object]) -> list[str]:
 def changed(column_map: ColumnMap, assignments: list[str]) -> ColumnMap:
     """Return a map with entries set, each as `speed_mm_s=80` or `force_x.unit=mN`.
 
+    A channel set to nothing, as `time=`, is left away.
+
     Parameters
     ----------
     column_map : ColumnMap
@@ -238,6 +240,8 @@ def changed(column_map: ColumnMap, assignments: list[str]) -> ColumnMap:
         *channel, key = place.removeprefix("channels.").split(".")
         if len(channel) > 1:
             raise FieldError("--set", f"is {assignment!r}; accepted: force_x.unit=mN")
+        if not channel and not value and plain["channels"].pop(key, None):
+            continue
         held = plain["channels"].setdefault(channel[0], {"unit": ""}) if channel else plain
         held[key] = _plain(value)
     return parse_map(plain, "--set")

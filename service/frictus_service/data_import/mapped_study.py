@@ -19,6 +19,7 @@ from frictus_service.data_import.recording import Recording, apply_map
 from frictus_service.data_import.strokes import Stroke, conditions_of, find_strokes
 from frictus_service.errors import Exclusion, FieldError, StudyError
 from frictus_service.identification.observation.response import drive_fraction
+from frictus_service.identification.observation.validity import LEAST_DRIVE
 from frictus_service.study.layout import digest
 from frictus_service.study.plausible import (
     SAMPLE_RATE,
@@ -252,8 +253,10 @@ def _driven(
     voltage = recording.voltage_v[stroke.first : stroke.last]
     drive = drive_fraction(voltage, column_map.screen_peak_v)
     tones = find_tones(drive, recording.rate_hz, column_map.carrier_hz)
-    if tones is None:
-        return asked
+    if tones is None:  # at rest, or a constant drive
+        if not np.nan_to_num(drive).mean() >= LEAST_DRIVE:
+            return asked
+        tones = ()
     if column_map.tones_hz is not None:
         tones = column_map.tones_hz
     peak = recording.crest * float(np.nanmax(np.abs(voltage)))

@@ -67,6 +67,15 @@ def test_a_wrong_map_gives_a_sentence(entry: str, mapped: Path, tmp_path: Path) 
     assert not out.exists()
 
 
+def test_a_channel_is_left_away(mapped: Path, tmp_path: Path) -> None:
+    """A clock too coarse for its samples cannot be mended: the rate is given instead."""
+    out = tmp_path / "study.h5"
+    words = ["study", "import", str(mapped), str(out), "--set", "time=", "--set"]
+    result = CliRunner().invoke(app, [*words, "rate_hz=20000"])
+    assert result.exit_code == 0, result.stderr
+    assert out.exists()
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [

@@ -35,7 +35,7 @@ def read(path: Path) -> Columns:
         held = hdf5.attributes_of(file)
         if str(hdf5.plain(held.get("schema"))).startswith("study/"):
             raise StudyError("it is a study already; every command takes it as it is")
-        matlab = any(b"MATLAB 7.3" in chunk for chunk in (_user_block(path),))
+        matlab = b"MATLAB 7.3" in _user_block(path)
         gathered = Gatherer("MATLAB v7.3" if matlab else "HDF5")
         for name, value in held.items():
             _number(gathered, name, value)
