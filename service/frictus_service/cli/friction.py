@@ -42,15 +42,15 @@ def _slides(file: Path, map_file: Path | None) -> "list[Slide]":
         slides_of_recording,
         slides_of_study,
     )
+    from frictus_service.data_import.mapped_study import IMPORTER
     from frictus_service.data_import.proposal import speed_in
     from frictus_service.data_import.recording import apply_map
     from frictus_service.study.importers import open_study
 
-    beside = map_beside(file)
-    if map_file is None and not beside.is_file():
+    if map_file is None and not IMPORTER.recognises(file):
         with open_study(file) as study:
             return list(slides_of_study(study))
-    column_map = load_map(map_file or beside)
+    column_map = load_map(map_file or map_beside(file))
     moved = {"position_x", "velocity_x"} & set(column_map.channels)
     if not moved and column_map.stage_speed_mm_s is None:
         # One map for files at several speeds.

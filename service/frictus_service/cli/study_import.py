@@ -81,6 +81,8 @@ def _map_of(file: Path, map_file: Path | None, answers: list[str], accept: bool)
     from frictus_service.data_import.response_table import find_response
     from frictus_service.errors import StudyError
 
+    if file.is_dir():
+        raise StudyError(f"{file} is a folder; give its files")
     beside = map_beside(file)
     if map_file is not None or beside.is_file():
         return changed(load_map(map_file or beside), answers)

@@ -106,6 +106,16 @@ def test_what_is_open_is_asked_not_guessed(recorded: Swipes, tmp_path: Path) -> 
     assert load_map(map_beside(path)).channels["force_x"].sign == 1
 
 
+def test_a_folder_and_a_missing_file_are_sentences(tmp_path: Path) -> None:
+    for path, sentence in (
+        (Path(), "is a folder"),
+        (tmp_path / "none.csv", "there is no file"),
+    ):
+        code, _, told = run(path, tmp_path / "a.h5", "--yes")
+        assert code == 2
+        assert sentence in told
+
+
 def test_many_files_are_one_study(
     recorded: Swipes, tmp_path: Path, rng: np.random.Generator
 ) -> None:
