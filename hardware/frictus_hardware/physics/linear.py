@@ -223,7 +223,7 @@ class Mount:
     @property
     def normal(self) -> TransferFunction:
         """Response into the screen, z."""
-        return _resonance(self.normal_hz, self.normal_damping_ratio)
+        return second_order(self.normal_hz, self.normal_damping_ratio)
 
 
 @lru_cache(maxsize=16)  # asked for in every block of a simulation
@@ -232,7 +232,7 @@ def _lateral(mount: Mount) -> TransferFunction:
         (1.0, mount.tape_damping_rad_s, _rad_s(mount.tape_zero_hz) ** 2),
         (1.0, mount.tape_damping_rad_s, _rad_s(mount.tape_pole_hz) ** 2),
     )
-    return _resonance(mount.sensor_hz, mount.sensor_damping_ratio) * tape
+    return second_order(mount.sensor_hz, mount.sensor_damping_ratio) * tape
 
 
 def with_moved_resonance(mount: TransferFunction, share: float) -> TransferFunction:
@@ -261,7 +261,16 @@ def with_moved_resonance(mount: TransferFunction, share: float) -> TransferFunct
     return TransferFunction(tuple(numerator.tolist()), tuple(moved.tolist()))
 
 
-def _resonance(natural_hz: float, damping_ratio: float) -> TransferFunction:
+def second_order(natural_hz: float, damping_ratio: float) -> TransferFunction:
+    """Return a resonance whose gain at rest is 1.
+
+    Parameters
+    ----------
+    natural_hz : float
+        Above zero.
+    damping_ratio : float
+        Of critical damping.
+    """
     natural = _rad_s(natural_hz)
     return TransferFunction((natural**2,), (1.0, 2.0 * damping_ratio * natural, natural**2))
 

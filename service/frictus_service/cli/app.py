@@ -18,6 +18,7 @@ from frictus_service.cli import (
     selftest,
     serve,
     study,
+    study_import,
     track,
 )
 from frictus_service.cli.options import AsJson, CommandGroup, Workers
@@ -65,6 +66,7 @@ app.command()(identify.identify)
 app.command()(identify.mount)
 app.command()(discover.discover)
 app.command()(discover.plan)
+study.study.command("import")(study_import.import_recordings)
 app.add_typer(study.study, name="study")
 app.add_typer(models.models, name="models")
 app.add_typer(pki.pki, name="pki")

@@ -1,5 +1,6 @@
 """`frictus identify` and `mount`: from a study to models, from hammer blows to resonances."""
 
+import json
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -12,6 +13,7 @@ from frictus_service.cli.options import AsJson, Workers, wants_lines, write_line
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from frictus_service.data_import.response_table import ResponseTable
     from frictus_service.discovery.ring_down import Resonance
     from frictus_service.identification.documents import Estimate, Identification
 
@@ -21,7 +23,9 @@ MOST_SHOWN = 10
 
 
 def identify(
-    study: Annotated[Path, typer.Argument(metavar="STUDY", help="Study file, or a folder.")],
+    study: Annotated[
+        Path, typer.Argument(metavar="STUDY", help="Study, folder, or response table.")
+    ],
     out: Annotated[
         Path | None,
         typer.Option("--out", metavar="DIR", help="Where to.  [default: STUDY-identification]"),
@@ -36,12 +40,20 @@ def identify(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Identify friction and skin of everyone in STUDY: models, tests, report."""
+    """Identify friction and skin of everyone in STUDY: models, tests, report.
+
+    STUDY may be a table of ready frequency responses too, of friction to drive: gain, cutoff
+    and delay are fitted to it, without models or report.
+    """
+    from frictus_service.data_import.response_table import response_of
     from frictus_service.identification import analysis
     from frictus_service.identification.pipeline.study import observe_study
     from frictus_service.identification.report import page
     from frictus_service.study.importers import open_study
 
+    if (table := response_of(study)) is not None:
+        _identify_table(study, table, as_json)
+        return
     folder = out or study.with_name(f"{study.stem}-identification")
     with open_study(study) as opened:
         sha256, unreadable = opened.sha256, opened.excluded
@@ -64,6 +76,31 @@ def identify(
         from rich.console import Console
 
         show(found, folder, Console())
+
+
+def _identify_table(path: Path, table: "ResponseTable", as_json: bool) -> None:
+    from frictus_service.identification.fit.response_fit import fit_response
+
+    found = fit_response(table.frequency_hz, table.response, table.coherence)
+    note = (
+        "a table has neither trials nor people: the intervals hold for it alone, mount and "
+        "hold are taken as removed, and no model is written"
+    )
+    if wants_lines(as_json):
+        fitted = {
+            name: getattr(found, name).model_dump() for name in ("gain", "cutoff_hz", "delay_s")
+        }
+        left = {"residual_db": found.residual_db, "residual_deg": found.residual_deg}
+        write_line(response=str(path), rows=found.rows, **fitted, **left, notes=[note])
+        return
+    sys.stdout.write(
+        f"{path}: {found.rows} frequencies\n"
+        f"gain {_shown(found.gain)} (unit of the table)\n"
+        f"cutoff {_shown(found.cutoff_hz)} Hz\n"
+        f"delay {_shown(found.delay_s, 1e6)} us\n"
+        f"left: {found.residual_db:.2f} dB, {found.residual_deg:.2f} degrees rms\n"
+        f"- {note}\n"
+    )
 
 
 def summary(found: "Identification") -> dict[str, object]:
@@ -157,17 +194,40 @@ def mount(
             "--rate", metavar="HZ", min=1.0, help="Sample rate.  [default: the file's]"
         ),
     ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="Write the mount, as --mount reads it."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Tell frequency and damping of a mount's resonances from hammer blows in RECORDING."""
+    """Tell frequency and damping of a mount's resonances from hammer blows in RECORDING.
+
+    The mount that --out writes is the strongest of them, with a gain of 1 at rest: blows show
+    neither that gain nor how others add up, which stand beside it.
+    """
     from frictus_service.discovery.ring_down import estimate_ring_down, read_impacts
 
     blows = read_impacts(recording, rate_hz)
     found = estimate_ring_down(blows.samples, blows.rate_hz, band)
+    if out is not None:
+        _write_mount(out, found)
     if wants_lines(as_json):
         write_line(resonances=[asdict(each) for each in found])
     else:
         _show(found)
+
+
+def _write_mount(out: Path, found: "list[Resonance]") -> None:
+    from frictus_hardware.physics.linear import second_order
+    from frictus_service.durable import replace_file
+
+    strongest = max(found, key=lambda each: each.level_db)
+    lateral = second_order(strongest.frequency_hz, strongest.damping_ratio)
+    document = {"lateral": asdict(lateral), "resonances": [asdict(each) for each in found]}
+    replace_file(out, (json.dumps(document, indent=2) + "\n").encode())
+    _tell(
+        f"{out}: the mount resonates at {strongest.frequency_hz:.1f} Hz, its gain at rest is 1"
+    )
 
 
 def _show(found: "list[Resonance]") -> None:

@@ -22,7 +22,12 @@ study = typer.Typer(no_args_is_help=True, help="Look into study files.")
 
 @study.command()
 def show(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Study file, or a folder.")],
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE...", help="Study file, folder, or recording with a column map."
+        ),
+    ],
     check: Annotated[
         bool,
         typer.Option(
@@ -30,9 +35,30 @@ def show(
             help="Read all data too: damage, copies, missing samples; 6 if a trial is bad.",
         ),
     ] = False,
+    friction: Annotated[
+        bool,
+        typer.Option(
+            "--friction",
+            help="Show friction coefficient, texture, stick-slip without a drive instead.",
+        ),
+    ] = False,
+    map_file: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="MAP", help="Column map of recordings, for --friction."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Show who did what in FILE, and which trials cannot be used."""
+    if friction:
+        from frictus_service.cli.friction import show_friction
+
+        show_friction(files, map_file, as_json)
+        return
+    for file in files:
+        _show_one(file, check, as_json)
+
+
+def _show_one(file: Path, check: bool, as_json: bool) -> None:
     from frictus_service.study.importers import open_study
     from frictus_service.study.summary import summarise
 

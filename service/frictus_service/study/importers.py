@@ -190,7 +190,8 @@ class FabricSlide:
             f"the band of 20 to 1000 Hz, which needs at least {SAMPLE_RATE.lowest:g} Hz; no "
             "electrovibration was driven; the normal force is in raw counts, of a sensor that "
             "is no finger. Accepted: recordings with force, drive voltage and position, as "
-            "docs/study.md says"
+            "docs/study.md says. Looked at may be what they have, the normal force and its "
+            "spectrum against speed: frictus study show --friction, with a column map (--map)"
         )
 
 

@@ -1,0 +1,1 @@
+"""Recordings of other programs as studies: read, mapped to channels, cut into strokes."""

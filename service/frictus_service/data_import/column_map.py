@@ -1,0 +1,254 @@
+"""The column map: which column of a file is which channel, in which unit and direction.
+
+Saved beside the file as `FILE.map.toml`, and read from there. Strict: a person answered it.
+"""
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from frictus_service.data_import.channels import BY_NAME, DRIVES
+from frictus_service.data_import.units import UNITS, find_unit, units_of
+from frictus_service.durable import replace_file
+from frictus_service.errors import FieldError, StudyError
+
+MAX_BYTES: Final = 1 << 20
+SUFFIX: Final = ".map.toml"
+SCHEMA: Final = "column_map/1"
+
+Positive = Annotated[float, Field(gt=0.0, lt=1e9, allow_inf_nan=False)]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class MappedColumn(_Strict):
+    """One channel: value = sign · scale · number · unit.
+
+    Attributes
+    ----------
+    column : str
+        Its name in the file.
+    unit : str
+        Of a number, once it is scaled; of the channel's dimension, or `counts`.
+    sign : {1, -1}
+        -1 where the file has it the other way round.
+    scale : float
+        Unit per number: sensitivity of a sensor, gain of an amplifier.
+    rate_hz : float or None
+        None: as the file or the map says for all.
+    """
+
+    column: str = Field(max_length=500)
+    unit: str
+    sign: Literal[1, -1] = 1
+    scale: Annotated[float, Field(gt=0.0, lt=1e12, allow_inf_nan=False)] = 1.0
+    rate_hz: Positive | None = None
+
+
+class ColumnMap(_Strict):
+    """How a file, or every file of one layout, is read.
+
+    Attributes
+    ----------
+    map_schema : str
+        `column_map/1`; `schema` in the file.
+    channels : dict of str to MappedColumn
+        By the name of the channel.
+    rate_hz : float or None
+        Of all channels that say no other; None: from the column of time, or as the file says.
+    speed_mm_s, force_n : float or None
+        Targets; None: taken from what was measured.
+    stage_speed_mm_s : float or None
+        Speed of the stage, where neither position nor velocity was recorded.
+    normal_load_n : float or None
+        A dead weight, where the normal force was not recorded.
+    tones_hz : tuple of float or None
+        Of the drive; empty: broadband; None: found in each stroke.
+    participant, session, started_utc, rig
+        As in a study.
+    carrier_hz, screen_peak_v : float
+        As in a study.
+    """
+
+    map_schema: Literal["column_map/1"] = Field(default=SCHEMA, alias="schema")
+    channels: dict[str, MappedColumn]
+    rate_hz: Positive | None = None
+    speed_mm_s: Positive | None = None
+    force_n: Positive | None = None
+    stage_speed_mm_s: Positive | None = None
+    normal_load_n: Positive | None = None
+    tones_hz: Annotated[tuple[Positive, ...], Field(max_length=64)] | None = None
+    participant: str = Field(default="p01", min_length=1, max_length=100)
+    session: int = Field(default=1, ge=0, lt=10_000)
+    started_utc: str = Field(default="", max_length=64)
+    rig: str = Field(default="unknown", min_length=1, max_length=100)
+    carrier_hz: Positive = 7000.0
+    screen_peak_v: Positive = 75.0
+
+    @model_validator(mode="after")
+    def _fits(self) -> "ColumnMap":
+        for name, mapped in self.channels.items():
+            _check_channel(name, mapped)
+        skin = "skin_velocity" in self.channels
+        if skin and any(name.startswith("accel_") for name in self.channels):
+            raise ValueError(
+                "channels: skin_velocity stands beside an acceleration; keep one of them"
+            )
+        drives = [name for name in DRIVES if name in self.channels]
+        if len(drives) > 1:
+            raise ValueError(
+                f"channels: {' and '.join(drives)} are one drive; keep one of them"
+            )
+        return self
+
+
+def _check_channel(name: str, mapped: MappedColumn) -> None:
+    if name not in BY_NAME:
+        raise ValueError(
+            f"channels: there is no channel {name}; accepted: {', '.join(BY_NAME)}"
+        )
+    unit, dimension = find_unit(mapped.unit), BY_NAME[name].dimension
+    counts = dimension == "force" and unit == "counts"
+    if not counts and (unit is None or UNITS[unit].dimension != dimension):
+        raise ValueError(
+            f"channels.{name}: its unit is {mapped.unit!r}; accepted: "
+            f"{', '.join(units_of(dimension))}; give scale where a number is no such unit"
+        )
+
+
+def map_beside(path: Path) -> Path:
+    """Return where the map of a file lies: beside it.
+
+    Parameters
+    ----------
+    path : Path
+        Of the recording.
+    """
+    return path.with_name(path.name + SUFFIX)
+
+
+def load_map(path: Path) -> ColumnMap:
+    """Return a map from TOML, or JSON where the file is called so.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    FileNotFoundError
+    StudyError
+        If it is no column map; the text names the entry.
+    """
+    if path.stat().st_size > MAX_BYTES:
+        raise StudyError(f"{path} is larger than a column map can be")
+    try:
+        text = path.read_text(encoding="utf-8")
+        parsed = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise StudyError(f"{path} is no TOML ({error}); JSON is called .json") from error
+    return parse_map(parsed, str(path))
+
+
+def parse_map(parsed: object, where: str) -> ColumnMap:
+    """Return a map from plain values.
+
+    Parameters
+    ----------
+    parsed : object
+        Of JSON or TOML.
+    where : str
+        It comes from, for the error.
+
+    Raises
+    ------
+    StudyError
+        If it is no column map; the text names the entry.
+    """
+    try:
+        return ColumnMap.model_validate(parsed)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        reason = first["msg"].removeprefix("Value error, ")
+        raise StudyError(f"{where}: {place + ': ' if place else ''}{reason}") from error
+
+
+def save_map(column_map: ColumnMap, path: Path) -> None:
+    """Write a map as TOML.
+
+    Parameters
+    ----------
+    column_map : ColumnMap
+        As it was confirmed.
+    path : Path
+        Of the map.
+    """
+    replace_file(path, map_text(column_map).encode())
+
+
+def map_text(column_map: ColumnMap) -> str:
+    """Return a map as TOML; each channel with what it means.
+
+    Parameters
+    ----------
+    column_map : ColumnMap
+        As it is saved.
+    """
+    plain = column_map.model_dump(mode="json", by_alias=True, exclude_none=True)
+    channels = plain.pop("channels")
+    lines = _entries(plain)
+    for name, values in channels.items():
+        lines += ["", f"[channels.{name}]  # {BY_NAME[name].meaning}"]
+        lines += [
+            f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in values.items()
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def _entries(values: dict[str, object]) -> list[str]:
+    # Values of these kinds read the same in TOML as in JSON.
+    return [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in values.items()]
+
+
+def changed(column_map: ColumnMap, assignments: list[str]) -> ColumnMap:
+    """Return a map with entries set, each as `speed_mm_s=80` or `force_x.unit=mN`.
+
+    A channel set to nothing, as `time=`, is left away.
+
+    Parameters
+    ----------
+    column_map : ColumnMap
+        To begin with.
+    assignments : list of str
+
+    Raises
+    ------
+    StudyError
+        If an entry does not exist, or cannot have the value.
+    """
+    plain = column_map.model_dump(by_alias=True, exclude_none=True)
+    for assignment in assignments:
+        place, equals, value = assignment.partition("=")
+        if not equals:
+            raise FieldError("--set", f"is {assignment!r}; accepted: force_x.unit=mN")
+        *channel, key = place.removeprefix("channels.").split(".")
+        if len(channel) > 1:
+            raise FieldError("--set", f"is {assignment!r}; accepted: force_x.unit=mN")
+        if not channel and not value and plain["channels"].pop(key, None):
+            continue
+        held = plain["channels"].setdefault(channel[0], {"unit": ""}) if channel else plain
+        held[key] = _plain(value)
+    return parse_map(plain, "--set")
+
+
+def _plain(text: str) -> object:
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text

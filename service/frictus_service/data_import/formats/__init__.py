@@ -1,0 +1,1 @@
+"""Files of other programs as columns of numbers; one module for each format."""

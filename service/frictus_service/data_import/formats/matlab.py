@@ -1,0 +1,123 @@
+"""MATLAB level 5: variables and fields of structs; level 7.3 is HDF5.
+
+The file is walked before scipy reads it: how much it unfolds to and how deeply it nests is
+bounded first, since a few bytes may declare any number of gigabytes or levels.
+Layout: MathWorks, MAT-File Format, level 5.
+"""
+
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from frictus_service.data_import.formats.columns import MAX_VALUES, Columns, Gatherer
+from frictus_service.errors import StudyError
+
+MAX_BYTES: Final = 8 * MAX_VALUES
+MAX_DEPTH: Final = 8
+MAX_ELEMENTS: Final = 100_000
+HEADER: Final = 128
+MATRIX, COMPRESSED = 14, 15
+
+
+def read(path: Path) -> Columns:
+    """Return the variables of a level 5 file as columns; a field of a struct as `struct.field`.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    StudyError
+        If it is too large, too deeply nested or damaged.
+    """
+    from scipy.io import loadmat
+
+    _check_bounds(path)
+    gathered = Gatherer("MATLAB v5")
+    variables = loadmat(path, struct_as_record=False, squeeze_me=False)
+    for name, value in variables.items():
+        if not name.startswith("__"):
+            _add(gathered, name, value, MAX_DEPTH)
+    return gathered.result()
+
+
+def _add(gathered: Gatherer, name: str, value: Any, depth: int) -> None:
+    if depth == 0 or not isinstance(value, np.ndarray):
+        return
+    if value.dtype == object:
+        if value.size == 1:
+            inner = value.reshape(-1)[0]
+            for field in getattr(inner, "_fieldnames", ()):
+                _add(gathered, f"{name}.{field}", getattr(inner, field), depth - 1)
+    elif value.dtype.kind in "biufc" and gathered.reserve(name, value.shape):
+        gathered.add(name, value)
+
+
+def _check_bounds(path: Path) -> None:
+    """Raise where a file unfolds to too much, or nests too deeply."""
+    if path.stat().st_size > MAX_BYTES:
+        raise StudyError(f"it is larger than {MAX_BYTES >> 20} MiB; cut the recording")
+    with path.open("rb") as stream:
+        header = stream.read(HEADER)
+        order = {b"IM": "<", b"MI": ">"}.get(header[126:128])
+        if order is None:
+            raise StudyError("its header is damaged; accepted: MATLAB level 5 or 7.3")
+        total = 0
+        while tag := stream.read(8):
+            kind, length = _tag(tag, order)
+            whole = stream.read(length)
+            if len(whole) < length:
+                raise StudyError("it is cut short; restore it from a copy, or save it again")
+            if kind == COMPRESSED:
+                whole = _unfolded(whole, MAX_BYTES - total)
+            total += len(whole)
+            if total > MAX_BYTES:
+                raise StudyError(f"it unfolds to more than {MAX_BYTES >> 20} MiB; cut it")
+            _check_depth(whole, order, kind)
+
+
+def _tag(data: bytes, order: str) -> tuple[int, int]:
+    if len(data) < 8:
+        raise StudyError("it is cut short; restore it from a copy, or save it again")
+    kind, length = struct.unpack(order + "II", data)
+    return kind, length
+
+
+def _unfolded(data: bytes, most: int) -> bytes:
+    unzip = zlib.decompressobj()
+    try:
+        whole = unzip.decompress(data, most + 1)
+    except zlib.error as error:
+        raise StudyError(f"it is damaged ({error}); restore it from a copy") from error
+    return whole
+
+
+def _check_depth(whole: bytes, order: str, kind: int) -> None:
+    """Raise where matrices lie in matrices too deeply, or there are too many of them."""
+    spans = [(0, len(whole), 1 if kind == MATRIX else 0)]
+    seen = 0
+    while spans:
+        begin, end, depth = spans.pop()
+        if depth > MAX_DEPTH:
+            raise StudyError(f"structs lie in it more than {MAX_DEPTH} deep; save them flat")
+        for inner_kind, first, last in _elements(whole, begin, end, order):
+            seen += 1
+            if seen > MAX_ELEMENTS:
+                raise StudyError(f"it holds more than {MAX_ELEMENTS} elements; save it flat")
+            if inner_kind == MATRIX:
+                spans.append((first, last, depth + 1))
+
+
+def _elements(whole: bytes, at: int, end: int, order: str) -> Iterator[tuple[int, int, int]]:
+    while at + 8 <= end:
+        kind, length = _tag(whole[at : at + 8], order)
+        if kind >> 16:  # a small element: type, length and data in eight bytes
+            at += 8
+            continue
+        yield kind, at + 8, min(at + 8 + length, end)
+        at += 8 + length + (-length % 8)

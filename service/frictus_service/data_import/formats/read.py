@@ -1,0 +1,64 @@
+"""Which format a file is of, by its first bytes or its ending, and its columns."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from frictus_service.data_import.formats import hdf5, matlab, parquet, tdms, text, wav
+from frictus_service.data_import.formats.columns import Columns
+from frictus_service.errors import StudyError
+
+ACCEPTED: Final = (
+    "accepted: MATLAB (.mat, level 5 or 7.3), HDF5, CSV, TSV and other text, WAV, Parquet, TDMS"
+)
+TEXT: Final = (".csv", ".tsv", ".txt", ".dat", ".asc")
+_SIGNATURES: Final[dict[bytes, Callable[[Path], Columns]]] = {
+    b"\x89HDF\r\n\x1a\n": hdf5.read,
+    b"RIFF": wav.read,
+    b"RF64": wav.read,
+    b"PAR1": parquet.read,
+    b"TDSm": tdms.read,
+}
+
+
+def read_columns(path: Path) -> Columns:
+    """Return the columns of a file.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    FileNotFoundError, PermissionError
+    StudyError
+        If it is of no known format, damaged, or too large; the text says which.
+    """
+    reader = _reader(path)
+    try:
+        return reader(path)
+    except StudyError as error:
+        raise StudyError(f"{path}: {error}") from error
+    except Exception as error:  # parsers raise whatever a damaged file leads them to
+        what = str(error) or type(error).__name__
+        raise StudyError(
+            f"{path} cannot be read ({what[:200]}); where it is damaged or cut short, restore "
+            f"it from a copy, or save it again; {ACCEPTED}"
+        ) from error
+
+
+def _reader(path: Path) -> Callable[[Path], Columns]:
+    if path.is_dir():
+        raise StudyError(f"{path} is a folder; give its files")
+    with path.open("rb") as stream:
+        head = stream.read(520)
+    for signature, reader in _SIGNATURES.items():
+        if head.startswith(signature):
+            return reader
+    if head.startswith(b"MATLAB 7.3") or head[512:].startswith(b"\x89HDF"):
+        return hdf5.read
+    if head.startswith(b"MATLAB 5.0") or path.suffix.lower() == ".mat":
+        return matlab.read
+    if path.suffix.lower() in TEXT:
+        return text.read
+    raise StudyError(f"{path} is of no known format; {ACCEPTED}")

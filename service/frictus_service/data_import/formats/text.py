@@ -1,0 +1,169 @@
+"""CSV, TSV and other text: the delimiter, names and units are found in its first lines.
+
+Lines before the numbers may be comments, names and units; a decimal comma is understood where
+the delimiter is another character.
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from pyarrow import csv, float64
+
+from frictus_service.data_import.formats.columns import MAX_COLUMNS, Columns, Gatherer
+from frictus_service.errors import StudyError
+
+MAX_BYTES: Final = 1 << 30
+HEAD_BYTES: Final = 1 << 16
+DELIMITERS: Final = ("\t", ";", ",", " ")
+MISSING: Final = ("", "nan", "NaN", "NAN", "NA", "-", "null")
+_NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?inf", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """How a text file is laid out.
+
+    Attributes
+    ----------
+    delimiter, decimal : str
+        Single characters.
+    skipped : int
+        Lines before the first line of numbers.
+    names, units : tuple of str
+        One for each column.
+    encoding : str
+        Of the text.
+    """
+
+    delimiter: str
+    decimal: str
+    skipped: int
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    encoding: str
+
+
+def read(path: Path) -> Columns:
+    """Return the columns of a text file.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    StudyError
+        If it is too large, or is no table of numbers.
+    """
+    if path.stat().st_size > MAX_BYTES:
+        raise StudyError(
+            f"it is larger than {MAX_BYTES >> 20} MiB of text; cut it, or use HDF5"
+        )
+    with path.open("rb") as stream:
+        layout = find_layout(stream.read(HEAD_BYTES))
+    gathered = Gatherer("text")
+    table = csv.read_csv(
+        path,
+        read_options=csv.ReadOptions(
+            skip_rows=layout.skipped,
+            column_names=list(layout.names),
+            encoding=layout.encoding,
+            use_threads=False,
+        ),
+        parse_options=csv.ParseOptions(delimiter=layout.delimiter),
+        convert_options=csv.ConvertOptions(
+            decimal_point=layout.decimal,
+            null_values=list(MISSING),
+            column_types=dict.fromkeys(layout.names, float64()),
+        ),
+    )
+    for name, unit in zip(layout.names, layout.units, strict=True):
+        values = table.column(name)
+        if gathered.reserve(name, (len(values),)):
+            # Null stands where a field is empty.
+            gathered.add(name, values.to_numpy().astype(np.float64), unit)
+    return gathered.result()
+
+
+def find_layout(head: bytes) -> Layout:
+    """Return how a text file is laid out.
+
+    Parameters
+    ----------
+    head : bytes
+        Its beginning.
+
+    Raises
+    ------
+    StudyError
+        If no line of numbers is among it.
+    """
+    if b"\0" in head:
+        raise StudyError("it holds bytes that are no text; accepted: text in UTF-8 or Latin-1")
+    try:
+        text, encoding = head.decode("utf-8-sig", errors="strict"), "utf-8"
+    except UnicodeDecodeError as error:
+        cut = error.reason == "unexpected end of data"
+        encoding = "utf-8" if cut else "latin-1"
+        text = head.decode(encoding, errors="ignore")
+    lines = text.splitlines()
+    for number, line in enumerate(lines):
+        for delimiter in DELIMITERS:
+            fields = _split(line, delimiter)
+            if not _are_numbers(fields, delimiter):
+                continue
+            if len(fields) > MAX_COLUMNS:
+                raise StudyError(f"it has more than {MAX_COLUMNS} columns; leave some away")
+            decimal = "," if delimiter != "," and "," in line else "."
+            names, units = _heading(lines[:number], delimiter, len(fields))
+            return Layout(delimiter, decimal, number, names, units, encoding)
+    raise StudyError(
+        "no line of numbers is among its first 64 KiB; accepted: columns divided by comma, "
+        "semicolon, tab or a single space, one sample in each line"
+    )
+
+
+def _split(line: str, delimiter: str) -> list[str]:
+    return [field.strip().strip('"') for field in line.split(delimiter)]
+
+
+def _are_numbers(fields: list[str], delimiter: str) -> bool:
+    """Return whether a line divides into numbers; missing values beside at least one."""
+    found = [field for field in fields if field not in MISSING]
+    if delimiter == "," and any("," in field for field in found):
+        return False
+    return bool(found) and all(_NUMBER.fullmatch(field) for field in found)
+
+
+def _heading(
+    lines: list[str], delimiter: str, count: int
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return names and units: the last two lines of text with as many fields."""
+    texts = []
+    for line in lines:
+        fields = _split(line.lstrip("#%/ "), delimiter)
+        if len(fields) == count and any(fields):
+            texts.append(fields)
+    if not texts:
+        return tuple(f"column {n}" for n in range(1, count + 1)), ("",) * count
+    names, units = texts[-1], [""] * count
+    if len(texts) > 1 and all(_is_unit(text) for text in texts[-1]):
+        names, units = texts[-2], [text.strip("[]() ") for text in texts[-1]]
+    return _unique(names), tuple(units)
+
+
+def _is_unit(text: str) -> bool:
+    from frictus_service.data_import.units import is_unit
+
+    return is_unit(text.strip("[]() ")) or text.strip("[]() ") in ("", "-")
+
+
+def _unique(names: list[str]) -> tuple[str, ...]:
+    taken: list[str] = []
+    for number, name in enumerate(names, 1):
+        name = name or f"column {number}"
+        taken.append(f"{name} ({number})" if name in taken else name)
+    return tuple(taken)

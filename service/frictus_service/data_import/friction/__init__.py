@@ -1,0 +1,1 @@
+"""What slides without a drive show: friction coefficient, texture and stick-slip."""

@@ -1,0 +1,394 @@
+"""A column map proposed from a file: by names, units and magnitudes, axes and signs by motion.
+
+What cannot be told from the file is a question, not a guess.
+"""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from frictus_hardware.arrays import FloatArray
+from frictus_service.data_import.channels import BY_NAME, Channel, named_channel
+from frictus_service.data_import.column_map import ColumnMap, MappedColumn
+from frictus_service.data_import.formats.columns import Column, Columns, named_rate_hz
+from frictus_service.data_import.motion_signs import signed
+from frictus_service.data_import.units import (
+    STANDARD_GRAVITY_M_S2,
+    UNITS,
+    find_unit,
+    split_name,
+    units_of,
+)
+from frictus_service.study.plausible import OVER_PEAK
+
+RATES_HZ: Final = (10.0, 2e6)
+SECONDS: Final = (0.5, 1e5)
+GRAVITY_TOLERANCE: Final = 0.05
+USUAL: Final = (
+    "N",
+    "mN",
+    "gf",
+    "mm",
+    "m",
+    "um",
+    "mm/s",
+    "m/s",
+    "m/s2",
+    "g",
+    "V",
+    "mV",
+    "kV",
+    "s",
+    "ms",
+    "us",
+    "1",
+    "%",
+)
+"""Units among which the size of a column decides; others have to be named."""
+PEAK_V: Final = float(ColumnMap.model_fields["screen_peak_v"].default)
+BEFORE_AMPLIFIER_V: Final = 12.0
+"""Converters reach ±10 V: so small a drive is not the screen's."""
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """What a person has to say.
+
+    Attributes
+    ----------
+    entry : str
+        The entry of the map, or how the names of several begin; answered once one is set.
+    sentence : str
+        What is open, and what is accepted.
+    """
+
+    entry: str
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """A map as far as the file shows it.
+
+    Attributes
+    ----------
+    column_map : ColumnMap
+        Provisional where a question is open.
+    reasons : tuple of str
+        Why, where it is not the file's own words.
+    questions : tuple of Question
+        What is open.
+    signs_settled : bool
+        Whether axes and signs are those that the motion shows, or a person's.
+    """
+
+    column_map: ColumnMap
+    reasons: tuple[str, ...]
+    questions: tuple[Question, ...]
+    signs_settled: bool = False
+
+    def answered(self, column_map: ColumnMap, entries: Iterable[str]) -> "Proposal":
+        """Return the proposal with a changed map, without the questions that are answered.
+
+        Parameters
+        ----------
+        column_map : ColumnMap
+            With entries set.
+        entries : iterable of str
+            Names of these entries.
+        """
+        names = [entry.partition("=")[0].removeprefix("channels.") for entry in entries]
+        left = tuple(
+            question
+            for question in self.questions
+            if not any(name.startswith(_answers(question.entry)) for name in names)
+        )
+        if not names:
+            return self
+        by_person = any(name.endswith(".sign") for name in names)
+        return replace(self, column_map=column_map, questions=left, signs_settled=by_person)
+
+
+def _answers(entry: str) -> tuple[str, ...]:
+    """Return how entries begin that answer a question, where it may be several."""
+    return {
+        "force_z": ("force_z", "normal_load_n"),
+        "rate_hz": ("rate_hz", "time."),
+        "stage_speed_mm_s": ("stage_speed_mm_s", "position_x", "velocity_x"),
+    }.get(entry, (entry,))
+
+
+def propose(columns: Columns, file_stem: str = "", **said: Any) -> Proposal:
+    """Return a map of a file, and what is open.
+
+    Parameters
+    ----------
+    columns : Columns
+        Of the file.
+    file_stem : str
+        Name of the file: a speed may stand in it.
+    **said
+        Entries of the map that are known.
+    """
+    draft = _Draft(columns)
+    # Across the slide is little to tell a unit by: the other axes come first.
+    for column in sorted(
+        columns.columns, key=lambda each: split_name(each.name)[0][-1:] == "y"
+    ):
+        draft.consider(column)
+    draft.settle_axes()
+    draft.check_complete(said, file_stem)
+    column_map = ColumnMap(channels=draft.channels, **(draft.known | said))
+    return Proposal(column_map, tuple(draft.reasons), tuple(draft.questions))
+
+
+def with_signs(columns: Columns, proposal: Proposal) -> Proposal:
+    """Return the proposal with axes and signs as the motion shows them, once it can be seen.
+
+    Parameters
+    ----------
+    columns : Columns
+        Of the file.
+    proposal : Proposal
+        As answered so far.
+    """
+    if proposal.signs_settled:
+        return proposal
+    if any(
+        question.entry not in ("drive_", "screen_peak_v") for question in proposal.questions
+    ):
+        return proposal
+    found = signed(columns, proposal.column_map)
+    questions = tuple(Question(*each) for each in found.questions)
+    return Proposal(
+        found.column_map,
+        (*proposal.reasons, *found.reasons),
+        (*proposal.questions, *questions),
+        signs_settled=True,
+    )
+
+
+class _Draft:
+    """Gathers channels, reasons and questions."""
+
+    def __init__(self, columns: Columns) -> None:
+        self._columns = columns
+        self.channels: dict[str, MappedColumn] = {}
+        self.known: dict[str, Any] = {}
+        self.reasons: list[str] = []
+        self.questions: list[Question] = []
+
+    def consider(self, column: Column) -> None:
+        """Map a column where its name says what it is."""
+        name, unit = split_name(column.name)
+        unit = find_unit(column.unit) or unit
+        channel = _channel_of(name, unit)
+        if channel is None or not np.isfinite(column.values).any():
+            return
+        if channel.name in self.channels:
+            other = self.channels[channel.name].column
+            self.questions.append(
+                Question(
+                    f"{channel.name}.column",
+                    f"{other!r} and {column.name!r} are both called like {channel.name}: set "
+                    f"{channel.name}.column",
+                )
+            )
+            return
+        counts = unit == "counts" and channel.dimension == "force"
+        if not unit or not (counts or UNITS[unit].dimension == channel.dimension):
+            unit = self._guessed(channel, column)
+        self.channels[channel.name] = MappedColumn(column=column.name, unit=unit)
+        if counts:
+            self._ask_scale(channel.name, column)
+        if channel.name == "drive_voltage":
+            self._check_drive(column, unit)
+
+    def _guessed(self, channel: Channel, column: Column) -> str:
+        """Return a unit by magnitude; a question where several or none fit."""
+        for name, mapped in self.channels.items():
+            same_sensor = name[:-1] == channel.name[:-1] and not self._is_open(name)
+            if (
+                same_sensor
+                and channel.dimension != "acceleration"
+                and _fits(channel, column, UNITS[mapped.unit].factor)
+            ):
+                self.reasons.append(f"{column.name!r} has the unit of {mapped.column!r}")
+                return mapped.unit
+        candidates = units_of(channel.dimension)
+        usual = [unit for unit in candidates if unit in USUAL]
+        fitting = [unit for unit in usual if _fits(channel, column, UNITS[unit].factor)]
+        if channel.dimension == "acceleration":  # a vibration has no usual size
+            fitting = _by_gravity(column) or ["m/s2", "g"]
+        if len(fitting) == 1:
+            self.reasons.append(
+                f"{column.name!r} names no unit; by its size it is in {fitting[0]}"
+            )
+            return fitting[0]
+        could = f"could be {' or '.join(fitting)}" if fitting else "fits none of the usual ones"
+        self.questions.append(
+            Question(
+                f"{channel.name}.unit",
+                f"the unit of {column.name!r} as {channel.name} is open, by its size it "
+                f"{could}: set {channel.name}.unit to one of {', '.join(candidates)}",
+            )
+        )
+        return fitting[0] if fitting else candidates[0]
+
+    def _is_open(self, name: str) -> bool:
+        return any(question.entry == f"{name}.unit" for question in self.questions)
+
+    def settle_axes(self) -> None:
+        """Give the axes of an accelerometer the unit that one of them shows."""
+        axes = [name for name in self.channels if name.startswith("accel_")]
+        known = [name for name in axes if not self._is_open(name)]
+        for name in axes if known else ():
+            if self._is_open(name):
+                unit = self.channels[known[0]].unit
+                self.channels[name] = self.channels[name].model_copy(update={"unit": unit})
+                self.reasons.append(f"{name} has the unit of {known[0]}: one sensor")
+        if known:
+            self.questions = [
+                question
+                for question in self.questions
+                if not (question.entry.startswith("accel_") and question.entry.endswith("unit"))
+            ]
+
+    def _ask_scale(self, name: str, column: Column) -> None:
+        self.questions.append(
+            Question(
+                f"{name}.",
+                f"{column.name!r} is in counts or fractions of full scale: set {name}.scale to "
+                f"the newtons of one and {name}.unit to N (counts make no study, but show "
+                "friction)",
+            )
+        )
+
+    def _check_drive(self, column: Column, unit: str) -> None:
+        peak = float(np.nanmax(np.abs(column.values))) * UNITS[unit].factor
+        if 0.0 < peak <= BEFORE_AMPLIFIER_V:
+            self.questions.append(
+                Question(
+                    "drive_",
+                    f"the drive voltage {column.name!r} reaches {peak:.3g} V: before an "
+                    "amplifier, set drive_voltage.scale to its gain; at the screen, to 1",
+                )
+            )
+
+        elif peak > OVER_PEAK * PEAK_V:
+            self.questions.append(
+                Question(
+                    "screen_peak_v",
+                    f"the drive voltage {column.name!r} reaches {peak:.3g} V: set "
+                    "screen_peak_v to the screen volts at full drive",
+                )
+            )
+
+    def check_complete(self, said: dict[str, Any], file_stem: str) -> None:
+        """Ask for what a recording cannot do without."""
+        for name in ("force_x", "force_z"):
+            if name in self.channels or (name == "force_z" and said.get("normal_load_n")):
+                continue
+            listed = ", ".join(repr(column.name) for column in self._columns.columns[:20])
+            other = (
+                ", or normal_load_n to a dead weight in N"
+                if name == "force_z"
+                else " (hammer blows are for frictus mount)"
+            )
+            self.questions.append(
+                Question(
+                    name,
+                    f"no column is called like {name} ({BY_NAME[name].meaning}): set "
+                    f"{name}.column and {name}.unit{other}; columns: {listed}",
+                )
+            )
+        self._check_rate(said)
+        moved = {"position_x", "velocity_x"} & set(self.channels)
+        if not moved and not said.get("stage_speed_mm_s"):
+            speed = speed_in(file_stem)
+            if speed is not None:
+                self.known["stage_speed_mm_s"] = speed
+                self.reasons.append(f"the stage moves at {speed:g} mm/s, by the file's name")
+                return
+            self.questions.append(
+                Question(
+                    "stage_speed_mm_s",
+                    "no column is called like a position or a velocity: set position_x.column "
+                    "or velocity_x.column, or stage_speed_mm_s to the speed of the stage",
+                )
+            )
+
+    def _check_rate(self, said: dict[str, Any]) -> None:
+        from_file = named_rate_hz(self._columns.numbers)
+        each = [column.rate_hz for column in self._columns.columns]
+        if said.get("rate_hz") or "time" in self.channels or from_file or all(each):
+            return
+        self.questions.append(
+            Question(
+                "rate_hz",
+                "nothing says the sample rate: set rate_hz, or time.column and time.unit",
+            )
+        )
+
+
+def _channel_of(name: str, unit: str) -> Channel | None:
+    """Return the channel that name and unit stand for; where they differ, the unit decides."""
+    channel = named_channel(name)
+    if channel is None or not unit:
+        return channel
+    dimension = UNITS[unit].dimension
+    if dimension == channel.dimension or (
+        dimension == "counts" and channel.dimension == "force"
+    ):
+        return channel
+    axis = name.strip().lower()[-1:]
+    stem = {"force": "force_", "length": "position_", "acceleration": "accel_"}.get(dimension)
+    if dimension == "speed" and axis == "x":
+        return BY_NAME["velocity_x"]
+    return BY_NAME.get(f"{stem}{axis}") if stem else None
+
+
+def _fits(channel: Channel, column: Column, factor: float) -> bool:
+    """Return whether a column in a unit has the size of a channel."""
+    values = column.values[np.isfinite(column.values)]
+    if channel.dimension == "time":
+        step = float(np.median(np.diff(values))) * factor if values.size > 1 else 0.0
+        span = float(values[-1] - values[0]) * factor
+        return (
+            step > 0.0
+            and RATES_HZ[0] <= 1.0 / step <= RATES_HZ[1]
+            and SECONDS[0] <= span <= SECONDS[1]
+        )
+    low, high = channel.magnitude
+    return low <= _size(channel, values) * factor <= high
+
+
+def _size(channel: Channel, values: FloatArray) -> float:
+    if channel.dimension == "length":
+        return float(np.ptp(np.quantile(values, (0.01, 0.99))))
+    return float(np.quantile(np.abs(values), 0.95))
+
+
+def _by_gravity(column: Column) -> list[str]:
+    """Return the unit in which the mean is that of gravity; empty where it is not."""
+    mean = abs(float(np.nanmean(column.values)))
+    return [
+        unit
+        for unit in ("m/s2", "g")
+        if abs(mean * UNITS[unit].factor / STANDARD_GRAVITY_M_S2 - 1.0) < GRAVITY_TOLERANCE
+    ]
+
+
+def speed_in(file_stem: str) -> float | None:
+    """Return the speed that a file's name tells, mm/s, as `linen_50mmps`; None where none.
+
+    Parameters
+    ----------
+    file_stem : str
+        Its name without the ending.
+    """
+    found = re.search(r"(\d+(?:\.\d+)?)\s*(?:mmps|mm_s|mm\.s|mms)(?![a-z])", file_stem)
+    return float(found[1]) if found and float(found[1]) > 0.0 else None

@@ -1,0 +1,128 @@
+"""Tables of ready frequency responses: as parts or as size and phase, with a coherence."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from frictus_hardware.arrays import ComplexArray, FloatArray
+from frictus_service.data_import.column_map import map_beside
+from frictus_service.data_import.formats.columns import Column, Columns
+from frictus_service.data_import.formats.read import read_columns
+from frictus_service.data_import.units import UNITS, find_unit, split_name
+from frictus_service.errors import FieldError, StudyError
+from frictus_service.study.importers import importers
+
+MAX_ROWS: Final = 100_000
+_PATTERNS: Final = {
+    "frequency": r"f|freq(uency)?|frequencies|hz|f_hz",
+    "re": r"(.*[._ ])?(re|real)([._ (].*)?",
+    "im": r"(.*[._ ])?(im|imag(inary)?)([._ (].*)?",
+    "size": r"(.*[._ ])?(mag(nitude)?|abs|size|amplitude|gain)([._ ].*)?",
+    "phase": r"(.*[._ ])?(phase|angle|arg)([._ ].*)?",
+    "coherence": r"(.*[._ ])?(coh(erence)?|gamma2?|msc)",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class ResponseTable:
+    """A table of responses; arrays of shape (n,).
+
+    Attributes
+    ----------
+    frequency_hz : ndarray
+        Where the response was measured.
+    response : ndarray of complex
+        In the unit of the table.
+    coherence : ndarray or None
+        0 to 1, of the squared kind.
+    """
+
+    frequency_hz: FloatArray
+    response: ComplexArray
+    coherence: FloatArray | None
+
+
+def response_of(path: Path) -> ResponseTable | None:
+    """Return the table that a file holds; None where it is a study, a recording, or neither.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    FieldError
+        If a table cannot be used.
+    """
+    known = path.is_dir() or map_beside(path).is_file()
+    if known or any(importer.recognises(path) for importer in importers()):
+        return None
+    try:
+        columns = read_columns(path)
+    except StudyError:
+        return None  # whoever opens it as a study says why
+    return find_response(columns)
+
+
+def find_response(columns: Columns) -> ResponseTable | None:
+    """Return the frequency response among columns; None where there is none.
+
+    Parameters
+    ----------
+    columns : Columns
+        Of a file.
+
+    Raises
+    ------
+    FieldError
+        If it is one, but values are out of range.
+    """
+    found: dict[str, Column] = {}
+    for column in columns.columns:
+        name = split_name(column.name)[0].strip().lower()
+        for role, pattern in _PATTERNS.items():
+            if role not in found and re.fullmatch(pattern, name):
+                found[role] = column
+                break
+    complete = {"re", "im"} <= set(found) or {"size", "phase"} <= set(found)
+    if "frequency" not in found or not complete:
+        return None
+    rows = found["frequency"].values.size
+    if rows > MAX_ROWS or any(column.values.size != rows for column in found.values()):
+        raise FieldError(
+            "frequency", f"has {rows} rows; accepted: up to {MAX_ROWS}, as many in each column"
+        )
+    frequency = found["frequency"].values * _factor(found["frequency"], "Hz")
+    if not np.all(frequency >= 0.0):
+        raise FieldError("frequency", "has values below 0, or missing; accepted: Hz")
+    coherence = found["coherence"].values if "coherence" in found else None
+    if coherence is not None and not np.all((coherence >= 0.0) & (coherence <= 1.0 + 1e-9)):
+        raise FieldError("coherence", "has values beyond 0 to 1; accepted: squared coherence")
+    return ResponseTable(frequency, _response(found), coherence)
+
+
+def _response(found: dict[str, Column]) -> ComplexArray:
+    if {"re", "im"} <= set(found):
+        return found["re"].values + 1j * found["im"].values
+    size, phase = found["size"], found["phase"].values
+    level = _unit(size) == "dB"
+    magnitude = 10.0 ** (size.values / 20.0) if level else size.values
+    if not level and not np.all(magnitude >= 0.0):
+        raise FieldError("magnitude", "has values below 0; where it is in dB, name the unit dB")
+    radians = phase * _factor(found["phase"], "deg")
+    response: ComplexArray = magnitude * np.exp(1j * radians)
+    return response
+
+
+def _unit(column: Column) -> str:
+    return find_unit(column.unit) or split_name(column.name)[1]
+
+
+def _factor(column: Column, default: str) -> float:
+    """Return the factor of a column's unit; degrees and hertz where it names none."""
+    unit = _unit(column)
+    wanted = UNITS[default].dimension
+    return UNITS[unit if unit and UNITS[unit].dimension == wanted else default].factor

@@ -1,0 +1,138 @@
+"""One file of each format, made by the format's own library, becomes the study it holds."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.lib.stride_tricks import sliding_window_view
+from tests.service.data_import.made import TONES_HZ, Swipes
+from typer.testing import CliRunner
+
+from frictus_service.cli.app import app
+from frictus_service.data_import.column_map import load_map, map_beside
+from frictus_service.study.importers import open_study
+from frictus_service.study.reader import StudyReader
+
+
+def run(*words: str | Path, answers: str = "") -> tuple[int, str, str]:
+    result = CliRunner().invoke(app, ["study", "import", *map(str, words)], input=answers)
+    return result.exit_code, result.stdout, result.stderr
+
+
+def test_every_format_becomes_the_same_study(
+    stored: tuple[Path, list[str]], recorded: Swipes, tmp_path: Path
+) -> None:
+    path, answers = stored
+    out = tmp_path / "out" / "study.h5"
+    said = [word for answer in answers for word in ("--set", answer)]
+    code, _, told = run(path, out, "--yes", *said)
+    assert code == 0, told
+    with StudyReader(out) as study:
+        assert not study.excluded
+        # 2.5 s at 80 mm/s over 60 mm: three strokes whole, the last one cut.
+        assert len(study.trials) in (3, 4)
+        trials = [study.read(info.id) for info in study.trials]
+    for trial in trials:
+        windows = sliding_window_view(recorded.force_x_n, 50)
+        first = int(np.argmin(np.abs(windows - trial.force_n[:50, 0]).sum(axis=1)))
+        cut = slice(first, first + len(trial.force_n))
+        expected = recorded.force_n[cut]
+        np.testing.assert_allclose(trial.force_n[:, 0], expected[:, 0], atol=1e-4)
+        np.testing.assert_allclose(trial.force_n[:, 2], expected[:, 2], atol=1e-4)
+        assert trial.info.speed_mm_s == pytest.approx(80.0, rel=0.02)
+        assert trial.info.force_n == pytest.approx(0.4, rel=0.1)
+        if path.suffix != ".wav":
+            assert trial.info.tones_hz == TONES_HZ
+            assert trial.info.drive_vpp == pytest.approx(150.0, rel=0.05)
+        else:
+            assert trial.info.tones_hz == ()
+            assert trial.voltage_v is None
+    assert [info.order for info in study.trials] == list(range(len(trials)))
+    # The map is beside the file, and every command takes the file with it.
+    assert load_map(map_beside(path)).channels
+    with open_study(path) as again:
+        assert [info.speed_mm_s for info in again.trials] == [
+            trial.info.speed_mm_s for trial in trials
+        ]
+
+
+def test_a_map_is_confirmed_and_corrected(recorded: Swipes, tmp_path: Path) -> None:
+    from tests.service.data_import.conftest import write_csv
+
+    path = tmp_path / "swipe.csv"
+    write_csv(recorded, path)
+    code, _, told = run(
+        path, tmp_path / "a.h5", answers="speed_mm_s=x\nspeed_mm_s=80\nparticipant=Ada\n\n"
+    )
+    assert code == 0, told
+    assert "speed_mm_s" in told  # what could not be understood was said
+    confirmed = load_map(map_beside(path))
+    assert (confirmed.speed_mm_s, confirmed.participant) == (80.0, "Ada")
+    assert confirmed.channels["force_x"].sign == -1
+    with StudyReader(tmp_path / "a.h5") as study:
+        assert {info.speed_mm_s for info in study.trials} == {80.0}
+        assert {info.participant for info in study.trials} == {"Ada"}
+
+
+def test_nobody_confirms(recorded: Swipes, tmp_path: Path) -> None:
+    from tests.service.data_import.conftest import write_csv
+
+    path = tmp_path / "swipe.csv"
+    write_csv(recorded, path)
+    code, _, told = run(path, tmp_path / "a.h5")
+    assert code == 2
+    assert "nobody confirmed the map; --yes accepts it" in told
+    assert not map_beside(path).exists()
+
+
+def test_what_is_open_is_asked_not_guessed(recorded: Swipes, tmp_path: Path) -> None:
+    path = tmp_path / "bare.csv"
+    table = np.column_stack([-recorded.force_x_n, 1e3 * recorded.force_z_n, recorded.x_mm])
+    np.savetxt(path, table, "%.6g", ",", header="Fx,Fz,x", comments="")
+    code, _, told = run(path, tmp_path / "a.h5", "--yes")
+    assert code == 2
+    assert "rate_hz" in told  # nothing says it
+    assert "could be mN or gf" in told  # 400 of force_z fit two units
+    assert "its sign is turned" not in told  # nothing is said of signs before the rest is known
+    done = ["--set", "force_z.unit=mN", "--set", "rate_hz=20000"]
+    code, _, told = run(path, tmp_path / "a.h5", "--yes", *done)
+    assert code == 0, told
+    assert "the tangential force is against the velocity" in told
+    assert load_map(map_beside(path)).channels["force_x"].sign == -1
+    map_beside(path).unlink()
+    by_person = [*done, "--set", "force_x.sign=1"]
+    code, _, told = run(path, tmp_path / "b.h5", "--yes", *by_person)
+    assert code == 0, told
+    assert load_map(map_beside(path)).channels["force_x"].sign == 1
+
+
+def test_a_folder_and_a_missing_file_are_sentences(tmp_path: Path) -> None:
+    for path, sentence in (
+        (Path(), "is a folder"),
+        (tmp_path / "none.csv", "there is no file"),
+    ):
+        code, _, told = run(path, tmp_path / "a.h5", "--yes")
+        assert code == 2
+        assert sentence in told
+
+
+def test_many_files_are_one_study(
+    recorded: Swipes, tmp_path: Path, rng: np.random.Generator
+) -> None:
+    from tests.service.data_import.conftest import write_csv
+    from tests.service.data_import.made import swipes
+
+    for name, one in (("a", recorded), ("b", swipes(rng))):
+        write_csv(one, tmp_path / f"{name}.csv")
+    files = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    out = tmp_path / "s.h5"
+    code, _, told = run(*files, out, "--yes", "--participant", "007", "--mount", "paper")
+    assert code == 0, told
+    with StudyReader(out) as study:
+        assert study.info.mount is not None
+        orders = [info.order for info in study.trials]
+        assert orders == list(range(len(orders)))
+        assert {info.participant for info in study.trials} == {"007"}
+    code, _, told = run(*files, out, "--yes")
+    assert code == 2
+    assert "exists" in told

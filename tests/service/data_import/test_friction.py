@@ -1,0 +1,144 @@
+"""Friction of slides whose law is known: exponents, periods, sawteeth, and none of them."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from frictus_hardware.arrays import FloatArray
+from frictus_service.cli.app import app
+from frictus_service.data_import.friction.report import FrictionReport, report_friction
+from frictus_service.data_import.friction.slides import Slide
+from frictus_service.errors import StudyError
+
+RATE_HZ = 5000.0
+SPEEDS_MM_S = (20.0, 40.0, 80.0, 160.0)
+LOADS_N = (0.3, 0.6, 1.2)
+Wave = Callable[[FloatArray, float, float], FloatArray]
+
+
+def slides(rng: np.random.Generator, wave: Wave, driven: bool = False) -> list[Slide]:
+    """Make slides of ``0.5 F_n^0.8 (v / 50)^0.1`` N, each 2 % off, with a wave on top."""
+    made = []
+    for number, speed in enumerate(np.tile(SPEEDS_MM_S, 6)):
+        load = LOADS_N[number % len(LOADS_N)]
+        time_s = np.arange(round(60.0 / speed * RATE_HZ)) / RATE_HZ
+        level = 0.5 * load**0.8 * (speed / 50.0) ** 0.1 * np.exp(0.02 * rng.standard_normal())
+        noise = 0.002 * rng.standard_normal(time_s.size)
+        friction = level * (1.0 + wave(time_s, float(speed), level)) + noise
+        normal = load + 0.002 * rng.standard_normal(time_s.size)
+        made.append(
+            Slide(RATE_HZ, 1 - 2 * (number % 2), float(speed), friction, normal, "N", driven)
+        )
+    return made
+
+
+def smooth(time_s: FloatArray, speed_mm_s: float, level: float) -> FloatArray:
+    return np.zeros(time_s.size)
+
+
+def grating(time_s: FloatArray, speed_mm_s: float, level: float) -> FloatArray:
+    return 0.05 * np.sin(2.0 * np.pi * speed_mm_s * time_s / 1.25)
+
+
+def mains(time_s: FloatArray, speed_mm_s: float, level: float) -> FloatArray:
+    return 0.05 * np.sin(2.0 * np.pi * 150.0 * time_s)
+
+
+def sawtooth(time_s: FloatArray, speed_mm_s: float, level: float) -> FloatArray:
+    """Stick for 40 ms, slip at once."""
+    return 0.15 * (time_s / 0.04 % 1.0)
+
+
+def report(rng: np.random.Generator, wave: Wave) -> FrictionReport:
+    return report_friction(slides(rng, wave))
+
+
+def test_exponents_of_speed_and_load(rng: np.random.Generator) -> None:
+    found = report(rng, smooth).coefficient
+    assert found is not None
+    assert found.speed_exponent is not None
+    assert found.load_exponent is not None
+    assert found.speed_exponent.low < 0.1 < found.speed_exponent.high
+    assert found.load_exponent.low < 0.8 < found.load_exponent.high
+    truth = 0.5 * found.load_n**-0.2 * (found.speed_mm_s / 50.0) ** 0.1
+    assert found.coefficient.low < truth < found.coefficient.high
+    assert found.coefficient.high - found.coefficient.low < 0.05
+
+
+def test_one_speed_shows_no_exponent(rng: np.random.Generator) -> None:
+    same = [each for each in slides(rng, smooth) if each.speed_mm_s == 40.0]
+    found = report_friction(same)
+    assert found.coefficient is not None
+    assert found.coefficient.speed_exponent is None
+    assert "the speed varied too little" in " ".join(found.notes)
+
+
+def test_a_texture_is_told_from_the_mains(rng: np.random.Generator) -> None:
+    texture = report(rng, grating).texture
+    assert texture is not None
+    assert texture.origin == "texture"
+    assert texture.period_mm is not None
+    assert texture.period_mm.value == pytest.approx(1.25, rel=0.005)
+    fixed = report(rng, mains).texture
+    assert fixed is not None
+    assert fixed.origin == "fixed frequency"
+    assert fixed.frequency_hz is not None
+    assert fixed.frequency_hz.value == pytest.approx(150.0, rel=0.05)
+    nothing = report(rng, smooth).texture
+    assert nothing is not None
+    assert (nothing.origin, nothing.lines) == ("none", 0)
+
+
+def test_bands_hold_the_power_of_the_force(rng: np.random.Generator) -> None:
+    (spectrum,) = (each for each in report(rng, mains).spectra if each.speed_mm_s == 20.0)
+    level = np.sqrt(np.square(spectrum.rms).sum())
+    same = [each for each in slides(rng, mains) if each.speed_mm_s == 20.0]
+    expected = np.mean([0.05 * each.friction.mean() / np.sqrt(2.0) for each in same])
+    assert level == pytest.approx(expected, rel=0.1)
+    strongest = spectrum.centre_hz[int(np.argmax(spectrum.rms))]
+    assert abs(np.log10(strongest / 150.0)) < 0.05
+
+
+def test_stick_slip_and_its_absence(rng: np.random.Generator) -> None:
+    found = report(rng, sawtooth).stick_slip
+    assert found is not None
+    assert found.verdict == "stick-slip"
+    assert found.slips_per_s.value == pytest.approx(25.0, rel=0.1)
+    assert found.drop_share == pytest.approx(0.14, abs=0.03)
+    for wave in (smooth, grating, mains):
+        other = report(rng, wave).stick_slip
+        assert other is not None
+        assert other.verdict == "none"
+
+
+def test_driven_slides_are_left_out(rng: np.random.Generator) -> None:
+    both = slides(rng, smooth) + slides(rng, mains, driven=True)
+    found = report_friction(both)
+    assert (found.slides, found.driven) == (48, 24)
+    assert found.texture is not None
+    assert found.texture.lines == 0
+    with pytest.raises(StudyError, match="all of 24 slides are driven"):
+        report_friction(slides(rng, smooth, driven=True))
+
+
+def test_the_command(rng: np.random.Generator, tmp_path: Path) -> None:
+    """A stage at a known speed, to and fro: neither drive nor position was recorded."""
+    time_s = np.arange(round(12.0 * RATE_HZ)) / RATE_HZ
+    heading = np.where(np.floor(time_s / 1.5) % 2 == 0, 1.0, -1.0)
+    friction = heading * (0.4 + 0.02 * np.sin(2.0 * np.pi * 40.0 * time_s / 2.0))
+    friction += 0.003 * rng.standard_normal(time_s.size)
+    path = tmp_path / "stage_40mmps.csv"
+    np.savetxt(path, np.column_stack([time_s, friction]), "%.7g", ",", header="t [s],Ft [N]")
+    run = ["study", "import", str(path), str(tmp_path / "study.h5"), "--yes"]
+    result = CliRunner().invoke(app, [*run, "--set", "normal_load_n=0.8"])
+    assert result.exit_code == 0, result.stderr
+    assert "in the direction that the sign" in result.stdout
+    assert "judged by steadiness only" in result.stdout
+    for source in (path, tmp_path / "study.h5"):
+        result = CliRunner().invoke(app, ["study", "show", "--friction", str(source), "--json"])
+        assert result.exit_code == 0, result.stderr
+        assert '"driven": 0' in result.stdout
+        assert '"stick_slip": {' in result.stdout

@@ -1,0 +1,156 @@
+"""Files that are damaged, lie about their size, or hold what must never be loaded."""
+
+import pickle
+import struct
+import zlib
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pyarrow as pa
+import pytest
+from pyarrow import parquet
+from scipy.io import savemat
+from tests.service.data_import.conftest import WRITERS
+from tests.service.data_import.made import Swipes
+
+from frictus_service.data_import.formats import matlab
+from frictus_service.data_import.formats.read import read_columns
+from frictus_service.errors import StudyError
+
+ROUNDS = 60
+
+
+@pytest.fixture(scope="module")
+def brief(recorded: Swipes) -> Swipes:
+    """Return the beginning of the recording: damage hits structure as often as samples."""
+    n, k = 64, 3
+    return Swipes(
+        recorded.time_s[:n],
+        recorded.voltage_v[:n],
+        recorded.force_x_n[:n],
+        recorded.force_y_n[:n],
+        recorded.force_z_n[:n],
+        recorded.accel_m_s2[:n],
+        recorded.x_mm[:n],
+        recorded.y_mm[:n],
+        recorded.position_t_s[:k],
+        recorded.position_mm[:k],
+    )
+
+
+@pytest.mark.filterwarnings("ignore")  # of the libraries, about what was made on purpose
+@pytest.mark.parametrize("name", [name for name in WRITERS if name != "daq.h5"])
+def test_damage_is_a_sentence(
+    name: str, brief: Swipes, tmp_path: Path, rng: np.random.Generator
+) -> None:
+    path = tmp_path / name
+    WRITERS[name][0](brief, path)
+    whole = path.read_bytes()
+    refusals: list[str] = []
+    for round_ in range(ROUNDS):
+        data = bytearray(whole)
+        if round_ % 3 == 0:
+            del data[int(rng.integers(1, len(data))) :]
+        else:
+            for at in rng.integers(0, min(len(data), 4000), size=round_ % 7 + 1):
+                data[at] ^= 1 << int(rng.integers(8))
+        path.write_bytes(data)
+        try:
+            columns = read_columns(path)
+        except StudyError as error:
+            refusals.append(str(error))
+        else:
+            assert sum(column.values.size for column in columns.columns) < 1e6
+    # Where nothing is refused, the damage is in samples alone.
+    assert refusals
+    assert all(str(path) in refusal for refusal in refusals)
+
+
+def test_a_matlab_file_that_unfolds_without_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(matlab, "MAX_BYTES", 1 << 22)
+    path = tmp_path / "bomb.mat"
+    savemat(path, {"fs": 1.0})
+    header = path.read_bytes()[:128]
+    packer = zlib.compressobj(9)
+    zeros = bytes(1 << 24)
+    packed = b"".join(packer.compress(zeros) for _ in range(4)) + packer.flush()
+    path.write_bytes(header + struct.pack("<II", 15, len(packed)) + packed)
+    assert path.stat().st_size < 1 << 20
+    with pytest.raises(StudyError, match="unfolds to more than"):
+        read_columns(path)
+
+
+def test_a_matlab_file_that_nests_without_end(tmp_path: Path) -> None:
+    path = tmp_path / "deep.mat"
+    nested: dict[str, object] = {"x": 1.0}
+    for _ in range(30):
+        nested = {"s": nested}
+    savemat(path, nested, do_compression=True)
+    with pytest.raises(StudyError, match="more than 8 deep"):
+        read_columns(path)
+
+
+def test_an_hdf5_file_that_declares_without_end(tmp_path: Path) -> None:
+    path = tmp_path / "huge.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("force_x", shape=(1 << 40,), dtype="f8", chunks=(1 << 20,))
+    with pytest.raises(StudyError, match="more than 100,000,000 values"):
+        read_columns(path)
+
+
+def test_an_hdf5_file_that_points_elsewhere(tmp_path: Path) -> None:
+    (tmp_path / "secret").write_bytes(bytes(800))
+    path = tmp_path / "pointing.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset(
+            "force_x", shape=(100,), dtype="f8", external=[(tmp_path / "secret", 0, 800)]
+        )
+    with pytest.raises(StudyError, match="lies in another file"):
+        read_columns(path)
+
+
+def test_a_parquet_file_that_unfolds_without_end(tmp_path: Path) -> None:
+    path = tmp_path / "bomb.parquet"
+    zeros = pa.array(np.zeros(1_000_000))
+    with parquet.ParquetWriter(path, pa.schema([("force_x", pa.float64())])) as writer:
+        for _ in range(101):
+            writer.write_table(pa.table({"force_x": zeros}))
+    assert path.stat().st_size < 1 << 20
+    with pytest.raises(StudyError, match="more than 100,000,000 values"):
+        read_columns(path)
+
+
+class Evil:
+    """Leaves a trace where it is unpickled."""
+
+    def __reduce__(self) -> tuple[object, tuple[str, str]]:
+        return (open, ("unpickled", "w"))
+
+
+@pytest.mark.parametrize("name", ["evil.pkl", "evil.npy", "evil.csv", "evil.mat", "evil.h5"])
+def test_nothing_is_unpickled(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / name
+    if path.suffix == ".npy":
+        np.save(path, np.array([Evil()], dtype=object), allow_pickle=True)
+    else:
+        path.write_bytes(pickle.dumps(Evil()))
+    with pytest.raises(StudyError):
+        read_columns(path)
+    assert not (tmp_path / "unpickled").exists()
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"\0" * 600, b"a,b\n", b"1" * 100_000, b"\xff\xfe1,2"]
+)
+@pytest.mark.parametrize("suffix", [".csv", ".mat", ".h5", ".wav", ".parquet", ".tdms", ".txt"])
+def test_empty_and_odd_files(content: bytes, suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"odd{suffix}"
+    path.write_bytes(content)
+    with pytest.raises(StudyError, match="accepted"):
+        read_columns(path)

@@ -1,0 +1,94 @@
+"""Each wrong map ends in a sentence that names the entry and what is accepted."""
+
+from pathlib import Path
+
+import pytest
+from tests.service.data_import.conftest import write_csv
+from tests.service.data_import.made import Swipes
+from typer.testing import CliRunner
+
+from frictus_service.cli.app import app
+from frictus_service.data_import.column_map import load_map
+from frictus_service.errors import StudyError
+
+WRONG = {
+    "force_x.column=Ft": "force_x: there is no column 'Ft'; columns: 'time [s]'",
+    "force_x.unit=V": "channels.force_x: its unit is 'V'; accepted: N, mN",
+    "force_x.unit=furlong": "channels.force_x: its unit is 'furlong'; accepted: N, mN",
+    "force_x.unit=N": "N; accepted: 0 to 50 N; it looks like mN",  # mN taken for N
+    "force_x.unit=counts": "some forces are counts, others not",
+    "force_x.sign=2": "force_x.sign: Input should be 1 or -1",
+    "force_x.scale=0": "force_x.scale: Input should be greater than 0",
+    "force_x.scale=nan": "force_x.scale",
+    "force_x.rate_hz=10000": "force_y: has 20000 Hz, the force 10000 Hz; accepted: the same",
+    "drive_voltage.unit=kV": "drive_vpp: is 149925 V; accepted: 1 to 180 V; it looks like mV",
+    "drive_voltage.rate_hz=7000": "drive_voltage: lasts",
+    "position_x.unit=m": "speed_mm_s: is 7",
+    "position_x.unit=um": "no stroke is found",
+    "time.unit=ms": "rate_hz: 2e+07 Hz is absurd; correct rate_hz or time.unit",
+    "time.column=x [mm]": "time: ",
+    "rate_hz=1000": "time: steps at 20000 Hz, but rate_hz is 1000; correct its unit",
+    "rate_hz=-5": "rate_hz: Input should be greater than 0",
+    "skin_velocity.unit=m/s": "channels.skin_velocity.column: Field required",
+    "drive_fraction.column=U [V]": "channels.drive_fraction",
+    "friction.column=Fx [mN]": "there is no channel friction; accepted: time, force_x",
+    "normal_load_n=0.5": "normal_load_n: stands beside force_z; keep one of them",
+    "speed_mm_s=fast": "speed_mm_s: Input should be a valid number",
+    "speed_mm_s=0.1": "speed_mm_s: is 0.1 mm/s",
+    "participant=": "participant: String should have at least 1 character",
+    "a.b.c=1": "--set: is 'a.b.c=1'; accepted: force_x.unit=mN",
+    "force_x": "--set: is 'force_x'; accepted: force_x.unit=mN",
+    "tones_hz=[0]": "tones_hz.0: Input should be greater than 0",
+    "tones_hz=[15000]": "tone_hz",
+    "carrier_hz=1": "carrier_hz: is 1 Hz",
+    "screen_peak_v=5": "drive_vpp",
+}
+
+
+@pytest.fixture(scope="module")
+def mapped(tmp_path_factory: pytest.TempPathFactory, recorded: Swipes) -> Path:
+    """Return a file with a map that is right."""
+    path = tmp_path_factory.mktemp("wrong") / "swipe.csv"
+    write_csv(recorded, path)
+    result = CliRunner().invoke(
+        app, ["study", "import", str(path), str(path.with_suffix(".h5")), "--yes"]
+    )
+    assert result.exit_code == 0, result.stderr
+    return path
+
+
+@pytest.mark.parametrize("entry", WRONG)
+def test_a_wrong_map_gives_a_sentence(entry: str, mapped: Path, tmp_path: Path) -> None:
+    out = tmp_path / "never.h5"
+    result = CliRunner().invoke(app, ["study", "import", str(mapped), str(out), "--set", entry])
+    assert result.exit_code == 2, result.stderr
+    assert WRONG[entry] in result.stderr
+    assert "unexpected" not in result.stderr
+    assert not out.exists()
+
+
+def test_a_channel_is_left_away(mapped: Path, tmp_path: Path) -> None:
+    """A clock too coarse for its samples cannot be mended: the rate is given instead."""
+    out = tmp_path / "study.h5"
+    words = ["study", "import", str(mapped), str(out), "--set", "time=", "--set"]
+    result = CliRunner().invoke(app, [*words, "rate_hz=20000"])
+    assert result.exit_code == 0, result.stderr
+    assert out.exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("= 3", "is no TOML"),
+        ('schema = "column_map/2"\n[channels]', "schema: Input should be 'column_map/1'"),
+        ("channels = 3", "channels: Input should be a valid dictionary"),
+        ("[channels]\n[surprise]\na = 1", "surprise: Extra inputs are not permitted"),
+        ("a = " + "[" * 100_000, "is no TOML"),
+        ("[channels]\n" + "#" * (1 << 20), "is larger than a column map can be"),
+    ],
+)
+def test_a_damaged_map_gives_a_sentence(text: str, sentence: str, tmp_path: Path) -> None:
+    path = tmp_path / "some.toml"
+    path.write_text(text)
+    with pytest.raises(StudyError, match=sentence.replace("[", "\\[")):
+        load_map(path)
