@@ -9,6 +9,7 @@ from frictus_service.cli import (
     calibrate,
     discover,
     doctor,
+    experiment,
     identify,
     models,
     pki,
@@ -49,6 +50,7 @@ app.command()(serve.router)
 app.command()(play.play)
 app.command()(play.watch)
 app.command()(record.record)
+app.command()(experiment.experiment)
 app.command()(track.track)
 app.command()(serve.recorder)
 app.command()(serve.tracker)
