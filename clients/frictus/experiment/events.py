@@ -32,7 +32,7 @@ COLUMNS: Final[dict[str, dict[str, Any]]] = {
     "trial": {"Description": "Number of the trial"},
     "condition": {"Description": "Name of the condition"},
     "order": {"Description": "What each interval presented"},
-    "level": {"Description": "Level asked for, in the unit of the stimulus"},
+    "level": {"Description": "Level asked for; 0 where no test was presented"},
     "level_rendered": {"Description": "Level as rendered; 0 where no test was presented"},
     "gain": {"Description": "Least gain applied to an interval; below 1 it was scaled"},
     "response": {"Description": "Answer"},
@@ -101,14 +101,14 @@ def _event(row: dict[str, Any], start_ns: int) -> dict[str, Any]:
     }
 
 
-def write_events(rows: list[dict[str, Any]], folder: Path) -> tuple[Path, Path]:
+def write_events(rows: list[dict[str, Any]], folder: str | Path) -> tuple[Path, Path]:
     """Write ``sub-P_task-NAME_events.tsv`` and its JSON sidecar; what stands there is replaced.
 
     Parameters
     ----------
     rows : list of dict
         Of a log, its header first.
-    folder : Path
+    folder : str or Path
         Is made where it does not exist.
 
     Returns
@@ -129,8 +129,9 @@ def write_events(rows: list[dict[str, Any]], folder: Path) -> tuple[Path, Path]:
         for value in (rows[0].get("participant"), protocol.get("name"))
     ]
     events = event_rows(rows)
-    folder.mkdir(parents=True, exist_ok=True)
-    table = folder / f"sub-{labels[0]}_task-{labels[1]}_events.tsv"
+    path = Path(folder)
+    path.mkdir(parents=True, exist_ok=True)
+    table = path / f"sub-{labels[0]}_task-{labels[1]}_events.tsv"
     lines = ["\t".join(COLUMNS)]
     lines += ["\t".join(_cell(event[name]) for name in COLUMNS) for event in events]
     table.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")

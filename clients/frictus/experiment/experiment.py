@@ -135,7 +135,7 @@ class Experiment:
 
     @property
     def seed(self) -> int:
-        """Of everything drawn, where the log does not bring its own."""
+        """Of everything drawn; of the log, once that is open."""
         return self._seed
 
     @property
@@ -212,6 +212,7 @@ class Experiment:
                 f"{self._participant!r}: give each a log of their own"
             )
         self.schedule = resumed(self.protocol, log.rows, str(self._path))
+        self._seed = self.schedule.seed
 
     def next(self) -> Trial | None:
         """Return the next trial, the same until it is answered; None after the last."""

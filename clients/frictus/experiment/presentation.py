@@ -133,7 +133,7 @@ class Presenter:
         self._states, self._forces = [], []
         how = self._how
         steps = round(how.fade_s / FADE_STEP_S)
-        begun_s = time.monotonic()
+        begun_s, begun_ns = time.monotonic(), time.time_ns()
         first: SceneState | None = None
         for step in range(1, steps + 1):
             gain = math.sin(0.5 * math.pi * step / (steps + 1)) ** 2
@@ -153,7 +153,7 @@ class Presenter:
                 self._rig.set_scene(scaled(scene, gain))
             self._wait(due_s)
         last = self._rig.set_scene(self._between)
-        return self._presented(shows, first or whole, whole, last)
+        return self._presented(shows, first or whole, whole, last, begun_ns)
 
     def close(self) -> None:
         """Stop receiving. Closing twice is harmless."""
@@ -180,15 +180,20 @@ class Presenter:
         self._forces += self._blocks.drain()
 
     def _presented(
-        self, shows: Interval, first: SceneState, whole: SceneState, last: SceneState
+        self,
+        shows: Interval,
+        first: SceneState,
+        whole: SceneState,
+        last: SceneState,
+        begun_ns: int,
     ) -> PresentedInterval:
         """Return the interval between two scenes, by the samples at which they played."""
         self._collect()
         fit, lead_s = self._rig.time(), 1e-3 * self._rig.status().lead_ms
         lead = lead_s * 1e9 / fit.ns_per_sample
         begin, end = (
-            fit.sample + round((int(state.utc_ns or 0) - fit.utc_ns) / fit.ns_per_sample + lead)
-            for state in (first, last)
+            fit.sample + round((utc_ns - fit.utc_ns) / fit.ns_per_sample + lead)
+            for utc_ns in (first.utc_ns or begun_ns, last.utc_ns or time.time_ns())
         )
         states = [state for state in self._states if begin <= state.sample < end]
         forces = [

@@ -86,6 +86,11 @@ class Schedule:
         self._rested_at = 0
 
     @property
+    def seed(self) -> int:
+        """Of everything that is drawn."""
+        return self._seed
+
+    @property
     def recorded(self) -> int:
         """How many trials were recorded, practice and refused ones included."""
         return self._recorded

@@ -47,7 +47,7 @@ def trial_row(
         "catch": trial.catch,
         "order": list(trial.order),
         "utc_ns": utc_ns,
-        "level": level,
+        "level": level if "test" in trial.order else 0.0,
         "level_rendered": max(rendered, 0.0),
         "unit": stimulus.unit,
         "recording": recording,
