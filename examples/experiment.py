@@ -1,7 +1,7 @@
 """Find a detection threshold: two intervals, one with a texture, QUEST+ chooses the amplitude.
 
-The observer is simulated and feels the friction of the simulated rig, so that the program runs
-by itself; put a class of your own with the same methods in its place. Every trial is on the disk
+The observer is simulated and feels the friction of the simulated rig: the program runs by
+itself. Put a class of your own with the same methods in its place. Every trial is on the disk
 before the next begins: stop the program, start it again, and it goes on.
 """
 
