@@ -109,7 +109,10 @@ def experiment(
     if events is not None:
         table, sidecar = write_events(rows, events)
         sys.stderr.write(f"events: {table}, {sidecar}\n")
-    for each in results(chosen, rows):
+    found_results = results(chosen, rows)
+    if not found_results:
+        sys.stderr.write(f"{path} holds no answered trials beyond practice yet\n")
+    for each in found_results:
         if wants_lines(as_json):
             write_line(event="result", log=str(path), **each.fields())
         else:
@@ -231,10 +234,10 @@ def result_lines(result: "ConditionResult") -> list[str]:
         lines.append(f"  slope {fit.slope.value:.2g}, lapses {100.0 * fit.lapse:.1f} %")
         if fit.open_ended:
             lines.append("  the trials do not bound the threshold: use other levels, or more")
-    for name, value in (("exponent", result.exponent), ("setting", result.setting)):
-        if value is not None:
+    for name, found in (("exponent", result.exponent), ("setting", result.setting)):
+        if found is not None:
             lines.append(
-                f"  {name}: {value.value:.3g} (95 %: {value.low:.3g} to {value.high:.3g})"
+                f"  {name}: {found.value:.3g} (95 %: {found.low:.3g} to {found.high:.3g})"
             )
     ratings = result.ratings or {}
     lines += [f"  {pair.replace('|', ' and ')}: {mean:.3g}" for pair, mean in ratings.items()]

@@ -86,7 +86,7 @@ def expected() -> list[tuple[int, float, list[str]]]:
         presentation=QUICK,
     )
     schedule = Schedule(made.protocol, 5)
-    seen = []
+    seen: list[tuple[int, float, list[str]]] = []
     while (trial := schedule.next()) is not None:
         seen.append((trial.number, trial.level, list(trial.order)))
         schedule.record(trial, trial.level, Right().ask(trial, []) == trial.correct)
@@ -174,6 +174,27 @@ def test_fades_rise_and_fall_and_never_exceed_the_level(
     assert gains[top:] == sorted(gains[top:], reverse=True)
     assert 3 <= len(gains) <= 9
     assert max(gains) == 1.0
+
+
+def test_a_mask_is_felt_between_intervals_and_nothing_after_them(
+    fake: Any, client: Client, tmp_path: Path
+) -> None:
+    held_by(fake, "tester")
+    mask = Spectrum(components=[Component(amplitude_n=0.02, hz=100.0)])
+    masked = QUICK.model_copy(update={"mask": mask})
+    with experiment(client, tmp_path / "log.jsonl", presentation=masked) as made:
+        trial = made.next()
+        assert trial is not None
+        made.present(trial)
+    felt = []
+    while not fake.calls.empty():
+        call, request = fake.calls.get()
+        if call == "scene":
+            regions = request.scene.regions
+            kind = "smooth" if not regions else "test"
+            felt.append("mask" if regions and regions[0].texture == mask else kind)
+    shown = ["test" if each == "test" else "smooth" for each in trial.order]
+    assert felt == ["mask", shown[0], "mask", "mask", shown[1], "mask", "smooth"]
 
 
 def test_a_lost_lease_ends_it_and_logs_nothing(

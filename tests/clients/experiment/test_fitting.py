@@ -1,6 +1,7 @@
 """Fits: against analytic values, the package psignifit, and simulated observers."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -115,7 +116,7 @@ def test_answers_that_bound_nothing_say_so() -> None:
     ],
 )
 def test_what_cannot_be_fitted_is_refused(
-    levels: list[float], positive: list[bool], more: dict[str, float], says: str
+    levels: list[float], positive: list[bool], more: dict[str, Any], says: str
 ) -> None:
     with pytest.raises(ArgumentError, match=says):
         fit(levels, positive, **more)

@@ -72,7 +72,7 @@ def run(protocol: Protocol, seed: int, order_row: int = 0) -> list[dict[str, Any
     ]
     pairs = any(isinstance(each, Pairs) for each in protocol.conditions.values())
     while (trial := schedule.next()) is not None:
-        row = {
+        row: dict[str, Any] = {
             "trial": trial.number,
             "phase": trial.phase,
             "condition": trial.condition,

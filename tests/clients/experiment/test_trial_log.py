@@ -1,6 +1,7 @@
 """The log: whole rows survive whatever cuts it off; what is no log is refused."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -9,7 +10,7 @@ from frictus.experiment import read_log, write_events
 from frictus.experiment.events import COLUMNS
 from frictus.experiment.trial_log import FORMAT, TrialLog
 
-HEADER = {"format": FORMAT, "participant": "p/1", "protocol": {"name": "a-b"}}
+HEADER: dict[str, Any] = {"format": FORMAT, "participant": "p/1", "protocol": {"name": "a-b"}}
 
 
 def test_a_log_cut_at_any_byte_keeps_its_whole_rows(tmp_path: Path) -> None:
@@ -52,7 +53,8 @@ def test_events_of_no_trials_are_a_table_all_the_same(tmp_path: Path) -> None:
     assert table.name == "sub-p1_task-ab_events.tsv"
     assert table.read_text() == "\t".join(COLUMNS) + "\n"
     assert sidecar.with_suffix(".tsv") == table
-    broken = {"status": "answered", "intervals": [{}]}
-    for rows in ([], [{}], [HEADER, broken]):
+    broken: dict[str, Any] = {"status": "answered", "intervals": [{}]}
+    wrong: list[list[dict[str, Any]]] = [[], [{}], [HEADER, broken]]
+    for rows in wrong:
         with pytest.raises(ArgumentError):
             write_events(rows, tmp_path)

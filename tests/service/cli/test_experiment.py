@@ -18,10 +18,13 @@ from frictus.experiment import (
     load_protocol,
     read_log,
 )
+from frictus.keys import STREAMS
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.cli.app import app
 from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.recording.reader import RecordingReader
+from frictus_service.recording.samples import Samples
 
 QUICK = """
 [presentation]
@@ -73,7 +76,7 @@ def router(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Endpoint of a router with one simulated rig whose finger strokes."""
     folder = tmp_path_factory.mktemp("rig")
     config = config_in(folder, SimulatedConfig(finger=SteadyStrokes()))
-    with Supervisor(config, parts=("router", "rig")) as supervisor:
+    with Supervisor(config, parts=("rig", "recorder")) as supervisor:
         supervisor.wait_ready(100.0)
         yield config.router.endpoint
 
@@ -136,6 +139,29 @@ def test_the_rendered_interval_is_where_the_samples_say(router: str, tmp_path: P
     assert max(active) == pytest.approx(shown[-1].last_sample, abs=slack)
 
 
+def test_a_recording_holds_the_samples_of_its_trials(router: str, tmp_path: Path) -> None:
+    short = "record = true\n" + DIFFERENCE.replace("trials = 30", "trials = 2")
+    done = run(short, tmp_path, router, "--observer")
+    assert done.exit_code == 0, done.output
+    with frictus.connect(router) as client:
+        state = client.rig("rig1").recording()
+    trials = [row for row in read_log(tmp_path / "log.jsonl")[0] if "trial" in row]
+    assert not state.recording
+    assert {row["recording"] for row in trials} == {state.name}
+    with RecordingReader(Path(str(state.path))) as reader:
+        forces = [
+            item
+            for item in reader.items()
+            if isinstance(item, Samples) and STREAMS[item.stream].suffix == "stream/force"
+        ]
+    last = forces[-1]
+    begin, end = forces[0].first_sample, last.first_sample + last.data.shape[1]
+    for each in (interval for row in trials for interval in row["intervals"]):
+        assert {item.run for item in forces} == {each["run"]}
+        # An observer that answers at once is done before the last fade has played.
+        assert begin <= each["first_sample"] < each["last_sample"] <= end + 1_000
+
+
 def test_what_the_rig_would_scale_is_not_presented(router: str, tmp_path: Path) -> None:
     done = run(LOUD, tmp_path, router, "--observer")
     assert done.exit_code == 0, done.output
@@ -143,7 +169,8 @@ def test_what_the_rig_would_scale_is_not_presented(router: str, tmp_path: Path) 
     refused = [row for row in trials if row["status"] == "refused"]
     assert [row["level"] for row in refused] == [0.6]
     assert 0.0 < refused[0]["gain"] < 1.0
-    assert {row["level"] for row in trials if row["status"] == "answered"} == {0.05}
+    answered = [row for row in trials if row["status"] == "answered"]
+    assert {row["level"] for row in answered if not row["catch"]} == {0.05}
     assert json.loads(done.stdout)["refused"] == 1
 
 
