@@ -16,7 +16,7 @@ from frictus.experiment.experiment import Experiment
 from frictus.experiment.fitting import Estimate, PsychometricFit, fit
 from frictus.experiment.observers import SimulatedObserver
 from frictus.experiment.orders import latin_square
-from frictus.experiment.participant import Participant
+from frictus.experiment.participant import Participant, VirtualParticipant
 from frictus.experiment.presentation import PresentedInterval, ScaledError
 from frictus.experiment.protocol import (
     ConstantPlan,
@@ -42,7 +42,6 @@ from frictus.experiment.tasks import (
     YesNo,
 )
 from frictus.experiment.trial_log import read_log
-from frictus.experiment.virtual_participant import VirtualParticipant
 
 __all__ = [
     "Adjustment",

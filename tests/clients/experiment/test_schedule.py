@@ -30,8 +30,7 @@ from frictus.experiment import (
     latin_square,
     load_protocol,
 )
-from frictus.experiment.resume import resumed
-from frictus.experiment.schedule import Schedule
+from frictus.experiment.schedule import Schedule, resumed
 from frictus.experiment.tasks import KEYS, checked, is_positive
 
 RIDGES = Spectrum(components=[Component(amplitude_n=1.0, cycles_per_mm=0.5)])
