@@ -1,4 +1,4 @@
-"""Who answers an experiment; and a simulated observer that feels what a simulated rig renders."""
+"""Who answers an experiment; a simulated observer feels what a simulated rig renders."""
 
 from typing import Final, Protocol
 
