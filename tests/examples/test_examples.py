@@ -20,7 +20,8 @@ ONLINE = {
     "stream_texture": "40 updates sent",
     "two_rigs": "rig2: x",
     "record_and_export": "reading: complete",
-    "experiment": "applied_gain",
+    "experiment": "threshold",
+    "psychopy_experiment": "dB: ",
     "live_panel": "states of the finger",
 }
 OFFLINE = {

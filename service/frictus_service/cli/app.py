@@ -9,6 +9,7 @@ from frictus_service.cli import (
     calibrate,
     discover,
     doctor,
+    experiment,
     identify,
     lsl,
     models,
@@ -52,6 +53,7 @@ app.command()(play.play)
 app.command()(play.watch)
 app.command()(record.record)
 app.command()(lsl.lsl)
+app.command()(experiment.experiment)
 app.command()(track.track)
 app.command()(serve.recorder)
 app.command()(serve.tracker)

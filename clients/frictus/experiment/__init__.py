@@ -1,0 +1,83 @@
+"""Psychophysics on a rig: tasks, procedures, fits, and a log that no crash takes away.
+
+>>> import frictus
+>>> from frictus.experiment import Amplitude, Experiment, LevelRange, QuestPlusPlan
+>>> from frictus.experiment import TwoAlternatives
+>>> ridges = Amplitude(texture=frictus.Spectrum(components=[...]))
+>>> plan = QuestPlusPlan(levels=LevelRange(low=0.001, high=0.1))
+>>> with frictus.connect() as client:
+...     rig = client.rig("rig1")
+...     with Experiment(rig, TwoAlternatives(), plan, ridges, log="p01.jsonl") as experiment:
+...         experiment.run(participant)
+"""
+
+from frictus.experiment.events import write_events
+from frictus.experiment.experiment import Experiment
+from frictus.experiment.fitting import Estimate, PsychometricFit, fit
+from frictus.experiment.observers import SimulatedObserver
+from frictus.experiment.orders import latin_square
+from frictus.experiment.participant import Participant, VirtualParticipant
+from frictus.experiment.presentation import PresentedInterval, ScaledError
+from frictus.experiment.protocol import (
+    ConstantPlan,
+    Design,
+    LevelRange,
+    Presentation,
+    Protocol,
+    QuestPlusPlan,
+    StaircasePlan,
+    load_protocol,
+)
+from frictus.experiment.psychometric import ParameterGrid, probability
+from frictus.experiment.quest_plus import QuestPlus
+from frictus.experiment.results import ConditionResult, results
+from frictus.experiment.schedule import Trial
+from frictus.experiment.staircase import Staircase
+from frictus.experiment.stimuli import Amplitude, Difference, NamedTexture, Pairs
+from frictus.experiment.tasks import (
+    Adjustment,
+    Magnitude,
+    SameDifferent,
+    TwoAlternatives,
+    YesNo,
+)
+from frictus.experiment.trial_log import read_log
+
+__all__ = [
+    "Adjustment",
+    "Amplitude",
+    "ConditionResult",
+    "ConstantPlan",
+    "Design",
+    "Difference",
+    "Estimate",
+    "Experiment",
+    "LevelRange",
+    "Magnitude",
+    "NamedTexture",
+    "Pairs",
+    "ParameterGrid",
+    "Participant",
+    "Presentation",
+    "PresentedInterval",
+    "Protocol",
+    "PsychometricFit",
+    "QuestPlus",
+    "QuestPlusPlan",
+    "SameDifferent",
+    "ScaledError",
+    "SimulatedObserver",
+    "Staircase",
+    "StaircasePlan",
+    "Trial",
+    "TwoAlternatives",
+    "VirtualParticipant",
+    "YesNo",
+    "fit",
+    "latin_square",
+    "load_protocol",
+    "probability",
+    "read_log",
+    "results",
+    "write_events",
+]

@@ -1,0 +1,146 @@
+"""Trials as a BIDS table of events with its sidecar.
+
+Brain Imaging Data Structure 1.10, "Task events": tab-separated, first columns `onset` and
+`duration` in seconds, `n/a` where a value is missing, every column described in JSON.
+"""
+
+import json
+from pathlib import Path
+from typing import Any, Final
+
+from frictus.errors import ArgumentError
+
+COLUMNS: Final[dict[str, dict[str, Any]]] = {
+    "onset": {
+        "Description": "Begin of the first interval since that of the first trial",
+        "Units": "s",
+    },
+    "duration": {"Description": "To the end of the last interval", "Units": "s"},
+    "trial_type": {
+        "Description": "What the trial is for",
+        "Levels": {
+            "practice": "practice, not counted",
+            "catch": "catch trial",
+            "main": "trial of the procedure",
+        },
+    },
+    "response_time": {"Description": "From the end of the last interval", "Units": "s"},
+    "sample": {"Description": "Device sample of the onset, as recordings count; per `run`"},
+    "last_sample": {"Description": "Device sample of the end"},
+    "run": {"Description": "Run of the rig; samples begin again with each"},
+    "recording": {"Description": "Name of the recording made meanwhile"},
+    "trial": {"Description": "Number of the trial"},
+    "condition": {"Description": "Name of the condition"},
+    "order": {"Description": "What each interval presented"},
+    "level": {"Description": "Level asked for; 0 where no test was presented"},
+    "level_rendered": {"Description": "Level as rendered; 0 where no test was presented"},
+    "gain": {"Description": "Least gain applied to an interval; below 1 it was scaled"},
+    "response": {"Description": "Answer"},
+    "correct": {"Description": "1 where it was right, 0 where it was wrong"},
+    "flags": {"Description": "What an analysis must know of the trial"},
+    "speed_mm_s": {"Description": "Mean speed of the finger in contact", "Units": "mm/s"},
+    "path_mm": {"Description": "Way of the finger in contact", "Units": "mm"},
+    "normal_force_n": {"Description": "Mean normal force in contact", "Units": "N"},
+}
+
+
+def event_rows(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the answered trials of a log as rows of the table; None where a value is missing.
+
+    Parameters
+    ----------
+    rows : list of dict
+        Of a log.
+
+    Raises
+    ------
+    ArgumentError
+        If a row lacks what a trial has.
+    """
+    trials = [row for row in rows if row.get("status") == "answered" and row.get("intervals")]
+    try:
+        start_ns = trials[0]["intervals"][0]["utc_ns"] if trials else 0
+        return [_event(row, start_ns) for row in trials]
+    except (KeyError, TypeError, IndexError, ValueError) as error:
+        raise ArgumentError(f"a row of the log is no trial: {error!r}") from error
+
+
+def _event(row: dict[str, Any], start_ns: int) -> dict[str, Any]:
+    intervals = row["intervals"]
+    first, last = intervals[0], intervals[-1]
+    fingers = [each["finger"] for each in intervals if each["finger"] is not None]
+    onset_s = 1e-9 * (first["utc_ns"] - start_ns)
+    end_s = 1e-9 * (last["utc_ns"] - start_ns) + last["duration_s"]
+
+    def mean(name: str) -> float | None:
+        values = [float(finger[name]) for finger in fingers]
+        return round(sum(values) / len(values), 4) if values else None
+
+    practice = row["phase"] == "practice"
+    return {
+        "onset": round(onset_s, 6),
+        "duration": round(end_s - onset_s, 6),
+        "trial_type": "practice" if practice else "catch" if row["catch"] else "main",
+        "response_time": row["response_s"],
+        "sample": first["first_sample"],
+        "last_sample": last["last_sample"],
+        "run": first["run"],
+        "recording": row["recording"],
+        "trial": row["trial"],
+        "condition": row["condition"],
+        "order": "+".join(row["order"]),
+        "level": row["level"],
+        "level_rendered": row["level_rendered"],
+        "gain": min(each["applied"]["gain"] for each in intervals),
+        "response": row["response"],
+        "correct": None if row["correct"] is None else int(row["correct"]),
+        "flags": "+".join(row["flags"]) or None,
+        "speed_mm_s": mean("speed_mm_s"),
+        "path_mm": mean("path_mm"),
+        "normal_force_n": mean("normal_force_n"),
+    }
+
+
+def write_events(rows: list[dict[str, Any]], folder: str | Path) -> tuple[Path, Path]:
+    """Write ``sub-P_task-NAME_events.tsv`` and its JSON sidecar; what stands there is replaced.
+
+    Parameters
+    ----------
+    rows : list of dict
+        Of a log, its header first.
+    folder : str or Path
+        Is made where it does not exist.
+
+    Returns
+    -------
+    table, sidecar : Path
+        The files.
+
+    Raises
+    ------
+    ArgumentError
+        If the rows are not of a log.
+    """
+    if not rows or not isinstance(protocol := rows[0].get("protocol"), dict):
+        raise ArgumentError("these rows have no header of a log")
+    # BIDS labels are letters and digits; both end in a name of a file.
+    labels = [
+        "".join(letter for letter in str(value)[:60] if letter.isascii() and letter.isalnum())
+        for value in (rows[0].get("participant"), protocol.get("name"))
+    ]
+    events = event_rows(rows)
+    path = Path(folder)
+    path.mkdir(parents=True, exist_ok=True)
+    table = path / f"sub-{labels[0]}_task-{labels[1]}_events.tsv"
+    lines = ["\t".join(COLUMNS)]
+    lines += ["\t".join(_cell(event[name]) for name in COLUMNS) for event in events]
+    table.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+    sidecar = table.with_suffix(".json")
+    described = {**COLUMNS, "StimulusPresentation": {"SoftwareName": "frictus"}}
+    sidecar.write_text(json.dumps(described, indent=2) + "\n", encoding="utf-8")
+    return table, sidecar
+
+
+def _cell(value: Any) -> str:
+    """Return a cell; a tab or a line end in a text would break the table."""
+    return "n/a" if value is None else " ".join(str(value).split())

@@ -1,0 +1,325 @@
+"""What an experiment is: a document that a TOML file holds and every log begins with."""
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, Self, TypeAlias
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
+
+from frictus.errors import ArgumentError, explain
+from frictus.experiment.constant import ConstantStimuli
+from frictus.experiment.psychometric import LAPSE_FLOOR, FloatArray, ParameterGrid
+from frictus.experiment.quest_plus import QuestPlus
+from frictus.experiment.staircase import Staircase
+from frictus.experiment.stimuli import Pairs, Stimulus
+from frictus.experiment.tasks import Magnitude, SameDifferent, Task, guess_rate
+from frictus.textures import Texture
+
+MAX_TOML_BYTES: Final = 10_000_000
+MAX_CANDIDATES: Final = 200_000
+MAX_TABLE: Final = 20_000_000
+"""Levels times candidates of QUEST+, of which two tables of 8 bytes are held."""
+Level = Annotated[FiniteFloat, Field(gt=0.0, le=1e6)]
+Trials = Annotated[int, Field(ge=1, le=10_000)]
+AnyProcedure: TypeAlias = QuestPlus | Staircase | ConstantStimuli
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class LevelRange(_Part):
+    """Levels in even steps of their logarithm."""
+
+    low: Level
+    high: Level
+    count: Annotated[int, Field(ge=2, le=500)] = 31
+
+    @model_validator(mode="after")
+    def _rises(self) -> Self:
+        if not self.low < self.high:
+            raise ValueError(f"low {self.low:g} must be below high {self.high:g}")
+        return self
+
+    @property
+    def values(self) -> FloatArray:
+        """The levels, shape (count,)."""
+        return np.geomspace(self.low, self.high, self.count)
+
+
+class QuestPlusPlan(_Part):
+    """QUEST+ over a range of levels; candidate thresholds are looked for in the same range."""
+
+    kind: Literal["quest+"] = "quest+"
+    levels: LevelRange
+    trials: Trials = 60
+    slopes: Annotated[list[Level], Field(min_length=1, max_length=30)] = [
+        1.0,
+        1.4,
+        2.0,
+        2.8,
+        4.0,
+        5.7,
+        8.0,
+    ]
+    guesses: Annotated[list[FiniteFloat], Field(min_length=1, max_length=10)] = [0.02, 0.1, 0.2]
+    """Of tasks whose guess rate is the participant's own."""
+    lapses: Annotated[list[FiniteFloat], Field(min_length=1, max_length=10)] = [
+        0.01,
+        0.03,
+        0.06,
+    ]
+    """At least 0.005."""
+
+    @model_validator(mode="after")
+    def _bounded(self) -> Self:
+        rates = len(self.guesses) * len(self.lapses)
+        candidates = self.levels.count * len(self.slopes) * rates
+        if candidates > MAX_CANDIDATES or candidates * self.levels.count > MAX_TABLE:
+            raise ValueError(
+                f"{candidates} candidates at {self.levels.count} levels: at most "
+                f"{MAX_CANDIDATES}, and {MAX_TABLE} times levels; use coarser ranges"
+            )
+        if not all(LAPSE_FLOOR <= lapse <= 0.5 for lapse in self.lapses):
+            raise ValueError(f"lapses {self.lapses}: {LAPSE_FLOOR} to 0.5 accepted")
+        if not all(0.0 <= guess <= 0.5 for guess in self.guesses):
+            raise ValueError(f"guesses {self.guesses}: 0 to 0.5 accepted")
+        return self
+
+    @property
+    def easiest(self) -> float:
+        """Level of practice and of catch trials that present something."""
+        return self.levels.high
+
+    def begin(self, guess: float | None, rng: np.random.Generator) -> QuestPlus:
+        """Return the procedure before its first trial.
+
+        Parameters
+        ----------
+        guess : float or None
+            Guess rate of the task; None: its own candidates.
+        rng : numpy.random.Generator
+            Is not used.
+        """
+        guesses = self.guesses if guess is None else [guess]
+        levels = self.levels.values
+        grid = ParameterGrid.of(levels, self.slopes, guesses, self.lapses)
+        return QuestPlus(levels, grid, self.trials)
+
+
+class StaircasePlan(_Part):
+    """A transformed staircase."""
+
+    kind: Literal["staircase"] = "staircase"
+    start: Level
+    low: Level
+    high: Level
+    down: Annotated[int, Field(ge=1, le=10)] = 3
+    up: Annotated[int, Field(ge=1, le=10)] = 1
+    steps_db: Annotated[
+        list[Annotated[FiniteFloat, Field(gt=0.0, le=40.0)]], Field(min_length=1, max_length=20)
+    ] = [6.0, 4.0, 2.0]
+    """20 log10 of the ratio of levels: before the first reversal, the second, and so on."""
+    reversals: Trials = 16
+    trials: Trials = 100
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if not self.low <= self.start <= self.high or self.low == self.high:
+            raise ValueError(
+                f"low {self.low:g}, start {self.start:g}, high {self.high:g}: in this order"
+            )
+        return self
+
+    @property
+    def easiest(self) -> float:
+        """Level of practice and of catch trials that present something."""
+        return self.start
+
+    def begin(self, guess: float | None, rng: np.random.Generator) -> Staircase:
+        """Return the procedure before its first trial.
+
+        Parameters
+        ----------
+        guess : float or None
+            Is not used.
+        rng : numpy.random.Generator
+            Is not used.
+        """
+        return Staircase(
+            self.start,
+            self.low,
+            self.high,
+            self.down,
+            self.up,
+            self.steps_db,
+            self.reversals,
+            self.trials,
+        )
+
+
+class ConstantPlan(_Part):
+    """Levels given in advance, each as often as the others."""
+
+    kind: Literal["constant"] = "constant"
+    levels: Annotated[list[Level], Field(max_length=500)] = []
+    """Empty: each pair of a stimulus of pairs."""
+    repeats: Annotated[int, Field(ge=1, le=1_000)] = 20
+
+    @property
+    def easiest(self) -> float:
+        """Level of practice and of catch trials that present something."""
+        return max(self.levels)
+
+    def begin(self, guess: float | None, rng: np.random.Generator) -> ConstantStimuli:
+        """Return the procedure before its first trial.
+
+        Parameters
+        ----------
+        guess : float or None
+            Is not used.
+        rng : numpy.random.Generator
+            Draws the order.
+        """
+        return ConstantStimuli(self.levels, self.repeats, rng)
+
+
+Plan = Annotated[QuestPlusPlan | StaircasePlan | ConstantPlan, Field(discriminator="kind")]
+
+
+class Presentation(_Part):
+    """How the intervals of a trial are presented."""
+
+    interval_s: Annotated[FiniteFloat, Field(ge=0.05, le=60.0)] = 1.0
+    """Of each interval, its fades included."""
+    gap_s: Annotated[FiniteFloat, Field(ge=0.0, le=60.0)] = 0.5
+    """Between intervals, and before the first."""
+    fade_s: Annotated[FiniteFloat, Field(ge=0.0, le=5.0)] = 0.1
+    """Raised cosine at both ends, in steps that the rig cross-fades."""
+    mask: Texture | None = None
+    """Felt during the gaps instead of a smooth screen."""
+    on_scaled: Literal["flag", "refuse"] = "refuse"
+    """What becomes of a trial that the rig cannot render whole: it goes on with its flag and
+    the level as rendered, or it is not presented and the level not proposed again."""
+
+    @model_validator(mode="after")
+    def _fades_fit(self) -> Self:
+        if 2.0 * self.fade_s > self.interval_s:
+            raise ValueError(
+                f"two fades of {self.fade_s:g} s do not fit in {self.interval_s:g} s"
+            )
+        return self
+
+
+class Design(_Part):
+    """The order of trials."""
+
+    order: Literal["interleaved", "blocked"] = "interleaved"
+    """Of several conditions; blocks follow each other by a Latin square over participants."""
+    practice: Annotated[int, Field(ge=0, le=1_000)] = 0
+    """Trials at the easiest level before the others, with feedback, not counted."""
+    catch_every: Annotated[int, Field(ge=0, le=1_000)] = 0
+    """One catch trial in so many, at a random place; 0 for none."""
+    break_every: Annotated[int, Field(ge=0, le=10_000)] = 0
+    """Trials between breaks; 0 for none."""
+
+
+class Protocol(_Part):
+    """An experiment as a document."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9-]{1,60}$")]
+    description: Annotated[str, Field(max_length=2_000)] = ""
+    task: Task
+    procedure: Plan
+    conditions: Annotated[
+        dict[Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,50}$")], Stimulus],
+        Field(min_length=1, max_length=32),
+    ]
+    presentation: Presentation = Presentation()
+    design: Design = Design()
+    record: bool = False
+    """Whether the rig's recorder records the session."""
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        pairs = [isinstance(each, Pairs) for each in self.conditions.values()]
+        constant = isinstance(self.procedure, ConstantPlan)
+        if any(pairs):
+            compares = isinstance(self.task, SameDifferent) or (
+                isinstance(self.task, Magnitude) and self.task.intervals == 2
+            )
+            if not (constant and compares and not self.design.catch_every):
+                raise ValueError(
+                    "pairs of textures take the procedure 'constant', no catch trials, and the "
+                    "task 'same-different' or 'magnitude' with two intervals"
+                )
+        elif isinstance(self.procedure, ConstantPlan) and not self.procedure.levels:
+            raise ValueError("the procedure 'constant' takes levels, except with pairs")
+        if not constant and self.task.kind in ("magnitude", "adjustment"):
+            raise ValueError(
+                f"the task {self.task.kind!r} has no right answer for a procedure to follow: "
+                "use 'constant'"
+            )
+        return self
+
+    def plan_of(self, condition: str) -> QuestPlusPlan | StaircasePlan | ConstantPlan:
+        """Return the procedure of a condition, with the levels of pairs filled in.
+
+        Parameters
+        ----------
+        condition : str
+            Its name.
+        """
+        stimulus, plan = self.conditions[condition], self.procedure
+        if isinstance(stimulus, Pairs) and isinstance(plan, ConstantPlan) and not plan.levels:
+            numbers = [float(k + 1) for k in range(len(stimulus.pairs))]
+            return plan.model_copy(update={"levels": numbers})
+        return plan
+
+    def begin(self, condition: str, rng: np.random.Generator) -> AnyProcedure:
+        """Return the procedure of a condition before its first trial.
+
+        Parameters
+        ----------
+        condition : str
+            Its name.
+        rng : numpy.random.Generator
+            Draws an order where there is one to draw.
+        """
+        return self.plan_of(condition).begin(guess_rate(self.task), rng)
+
+
+def load_protocol(source: str | Path) -> Protocol:
+    """Read a protocol from a TOML file, or one that comes with the package.
+
+    Parameters
+    ----------
+    source : str or Path
+        A file; or `detection`, `amplitude-difference` or `similarity`.
+
+    Raises
+    ------
+    ArgumentError
+        If the file is no protocol; the text says where.
+    FileNotFoundError
+        If there is no such file.
+    """
+    path = Path(source)
+    if not path.is_file():
+        ready = Path(__file__).parent / "protocols"
+        names = sorted(each.stem for each in ready.glob("*.toml"))
+        if str(source) not in names:
+            raise FileNotFoundError(
+                f"there is no file {str(source)!r}; ready protocols: {', '.join(names)}"
+            )
+        path = ready / f"{source}.toml"
+    if path.stat().st_size > MAX_TOML_BYTES:
+        raise ArgumentError(f"{path.name}: more than {MAX_TOML_BYTES} bytes")
+    try:
+        document: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        return Protocol.model_validate(document)
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise ArgumentError(f"{path.name} is not TOML: {error}") from error
+    except ValidationError as error:
+        raise ArgumentError(f"{path.name}: {explain(error)}") from error

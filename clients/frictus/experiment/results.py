@@ -1,0 +1,185 @@
+"""What the rows of a log say: thresholds, exponents, settings and similarities by condition."""
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from frictus.errors import ArgumentError
+from frictus.experiment.fitting import Estimate, PsychometricFit, fit
+from frictus.experiment.protocol import Protocol
+from frictus.experiment.stimuli import Pairs
+from frictus.experiment.tasks import guess_rate
+
+
+@dataclass(frozen=True, slots=True)
+class ConditionResult:
+    """What the trials of a condition say; what does not apply is None.
+
+    Attributes
+    ----------
+    condition : str
+        Its name.
+    trials : int
+        Answered, practice apart.
+    refused, flagged : int
+        Trials that the rig could not render whole, and answered ones with any flag.
+    catch_right : tuple of int or None
+        Catch trials answered rightly, and all of them.
+    unit : str
+        Of the level.
+    fit : PsychometricFit or None
+        Of choices.
+    exponent : Estimate or None
+        Of Stevens' power law, of magnitudes.
+    setting : Estimate or None
+        Geometric mean of the levels set.
+    ratings : dict of str to float or None
+        Mean number or share of "different" of each pair, by ``first|second``.
+    """
+
+    condition: str
+    trials: int
+    refused: int
+    flagged: int
+    catch_right: tuple[int, int] | None
+    unit: str
+    fit: PsychometricFit | None = None
+    exponent: Estimate | None = None
+    setting: Estimate | None = None
+    ratings: dict[str, float] | None = None
+
+    def fields(self) -> dict[str, Any]:
+        """Return it as JSON holds it."""
+        return asdict(self)
+
+
+def results(protocol: Protocol, rows: list[dict[str, Any]]) -> list[ConditionResult]:
+    """Return what a log says of each condition that has answers.
+
+    Parameters
+    ----------
+    protocol : Protocol
+        The experiment.
+    rows : list of dict
+        Of its log.
+
+    Raises
+    ------
+    ArgumentError
+        If a row lacks what a trial has.
+    """
+    try:
+        main = [row for row in rows if row.get("phase") == "main" and "status" in row]
+        found = []
+        for name in protocol.conditions:
+            mine = [row for row in main if row["condition"] == name]
+            if any(row["status"] == "answered" for row in mine):
+                found.append(_result(protocol, name, mine))
+    except (KeyError, TypeError, ValueError) as error:
+        if isinstance(error, ArgumentError):
+            raise
+        raise ArgumentError(f"a row of the log is no trial: {error!r}") from error
+    return found
+
+
+def _result(protocol: Protocol, name: str, rows: list[dict[str, Any]]) -> ConditionResult:
+    answered = [row for row in rows if row["status"] == "answered"]
+    catch = [row for row in answered if row["catch"]]
+    stimulus, task = protocol.conditions[name], protocol.task
+    base = ConditionResult(
+        name,
+        len(answered),
+        sum(row["status"] == "refused" for row in rows),
+        sum(bool(row["flags"]) for row in answered),
+        (sum(bool(row["correct"]) for row in catch), len(catch)) if catch else None,
+        stimulus.unit,
+    )
+    values = asdict(base)
+    if isinstance(stimulus, Pairs):
+        values["ratings"] = _ratings(stimulus, answered)
+    elif task.kind == "magnitude":
+        told = [row for row in answered if row["level_rendered"] > 0.0]
+        numbers = [float(row["response"]) for row in told]
+        levels = [row["level_rendered"] for row in told]
+        if len(set(levels)) > 1 and len(levels) > 2 and min(numbers) > 0.0:
+            values["exponent"] = power_law_exponent(levels, numbers)
+    elif task.kind == "adjustment":
+        levels = [row["level_rendered"] for row in answered if row["level_rendered"] > 0.0]
+        values["setting"] = geometric_mean(levels) if len(levels) > 1 else None
+    else:
+        usable = [row for row in answered if "level lost" not in row["flags"]]
+        levels = [row["level_rendered"] for row in usable]
+        if any(level > 0.0 for level in levels):
+            positive = [row["positive"] for row in usable]
+            values["fit"] = fit(levels, positive, guess_rate(task))
+    return ConditionResult(**values)
+
+
+def _ratings(stimulus: Pairs, rows: list[dict[str, Any]]) -> dict[str, float]:
+    """Return the mean answer of each pair, whatever its order."""
+    answers: dict[str, list[float]] = {}
+    for row in rows:
+        value = row["response"] if row["positive"] is None else row["positive"]
+        names = stimulus.names(row["level"])
+        answers.setdefault("|".join(names), []).append(float(value))
+    return {pair: float(np.mean(values)) for pair, values in sorted(answers.items())}
+
+
+def power_law_exponent(
+    levels: ArrayLike, numbers: ArrayLike, confidence: float = 0.95
+) -> Estimate:
+    """Return the exponent of Stevens' power law by regression of logarithms.
+
+    Parameters
+    ----------
+    levels, numbers : array_like, shape (n_trials,)
+        Above 0; at least 3, of two levels or more.
+    confidence : float
+        Of the interval, 0.5 to 0.999.
+    """
+    x, y = np.log10(levels), np.log10(numbers)
+    centred = x - np.mean(x)
+    spread = float(np.sum(centred**2))
+    slope = float(np.sum(centred * y) / spread)
+    residual = y - np.mean(y) - slope * centred
+    error = math.sqrt(float(np.sum(residual**2)) / (x.size - 2) / spread)
+    half = student_quantile(0.5 + confidence / 2.0, x.size - 2) * error
+    return Estimate(slope, slope - half, slope + half)
+
+
+def geometric_mean(levels: ArrayLike, confidence: float = 0.95) -> Estimate:
+    """Return the geometric mean of levels that were set, with Student's interval.
+
+    Parameters
+    ----------
+    levels : array_like, shape (n_settings,)
+        Above 0, at least 2.
+    confidence : float
+        Of the interval, 0.5 to 0.999.
+    """
+    x = np.log10(levels)
+    half = student_quantile(0.5 + confidence / 2.0, x.size - 1) * float(np.std(x, ddof=1))
+    half /= math.sqrt(x.size)
+    mean = float(np.mean(x))
+    return Estimate(10.0**mean, 10.0 ** (mean - half), 10.0 ** (mean + half))
+
+
+def student_quantile(share: float, freedom: int) -> float:
+    """Return a quantile of Student's t, from its density over atan(t / sqrt(freedom)).
+
+    Parameters
+    ----------
+    share : float
+        0.5 up to, not with, 1.
+    freedom : int
+        Degrees of freedom, 1 or above.
+    """
+    angle = np.linspace(0.0, 0.5 * np.pi, 20_001)
+    density = np.cos(angle) ** (freedom - 1)
+    steps = 0.5 * (density[1:] + density[:-1])
+    cumulative = np.concatenate([[0.0], np.cumsum(steps)])
+    at = np.interp(2.0 * share - 1.0, cumulative / cumulative[-1], angle)
+    return math.sqrt(freedom) * math.tan(float(at))

@@ -1,0 +1,260 @@
+"""Which trial comes next: a function of protocol, seed and the trials before, and nothing else.
+
+So an experiment that was interrupted goes on where its log ends: the rows are taken in again,
+and the next trial is the one that would have come.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from frictus.errors import ArgumentError
+from frictus.experiment.orders import flipped, generator, is_catch, latin_square, next_condition
+from frictus.experiment.protocol import AnyProcedure, Protocol
+from frictus.experiment.stimuli import Pairs
+from frictus.experiment.tasks import (
+    Adjustment,
+    Order,
+    TwoAlternatives,
+    correct_answer,
+    order_of,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A trial before it is presented.
+
+    Attributes
+    ----------
+    number : int
+        From 1, practice and refused trials included.
+    phase : {'practice', 'main'}
+        Practice is not counted.
+    condition : str
+        Name of the condition.
+    level : float
+        Asked for, in the unit of the stimulus; where it is set by the participant, the first.
+    catch : bool
+        Whether it is a catch trial.
+    order : tuple of str
+        What each interval presents, `test` or `reference`.
+    correct : str or None
+        The right answer, where one is.
+    feedback : bool
+        Whether the participant is told if the answer was right.
+    pause : bool
+        Whether a break comes before it.
+    """
+
+    number: int
+    phase: Literal["practice", "main"]
+    condition: str
+    level: float
+    catch: bool
+    order: Order
+    correct: str | None
+    feedback: bool
+    pause: bool
+
+
+class Schedule:
+    """The trials of an experiment in their order.
+
+    Parameters
+    ----------
+    protocol : Protocol
+        The experiment.
+    seed : int
+        Of everything that is drawn, 0 or above.
+    order_row : int
+        Row of the Latin square by which blocks follow each other, from 0: the participant's
+        number.
+    """
+
+    def __init__(self, protocol: Protocol, seed: int, order_row: int = 0) -> None:
+        self._protocol, self._seed = protocol, seed
+        names = list(protocol.conditions)
+        square = latin_square(len(names))
+        self.conditions = [names[k] for k in square[order_row % len(square)]]
+        self.procedures: dict[str, AnyProcedure] = {
+            name: protocol.begin(name, generator(seed, "procedure", name)) for name in names
+        }
+        self._counted = dict.fromkeys(names, 0)
+        self._limits: dict[str, float] = {}
+        self._recorded = 0
+        self._practised = 0
+        self._rested_at = 0
+
+    @property
+    def seed(self) -> int:
+        """Of everything that is drawn."""
+        return self._seed
+
+    @property
+    def recorded(self) -> int:
+        """How many trials were recorded, practice and refused ones included."""
+        return self._recorded
+
+    def next(self) -> Trial | None:
+        """Return the next trial, the same until it is recorded; None after the last."""
+        design = self._protocol.design
+        if self._practised < design.practice:
+            name = self.conditions[self._practised % len(self.conditions)]
+            return self._trial("practice", name, self._practised, False)
+        left = [name for name in self.conditions if not self.procedures[name].finished]
+        if not left:
+            return None
+        if design.order == "blocked":
+            name = left[0]
+        else:
+            done = {name: self._counted[name] for name in left}
+            name = next_condition(self._seed, sum(self._counted.values()), done)
+        place = self._counted[name]
+        catch = is_catch(self._seed, name, place, design.catch_every)
+        return self._trial("main", name, place, catch)
+
+    def _trial(
+        self, phase: Literal["practice", "main"], name: str, place: int, catch: bool
+    ) -> Trial:
+        protocol, task = self._protocol, self._protocol.task
+        attention = catch and isinstance(task, TwoAlternatives)
+        stimulus = protocol.conditions[name]
+        if phase == "practice" and isinstance(stimulus, Pairs):
+            draw = generator(self._seed, "practice", name, place)
+            level = float(draw.integers(1, len(stimulus.pairs) + 1))
+        elif phase == "practice" or attention:
+            level = self._easiest(name)
+        else:
+            level = self.procedures[name].next_level()
+        if isinstance(task, Adjustment):  # starts are not to tell where the answer is
+            start = generator(self._seed, "start", phase, name, place).uniform(-1.0, 1.0)
+            level = min(max(level * 2.0**start, task.low), task.high)
+        order = order_of(task, catch, flipped(self._seed, f"{phase} {name}", place))
+        every = protocol.design.break_every
+        counted = sum(self._counted.values())
+        return Trial(
+            number=self._recorded + 1,
+            phase=phase,
+            condition=name,
+            level=level,
+            catch=catch,
+            order=order,
+            correct=correct_answer(task, order),
+            feedback=phase == "practice" or getattr(task, "feedback", False),
+            pause=every > 0 and counted >= self._rested_at + every,
+        )
+
+    def _easiest(self, name: str) -> float:
+        plan = self._protocol.plan_of(name)
+        limit = self._limits.get(name)
+        if limit is None or plan.easiest < limit:
+            return plan.easiest
+        return 0.8 * limit
+
+    def record(self, trial: Trial, rendered_level: float, positive: bool | None) -> None:
+        """Take in an answered trial.
+
+        Parameters
+        ----------
+        trial : Trial
+            What `next` returned.
+        rendered_level : float
+            Level as rendered; a choice at a level of 0 or below tells a procedure nothing.
+        positive : bool or None
+            Right, "yes" or "different"; None for numbers and settings.
+        """
+        self._recorded += 1
+        if trial.pause:
+            self._rested_at = sum(self._counted.values())
+        if trial.phase == "practice":
+            self._practised += 1
+            return
+        self._counted[trial.condition] += 1
+        if not trial.catch:
+            level = rendered_level if rendered_level > 0.0 else trial.level
+            self.procedures[trial.condition].update(level, bool(positive))
+
+    def refuse(self, trial: Trial) -> None:
+        """Take in a trial that the rig could not render whole.
+
+        Parameters
+        ----------
+        trial : Trial
+            What `next` returned; its level and those above are not proposed again.
+
+        Raises
+        ------
+        ArgumentError
+            If no level is left, or levels are pairs, which none can stand in for.
+        """
+        self._recorded += 1
+        name = trial.condition
+        stimulus = self._protocol.conditions[name]
+        if isinstance(stimulus, Pairs):
+            raise ArgumentError(
+                f"the rig cannot render the pair {' and '.join(stimulus.names(trial.level))} "
+                "whole: lower the gain of these textures, or set on_scaled to 'flag'"
+            )
+        self._limits[name] = min(trial.level, self._limits.get(name, trial.level))
+        self.procedures[name].exclude(self._limits[name])
+
+
+def resumed(protocol: Protocol, rows: list[dict[str, Any]], source: str = "log") -> Schedule:
+    """Return a schedule that stands where the rows of a log end.
+
+    Parameters
+    ----------
+    protocol : Protocol
+        The experiment; it must be the one of the log.
+    rows : list of dict
+        Header and trials.
+    source : str
+        Name of the log, for messages.
+
+    Raises
+    ------
+    ArgumentError
+        If the log is of another protocol, or its trials are not those of this one.
+    """
+    header = rows[0]
+    try:
+        held = Protocol.model_validate(header["protocol"])
+        schedule = Schedule(held, int(header["seed"]), int(header["order_row"]))
+    except (KeyError, TypeError, ValueError) as error:
+        raise ArgumentError(f"{source}: its header cannot be read: {error}") from error
+    if held != protocol:
+        changed = [
+            name
+            for name in type(protocol).model_fields
+            if getattr(held, name) != getattr(protocol, name)
+        ]
+        raise ArgumentError(
+            f"{source} was begun with another protocol ({', '.join(changed)} differ): go on "
+            "with that one, or begin a new log"
+        )
+    for row in rows:
+        if "trial" not in row:
+            continue
+        trial = schedule.next()
+        same = trial is not None and all(
+            row.get(name) == value
+            for name, value in (
+                ("trial", trial.number),
+                ("phase", trial.phase),
+                ("condition", trial.condition),
+                ("catch", trial.catch),
+                ("order", list(trial.order)),
+            )
+        )
+        if trial is None or not same:
+            raise ArgumentError(
+                f"{source}, trial {row.get('trial')!r}: not the one that this version of the "
+                "protocol presents; it cannot be gone on with"
+            )
+        if row.get("status") == "refused":
+            schedule.refuse(trial)
+        elif isinstance(level := row.get("level_rendered"), int | float):
+            schedule.record(trial, float(level), row.get("positive"))
+        else:
+            raise ArgumentError(f"{source}, trial {trial.number}: no level_rendered")
+    return schedule

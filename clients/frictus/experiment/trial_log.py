@@ -1,0 +1,126 @@
+"""The log of an experiment: one JSON object a line, each on the disk before the next trial."""
+
+import json
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Self
+
+from frictus.errors import ArgumentError
+
+FORMAT: Final = "frictus-experiment/1"
+MAX_LOG_BYTES: Final = 200_000_000
+MAX_LINE_BYTES: Final = 10_000_000
+MAX_ROWS: Final = 200_000
+
+
+def read_log(path: Path) -> tuple[list[dict[str, Any]], int]:
+    """Read the rows of a log.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    rows : list of dict
+        The header, then the trials.
+    whole_bytes : int
+        Where the last whole line ends; a line that a crash tore follows.
+
+    Raises
+    ------
+    ArgumentError
+        If it is not such a log; the text says which line.
+    FileNotFoundError
+        If there is no such file.
+    """
+    if path.stat().st_size > MAX_LOG_BYTES:
+        raise ArgumentError(f"{path}: more than {MAX_LOG_BYTES} bytes; no log of ours")
+    content = path.read_bytes()
+    whole_bytes = content.rfind(b"\n") + 1
+    lines = content[:whole_bytes].split(b"\n")[:-1]
+    if len(lines) > MAX_ROWS:
+        raise ArgumentError(f"{path}: {len(lines)} lines; at most {MAX_ROWS} are read")
+    rows: list[dict[str, Any]] = []
+    for number, line in enumerate(lines, 1):
+        try:
+            row = json.loads(line) if len(line) <= MAX_LINE_BYTES else None
+        except (ValueError, RecursionError):
+            row = None
+        if not isinstance(row, dict):
+            raise ArgumentError(f"{path}, line {number}: not a JSON object of a log")
+        rows.append(row)
+    if rows and rows[0].get("format") != FORMAT:
+        raise ArgumentError(f"{path}: its first line is no header of {FORMAT}")
+    return rows, whole_bytes
+
+
+class TrialLog:
+    """Appends rows to a log; a context manager.
+
+    A line that a crash tore is cut off when the log is opened: its trial was not finished.
+
+    Parameters
+    ----------
+    path : Path
+        The file; its folder exists.
+
+    Attributes
+    ----------
+    rows : list of dict
+        What the log holds.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("ab")  # creates it
+        try:
+            self.rows, whole_bytes = read_log(path)
+            self._file.truncate(whole_bytes)
+            _sync_folder(path.parent)
+        except BaseException:
+            self._file.close()
+            raise
+
+    def append(self, row: dict[str, Any]) -> None:
+        """Write a row; it is on the disk when this returns.
+
+        Parameters
+        ----------
+        row : dict
+            What JSON can hold; no NaN and no infinity.
+        """
+        line = json.dumps(row, allow_nan=False, separators=(",", ":"))
+        self._file.write(line.encode() + b"\n")
+        self._file.flush()
+        os.fsync(self._file.fileno())
+        self.rows.append(row)
+
+    def close(self) -> None:
+        """Close the file. Closing twice is harmless."""
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        """Return self."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close."""
+        self.close()
+
+
+def _sync_folder(folder: Path) -> None:
+    """Have the disk keep the name of a new file; Windows does so with the file."""
+    if os.name != "posix":
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,244 @@
+"""`frictus experiment`: a psychophysical experiment at the terminal, or with an observer."""
+
+import sys
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from frictus_service.cli.options import (
+    AsJson,
+    ConfigFile,
+    RandomSeed,
+    RigOption,
+    RouterOption,
+    SiteOption,
+    TargetRig,
+    wants_lines,
+    write_line,
+)
+
+if TYPE_CHECKING:
+    from frictus.experiment import (
+        ConditionResult,
+        Participant,
+        PresentedInterval,
+        Protocol,
+        Trial,
+    )
+
+
+def experiment(
+    protocol: Annotated[
+        str,
+        typer.Argument(
+            metavar="PROTOCOL",
+            help="TOML file, or detection, amplitude-difference or similarity.",
+        ),
+    ],
+    participant: Annotated[
+        str, typer.Option("--participant", metavar="P", help="Pseudonym: letters and digits.")
+    ] = "01",
+    order_row: Annotated[
+        int,
+        typer.Option("--order", min=0, help="Row of the Latin square: number of the person."),
+    ] = 0,
+    log: Annotated[
+        Path | None,
+        typer.Option(
+            "--log",
+            metavar="FILE",
+            help="Trials; one that is there is gone on with.  [default: PROTOCOL-P.jsonl]",
+        ),
+    ] = None,
+    events: Annotated[
+        Path | None,
+        typer.Option("--events", metavar="DIR", help="Also write a BIDS table of the trials."),
+    ] = None,
+    observer: Annotated[
+        bool,
+        typer.Option("--observer", help="A simulated observer answers, on a simulated rig."),
+    ] = False,
+    results_only: Annotated[
+        bool, typer.Option("--results", help="Present nothing; say what the log says.")
+    ] = False,
+    seed: RandomSeed = None,
+    rig: RigOption = None,
+    site: SiteOption = None,
+    router: RouterOption = None,
+    config: ConfigFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run the experiment of PROTOCOL; begun anew with the same log, it goes on."""
+    import frictus
+    from frictus.experiment import (
+        Experiment,
+        SimulatedObserver,
+        VirtualParticipant,
+        load_protocol,
+        read_log,
+        results,
+        write_events,
+    )
+
+    chosen = load_protocol(protocol)
+    path = log or Path(f"{chosen.name}-{participant}.jsonl")
+    if not results_only:
+        target = TargetRig.of(config, router, site, rig)
+        with frictus.connect(target.router, tls=target.tls) as client:
+            found = target.choose(client)
+            made = Experiment.of(
+                found,
+                chosen,
+                log=path,
+                participant=participant,
+                order_row=order_row,
+                seed=seed,
+            )
+            person: Participant
+            if observer:
+                virtual = VirtualParticipant(found, chosen.task, SimulatedObserver(), made.seed)
+                with closing(virtual), made:
+                    made.run(virtual)
+            else:
+                person = Keyboard(chosen)
+                with made:
+                    made.run(person)
+    rows, _ = read_log(path)
+    if events is not None:
+        table, sidecar = write_events(rows, events)
+        sys.stderr.write(f"events: {table}, {sidecar}\n")
+    found_results = results(chosen, rows)
+    if not found_results:
+        sys.stderr.write(f"{path} holds no answered trials beyond practice yet\n")
+    for each in found_results:
+        if wants_lines(as_json):
+            write_line(event="result", log=str(path), **each.fields())
+        else:
+            sys.stdout.write("\n".join(result_lines(each)) + "\n")
+
+
+class Keyboard:
+    """A participant at the terminal.
+
+    Parameters
+    ----------
+    protocol : Protocol
+        The experiment.
+    """
+
+    def __init__(self, protocol: "Protocol") -> None:
+        self._protocol = protocol
+        self._question = protocol.task.question
+
+    def rest(self, trial: "Trial") -> None:
+        """Wait for Enter.
+
+        Parameters
+        ----------
+        trial : Trial
+            What comes next.
+        """
+        _say("A break. Press Enter to go on.")
+        _read()
+
+    def begin(self, trial: "Trial", interval: int) -> None:
+        """Say which interval begins.
+
+        Parameters
+        ----------
+        trial : Trial
+            Under way.
+        interval : int
+            From 1.
+        """
+        if interval == 1:
+            practice = ", practice" if trial.phase == "practice" else ""
+            _say(f"\ntrial {trial.number}{practice}: move your finger")
+        _say(f"  interval {interval} ...")
+
+    def ask(self, trial: "Trial", intervals: "list[PresentedInterval]") -> str:
+        """Ask, and read a line.
+
+        Parameters
+        ----------
+        trial : Trial
+            Under way.
+        intervals : list of PresentedInterval
+            What was presented.
+        """
+        from frictus.experiment.tasks import checked
+
+        if any(each.finger is None for each in intervals):
+            _say("  (the finger did not touch the screen)")
+        while True:
+            _say(f"  {self._question} ")
+            answer = _read()
+            try:
+                return checked(self._protocol.task, answer)
+            except ValueError as error:
+                _say(f"  {error}")
+
+    def learn(self, trial: "Trial", right: bool) -> None:
+        """Say whether it was right.
+
+        Parameters
+        ----------
+        trial : Trial
+            Answered.
+        right : bool
+            Whether it was.
+        """
+        _say("  right" if right else "  wrong")
+
+
+def _say(text: str) -> None:
+    """Write to the participant; standard output is for results."""
+    sys.stderr.write(text + "\n")
+    sys.stderr.flush()
+
+
+def _read() -> str:
+    line = sys.stdin.readline()
+    if not line:  # the end of input is no answer: the log waits for another day
+        raise KeyboardInterrupt
+    return line.strip()
+
+
+def result_lines(result: "ConditionResult") -> list[str]:
+    """Return what to say of a condition.
+
+    Parameters
+    ----------
+    result : ConditionResult
+        Of its trials.
+    """
+    lines = [f"{result.condition}: {result.trials} trials"]
+    if result.refused:
+        lines.append(f"  {result.refused} not presented: the rig could not render them whole")
+    if result.flagged:
+        lines.append(
+            f"  {result.flagged} with a flag, such as scaled or no contact: see the log"
+        )
+    if result.catch_right is not None:
+        lines.append(
+            f"  catch trials: {result.catch_right[0]} of {result.catch_right[1]} right"
+        )
+    if (fit := result.fit) is not None:
+        for name, value in (("threshold", fit.threshold), ("by likelihood", fit.threshold_ml)):
+            lines.append(
+                f"  {name}: {value.value:.3g} {result.unit} "
+                f"(95 %: {value.low:.3g} to {value.high:.3g})"
+            )
+        lines.append(f"  slope {fit.slope.value:.2g}, lapses {100.0 * fit.lapse:.1f} %")
+        if fit.open_ended:
+            lines.append("  the trials do not bound the threshold: use other levels, or more")
+    for name, found in (("exponent", result.exponent), ("setting", result.setting)):
+        if found is not None:
+            lines.append(
+                f"  {name}: {found.value:.3g} (95 %: {found.low:.3g} to {found.high:.3g})"
+            )
+    ratings = result.ratings or {}
+    lines += [f"  {pair.replace('|', ' and ')}: {mean:.3g}" for pair, mean in ratings.items()]
+    return lines

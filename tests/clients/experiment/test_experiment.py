@@ -1,0 +1,256 @@
+"""An experiment on a rig: killed at any trial it goes on; only answered trials are logged."""
+
+import json
+import random
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from frictus import ArgumentError, Client, Component, LeaseLostError, Spectrum, Topics
+from frictus.experiment import (
+    Amplitude,
+    ConstantPlan,
+    Experiment,
+    LevelRange,
+    Presentation,
+    QuestPlusPlan,
+    SimulatedObserver,
+    Trial,
+    TwoAlternatives,
+    VirtualParticipant,
+    read_log,
+)
+from frictus.experiment.schedule import Schedule
+
+TRIALS = 10
+QUICK = Presentation(interval_s=0.05, gap_s=0.0, fade_s=0.0)
+RIDGES = Amplitude(texture=Spectrum(components=[Component(amplitude_n=1.0, cycles_per_mm=0.5)]))
+PLAN = QuestPlusPlan(levels=LevelRange(low=0.01, high=0.2, count=9), trials=TRIALS)
+PROGRAM = """
+import sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[3])
+import frictus
+from test_experiment import Right, experiment
+with frictus.connect(sys.argv[1], "subject") as client:
+    with experiment(client, Path(sys.argv[2])) as made:
+        made.run(Right())
+"""
+
+
+class Right:
+    """Is right in two trials of three."""
+
+    def rest(self, trial: Trial) -> None:
+        raise AssertionError
+
+    def begin(self, trial: Trial, interval: int) -> None:
+        pass
+
+    def ask(self, trial: Trial, intervals: list[Any]) -> str:
+        right = str(trial.correct)
+        return right if trial.number % 3 else {"1": "2", "2": "1"}[right]
+
+    def learn(self, trial: Trial, right: bool) -> None:
+        raise AssertionError
+
+
+def experiment(client: Client, log: Path, **options: Any) -> Experiment:
+    fields: dict[str, Any] = {"presentation": QUICK, "seed": 5}
+    rig = client.rig("sim", "lab")
+    return Experiment(rig, TwoAlternatives(), PLAN, RIDGES, log=log, **(fields | options))
+
+
+def held_by(fake: Any, owner: str) -> None:
+    fake.say_everything_once()
+    fake.say(Topics.STATUS, fake.status(state="armed", owner=owner))
+
+
+def trials_of(log: Path) -> list[dict[str, Any]]:
+    rows, _ = read_log(log)
+    return [row for row in rows if "trial" in row]
+
+
+def expected() -> list[tuple[int, float, list[str]]]:
+    """What an experiment that is never interrupted presents."""
+    made = Experiment(
+        None,  # type: ignore[arg-type]
+        TwoAlternatives(),
+        PLAN,
+        RIDGES,
+        log="none",
+        presentation=QUICK,
+    )
+    schedule = Schedule(made.protocol, 5)
+    seen: list[tuple[int, float, list[str]]] = []
+    while (trial := schedule.next()) is not None:
+        seen.append((trial.number, trial.level, list(trial.order)))
+        schedule.record(trial, trial.level, Right().ask(trial, []) == trial.correct)
+    return seen
+
+
+def test_killed_at_any_trial_it_goes_on_with_the_same(
+    fake: Any, router: str, tmp_path: Path, seed: int
+) -> None:
+    held_by(fake, "subject")
+    log, draw = tmp_path / "log.jsonl", random.Random(seed)
+    arguments = [router, str(log), str(Path(__file__).parent)]
+    kills = 0
+    for at_least in (0, 3, 6, TRIALS):
+        process = subprocess.Popen([sys.executable, "-c", PROGRAM, *arguments])
+        try:
+            deadline = time.monotonic() + 60.0
+            while process.poll() is None:
+                assert time.monotonic() < deadline
+                done = len(trials_of(log)) if log.exists() and log.stat().st_size else 0
+                if at_least < TRIALS and done >= at_least + (at_least > 0):
+                    time.sleep(draw.uniform(0.0, 0.15))  # anywhere within a trial
+                    break
+                time.sleep(0.005)
+        finally:
+            process.kill()
+            kills += process.wait() != 0
+    assert kills == 3
+    rows = trials_of(log)
+    presented = [(row["trial"], row["level"], row["order"]) for row in rows]
+    assert presented == expected()
+    assert all(row["status"] == "answered" for row in rows)
+    assert sum(row.get("event") == "start" for row in read_log(log)[0]) >= 2
+
+
+def test_rows_say_what_was_asked_and_rendered(
+    fake: Any, client: Client, tmp_path: Path
+) -> None:
+    held_by(fake, "tester")
+    log = tmp_path / "log.jsonl"
+    with experiment(client, log) as made:
+        trial = made.next()
+        assert trial is not None
+        shown = made.present(trial)
+        assert shown is not None
+        with pytest.raises(ArgumentError, match="accepted"):
+            made.answer(trial, shown, "3", 0.1)
+        assert made.next() == trial
+        made.answer(trial, shown, str(trial.correct), 0.1)
+        assert made.next() != trial
+    header, start, row = read_log(log)[0]
+    assert header["seed"] == 5
+    assert start["event"] == "start"
+    assert row["level"] == row["level_rendered"] == trial.level
+    assert [each["shows"] for each in row["intervals"]] == list(trial.order)
+    assert all(each["applied"]["gain"] == 1.0 for each in row["intervals"])
+    assert row["correct"]
+    assert row["flags"] == ["no contact"]  # a finger that says nothing
+    scenes = []
+    while not fake.calls.empty():
+        call, request = fake.calls.get()
+        scenes += [request.scene] if call == "scene" else []
+    gains = [scene.regions[0].gain for scene in scenes if scene.regions]
+    assert gains == [trial.level]
+    assert not scenes[-1].regions
+
+
+def test_fades_rise_and_fall_and_never_exceed_the_level(
+    fake: Any, client: Client, tmp_path: Path
+) -> None:
+    held_by(fake, "tester")
+    # The fake's feasible gain is no scene's own: nothing is to be refused by it.
+    fading = Presentation(interval_s=0.3, gap_s=0.0, fade_s=0.1, on_scaled="flag")
+    with experiment(client, tmp_path / "log.jsonl", presentation=fading) as made:
+        trial = made.next()
+        assert trial is not None
+        made.present(trial)
+    gains = []
+    while not fake.calls.empty():
+        call, request = fake.calls.get()
+        if call == "scene" and request.scene.regions:
+            gains.append(request.scene.regions[0].gain / trial.level)
+    top = gains.index(1.0)
+    assert gains[: top + 1] == sorted(gains[: top + 1])
+    assert gains[top:] == sorted(gains[top:], reverse=True)
+    assert 3 <= len(gains) <= 9
+    assert max(gains) == 1.0
+
+
+def test_a_mask_is_felt_between_intervals_and_nothing_after_them(
+    fake: Any, client: Client, tmp_path: Path
+) -> None:
+    held_by(fake, "tester")
+    mask = Spectrum(components=[Component(amplitude_n=0.02, hz=100.0)])
+    masked = QUICK.model_copy(update={"mask": mask})
+    with experiment(client, tmp_path / "log.jsonl", presentation=masked) as made:
+        trial = made.next()
+        assert trial is not None
+        made.present(trial)
+    felt = []
+    while not fake.calls.empty():
+        call, request = fake.calls.get()
+        if call == "scene":
+            regions = request.scene.regions
+            kind = "smooth" if not regions else "test"
+            felt.append("mask" if regions and regions[0].texture == mask else kind)
+    shown = ["test" if each == "test" else "smooth" for each in trial.order]
+    assert felt == ["mask", shown[0], "mask", "mask", shown[1], "mask", "smooth"]
+
+
+def test_a_lost_lease_ends_it_and_logs_nothing(
+    fake: Any, client: Client, tmp_path: Path
+) -> None:
+    held_by(fake, "tester")
+    log = tmp_path / "log.jsonl"
+    slow = Presentation(interval_s=30.0, gap_s=0.0, fade_s=0.0)
+    with experiment(client, log, presentation=slow) as made:
+        fake.say(Topics.STATUS, fake.status(state="tripped"))
+        with pytest.raises(LeaseLostError):
+            made.run(Right())
+    assert not trials_of(log)
+
+
+def test_a_log_has_one_participant_and_one_protocol(
+    fake: Any, client: Client, tmp_path: Path
+) -> None:
+    held_by(fake, "tester")
+    log = tmp_path / "log.jsonl"
+    with experiment(client, log):
+        pass
+    before = log.read_bytes()
+    for options, says in (
+        ({"participant": "02"}, "participant"),
+        ({"name": "other"}, "name"),
+    ):
+        with pytest.raises(ArgumentError, match=says):
+            experiment(client, log, **options).__enter__()
+    assert log.read_bytes() == before
+    with experiment(client, log, seed=99) as made:  # a log has its own seed
+        assert made.seed == 5
+    assert json.loads(log.read_bytes().splitlines()[-1])["trials_before"] == 0
+
+
+def test_outside_of_its_context_it_presents_nothing(
+    client: Client, fake: Any, tmp_path: Path
+) -> None:
+    made = experiment(client, tmp_path / "log.jsonl")
+    trial = made.next()
+    assert trial is not None
+    with pytest.raises(RuntimeError, match="with"):
+        made.present(trial)
+
+
+@pytest.mark.parametrize("options", [{"participant": "a b"}, {"order_row": -1}, {"seed": -1}])
+def test_what_is_no_experiment_is_refused(
+    options: dict[str, Any], client: Client, fake: Any, tmp_path: Path
+) -> None:
+    with pytest.raises(ArgumentError):
+        experiment(client, tmp_path / "log.jsonl", **options)
+    with pytest.raises(ArgumentError, match="levels"):
+        Experiment(client.rig("sim", "lab"), TwoAlternatives(), ConstantPlan(), RIDGES, log="x")
+
+
+def test_an_observer_wants_a_simulated_rig(fake: Any, client: Client) -> None:
+    fake.say(Topics.STATUS, fake.status(simulated=False))
+    with pytest.raises(ArgumentError, match="not simulated"):
+        VirtualParticipant(client.rig("sim", "lab"), TwoAlternatives(), SimulatedObserver(), 1)

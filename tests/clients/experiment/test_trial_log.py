@@ -1,0 +1,60 @@
+"""The log: whole rows survive whatever cuts it off; what is no log is refused."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from frictus import ArgumentError
+from frictus.experiment import read_log, write_events
+from frictus.experiment.events import COLUMNS
+from frictus.experiment.trial_log import FORMAT, TrialLog
+
+HEADER: dict[str, Any] = {"format": FORMAT, "participant": "p/1", "protocol": {"name": "a-b"}}
+
+
+def test_a_log_cut_at_any_byte_keeps_its_whole_rows(tmp_path: Path) -> None:
+    file = tmp_path / "log.jsonl"
+    with TrialLog(file) as log:
+        for row in (HEADER, {"trial": 1}, {"trial": 2, "text": "ä\n"}):
+            log.append(row)
+    content = file.read_bytes()
+    for end in range(len(content) + 1):
+        file.write_bytes(content[:end])
+        whole = content[:end].count(b"\n")
+        with TrialLog(file) as log:
+            assert len(log.rows) == whole
+            log.append(HEADER if whole == 0 else {"trial": 9})
+        rows, size = read_log(file)
+        assert len(rows) == whole + 1
+        assert size == file.stat().st_size
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"{}\n", b"[]\n", b"{\n", b'{"format": "x"}\n', b"\xff\n", b"[" * 100_000 + b"\n"],
+)
+def test_what_is_no_log_is_refused_and_left_alone(content: bytes, tmp_path: Path) -> None:
+    file = tmp_path / "log.jsonl"
+    file.write_bytes(content)
+    with pytest.raises(ArgumentError, match="log"):
+        TrialLog(file)
+    assert file.read_bytes() == content
+
+
+def test_nan_is_not_written(tmp_path: Path) -> None:
+    with TrialLog(tmp_path / "log.jsonl") as log, pytest.raises(ValueError, match="JSON"):
+        log.append({"x": float("nan")})
+    assert not (tmp_path / "log.jsonl").read_bytes()
+
+
+def test_events_of_no_trials_are_a_table_all_the_same(tmp_path: Path) -> None:
+    table, sidecar = write_events([HEADER], tmp_path / "new")
+    assert table.name == "sub-p1_task-ab_events.tsv"
+    assert table.read_text() == "\t".join(COLUMNS) + "\n"
+    assert sidecar.with_suffix(".tsv") == table
+    broken: dict[str, Any] = {"status": "answered", "intervals": [{}]}
+    wrong: list[list[dict[str, Any]]] = [[], [{}], [HEADER, broken]]
+    for rows in wrong:
+        with pytest.raises(ArgumentError):
+            write_events(rows, tmp_path)
