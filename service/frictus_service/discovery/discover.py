@@ -25,6 +25,7 @@ from frictus_service.discovery.evidence.observation_table import (
     used,
 )
 from frictus_service.discovery.inference.significance import signs
+from frictus_service.discovery.one_recording.analysis import rank_recording
 from frictus_service.discovery.problem.base_models import ResponseName, base_model, simulator_of
 from frictus_service.discovery.problem.candidates import candidates_of, patterns_of
 from frictus_service.discovery.problem.problem import DiscoveryProblem
@@ -127,4 +128,9 @@ def discover_study(
     )
     evidence = study_evidence(path, workers=workers, cache=cache, cluster=cluster, tell=tell)
     tell("criticising the base model")
-    return discover(evidence, facts, mount, criticised, seed=seed)
+    found = discover(evidence, facts, mount, criticised, seed=seed)
+    if found.verdict is not None:
+        return found
+    recording, notes = rank_recording(path, criticised, tell)
+    more = {"one_recording": recording, "notes": (*found.notes, *notes)}
+    return found.model_copy(update=more)

@@ -20,7 +20,11 @@ from frictus_service.discovery.evidence.spectra import (
     Stretches,
     spectra_of,
 )
-from frictus_service.identification.observation.observe import course_of, observe_along
+from frictus_service.identification.observation.observe import (
+    FingerTrajectory,
+    course_of,
+    observe_along,
+)
 from frictus_service.identification.observation.response import TrialObservations
 from frictus_service.identification.pipeline.structured_columns import columns_of, table_of
 from frictus_service.identification.pipeline.study import read_study
@@ -73,7 +77,21 @@ def evidence_of(trial: Trial, study: StudyInfo) -> TrialEvidence:
     study : StudyInfo
         Its mount, its carrier and its screen voltage are used.
     """
-    course = course_of(trial)
+    return evidence_along(course_of(trial), trial, study)
+
+
+def evidence_along(course: FingerTrajectory, trial: Trial, study: StudyInfo) -> TrialEvidence:
+    """Return the evidence of a trial in the segments of a course, as `evidence_of`.
+
+    Parameters
+    ----------
+    course : FingerTrajectory
+        Of the finger in the trial; one row per segment and tone or band.
+    trial : Trial
+        As it was recorded.
+    study : StudyInfo
+        Its mount, its carrier and its screen voltage are used.
+    """
     observed = observe_along(course, trial, study)
     harmonics, stretches = spectra_of(trial, study, course, observed.rows)
     if trial.info.tones_hz:
@@ -164,6 +182,8 @@ class EvidenceRows:
         Where each trial was measured, on average; its tone means nothing.
     measured : Compared
         What was measured; NaN where nothing was.
+    variance : ndarray
+        Of ln size and of phase of each row, from the noise beside it.
     """
 
     unit_of_trial: IntArray
@@ -176,6 +196,7 @@ class EvidenceRows:
     rows: Probe
     trials: Probe
     measured: Compared
+    variance: FloatArray
 
 
 @dataclass(frozen=True, slots=True)

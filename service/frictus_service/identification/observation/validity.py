@@ -186,6 +186,19 @@ def judge(
     )
 
 
+def judge_signals(trial: Trial, study: StudyInfo) -> tuple[str, ...]:
+    """Return why the signals of a trial may not be used, whatever was asked of the finger.
+
+    Parameters
+    ----------
+    trial : Trial
+        As it was recorded.
+    study : StudyInfo
+        What holds for all trials: carrier, peak voltage, mount.
+    """
+    return (*_samples(trial), *_drive(trial, study))
+
+
 def _samples(trial: Trial) -> Iterator[str]:
     """Judge what is missing, what is clipped and what stands along the screen."""
     channels = {
