@@ -82,7 +82,7 @@ class AlignmentError(ServiceError, ValueError):
 
 
 class ImplausibleStudyError(StudyError):
-    """Every fit to the study would be nonsense: a sign, a unit, an axis; the text says which."""
+    """Every fit would be nonsense: a sign, a unit, an axis is wrong; the text says which."""
 
 
 class NothingToIdentifyError(StudyError):

@@ -151,7 +151,7 @@ def _across_friction(pool: Pool) -> float:
 
 
 def _drive_sign(pool: Pool) -> float:
-    """Return the mean cosine of the phase of friction at low tones, weighed by its certainty."""
+    """Return the weighted mean cosine of the phase of friction at low tones."""
     rows = [each.observed.rows for each in pool.trials]
     tones_hz = np.concatenate([each.tone_hz for each in rows])
     response: ComplexArray = np.concatenate([each.friction_response for each in rows])

@@ -1,4 +1,4 @@
-"""Mass, spring and damper of either sign behind a mobility, and a delay: is it passive?
+"""A mass, spring and damper of either sign behind a mobility, and a delay.
 
 A fingertip takes energy up: the real part of its mobility is positive at every frequency. The
 likeliest slip of all is a sign, and a delay between the channels turns phases too; so both are

@@ -1,4 +1,4 @@
-"""What the checks need of the samples of one trial: a few numbers, so that trials can be pooled."""
+"""A few numbers of the samples of one trial, which the checks pool over trials."""
 
 from dataclasses import astuple, dataclass, fields
 from typing import Final, Self
