@@ -60,6 +60,10 @@ def stop_if_implausible(findings: Iterable[Finding], where: str) -> None:
     ImplausibleStudyError
         It names all findings that stop.
     """
-    stopping = [each.text for each in findings if each.severity == "stop"]
-    if stopping:
-        raise ImplausibleStudyError(f"{where}: nothing was fitted. " + ". ".join(stopping))
+    remedies: dict[str, list[str]] = {}
+    for each in findings:
+        if each.severity == "stop":
+            remedies.setdefault(each.remedy, []).append(each.sentence)
+    if remedies:
+        told = [f"{'; '.join(said)}. To do: {remedy}" for remedy, said in remedies.items()]
+        raise ImplausibleStudyError(f"{where}: nothing was fitted: {'. '.join(told)}")

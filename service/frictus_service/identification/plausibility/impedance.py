@@ -17,10 +17,14 @@ from scipy.optimize import nnls
 from frictus_hardware.arrays import ComplexArray, FloatArray
 
 DELAYS_S: Final = np.linspace(-1e-3, 1e-3, 81)
+"""By which channels of one device may be apart."""
 FINE: Final = 26
 LEAST_TONES: Final = 3
 FLOOR: Final = 0.1
 """Relative error of a response whatever its noise: skins are no mass, spring and damper."""
+
+MOST_MISFIT: Final = 0.5
+"""Mean square relative misfit beyond which there is no mass, spring and damper to speak of."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +77,10 @@ def fit_impedance(
     best = {sign: _best(tones_hz, sign * mean, weight) for sign in (1.0, -1.0)}
     plus, minus = best[1.0], best[-1.0]
     chosen = plus if plus[0] <= minus[0] else minus
-    return Impedance(minus[0] - plus[0], chosen[1], chosen[2])
+    passivity = minus[0] - plus[0]
+    if chosen[0] > MOST_MISFIT or chosen[2] <= 0.0:
+        return Impedance(passivity, np.nan, np.nan)
+    return Impedance(passivity, chosen[1], chosen[2])
 
 
 def _best(

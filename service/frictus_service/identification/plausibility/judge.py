@@ -7,8 +7,10 @@ import numpy as np
 
 from frictus_service.identification.observation.observe import course_of, observe_along
 from frictus_service.identification.observation.response import TrialObservations
-from frictus_service.identification.plausibility.checks import CHECKS, Check, Pool, TrialRecord
+from frictus_service.identification.plausibility.checks import CHECKS, Check
+from frictus_service.identification.plausibility.diagnosis import diagnose
 from frictus_service.identification.plausibility.finding import Finding
+from frictus_service.identification.plausibility.pool import Pool, TrialRecord
 from frictus_service.identification.plausibility.trial_statistics import statistics_of
 from frictus_service.study.trial import StudyInfo, Trial
 
@@ -53,7 +55,7 @@ def judge_study(trials: Sequence[TrialRecord]) -> tuple[Finding, ...]:
         people[each.observed.info.participant].append(each)
     pools = {name: Pool.of(people[name]) for name in sorted(people)}
     found = [finding for check in CHECKS if (finding := _judged(check, pools)) is not None]
-    return tuple(sorted(found, key=lambda finding: finding.severity != "stop"))
+    return diagnose(found)
 
 
 def _judged(check: Check, pools: dict[str, Pool]) -> Finding | None:
