@@ -23,8 +23,12 @@ from frictus_service.discovery.evidence.spectra import (
 from frictus_service.identification.observation.observe import course_of, observe_along
 from frictus_service.identification.observation.response import TrialObservations
 from frictus_service.identification.pipeline.structured_columns import columns_of, table_of
-from frictus_service.identification.pipeline.study import read_study
+from frictus_service.identification.pipeline.study import STATISTICS, read_study
 from frictus_service.identification.pipeline.workers import Reader, Reading
+from frictus_service.identification.plausibility.trial_statistics import (
+    TrialStatistics,
+    statistics_of,
+)
 from frictus_service.study.trial import StudyInfo, Trial
 
 NOTHING_READ: Final = {
@@ -46,11 +50,14 @@ class TrialEvidence:
         One entry per row of `observed.rows`.
     stretches : Stretches
         One entry per third of a sweep, with or without drive.
+    statistics : TrialStatistics or None
+        By which its plausibility is judged; None of an unreadable trial.
     """
 
     observed: TrialObservations
     harmonics: HarmonicResponse
     stretches: Stretches
+    statistics: TrialStatistics | None = None
 
     @classmethod
     def of(cls, reading: Reading) -> Self:
@@ -60,6 +67,7 @@ class TrialEvidence:
             reading.observed,
             columns_of(HarmonicResponse, more["harmonics"]),
             columns_of(Stretches, more["stretches"]),
+            TrialStatistics.of_table(more[STATISTICS]) if STATISTICS in more else None,
         )
 
 
@@ -76,18 +84,21 @@ def evidence_of(trial: Trial, study: StudyInfo) -> TrialEvidence:
     course = course_of(trial)
     observed = observe_along(course, trial, study)
     harmonics, stretches = spectra_of(trial, study, course, observed.rows)
+    statistics = statistics_of(trial, study, course)
     if trial.info.tones_hz:
-        return TrialEvidence(observed, harmonics, stretches)
+        return TrialEvidence(observed, harmonics, stretches, statistics)
     found = broadband(trial, study, course)
     notes = (*observed.notes, *found.notes)
     observed = replace(observed, rows=found.rows, notes=notes)
-    return TrialEvidence(observed, found.harmonics, stretches)
+    return TrialEvidence(observed, found.harmonics, stretches, statistics)
 
 
 def read_evidence(trial: Trial, study: StudyInfo) -> Reading:
     """Return the evidence of a trial as workers hand it on."""
     found = evidence_of(trial, study)
     more = {"harmonics": table_of(found.harmonics), "stretches": table_of(found.stretches)}
+    if found.statistics is not None:
+        more[STATISTICS] = found.statistics.as_table()
     return Reading(found.observed, more)
 
 
@@ -99,6 +110,7 @@ EVIDENCE: Final = Reader(
         "frictus_service.discovery.evidence.broadband",
         "frictus_service.discovery.evidence.evidence_rows",
         "frictus_service.discovery.evidence.spectra",
+        "frictus_service.identification.plausibility.trial_statistics",
     ),
 )
 

@@ -116,7 +116,7 @@ CHECKS: Final = (
         "the normal force is {value:.3g} times its target",
         lambda value: (
             "correct the unit of force_n (N) or of its target"
-            f"{unit_guess(value, FORCE_UNITS)}; volts are to be divided by the sensor's sensitivity"
+            f"{unit_guess(value, FORCE_UNITS)}; volts are to be divided by the sensitivity"
         ),
     ),
     Check(

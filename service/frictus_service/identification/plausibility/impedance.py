@@ -70,12 +70,14 @@ def fit_impedance(
     relative = 2.0 * variance[known] / np.square(np.abs(mobility[known]))
     weight = 1.0 / (FLOOR**2 + relative)
     total = np.bincount(of_tone, weight)
-    mean = np.bincount(of_tone, weight * mobility[known].real)
-    mean = (mean + 1j * np.bincount(of_tone, weight * mobility[known].imag)) / total
+    real, imaginary = (
+        np.bincount(of_tone, weight * part) / total
+        for part in (mobility[known].real, mobility[known].imag)
+    )
+    mean: ComplexArray = real + 1j * imaginary
     # No tone outweighs the others by how often it was played.
-    weight = total / np.bincount(of_tone)
-    best = {sign: _best(tones_hz, sign * mean, weight) for sign in (1.0, -1.0)}
-    plus, minus = best[1.0], best[-1.0]
+    each = total / np.bincount(of_tone).astype(np.float64)
+    plus, minus = (_best(tones_hz, sign * mean, each) for sign in (1.0, -1.0))
     chosen = plus if plus[0] <= minus[0] else minus
     passivity = minus[0] - plus[0]
     if chosen[0] > MOST_MISFIT or chosen[2] <= 0.0:

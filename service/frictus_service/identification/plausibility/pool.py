@@ -74,13 +74,16 @@ def middle(values: FloatArray) -> float:
 def speed_ratios(pool: Pool) -> FloatArray:
     """Return measured over target speed of each trial; NaN without a target."""
     targets = [each.observed.info.speed_mm_s or np.nan for each in pool.trials]
-    return np.array([each.observed.mean_speed_mm_s for each in pool.trials]) / targets
+    measured = np.array([each.observed.mean_speed_mm_s for each in pool.trials])
+    ratios: FloatArray = measured / np.array(targets)
+    return ratios
 
 
 def force_ratios(pool: Pool) -> FloatArray:
     """Return measured over target normal force of each trial; NaN without a target."""
     targets = [each.observed.info.force_n or np.nan for each in pool.trials]
-    return pool.column("normal_n") / np.array(targets)
+    ratios: FloatArray = pool.column("normal_n") / np.array(targets)
+    return ratios
 
 
 def share_off(ratios: FloatArray) -> float:
@@ -100,8 +103,8 @@ def friction_coefficient(pool: Pool, part: str) -> float:
         there = seconds > 0.0
         if not there.any():
             continue
-        force = pool.column(f"{side}_{part}_n")[there] @ seconds[there]
-        normal = np.abs(pool.column(f"{side}_normal_n")[there]) @ seconds[there]
+        force = float(pool.column(f"{side}_{part}_n")[there] @ seconds[there])
+        normal = float(np.abs(pool.column(f"{side}_normal_n")[there]) @ seconds[there])
         coefficients.append(force / normal if normal > 0.0 else np.nan)
     return float(np.mean(coefficients)) if coefficients else np.nan
 
