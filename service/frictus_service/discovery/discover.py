@@ -14,6 +14,7 @@ from frictus_service.discovery.decision.decision import decide
 from frictus_service.discovery.document import Discovery, StudyFacts
 from frictus_service.discovery.evidence.evidence_rows import (
     TrialEvidence,
+    judged,
     study_evidence,
     subjects_of,
 )
@@ -29,6 +30,8 @@ from frictus_service.discovery.problem.base_models import ResponseName, base_mod
 from frictus_service.discovery.problem.candidates import candidates_of, patterns_of
 from frictus_service.discovery.problem.problem import DiscoveryProblem
 from frictus_service.discovery.report.assembly import Assembly, nothing_tested
+from frictus_service.identification.plausibility.finding import stop_if_implausible
+from frictus_service.identification.plausibility.judge import judge_study
 from frictus_service.study.importers import open_study
 
 
@@ -55,12 +58,22 @@ def discover(
         skin) are fitted in any case.
     seed : int
         Of random sign flips, where there are too many units to try all.
+
+    Raises
+    ------
+    ImplausibleStudyError
+        If a sign, a unit or an axis is wrong, so that every fit would be nonsense.
     """
     response: ResponseName = base.response
     usable = used(evidence)
     trials = comparable(usable, response)
     units = units_of(trials, response)
-    told = caveats_on(evidence, usable, trials, units, response)
+    findings = judge_study(judged(evidence))
+    stop_if_implausible(findings, study.path)
+    told = (
+        *(f"{finding.text}." for finding in findings),
+        *caveats_on(evidence, usable, trials, units, response),
+    )
     study = study.model_copy(update={"trials_used": len(trials)})
     if len(units.names) < LEAST_UNITS:
         return nothing_tested(study, base, seed, told)
@@ -111,7 +124,7 @@ def discover_study(
     BaseModelError
         If there is no such base model.
     StudyError
-        If the study cannot be read.
+        If the study cannot be read, or is implausible as for `discover`.
     """
     tell = tell or (lambda line: None)
     seed = secrets.randbits(32) if seed is None else seed

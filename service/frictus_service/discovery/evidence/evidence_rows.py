@@ -1,6 +1,6 @@
 """What a trial says about the model, and what a unit of trials says, as rows."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Self
@@ -25,6 +25,7 @@ from frictus_service.identification.observation.response import TrialObservation
 from frictus_service.identification.pipeline.structured_columns import columns_of, table_of
 from frictus_service.identification.pipeline.study import STATISTICS, read_study
 from frictus_service.identification.pipeline.workers import Reader, Reading
+from frictus_service.identification.plausibility.pool import TrialRecord
 from frictus_service.identification.plausibility.trial_statistics import (
     TrialStatistics,
     statistics_of,
@@ -145,6 +146,21 @@ def study_evidence(
         path, EVIDENCE, workers=workers, cache=cache, cluster=cluster, tell=tell
     )
     return [TrialEvidence.of(reading) for reading in readings]
+
+
+def judged(evidence: Sequence[TrialEvidence]) -> list[TrialRecord]:
+    """Return what the plausibility of a study is judged by: of all trials that could be read.
+
+    Parameters
+    ----------
+    evidence : sequence of TrialEvidence
+        Of a whole study.
+    """
+    return [
+        TrialRecord(one.observed, one.statistics)
+        for one in evidence
+        if one.statistics is not None
+    ]
 
 
 QUIET: Final = 0.1
