@@ -2,6 +2,7 @@
 
 import secrets
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +31,7 @@ from frictus_service.discovery.problem.base_models import ResponseName, base_mod
 from frictus_service.discovery.problem.candidates import candidates_of, patterns_of
 from frictus_service.discovery.problem.problem import DiscoveryProblem
 from frictus_service.discovery.report.assembly import Assembly, nothing_tested
-from frictus_service.identification.plausibility.finding import stop_if_implausible
+from frictus_service.identification.plausibility.finding import leave_out, stop_if_implausible
 from frictus_service.identification.plausibility.judge import judge_study
 from frictus_service.study.importers import open_study
 
@@ -65,11 +66,15 @@ def discover(
         If a sign, a unit or an axis is wrong, so that every fit would be nonsense.
     """
     response: ResponseName = base.response
+    findings = judge_study(judged(evidence), response)
+    stop_if_implausible(findings, study.path)
+    observed = leave_out((one.observed for one in evidence), findings)
+    evidence = [
+        replace(one, observed=each) for one, each in zip(evidence, observed, strict=True)
+    ]
     usable = used(evidence)
     trials = comparable(usable, response)
     units = units_of(trials, response)
-    findings = judge_study(judged(evidence))
-    stop_if_implausible(findings, study.path)
     told = (
         *(f"{finding.text}." for finding in findings),
         *caveats_on(evidence, usable, trials, units, response),

@@ -31,7 +31,11 @@ from frictus_service.identification.inference.effects import (
     per_participant,
 )
 from frictus_service.identification.observation.response import TrialObservations
-from frictus_service.identification.plausibility.finding import Finding, stop_if_implausible
+from frictus_service.identification.plausibility.finding import (
+    Finding,
+    leave_out,
+    stop_if_implausible,
+)
 from frictus_service.identification.report.overview import population_of
 from frictus_service.identification.report.page import account_for, notes_on
 from frictus_service.identification.report.results import (
@@ -72,6 +76,7 @@ def identify(
         If no trial can be used.
     """
     stop_if_implausible(findings, path)
+    observations = leave_out(observations, findings)
     settings = settings or Settings()
     table = ObservationTable.of(observations)
     measured = Measured.of(table)

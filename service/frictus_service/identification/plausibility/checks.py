@@ -15,6 +15,7 @@ from frictus_service.identification.plausibility.pool import (
     friction_coefficient,
     middle,
     normal_axis,
+    passivity,
     share_off,
     skin_direction,
     skin_scale,
@@ -98,6 +99,14 @@ CHECKS: Final = (
         normal_axis,
         (0.0, 5.0),
         "a lateral column of force_n is {value:.2g} times the normal one throughout",
+        "put the columns of force_n in the order x, y, z: z is into the screen",
+    ),
+    Check(
+        "normal_flips",
+        "stop",
+        lambda pool: middle(pool.column("normal_flips")),
+        (0.0, 0.2),
+        "the normal force changes its sign, {value:.0%} of the time the rarer one",
         "put the columns of force_n in the order x, y, z: z is into the screen",
     ),
     Check(
@@ -186,7 +195,7 @@ CHECKS: Final = (
     Check(
         "mobility_sign",
         "stop",
-        lambda pool: pool.impedance.passivity,
+        passivity,
         (-0.2, 1.0),
         "the mobility of the skin gives energy out (passivity {value:.2f}): velocity or force "
         "has the wrong sign",

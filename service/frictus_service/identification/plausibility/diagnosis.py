@@ -6,13 +6,14 @@ from typing import Final
 
 from frictus_service.identification.plausibility.finding import Finding
 
+OF_FORCE: Final = (
+    *("normal_sign", "force_unit", "force_target", "friction_sign", "friction_unit"),
+    *("friction_axis", "force_axis", "drive_sign", "mobility_sign", "skin_unit", "skin_delay"),
+)
 CONSEQUENCES: Final = {
     "motion_axis": ("speed_unit", "speed_target", "skin_direction", "skin_scale"),
-    "normal_axis": (
-        *("normal_sign", "force_unit", "force_target", "friction_sign", "friction_unit"),
-        *("friction_axis", "force_axis", "drive_sign", "mobility_sign", "skin_unit"),
-        "skin_delay",
-    ),
+    "normal_axis": ("normal_flips", *OF_FORCE),
+    "normal_flips": OF_FORCE,
     "normal_sign": ("force_target",),
     "force_unit": ("force_target", "skin_unit", "friction_unit"),
     "speed_unit": ("speed_target", "skin_scale"),
@@ -28,6 +29,9 @@ CONSEQUENCES: Final = {
 
 SIGNS: Final = ("friction_sign", "drive_sign", "mobility_sign", "skin_direction")
 """Each compares two of force, skin and position, and trips where one of the two is turned."""
+
+OF_SKIN: Final = ("mobility_sign", "skin_axis", "skin_direction", "skin_scale", "skin_unit")
+"""Where these alone trip, it is the skin's sensor."""
 
 
 def diagnose(findings: Sequence[Finding]) -> tuple[Finding, ...]:
@@ -50,6 +54,22 @@ def diagnose(findings: Sequence[Finding]) -> tuple[Finding, ...]:
         replace(each, remedy=turned) if turned and each.code in SIGNS else each for each in left
     ]
     return tuple(sorted(told, key=lambda finding: finding.severity != "stop"))
+
+
+def without_skin(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Return the findings where the skin's sensor is not used: nothing stops that is its own.
+
+    Parameters
+    ----------
+    findings : sequence of Finding
+        From `diagnose`.
+    """
+    if any(each.severity == "stop" and each.code not in OF_SKIN for each in findings):
+        return tuple(findings)
+    return tuple(
+        replace(each, severity="warning", leaves_out=False) if each.code in OF_SKIN else each
+        for each in findings
+    )
 
 
 def _turned(codes: set[str]) -> str | None:

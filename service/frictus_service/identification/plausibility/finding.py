@@ -1,10 +1,11 @@
 """What is implausible about measurements: one sentence, and the remedy."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from frictus_service.errors import ImplausibleStudyError
+from frictus_service.identification.observation.response import TrialObservations
 
 Severity = Literal["stop", "warning"]
 
@@ -29,6 +30,9 @@ class Finding:
         Of the statistic.
     accepted : tuple of float
         Lowest and highest accepted value.
+    leaves_out : bool
+        Whether these trials are not to be used, though the rest of the study can be: a
+        minority of the participants shows what would stop otherwise.
     """
 
     code: str
@@ -38,11 +42,36 @@ class Finding:
     trials: tuple[str, ...]
     value: float
     accepted: tuple[float, float]
+    leaves_out: bool = False
 
     @property
     def text(self) -> str:
         """Sentence and remedy in one line."""
         return f"{self.sentence}; {self.remedy}"
+
+
+def leave_out(
+    observed: Iterable[TrialObservations], findings: Iterable[Finding]
+) -> list[TrialObservations]:
+    """Return the same trials, those that findings leave out not valid, with the reason.
+
+    Parameters
+    ----------
+    observed : iterable of TrialObservations
+        Of a study.
+    findings : iterable of Finding
+        Of the same study.
+    """
+    reasons: dict[str, list[str]] = {}
+    for finding in findings:
+        for trial in finding.trials if finding.leaves_out else ():
+            reasons.setdefault(trial, []).append(finding.sentence)
+    return [
+        replace(each, valid=False, reasons=(*each.reasons, *reasons[each.info.id]))
+        if each.info.id in reasons
+        else each
+        for each in observed
+    ]
 
 
 def stop_if_implausible(findings: Iterable[Finding], where: str) -> None:

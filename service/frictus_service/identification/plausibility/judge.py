@@ -2,19 +2,20 @@
 
 from collections import defaultdict
 from collections.abc import Sequence
+from typing import Final, Literal
 
 import numpy as np
 
 from frictus_service.identification.observation.observe import course_of, observe_along
 from frictus_service.identification.observation.response import TrialObservations
 from frictus_service.identification.plausibility.checks import CHECKS, Check
-from frictus_service.identification.plausibility.diagnosis import diagnose
+from frictus_service.identification.plausibility.diagnosis import diagnose, without_skin
 from frictus_service.identification.plausibility.finding import Finding
 from frictus_service.identification.plausibility.pool import Pool, TrialRecord
 from frictus_service.identification.plausibility.trial_statistics import statistics_of
 from frictus_service.study.trial import StudyInfo, Trial
 
-MOST: int = 5
+MOST: Final = 5
 """Participants that a sentence names."""
 
 
@@ -39,23 +40,29 @@ def judge_trial(
     return judge_study([TrialRecord(observed, statistics_of(trial, study, course))])
 
 
-def judge_study(trials: Sequence[TrialRecord]) -> tuple[Finding, ...]:
+def judge_study(
+    trials: Sequence[TrialRecord], response: Literal["friction", "mobility"] | None = None
+) -> tuple[Finding, ...]:
     """Return what is implausible about a study, what stops first.
 
-    What concerns fewer than half of the participants is a warning that names them: the others
-    can be used.
+    What concerns fewer than half of the participants is a warning that names them and leaves
+    their trials out: the others can be used.
 
     Parameters
     ----------
     trials : sequence of TrialRecord
         All that could be read, in any order.
+    response : {'friction', 'mobility'} or None
+        What will be fitted; None: both. Friction alone does not need the skin's sensor: what is
+        wrong with that is a warning then.
     """
     people: dict[str, list[TrialRecord]] = defaultdict(list)
     for each in trials:
         people[each.observed.info.participant].append(each)
     pools = {name: Pool.of(people[name]) for name in sorted(people)}
     found = [finding for check in CHECKS if (finding := _judged(check, pools)) is not None]
-    return diagnose(found)
+    told = diagnose(found)
+    return without_skin(told) if response == "friction" else told
 
 
 def _judged(check: Check, pools: dict[str, Pool]) -> Finding | None:
@@ -79,6 +86,7 @@ def _judged(check: Check, pools: dict[str, Pool]) -> Finding | None:
         tuple(trial.observed.info.id for name in off for trial in pools[name].trials),
         value,
         check.accepted,
+        leaves_out=few and check.severity == "stop",
     )
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
@@ -58,7 +58,7 @@ class Pool:
 
 
 LOW_HZ: Final = 250.0
-"""Up to here friction follows the drive within a quarter of a period, whatever its law."""
+"""Up to here friction follows the drive, and the skin friction, within a quarter of a period."""
 FAR: Final = 0.25
 """From its target: another condition than the one asked for."""
 FOLLOWS: Final = 0.7
@@ -116,18 +116,35 @@ def across_friction(pool: Pool) -> float:
 
 
 def drive_sign(pool: Pool) -> float:
-    """Return the weighted mean cosine of the phase of friction at low tones."""
+    """Return the mean cosine of the phase of friction at low tones."""
+    return _mean_cosine(pool, "friction")
+
+
+def _mean_cosine(pool: Pool, response: Literal["friction", "mobility"]) -> float:
+    """Return the mean cosine of a response's phase at low tones, weighed by its certainty."""
+    friction = response == "friction"
     rows = [each.observed.rows for each in pool.trials]
     tones_hz = np.concatenate([each.tone_hz for each in rows])
-    response: ComplexArray = np.concatenate([each.friction_response for each in rows])
-    variance = np.concatenate([each.friction_variance for each in rows])
-    low = (tones_hz <= LOW_HZ) & np.isfinite(response) & (response != 0.0)
+    measured: ComplexArray = np.concatenate(
+        [each.friction_response if friction else each.mobility for each in rows]
+    )
+    variance = np.concatenate(
+        [each.friction_variance if friction else each.mobility_variance for each in rows]
+    )
+    low = (tones_hz <= LOW_HZ) & np.isfinite(measured) & (measured != 0.0)
     low &= np.isfinite(variance)
     if not low.any():
         return np.nan
-    size = np.abs(response[low])
+    size = np.abs(measured[low])
     weight = 1.0 / (0.1**2 + 2.0 * variance[low] / np.square(size))
-    return float(weight @ (response[low].real / size) / weight.sum())
+    return float(weight @ (measured[low].real / size) / weight.sum())
+
+
+def passivity(pool: Pool) -> float:
+    """Return how passive the skin is, from 1 to -1; of one or two tones from low ones alone."""
+    if not np.isnan(pool.impedance.passivity):
+        return pool.impedance.passivity
+    return _mean_cosine(pool, "mobility")
 
 
 def _kinematic(pool: Pool) -> tuple[float, float]:

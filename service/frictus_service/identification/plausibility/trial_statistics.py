@@ -17,6 +17,8 @@ APART_S: Final = 0.4
 """Changes of velocity are taken over so long: a reversal fits, gravity's drift does not."""
 SPECTRUM_SAMPLES: Final = 32_768
 LEAST_SPEED_MM_S: Final = 2.0
+PRESSED: Final = 0.25
+"""Of the strongest force: what presses."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +37,8 @@ class TrialStatistics:
         Rms of the velocity along y over that along x, where the finger moves.
     normal_n, lateral_n : float
         Median of the force along z; the larger median magnitude of those along x and y.
+    normal_flips : float
+        Share of the samples that press in which the force along z has the rarer sign.
     right_force_n, right_across_n, right_normal_n, right_s : float
         Over sweeps to the right: mean force along the motion, mean across it to the left of
         the motion, mean normal force; seconds.
@@ -55,6 +59,7 @@ class TrialStatistics:
     across_motion: float
     normal_n: float
     lateral_n: float
+    normal_flips: float
     right_force_n: float
     right_across_n: float
     right_normal_n: float
@@ -105,6 +110,7 @@ def statistics_of(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> T
         _across_motion(course),
         medians[2],
         max(abs(medians[0]), abs(medians[1])),
+        _flips(trial.force_n[:, 2]),
         *_swept(trial, course, 1),
         *_swept(trial, course, -1),
         _across(trial.force_n, trial.info.sample_rate_hz),
@@ -121,6 +127,17 @@ def statistics_of(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> T
 def _median(values: FloatArray) -> float:
     known = values[np.isfinite(values)]
     return float(np.median(known)) if known.size else np.nan
+
+
+def _flips(normal_n: FloatArray) -> float:
+    known = normal_n[np.isfinite(normal_n)]
+    if not known.size:
+        return np.nan
+    pressing = known[np.abs(known) > PRESSED * np.quantile(np.abs(known), 0.9)]
+    if not pressing.size:
+        return np.nan
+    negative = float(np.mean(pressing < 0.0))
+    return min(negative, 1.0 - negative)
 
 
 def _across_motion(course: FingerTrajectory) -> float:
