@@ -8,6 +8,7 @@ import typer
 
 from frictus_service.cli.options import (
     AsJson,
+    Exit,
     RandomSeed,
     Response,
     Workers,
@@ -259,6 +260,9 @@ def discover(
 
         show(found, Console())
         Console().print(f"report: {folder / page.REPORT}", markup=False, soft_wrap=True)
+    if found.verdict is None:
+        _tell("frictus: nothing was tested; the notes say what to measure")
+        raise typer.Exit(Exit.USAGE)
 
 
 def summary(found: "Discovery") -> dict[str, object]:

@@ -1,6 +1,6 @@
 """What a trial says about the model, and what a unit of trials says, as rows."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Self
@@ -27,8 +27,13 @@ from frictus_service.identification.observation.observe import (
 )
 from frictus_service.identification.observation.response import TrialObservations
 from frictus_service.identification.pipeline.structured_columns import columns_of, table_of
-from frictus_service.identification.pipeline.study import read_study
+from frictus_service.identification.pipeline.study import STATISTICS, read_study
 from frictus_service.identification.pipeline.workers import Reader, Reading
+from frictus_service.identification.plausibility.pool import TrialRecord
+from frictus_service.identification.plausibility.trial_statistics import (
+    TrialStatistics,
+    statistics_of,
+)
 from frictus_service.study.trial import StudyInfo, Trial
 
 NOTHING_READ: Final = {
@@ -50,11 +55,14 @@ class TrialEvidence:
         One entry per row of `observed.rows`.
     stretches : Stretches
         One entry per third of a sweep, with or without drive.
+    statistics : TrialStatistics or None
+        By which its plausibility is judged; None of an unreadable trial.
     """
 
     observed: TrialObservations
     harmonics: HarmonicResponse
     stretches: Stretches
+    statistics: TrialStatistics | None = None
 
     @classmethod
     def of(cls, reading: Reading) -> Self:
@@ -64,6 +72,7 @@ class TrialEvidence:
             reading.observed,
             columns_of(HarmonicResponse, more["harmonics"]),
             columns_of(Stretches, more["stretches"]),
+            TrialStatistics.of_table(more[STATISTICS]) if STATISTICS in more else None,
         )
 
 
@@ -94,18 +103,21 @@ def evidence_along(course: FingerTrajectory, trial: Trial, study: StudyInfo) -> 
     """
     observed = observe_along(course, trial, study)
     harmonics, stretches = spectra_of(trial, study, course, observed.rows)
+    statistics = statistics_of(trial, study, course)
     if trial.info.tones_hz:
-        return TrialEvidence(observed, harmonics, stretches)
+        return TrialEvidence(observed, harmonics, stretches, statistics)
     found = broadband(trial, study, course)
     notes = (*observed.notes, *found.notes)
     observed = replace(observed, rows=found.rows, notes=notes)
-    return TrialEvidence(observed, found.harmonics, stretches)
+    return TrialEvidence(observed, found.harmonics, stretches, statistics)
 
 
 def read_evidence(trial: Trial, study: StudyInfo) -> Reading:
     """Return the evidence of a trial as workers hand it on."""
     found = evidence_of(trial, study)
     more = {"harmonics": table_of(found.harmonics), "stretches": table_of(found.stretches)}
+    if found.statistics is not None:
+        more[STATISTICS] = found.statistics.as_table()
     return Reading(found.observed, more)
 
 
@@ -117,6 +129,7 @@ EVIDENCE: Final = Reader(
         "frictus_service.discovery.evidence.broadband",
         "frictus_service.discovery.evidence.evidence_rows",
         "frictus_service.discovery.evidence.spectra",
+        "frictus_service.identification.plausibility.trial_statistics",
     ),
 )
 
@@ -151,6 +164,21 @@ def study_evidence(
         path, EVIDENCE, workers=workers, cache=cache, cluster=cluster, tell=tell
     )
     return [TrialEvidence.of(reading) for reading in readings]
+
+
+def judged(evidence: Sequence[TrialEvidence]) -> list[TrialRecord]:
+    """Return what the plausibility of a study is judged by: of all trials that could be read.
+
+    Parameters
+    ----------
+    evidence : sequence of TrialEvidence
+        Of a whole study.
+    """
+    return [
+        TrialRecord(one.observed, one.statistics)
+        for one in evidence
+        if one.statistics is not None
+    ]
 
 
 QUIET: Final = 0.1

@@ -33,6 +33,8 @@ MODEL: Final = "extended_model.json"
 def write(found: Discovery, folder: Path) -> list[Path]:
     """Write report, document and extended model, over what stands there; return their paths.
 
+    Where nothing was tested, there is no extended model.
+
     Parameters
     ----------
     found : Discovery
@@ -41,12 +43,15 @@ def write(found: Discovery, folder: Path) -> list[Path]:
         Made where it is missing.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    model = json.dumps(json.loads(found.extended_model.to_json()), indent=2)
     contents = {
         folder / REPORT: render(found).encode(),
         folder / DOCUMENT: found.to_json(),
-        folder / MODEL: model.encode(),
     }
+    if found.verdict is None:
+        (folder / MODEL).unlink(missing_ok=True)  # of an earlier run: nothing was tested
+    else:
+        model = json.dumps(json.loads(found.extended_model.to_json()), indent=2)
+        contents[folder / MODEL] = model.encode()
     for path, content in contents.items():
         replace_file(path, content)
     return list(contents)
