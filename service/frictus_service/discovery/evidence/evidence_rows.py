@@ -86,11 +86,13 @@ def evidence_of(trial: Trial, study: StudyInfo) -> TrialEvidence:
     study : StudyInfo
         Its mount, its carrier and its screen voltage are used.
     """
-    return evidence_along(course_of(trial), trial, study)
+    course = course_of(trial)
+    found = evidence_along(course, trial, study)
+    return replace(found, statistics=statistics_of(trial, study, course))
 
 
 def evidence_along(course: FingerTrajectory, trial: Trial, study: StudyInfo) -> TrialEvidence:
-    """Return the evidence of a trial in the segments of a course, as `evidence_of`.
+    """Return the evidence of a trial in the segments of a course; no statistics.
 
     Parameters
     ----------
@@ -103,13 +105,12 @@ def evidence_along(course: FingerTrajectory, trial: Trial, study: StudyInfo) -> 
     """
     observed = observe_along(course, trial, study)
     harmonics, stretches = spectra_of(trial, study, course, observed.rows)
-    statistics = statistics_of(trial, study, course)
     if trial.info.tones_hz:
-        return TrialEvidence(observed, harmonics, stretches, statistics)
+        return TrialEvidence(observed, harmonics, stretches)
     found = broadband(trial, study, course)
     notes = (*observed.notes, *found.notes)
     observed = replace(observed, rows=found.rows, notes=notes)
-    return TrialEvidence(observed, found.harmonics, stretches, statistics)
+    return TrialEvidence(observed, found.harmonics, stretches)
 
 
 def read_evidence(trial: Trial, study: StudyInfo) -> Reading:

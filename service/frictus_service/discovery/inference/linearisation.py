@@ -275,9 +275,9 @@ def if_alike(problem: DiscoveryProblem, model: Linearised) -> Linearised:
 
 
 def weighted_as(
-    problem: DiscoveryProblem, model: Linearised, ruler: Linearised
+    problem: DiscoveryProblem, model: Linearised, ruler: Linearised, wanted: Sequence[int]
 ) -> tuple[Unit, ...]:
-    """Return the units about a model, with its effects, weighted as those about another.
+    """Return the units about a model, weighted as those about another.
 
     Parameters
     ----------
@@ -287,13 +287,15 @@ def weighted_as(
         A fitted model.
     ruler : Linearised
         The same for all models that are compared.
+    wanted : sequence of int
+        Candidates whose signatures the units have.
     """
 
     def whitened(_: Sequence[Layout], raws: Sequence[UnwhitenedUnit]) -> list[Whitening]:
         return list(ruler.whitenings)
 
     chosen, at = model.chosen, model.coefficients
-    return _about(problem, model.own, chosen, at, len(chosen), chosen, (), whitened)[0]
+    return _about(problem, model.own, chosen, at, len(chosen), wanted, (), whitened)[0]
 
 
 def _again(

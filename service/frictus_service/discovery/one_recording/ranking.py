@@ -27,9 +27,7 @@ from frictus_service.discovery.inference.linearisation import (
 from frictus_service.discovery.problem.candidates import MODE_HZ, Candidate
 from frictus_service.discovery.problem.problem import DiscoveryProblem, UnwhitenedUnit
 
-FEW: Final = 3
-"""Frequencies at which a mode is fitted, of those at which its signature explains most."""
-BEST: Final = 4
+BEST: Final = 3
 """Causes of which all pairs are tried."""
 ERRORS: Final = 2.0
 """Standard errors over folds by which held-out gain must exceed zero."""
@@ -38,6 +36,9 @@ LEAST_GAIN: Final = 4.0
 ACCURACIES: Final = 2.0
 """As many times as the response is measured accurately must a cause change it somewhere: what
 windows of a spectrum are wrong by is the same in all folds."""
+SHARE: Final = 0.02
+"""Of what one cause explains, by which two must explain more: the windows of a spectrum, and the
+frequencies at which a mode is tried, leave a share of a large effect that another could fill."""
 RULE: Final = (
     f"held-out gain above {ERRORS:g} standard errors over folds and {LEAST_GAIN:g} nats, AIC "
     "with 2 ln K for the search below the base model's, and a change of the response somewhere "
@@ -125,6 +126,9 @@ class Ranking:
 def rank(problem: DiscoveryProblem, variance: Sequence[FloatArray]) -> Ranking:
     """Fit and rank the base model, every candidate and pairs of the best.
 
+    A candidate that explains next to nothing where the model is linear about the base is ranked
+    by that; the others are fitted.
+
     Parameters
     ----------
     problem : DiscoveryProblem
@@ -132,43 +136,94 @@ def rank(problem: DiscoveryProblem, variance: Sequence[FloatArray]) -> Ranking:
     variance : sequence of ndarray, shape (n_rows,)
         Of each fold: of ln size and phase of its rows, from the noise beside them.
     """
-    whitened = _by_noise(problem, variance)
-    base = linearise(problem, (), patterns=(), whiten=whitened)
-    left = project_out(base.units)
-    information = left.information.sum(axis=0)
-    gain = np.square(left.along.sum(axis=0)) / np.maximum(information, np.finfo(float).tiny)
-    shown = np.flatnonzero(information > 0.0).tolist()
-    names = dict.fromkeys(problem.candidates[k].effect for k in shown)
-    every = dict.fromkeys(each.effect for each in problem.candidates)
-    finer = _finer(problem, shown, gain)
-    added = range(len(problem.candidates), len(problem.candidates) + len(finer))
-    problem = replace(problem, candidates=(*problem.candidates, *finer))
-    searched = len(shown) + len(added)
-    fitted = {
-        (k,): linearise(problem, (k,), (k,), (), start=base, whiten=whitened)
-        for k in [*_promising(problem, shown, gain), *added]
-    }
-    first = _of_each_cause(problem, _compared(problem, base, fitted, base, searched))
+    fitted = _Fitted(problem, _by_noise(problem, variance))
+    for model in fitted.best(fitted.base):
+        fitted.add(model.candidates)
+    finer = _finer(problem, fitted.best(fitted.base)[:2])
+    if finer:
+        fitted = fitted.with_more(finer)
+    first = fitted.best(fitted.base)
     # The scatter about the base model holds what a cause would explain: the best has least.
-    ruler = fitted.get(first[0].candidates, base)
+    ruler = fitted.models.get(first[0].candidates, fitted.base)
     best = [model.candidates[0] for model in first if model.candidates][:BEST]
     for pair in combinations(best, 2):
-        better = fitted[pair[:1]]  # best first
-        fitted[pair] = linearise(problem, pair, pair, (), start=better, whiten=whitened)
-    found = _of_each_cause(problem, _compared(problem, base, fitted, ruler, searched))
+        fitted.add(pair, start=pair[:1])
+    found = fitted.best(ruler)
     found.sort(key=lambda model: (bool(model.candidates) and not model.shown, model.aic))
-    found = _simplest(problem, found)
-    silent = tuple(name for name in every if name not in names)
-    return Ranking(problem.candidates, tuple(found), searched, silent)
+    every = dict.fromkeys(each.effect for each in problem.candidates)
+    seen = {fitted.problem.candidates[k].effect for k in fitted.shown}
+    return Ranking(
+        fitted.problem.candidates,
+        tuple(_simplest(fitted.problem, found)),
+        len(fitted.shown),
+        tuple(name for name in every if name not in seen),
+    )
 
 
-def _promising(problem: DiscoveryProblem, shown: list[int], gain: FloatArray) -> list[int]:
-    """Return the candidates to be fitted: of a cause at many frequencies, the best few."""
-    kept: list[int] = []
-    for name in dict.fromkeys(problem.candidates[k].effect for k in shown):
-        own = [k for k in shown if problem.candidates[k].effect == name]
-        kept += sorted(own, key=lambda k: -gain[k])[:FEW]
-    return kept
+class _Fitted:
+    """The models of a recording that are fitted, and those that need not be.
+
+    Attributes
+    ----------
+    problem : DiscoveryProblem
+    base : Linearised
+        Without any cause, about which all candidates are linear.
+    models : dict
+        Fitted ones, by their candidates.
+    shown : list of int
+        Candidates of which the recording shows something.
+    """
+
+    def __init__(self, problem: DiscoveryProblem, whitened: Whiten) -> None:
+        self.problem, self._whitened = problem, whitened
+        self.base = linearise(problem, (), patterns=(), whiten=whitened)
+        information = project_out(self.base.units).information.sum(axis=0)
+        self.shown: list[int] = np.flatnonzero(information > 0.0).tolist()
+        self.models: dict[tuple[int, ...], Linearised] = {}
+        self._tried = [(k,) for k in self.shown]
+
+    def add(self, chosen: tuple[int, ...], start: tuple[int, ...] = ()) -> None:
+        """Fit a model if it explains anything, from the parameters of another."""
+        if chosen not in self._tried:
+            self._tried.append(chosen)
+        parts = [_beside_own(unit.only(list(chosen))) for unit in self.base.units]
+        along = sum(effects.T @ rest for effects, rest in parts)
+        gram = sum(effects.T @ effects for effects, _ in parts)
+        if chosen and along @ np.linalg.lstsq(gram, along, rcond=1e-9)[0] > 2.0 * LEAST_GAIN:
+            before = self.models.get(start, self.base)
+            self.models[chosen] = linearise(
+                self.problem, chosen, chosen, (), start=before, whiten=self._whitened
+            )
+
+    def with_more(self, candidates: Sequence[Candidate]) -> "_Fitted":
+        """Return the models with further candidates, fitted."""
+        n = len(self.problem.candidates)
+        problem = replace(self.problem, candidates=(*self.problem.candidates, *candidates))
+        more = _Fitted(problem, self._whitened)
+        more.models |= self.models
+        for k in range(n, n + len(candidates)):
+            more.add((k,))
+        return more
+
+    def best(self, ruler: Linearised) -> list[FittedModel]:
+        """Return the best model of each set of causes, weighed by one ruler, best AIC first."""
+        about = weighted_as(self.problem, self.base, ruler, range(len(self.problem.candidates)))
+        before = np.array([np.sum(np.square(_beside_own(unit)[1])) for unit in about])
+        nothing = np.zeros(0)
+        found = [FittedModel((), np.zeros(before.size), 0.0, nothing, nothing, nothing)]
+        for chosen in self._tried:
+            if chosen in self.models:
+                units = weighted_as(self.problem, self.models[chosen], ruler, chosen)
+            else:
+                units = tuple(unit.only(list(chosen)) for unit in about)
+            found.append(_fitted(self.problem, chosen, units, before, len(self.shown)))
+        found.sort(key=lambda model: model.aic)
+        of_causes: dict[tuple[str, ...], FittedModel] = {}
+        for model in found:
+            names = {self.problem.candidates[k].effect for k in model.candidates}
+            if len(names) == len(model.candidates):
+                of_causes.setdefault(tuple(sorted(names)), model)
+        return list(of_causes.values())
 
 
 def _simplest(problem: DiscoveryProblem, models: list[FittedModel]) -> list[FittedModel]:
@@ -180,21 +235,27 @@ def _simplest(problem: DiscoveryProblem, models: list[FittedModel]) -> list[Fitt
         if alone and problem.candidates[one.candidates[0]].effect in parts:
             more = first.gain - one.gain
             error = float(more.std(ddof=1) * np.sqrt(more.size))
-            if more.sum() < max(ERRORS * error, LEAST_GAIN):
+            if more.sum() < max(ERRORS * error, LEAST_GAIN, SHARE * one.total):
                 return [one, *(model for model in models if model is not one)]
     return models
 
 
-def _finer(problem: DiscoveryProblem, shown: list[int], gain: FloatArray) -> list[Candidate]:
-    """Return the best mode at frequencies between those at which modes are tried."""
-    modes = [k for k in shown if problem.candidates[k].effect == "second_mode"]
+def _finer(problem: DiscoveryProblem, best: Sequence[FittedModel]) -> list[Candidate]:
+    """Return a mode that is among the best at frequencies between those that were tried."""
+    modes = [
+        problem.candidates[k]
+        for model in best
+        for k in model.candidates
+        if problem.candidates[k].effect == "second_mode"
+    ]
     if not modes:
         return []
-    best = problem.candidates[max(modes, key=lambda k: gain[k])]
-    place = dict(best.held)["frequency_hz"]
+    place = dict(modes[0].held)["frequency_hz"]
     step = np.log(MODE_HZ[1] / MODE_HZ[0])
     return [
-        replace(best, held=(("frequency_hz", round(float(place * np.exp(step * part)), 1)),))
+        replace(
+            modes[0], held=(("frequency_hz", round(float(place * np.exp(step * part)), 1)),)
+        )
         for part in FINER
     ]
 
@@ -211,39 +272,6 @@ def _by_noise(problem: DiscoveryProblem, variance: Sequence[FloatArray]) -> Whit
     return whitened
 
 
-def _of_each_cause(
-    problem: DiscoveryProblem, models: Sequence[FittedModel]
-) -> list[FittedModel]:
-    """Return the best model of each set of causes, best first."""
-    found: dict[tuple[str, ...], FittedModel] = {}
-    for model in models:
-        names = tuple(sorted({problem.candidates[k].effect for k in model.candidates}))
-        if len(names) == len(model.candidates):
-            found.setdefault(names, model)
-    return list(found.values())
-
-
-def _compared(
-    problem: DiscoveryProblem,
-    base: Linearised,
-    fitted: dict[tuple[int, ...], Linearised],
-    ruler: Linearised,
-    searched: int,
-) -> list[FittedModel]:
-    """Return all models weighed by one ruler, best AIC first."""
-    before = np.array(
-        [np.sum(np.square(_beside_own(unit)[1])) for unit in weighted_as(problem, base, ruler)]
-    )
-    nothing = np.zeros(0)
-    models = [FittedModel((), np.zeros(before.size), 0.0, nothing, nothing, nothing)]
-    for model in fitted.values():
-        units = weighted_as(problem, model, ruler)
-        parts = [_beside_own(unit) for unit in units]
-        accuracy = np.mean([unit.accuracy for unit in units], axis=0)
-        models.append(_fitted(problem, model.chosen, parts, accuracy, before, searched))
-    return sorted(models, key=lambda model: model.aic)
-
-
 def _beside_own(unit: Unit) -> tuple[FloatArray, FloatArray]:
     """Return signatures and readings, with what is the fold's own projected out."""
     own = orthonormal(unit.own)
@@ -254,12 +282,12 @@ def _beside_own(unit: Unit) -> tuple[FloatArray, FloatArray]:
 def _fitted(
     problem: DiscoveryProblem,
     chosen: tuple[int, ...],
-    parts: Sequence[tuple[FloatArray, FloatArray]],
-    accuracy: FloatArray,
+    units: Sequence[Unit],
     before: FloatArray,
     searched: int,
 ) -> FittedModel:
-    """Return a model from signatures and readings of each fold, (n, k) and (n,)."""
+    """Return a model from the folds, whose effects are those in it."""
+    parts = [_beside_own(unit) for unit in units]
     grams = np.array([effects.T @ effects for effects, _ in parts])
     along = np.array([effects.T @ rest for effects, rest in parts])
     low, high = problem.limits(chosen)
@@ -291,5 +319,5 @@ def _fitted(
         float(left(every).sum() - before.sum() + search),
         every,
         np.maximum(formal, jackknife),
-        accuracy,
+        np.mean([unit.accuracy for unit in units], axis=0),
     )

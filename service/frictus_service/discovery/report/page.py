@@ -13,8 +13,10 @@ from frictus_service.discovery.catalogue.causes import CAUSES
 from frictus_service.discovery.document import Discovery
 from frictus_service.discovery.report.findings import (
     by_relevance,
+    folds_sentence,
     gain_sentence,
     levels,
+    model_named,
     parameters,
     place_of,
     places,
@@ -70,7 +72,14 @@ def render(found: Discovery) -> str:
     unsure = {one for pair in found.cannot_tell for one in pair.between}
     return fill(
         resources.files(__package__).joinpath("page.html.j2"),
-        {"title": title, "shown": shown, "gain": gain_sentence, "model": model_in_words},
+        {
+            "title": title,
+            "shown": shown,
+            "gain": gain_sentence,
+            "model": model_in_words,
+            "named": model_named,
+            "folds": folds_sentence,
+        },
         found=found,
         verdict=verdict_sentence(found),
         residuals=drawn[:1],
