@@ -35,22 +35,24 @@ SLIPS: Final[dict[Source, tuple[Slip, ...]]] = {
 }
 EVERY_SLIPPED: Final = 10
 EVERY_LONG: Final = 6
-NULLS_FROM: Final = 60
-"""Recordings with greater numbers are swipes that hide nothing."""
+NULLS_FROM, LONG_FROM, SMALL_FROM = 60, 100, 127
+"""From these numbers on: swipes that hide nothing; explorations; swipes with little hidden."""
+SMALL: Final = 0.25
+"""Of the size that others hide."""
 PAIRS: Final = tuple((source, name) for source, names in OF_SOURCE.items() for name in names)
 
 
-def hidden_of(name: str, rng: np.random.Generator) -> Hidden | None:
+def hidden_of(name: str, rng: np.random.Generator, times: float = 1.0) -> Hidden | None:
     """Return what is hidden, at a size drawn anew."""
     sign = float(rng.choice([-1.0, 1.0]))
-    size = float(np.exp(rng.uniform()))  # 1 to e
+    size = float(np.exp(rng.uniform()))
     parameters = {
-        "channel_delay": {"delay_s": 4e-5 * size**2},
-        "mount_resonance_shift": {"share": sign * 0.012 * size},
-        "charge_leakage": {"corner_hz": 4.0 * size},
-        "fractional_rolloff": {"excess_order": sign * 0.1 * size},
+        "channel_delay": {"delay_s": times * 4e-5 * size**2},
+        "mount_resonance_shift": {"share": sign * times * 0.012 * size},
+        "charge_leakage": {"corner_hz": times * 4.0 * size},
+        "fractional_rolloff": {"excess_order": sign * times * 0.1 * size},
         "second_mode": {
-            "share": 0.12 * size,
+            "share": times * 0.12 * size,
             "frequency_hz": float(np.exp(rng.uniform(np.log(120.0), np.log(600.0)))),
             "quality": float(rng.uniform(4.0, 6.5)),
         },
@@ -69,9 +71,13 @@ def recording_of(number: int, seed: int) -> tuple[Recording, str]:
         Of everything that is drawn.
     """
     rng = np.random.default_rng(seed)
-    if number >= NULLS_FROM:
+    if NULLS_FROM <= number < LONG_FROM:
         return Recording("drive" if number % 2 else "texture", SWIPE_S), "none"
     source, name = PAIRS[number % len(PAIRS)]
+    if number >= LONG_FROM:
+        seconds = SWIPE_S if number >= SMALL_FROM else EXPLORATION_S
+        times = SMALL if number >= SMALL_FROM else 1.0
+        return Recording(source, seconds, hidden_of(name, rng, times)), name
     long = number // len(PAIRS) % EVERY_LONG == EVERY_LONG - 1
     slip: Slip = ""
     if number % EVERY_SLIPPED == EVERY_SLIPPED - 1:
@@ -169,9 +175,22 @@ def covered(line: dict[str, Any]) -> bool | None:
     return bool(low <= truth <= high)
 
 
+def rates(lines: Sequence[dict[str, Any]]) -> dict[str, tuple[int, int]]:
+    """Return hits and of how many: causes, recordings that hide none, wrong signs and units."""
+    whole = [line for line in lines if not line["slip"] and line["number"] < SMALL_FROM]
+    hiding = [right(line) for line in whole if line["hidden"] != "none"]
+    nulls = [right(line) for line in whole if line["hidden"] == "none"]
+    stopped = [bool(line["named"]) for line in lines if line["slip"]]
+    return {
+        "cause": (sum(hiding), len(hiding)),
+        "none": (sum(nulls), len(nulls)),
+        "slip": (sum(stopped), len(stopped)),
+    }
+
+
 def table(lines: Sequence[dict[str, Any]]) -> str:
     """Return the rates of a campaign as a table for the docs."""
-    whole = [line for line in lines if not line["slip"]]
+    whole = [line for line in lines if not line["slip"] and line["number"] < SMALL_FROM]
     rows = ["| recordings | right first | of them in the interval |", "|---|---|---|"]
     lengths = {SWIPE_S: "swipe, 2 s", EXPLORATION_S: "exploration, 2 min"}
     for seconds, length in lengths.items():
@@ -183,14 +202,18 @@ def table(lines: Sequence[dict[str, Any]]) -> str:
             ]
             if own:
                 rows.append(_row(f"{length}, {source}: {name.replace('_', ' ')}", own))
-    hiding = [line for line in whole if line["hidden"] != "none"]
-    nulls = [line for line in whole if line["hidden"] == "none"]
-    rows += [_row("**all with a cause**", hiding), _row("**all without one**", nulls)]
-    slipped = [line for line in lines if line["slip"]]
-    stopped = sum(bool(line["named"]) for line in slipped)
-    rows.append(
-        f"| wrong sign or unit, stopped before any fit | {stopped} of {len(slipped)} | |"
-    )
+    rows += [
+        _row("**all with a cause**", [each for each in whole if each["hidden"] != "none"]),
+        _row("**all without one**", [each for each in whole if each["hidden"] == "none"]),
+    ]
+    small = [each for each in lines if each["number"] >= SMALL_FROM]
+    little = [each for each in small if each["hidden"] != "none"]
+    if little:
+        rows.append(_row(f"swipes with a cause of {SMALL:g} of that size", little))
+    stopped, of = rates(lines)["slip"]
+    rows.append(f"| wrong sign or unit: refused before any fit | {stopped} of {of} | |")
+    seeds = " ".join(f"{line['number']}:{line['seed']}" for line in lines)
+    rows += ["", f"Numbers and seeds: {seeds}"]
     return "\n".join(rows)
 
 
@@ -212,7 +235,8 @@ def main() -> None:
         print(json.dumps(run(arguments.begin, arguments.again), indent=1))  # noqa: T201
         return
     for line in go_on(arguments.lines, range(arguments.begin, arguments.first)):
-        print(json.dumps(line), "right" if right(line) else "WRONG", flush=True)  # noqa: T201
+        good = bool(line["named"]) if line["slip"] else right(line)
+        print(json.dumps(line), "right" if good else "WRONG", flush=True)  # noqa: T201
     print(table(read(arguments.lines)))  # noqa: T201
 
 

@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from tests.blind.generator.case import Hidden
 from tests.blind.generator.motion import Motion
 from tests.blind.generator.people import Person, Spread, draw_person
 from tests.blind.generator.plan import Planned
-from tests.blind.generator.recursion import BLOCK, RATE_HZ, FloatArray
+from tests.blind.generator.recursion import BLOCK, RATE_HZ, ComplexArray, FloatArray
 from tests.blind.generator.study import STEPS, study_info
 from tests.blind.generator.transfer import Rational
 from tests.blind.generator.trial import (
@@ -32,6 +33,7 @@ from frictus_service.study.layout import ConverterStep
 from frictus_service.study.trial import Trial, TrialInfo
 from frictus_service.study.writer import StudyWriter
 
+IntArray = NDArray[np.int64]
 Source = Literal["drive", "texture"]
 Slip = Literal["", "force_sign", "skin_sign", "skin_mm_s", "force_mn"]
 
@@ -91,7 +93,7 @@ def make_recording(path: Path, recording: Recording, seed: int) -> None:
         writer.add(_slipped(trial, recording.slip), steps)
 
 
-def _swipe(blocks: int, rng: np.random.Generator) -> tuple[Motion, FloatArray]:
+def _swipe(blocks: int, rng: np.random.Generator) -> tuple[Motion, IntArray]:
     """Return one stroke across the screen, and the number of the stroke at each block."""
     speed = rng.uniform(22.0, 30.0) * (1.0 + 0.04 * _slow(blocks, rng))
     sense = float(rng.choice([-1.0, 1.0]))
@@ -100,7 +102,7 @@ def _swipe(blocks: int, rng: np.random.Generator) -> tuple[Motion, FloatArray]:
     return Motion(place, sense * speed, force), np.zeros(blocks, dtype=np.int64)
 
 
-def _explore(blocks: int, rng: np.random.Generator) -> tuple[Motion, FloatArray]:
+def _explore(blocks: int, rng: np.random.Generator) -> tuple[Motion, IntArray]:
     """Return strokes back and forth, each as fast, as far and as hard as it happens."""
     velocity, force, stroke = np.zeros(blocks), np.zeros(blocks), np.zeros(blocks, np.int64)
     at, x_mm, number, press = 0, 10.0, 0, rng.uniform(0.3, 0.5)
@@ -134,7 +136,7 @@ def _driven(
     recording: Recording,
     person: Person,
     motion: Motion,
-    stroke: FloatArray,
+    stroke: IntArray,
     rng: np.random.Generator,
 ) -> Trial:
     """Return a trial in which noise drives the screen."""
@@ -195,7 +197,7 @@ def _textured(
     recording: Recording,
     person: Person,
     motion: Motion,
-    stroke: FloatArray,
+    stroke: IntArray,
     rng: np.random.Generator,
 ) -> Trial:
     """Return a trial in which nothing drives: a rough surface shakes the finger."""
@@ -209,7 +211,7 @@ def _textured(
     rough *= TEXTURE_N / rough.std() * finely(faster**0.3 * each * slide)
     spectrum, s = np.fft.rfft(rough), 2j * np.pi * frequency
 
-    def through(response: FloatArray, late_s: float) -> FloatArray:
+    def through(response: ComplexArray, late_s: float) -> FloatArray:
         delayed = response * np.exp(-s * late_s)
         filtered: FloatArray = np.fft.irfft(spectrum * delayed, n)
         return filtered

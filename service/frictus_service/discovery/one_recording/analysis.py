@@ -259,8 +259,8 @@ def rank_recording(
         person, asked = _most_recorded(study.trials)
         if len(asked) < len(study.trials):
             notes.append(
-                f"One recording: {len(asked)} of {len(study.trials)} trials are ranked, the "
-                f"first of {person}, who has most."
+                f"One recording: {len(asked)} of {len(study.trials)} trials are looked at: "
+                f"those of {person}, who has most, and no more than {MOST_TRIALS}."
             )
         info = study.info
         windows = cut((study.read(trial.id) for trial in asked), info, base.response)

@@ -49,11 +49,10 @@ def described(causes: dict[str, Parameters]) -> str:
 def _phrase(name: str, found: Parameters) -> str:
     if name in _PHRASES:
         return _PHRASES[name](found)
-    values = (
-        f"{parameter.replace('_', ' ')} "
-        + _interval(each, unit="" if each.unit == NO_UNIT else f" {each.unit}")
-        for parameter, each in found.items()
-    )
+    values = [
+        _interval(each, unit="" if each.unit == NO_UNIT else f" {each.unit}")
+        for each in found.values()
+    ]
     return f"{title(name)} ({', '.join(values)})"
 
 

@@ -37,8 +37,8 @@ ACCURACIES: Final = 2.0
 """As many times as the response is measured accurately must a cause change it somewhere: what
 windows of a spectrum are wrong by is the same in all folds."""
 SHARE: Final = 0.02
-"""Of what one cause explains, by which two must explain more: the windows of a spectrum, and the
-frequencies at which a mode is tried, leave a share of a large effect that another could fill."""
+"""Of what one cause explains, by which two must explain more: windows of a spectrum, and the
+frequencies at which a mode is tried, leave a share of a large effect that another may fill."""
 RULE: Final = (
     f"held-out gain above {ERRORS:g} standard errors over folds and {LEAST_GAIN:g} nats, AIC "
     "with 2 ln K for the search below the base model's, and a change of the response somewhere "
@@ -180,7 +180,7 @@ class _Fitted:
         information = project_out(self.base.units).information.sum(axis=0)
         self.shown: list[int] = np.flatnonzero(information > 0.0).tolist()
         self.models: dict[tuple[int, ...], Linearised] = {}
-        self._tried = [(k,) for k in self.shown]
+        self._tried: list[tuple[int, ...]] = [(k,) for k in self.shown]
 
     def add(self, chosen: tuple[int, ...], start: tuple[int, ...] = ()) -> None:
         """Fit a model if it explains anything, from the parameters of another."""
@@ -295,7 +295,8 @@ def _fitted(
 
     def solved(folds: FloatArray) -> FloatArray:
         gram, sums = np.tensordot(folds, grams, 1), folds @ along
-        return np.clip(np.linalg.lstsq(gram, sums, rcond=1e-9)[0], low, high)
+        found: FloatArray = np.clip(np.linalg.lstsq(gram, sums, rcond=1e-9)[0], low, high)
+        return found
 
     def left(coefficients: FloatArray) -> FloatArray:
         """Of each fold, with coefficients of its own or of all."""

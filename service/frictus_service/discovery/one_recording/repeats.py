@@ -53,11 +53,12 @@ def _runs(force_n: FloatArray) -> NDArray[np.uint64]:
     """Return a number for each run of samples that varies, equal for equal runs."""
     if force_n.size < RUN:
         return np.empty(0, dtype=np.uint64)
-    bits = np.ascontiguousarray(force_n).view(np.uint64)
+    bits: NDArray[np.uint64] = np.ascontiguousarray(force_n).view(np.uint64)
     changed = np.concatenate([[0], np.cumsum(bits[1:] != bits[:-1])])
     lively = changed[RUN - 1 :] - changed[: changed.size - RUN + 1] >= LEAST_LEVELS
     # Odd factors modulo 2^64: a polynomial hash, whose sums wrap around.
     factors = np.cumprod(np.full(RUN, 0x9E3779B97F4A7C15, dtype=np.uint64))
     mixed = bits ^ (bits >> np.uint64(29))
-    hashed: NDArray[np.uint64] = sliding_window_view(mixed, RUN) @ factors
-    return hashed[lively]
+    hashed: NDArray[np.uint64] = (sliding_window_view(mixed, RUN) @ factors).astype(np.uint64)
+    found: NDArray[np.uint64] = hashed[lively]
+    return found

@@ -10,6 +10,7 @@ import pytest
 from tests.blind.generator.recording import Recording, make_recording
 
 from frictus_service.discovery.evidence.broadband import WINDOW_S
+from frictus_service.discovery.evidence.evidence_rows import TrialEvidence
 from frictus_service.discovery.one_recording.folds import correlation_time_s, folds_of
 from frictus_service.discovery.one_recording.windows import windows_of
 from frictus_service.study.importers import open_study
@@ -52,7 +53,7 @@ def test_folds_are_stretches_of_time(swipe: tuple[Trial, StudyInfo]) -> None:
 def test_folds_have_all_tones_where_each_trial_has_one(swipe: tuple[Trial, StudyInfo]) -> None:
     found = windows_of(*swipe, 0.3, APART_S)[:4]
 
-    def played(tone_hz: float) -> list:
+    def played(tone_hz: float) -> list[TrialEvidence]:
         return [
             replace(
                 one,
