@@ -58,7 +58,7 @@ class Pool:
 
 
 LOW_HZ: Final = 250.0
-"""Up to here friction follows the drive, and the skin friction, within a quarter of a period."""
+"""Up to here friction follows the drive, and skin friction, within a quarter of a period."""
 FAR: Final = 0.25
 """From its target: another condition than the one asked for."""
 FOLLOWS: Final = 0.7
