@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Sequence
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from frictus_service.identification.observation.response import TrialObservation
 from frictus_service.identification.plausibility.checks import CHECKS, Check
 from frictus_service.identification.plausibility.diagnosis import diagnose, without_skin
 from frictus_service.identification.plausibility.finding import Finding
-from frictus_service.identification.plausibility.pool import Pool, TrialRecord
+from frictus_service.identification.plausibility.pool import Pool, ResponseName, TrialRecord
 from frictus_service.identification.plausibility.trial_statistics import statistics_of
 from frictus_service.study.trial import StudyInfo, Trial
 
@@ -41,7 +41,7 @@ def judge_trial(
 
 
 def judge_study(
-    trials: Sequence[TrialRecord], response: Literal["friction", "mobility"] | None = None
+    trials: Sequence[TrialRecord], response: ResponseName | None = None
 ) -> tuple[Finding, ...]:
     """Return what is implausible about a study, what stops first.
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import signal
 from tests.service.identification.plausibility.slips import (
     REFUSED,
     SLIPS,
@@ -131,3 +132,19 @@ def test_nothing_known_is_nothing_implausible(session: list[Trial]) -> None:
     assert judge_study([]) == ()
     blind = replace(session[0], accel_m_s2=None, position_mm=session[0].position_mm * np.nan)
     assert judge_trial(blind, STUDY) == ()
+
+
+def test_noise_is_told_by_band(session: list[Trial], rng: np.random.Generator) -> None:
+    """A skin's sensor that hears nothing above 200 Hz."""
+    low = signal.butter(6, 60.0, fs=20_000.0, output="sos")
+    dull = []
+    for each in session:
+        assert each.accel_m_s2 is not None
+        heard = signal.sosfiltfilt(low, each.accel_m_s2, axis=0)
+        noisy = heard + 3.0 * rng.standard_normal(heard.shape)
+        dull.append(record_of(replace(each, accel_m_s2=noisy), STUDY))
+    found = judge_study(dull, "friction")
+    assert {"mobility_coherence_200", "mobility_coherence_600"} <= {each.code for each in found}
+    assert not any("friction_coherence" in each.code for each in found)
+    (named,) = [each for each in found if each.code == "mobility_coherence_200"]
+    assert named.sentence.startswith("from 200 to 600 Hz, skin and friction are mostly noise")
