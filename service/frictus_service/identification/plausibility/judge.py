@@ -81,7 +81,7 @@ def _judged(check: Check, pools: dict[str, Pool]) -> Finding | None:
     return Finding(
         check.code,
         "warning" if few else check.severity,
-        f"{sentence}; accepted: {_range(low, high)}",
+        f"{sentence}; accepted: {range_text(low, high)}",
         check.advice(value),
         tuple(trial.observed.info.id for name in off for trial in pools[name].trials),
         value,
@@ -90,7 +90,8 @@ def _judged(check: Check, pools: dict[str, Pool]) -> Finding | None:
     )
 
 
-def _range(low: float, high: float) -> str:
+def range_text(low: float, high: float) -> str:
+    """Return an accepted range in words."""
     if np.isinf(high):
         return f"{low:.3g} and more"
     return f"{low:.3g} to {high:.3g}"
