@@ -197,5 +197,5 @@ def normal_axis(pool: Pool) -> float:
     """Return the lateral over the normal force where the lateral one would fit the target."""
     lateral, normal = middle(pool.column("lateral_n")), middle(pool.column("normal_n"))
     target = middle(np.array([each.observed.info.force_n for each in pool.trials]))
-    fits = 1.0 / 3.0 < lateral / target < 3.0
+    fits = target / 3.0 < lateral < 3.0 * target
     return lateral / max(abs(normal), 1e-3) if fits else 0.0

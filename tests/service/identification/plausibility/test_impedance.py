@@ -11,7 +11,9 @@ TONES_HZ = np.geomspace(30.0, 2000.0, 12)
 
 def mobility(mass_kg: float, damping: float, stiffness: float) -> ComplexArray:
     omega = 2.0 * np.pi * TONES_HZ
-    found: ComplexArray = 1.0 / (damping + 1j * (omega * mass_kg - stiffness / omega))
+    found: ComplexArray = np.reciprocal(
+        (damping + 1j * (omega * mass_kg - stiffness / omega)).astype(np.complex128)
+    )
     return found
 
 
