@@ -246,7 +246,8 @@ def _speed(
         )
         return
     target = trial.info.speed_mm_s
-    yield from _mean("speed over the sweeps", mean_mm_s, target, "mm/s", TOLERANCE)
+    if target > 0.0:  # else none was asked for: steadiness alone counts
+        yield from _mean("speed over the sweeps", mean_mm_s, target, "mm/s", TOLERANCE)
     off = np.abs(motion.speed_mm_s - mean_mm_s) > TOLERANCE * mean_mm_s
     judged = off & ~_reversing(motion)
     lasting = np.minimum(np.gradient(motion.time_s), GAP_S)

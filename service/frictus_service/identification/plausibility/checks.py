@@ -9,7 +9,9 @@ import numpy as np
 from frictus_service.identification.plausibility.finding import Severity
 from frictus_service.identification.plausibility.pool import (
     Pool,
+    ResponseName,
     across_friction,
+    coherence,
     drive_sign,
     force_ratios,
     friction_coefficient,
@@ -81,6 +83,23 @@ def unit_guess(factor: float, units: dict[float, str], near: float = 1.25) -> st
         if 1.0 / near < abs(factor) / known < near:
             return f", which looks like {name}"
     return ""
+
+
+BANDS_HZ: Final = ((20.0, 60.0), (60.0, 200.0), (200.0, 600.0), (600.0, 2500.0))
+RESPONSES: Final[tuple[ResponseName, ...]] = ("friction", "mobility")
+
+
+def _coherence_check(response: ResponseName, band_hz: tuple[float, float]) -> Check:
+    what = "friction and drive" if response == "friction" else "skin and friction"
+    low_hz, high_hz = band_hz
+    return Check(
+        f"{response}_coherence_{low_hz:g}",
+        "warning",
+        lambda pool: coherence(pool, response, band_hz),
+        (0.5, 1.0),
+        f"from {low_hz:g} to {high_hz:g} Hz, {what} are mostly noise (coherence {{value:.2f}})",
+        "drive more strongly, mount the sensor anew, or leave these tones out",
+    )
 
 
 CHECKS: Final = (
@@ -288,4 +307,5 @@ CHECKS: Final = (
         "a channel is clipped in {value:.0%} of the trials",
         "widen the range of the converter or lower the gain of the amplifier",
     ),
+    *(_coherence_check(response, band_hz) for response in RESPONSES for band_hz in BANDS_HZ),
 )

@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Sequence
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from frictus_service.identification.observation.response import TrialObservation
 from frictus_service.identification.plausibility.checks import CHECKS, Check
 from frictus_service.identification.plausibility.diagnosis import diagnose, without_skin
 from frictus_service.identification.plausibility.finding import Finding
-from frictus_service.identification.plausibility.pool import Pool, TrialRecord
+from frictus_service.identification.plausibility.pool import Pool, ResponseName, TrialRecord
 from frictus_service.identification.plausibility.trial_statistics import statistics_of
 from frictus_service.study.trial import StudyInfo, Trial
 
@@ -41,7 +41,7 @@ def judge_trial(
 
 
 def judge_study(
-    trials: Sequence[TrialRecord], response: Literal["friction", "mobility"] | None = None
+    trials: Sequence[TrialRecord], response: ResponseName | None = None
 ) -> tuple[Finding, ...]:
     """Return what is implausible about a study, what stops first.
 
@@ -81,7 +81,7 @@ def _judged(check: Check, pools: dict[str, Pool]) -> Finding | None:
     return Finding(
         check.code,
         "warning" if few else check.severity,
-        f"{sentence}; accepted: {_range(low, high)}",
+        f"{sentence}; accepted: {range_text(low, high)}",
         check.advice(value),
         tuple(trial.observed.info.id for name in off for trial in pools[name].trials),
         value,
@@ -90,7 +90,8 @@ def _judged(check: Check, pools: dict[str, Pool]) -> Finding | None:
     )
 
 
-def _range(low: float, high: float) -> str:
+def range_text(low: float, high: float) -> str:
+    """Return an accepted range in words."""
     if np.isinf(high):
         return f"{low:.3g} and more"
     return f"{low:.3g} to {high:.3g}"

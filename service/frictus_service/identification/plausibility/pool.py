@@ -57,8 +57,12 @@ class Pool:
         return np.array([getattr(each.statistics, name) for each in self.trials])
 
 
+ResponseName = Literal["friction", "mobility"]
+
+LEAST_ROWS: Final = 3
+"""Of a band, for its coherence."""
 LOW_HZ: Final = 250.0
-"""Up to here friction follows the drive, and the skin friction, within a quarter of a period."""
+"""Up to here friction follows the drive, and skin friction, within a quarter of a period."""
 FAR: Final = 0.25
 """From its target: another condition than the one asked for."""
 FOLLOWS: Final = 0.7
@@ -120,8 +124,33 @@ def drive_sign(pool: Pool) -> float:
     return _mean_cosine(pool, "friction")
 
 
-def _mean_cosine(pool: Pool, response: Literal["friction", "mobility"]) -> float:
+def coherence(pool: Pool, response: ResponseName, band_hz: tuple[float, float]) -> float:
+    """Return the median share of the responses in a band that is not noise.
+
+    Power of a response less that of its error, over its power: what is coherent in the segment
+    that it comes from.
+    """
+    tones_hz, measured, variance = _known(pool, response)
+    within = (tones_hz >= band_hz[0]) & (tones_hz < band_hz[1])
+    if np.count_nonzero(within) < LEAST_ROWS:
+        return np.nan
+    power = np.square(np.abs(measured[within]))
+    return float(np.median(np.maximum(power - 2.0 * variance[within], 0.0) / power))
+
+
+def _mean_cosine(pool: Pool, response: ResponseName) -> float:
     """Return the mean cosine of a response's phase at low tones, weighed by its certainty."""
+    tones_hz, measured, variance = _known(pool, response)
+    low = tones_hz <= LOW_HZ
+    if not low.any():
+        return np.nan
+    size = np.abs(measured[low])
+    weight = 1.0 / (0.1**2 + 2.0 * variance[low] / np.square(size))
+    return float(weight @ (measured[low].real / size) / weight.sum())
+
+
+def _known(pool: Pool, response: ResponseName) -> tuple[FloatArray, ComplexArray, FloatArray]:
+    """Return tones, responses and variances of all rows that say something."""
     friction = response == "friction"
     rows = [each.observed.rows for each in pool.trials]
     tones_hz = np.concatenate([each.tone_hz for each in rows])
@@ -131,13 +160,8 @@ def _mean_cosine(pool: Pool, response: Literal["friction", "mobility"]) -> float
     variance = np.concatenate(
         [each.friction_variance if friction else each.mobility_variance for each in rows]
     )
-    low = (tones_hz <= LOW_HZ) & np.isfinite(measured) & (measured != 0.0)
-    low &= np.isfinite(variance)
-    if not low.any():
-        return np.nan
-    size = np.abs(measured[low])
-    weight = 1.0 / (0.1**2 + 2.0 * variance[low] / np.square(size))
-    return float(weight @ (measured[low].real / size) / weight.sum())
+    known = np.isfinite(measured) & (measured != 0.0) & np.isfinite(variance)
+    return tones_hz[known], measured[known], variance[known]
 
 
 def passivity(pool: Pool) -> float:
@@ -173,5 +197,5 @@ def normal_axis(pool: Pool) -> float:
     """Return the lateral over the normal force where the lateral one would fit the target."""
     lateral, normal = middle(pool.column("lateral_n")), middle(pool.column("normal_n"))
     target = middle(np.array([each.observed.info.force_n for each in pool.trials]))
-    fits = 1.0 / 3.0 < lateral / target < 3.0
+    fits = target / 3.0 < lateral < 3.0 * target
     return lateral / max(abs(normal), 1e-3) if fits else 0.0

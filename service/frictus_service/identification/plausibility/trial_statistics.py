@@ -158,7 +158,8 @@ def _swept(
     for segment in course.segments:
         if segment.direction != direction:
             continue
-        force = trial.force_n[int(segment.begin_s * rate_hz) : int(segment.end_s * rate_hz)]
+        first, last = (int(at * rate_hz) for at in (segment.begin_s, segment.end_s))
+        force = trial.force_n[max(first, 0) : max(last, 0)]
         force = force[np.isfinite(force).all(axis=1)]
         if not force.shape[0]:
             continue

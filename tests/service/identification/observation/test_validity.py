@@ -56,6 +56,10 @@ def test_mean_speed(off: float, valid: bool, good: Trial) -> None:
     assert ("mean speed over the sweeps is 4" in said or "is 39" in said) is not valid
 
 
+def test_without_a_target_the_speed_is_to_be_steady(good: Trial) -> None:
+    assert reasons(asked(good, speed_mm_s=0.0)) == ""
+
+
 @pytest.mark.parametrize(
     ("off", "valid"), [(0.93, True), (1.07, True), (0.85, False), (1.17, False)]
 )
