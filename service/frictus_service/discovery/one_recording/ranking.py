@@ -166,6 +166,7 @@ class _Fitted:
     Attributes
     ----------
     problem : DiscoveryProblem
+        Data, base model, and all candidates.
     base : Linearised
         Without any cause, about which all candidates are linear.
     models : dict
