@@ -76,6 +76,7 @@ def why_silent(one: TrialEvidence, response: ResponseName) -> tuple[str, ...]:
     Parameters
     ----------
     one : TrialEvidence
+        The evidence of the trial.
     response : {'friction', 'mobility'}
     """
     if response == "mobility" and NO_SKIN in one.observed.notes:

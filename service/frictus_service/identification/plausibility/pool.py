@@ -21,6 +21,7 @@ class TrialRecord:
     observed : TrialObservations
         Of trials without tones, rows from cross-spectra may stand in it.
     statistics : TrialStatistics
+        Of its samples.
     """
 
     observed: TrialObservations
@@ -34,6 +35,7 @@ class Pool:
     Attributes
     ----------
     trials : tuple of TrialRecord
+        In any order.
     impedance : Impedance
         Behind the mobility of all of them.
     """
