@@ -1,5 +1,6 @@
 """Which trials say nothing, all reasons for it, and how many more are needed."""
 
+import re
 from collections.abc import Sequence
 from typing import Final
 
@@ -18,6 +19,7 @@ from frictus_service.identification.observation.reasons import list_reasons
 
 NOT_PLACED: Final = "there is no steady sweep of which speed, force and position are known"
 NO_DRIVE: Final = "there is no drive, from which friction could follow"
+SKIN_MISSING: Final = re.compile(r"of (accel_m_s2|skin_velocity_m_s) are missing$")
 NO_ROWS: Final = "no response could be measured where speed, force and position are known"
 
 
@@ -64,7 +66,8 @@ def _silent(usable: Sequence[TrialEvidence], response: ResponseName) -> list[str
     if not meant:
         return []
     told = list_reasons(why_silent(one, response) for one in meant)
-    return [f"{len(meant)} usable trials give no {response} response: {told}."]
+    trials = f"{len(meant)} usable trial{'' if len(meant) == 1 else 's'}"
+    return [f"{trials} without a {response} response: {told}."]
 
 
 def why_silent(one: TrialEvidence, response: ResponseName) -> tuple[str, ...]:
@@ -73,6 +76,7 @@ def why_silent(one: TrialEvidence, response: ResponseName) -> tuple[str, ...]:
     Parameters
     ----------
     one : TrialEvidence
+        The evidence of the trial.
     response : {'friction', 'mobility'}
     """
     if response == "mobility" and NO_SKIN in one.observed.notes:
@@ -85,6 +89,9 @@ def why_silent(one: TrialEvidence, response: ResponseName) -> tuple[str, ...]:
             return (NO_DRIVE,)
     elif response == "friction" and not one.observed.info.tones_hz:
         return (NO_DRIVE,)
+    if response == "mobility":
+        lacking = [note for note in one.observed.notes if SKIN_MISSING.search(note)]
+        return tuple(lacking) or (NO_ROWS,)
     return (NO_ROWS,)
 
 

@@ -275,7 +275,10 @@ def _coherence(spectra: Sequence[_Spectra], bands: Bands) -> FloatArray:
         cross += bands.total(one.conj() * other)
         of_one += bands.total(np.square(np.abs(one)))
         of_other += bands.total(np.square(np.abs(other)))
-    coherence: FloatArray = np.square(np.abs(cross)) / (of_one * of_other).real
+    power = (of_one * of_other).real
+    coherence: FloatArray = np.divide(
+        np.square(np.abs(cross)), power, out=np.zeros(power.size), where=power > 0.0
+    )
     return coherence
 
 

@@ -32,6 +32,7 @@ class Check:
     Attributes
     ----------
     code : str
+        Of the check, such as ``mobility_sign``.
     severity : {'stop', 'warning'}
     statistic : callable
         Of the trials of one participant; NaN where they cannot tell.

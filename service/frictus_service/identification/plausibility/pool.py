@@ -21,6 +21,7 @@ class TrialRecord:
     observed : TrialObservations
         Of trials without tones, rows from cross-spectra may stand in it.
     statistics : TrialStatistics
+        Of its samples.
     """
 
     observed: TrialObservations
@@ -34,6 +35,7 @@ class Pool:
     Attributes
     ----------
     trials : tuple of TrialRecord
+        In any order.
     impedance : Impedance
         Behind the mobility of all of them.
     """
@@ -86,8 +88,9 @@ def speed_ratios(pool: Pool) -> FloatArray:
 def force_ratios(pool: Pool) -> FloatArray:
     """Return measured over target normal force of each trial; NaN without a target."""
     targets = [each.observed.info.force_n or np.nan for each in pool.trials]
-    ratios: FloatArray = pool.column("normal_n") / np.array(targets)
-    return ratios
+    normal_n = pool.column("normal_n")
+    ratios: FloatArray = np.where(normal_n == 0.0, np.nan, normal_n) / np.array(targets)
+    return ratios  # a dead sensor is no unit
 
 
 def share_off(ratios: FloatArray) -> float:

@@ -15,6 +15,8 @@ BAND_HZ: Final = (20.0, 1000.0)
 """In which the power along and across is compared."""
 APART_S: Final = 0.4
 """Changes of velocity are taken over so long: a reversal fits, gravity's drift does not."""
+LEAST_CHANGE_M_S: Final = 0.02
+"""Standard deviation of these changes, below which nothing is compared: the finger went on."""
 SPECTRUM_SAMPLES: Final = 32_768
 LEAST_SPEED_MM_S: Final = 2.0
 PRESSED: Final = 0.25
@@ -230,6 +232,8 @@ def _kinematics(trial: Trial, course: FingerTrajectory) -> tuple[float, float, f
         moved = np.interp(last, motion.time_s, place) - np.interp(first, motion.time_s, place)
         moved = moved / APART_S
     moved, measured = moved - moved.mean(), measured - measured.mean()
+    if not moved.std() >= LEAST_CHANGE_M_S:
+        return np.nan, np.nan, np.nan
     return float(moved @ moved), float(moved @ measured), float(measured @ measured)
 
 

@@ -97,6 +97,7 @@ def test_who_is_left_out_and_why(rng: np.random.Generator) -> None:
         silent(one) if one.observed.info.participant == "P07" else one for one in made(rng)
     ]
     told, why = notes(of_one)
+    assert why.startswith("24 usable trials without a friction response: ")
     assert why.endswith(
         "24 x no response could be measured where speed, force and position are known."
     )

@@ -23,13 +23,13 @@ from frictus_service.study.importers import open_study
 from frictus_service.study.trial import StudyInfo, Trial
 
 STUDIES = 30
-SLIPPED_TRIALS = 12
+SLIPPED_TRIALS = 10
 """Of each study, so that a slip is found in little data."""
 
 
 def case_of(number: int, rng: np.random.Generator) -> Case:
     """Return a study with all causes hidden in it, or every third with an unknown one."""
-    design = Design(participants=2, n_speeds=2, n_forces=2)
+    design = Design(participants=1, n_speeds=2, n_forces=2)
     if number % 3 == 2:
         hidden = draw_case("unknown", UNKNOWN[number // 3 % len(UNKNOWN)], rng).hidden
     else:

@@ -128,6 +128,13 @@ def test_a_sensor_s_zero_drops_out_over_both_directions(session: list[Trial]) ->
     assert judge_study([record_of(each, STUDY) for each in lifted]) == ()
 
 
+def test_a_stroke_in_one_direction_does_not_tell_the_skin_s_motion(
+    rng: np.random.Generator,
+) -> None:
+    short = trial(Made((), 60.0, seconds=0.6, noise_n=0.002, noise_m_s2=0.05), rng)
+    assert judge_trial(short, STUDY) == ()
+
+
 def test_nothing_known_is_nothing_implausible(session: list[Trial]) -> None:
     assert judge_study([]) == ()
     blind = replace(session[0], accel_m_s2=None, position_mm=session[0].position_mm * np.nan)
