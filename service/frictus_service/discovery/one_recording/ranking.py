@@ -4,8 +4,8 @@ Every model has each fold's own gain and cutoff (mass, damping, stiffness). A fo
 log-likelihood is that of its readings under the coefficients that the other folds give; all
 models are weighed by one ruler, the scatter about the best of those with one cause, as the
 overdispersion of QAIC is that of the global model (Burnham and Anderson, Model Selection and
-Multimodel Inference, 2nd ed., 2002, section 2.5). AIC counts besides one coefficient per cause the
-search: ``2 ln K`` for each of K candidates tried (Foster and George, Ann. Statist. 22, 1994: RIC).
+Multimodel Inference, 2nd ed., 2002, section 2.5). AIC counts besides one coefficient per cause
+the search: ``2 ln K`` for each of K candidates tried (Foster and George 1994: RIC).
 """
 
 from collections.abc import Sequence
