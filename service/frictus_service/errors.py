@@ -81,6 +81,10 @@ class AlignmentError(ServiceError, ValueError):
     """Strokes do not tell how the sensors lie; the text says what they lack and what to do."""
 
 
+class ImplausibleStudyError(StudyError):
+    """Every fit would be nonsense: a sign, a unit, an axis is wrong; the text says which."""
+
+
 class NothingToIdentifyError(StudyError):
     """No trial of the study can be used; the text says why."""
 

@@ -1,7 +1,8 @@
-"""What the processes share: signals, heartbeat, priorities, garbage collection, free ports."""
+"""What the processes share: signals, heartbeat, priorities, garbage, warnings, free ports."""
 
 import gc
 import socket
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Final, Protocol
@@ -10,6 +11,17 @@ LOOP_PRIORITY: Final = 20
 PUBLISHER_PRIORITY: Final = 10
 """Real time too: a publisher that is set aside while it holds the interpreter's lock holds up
 the loop, whatever the loop's own priority is."""
+
+NUMERICAL: Final = r"(frictus_service|numpy|scipy|statsmodels)\b"
+
+
+def quiet_numerics() -> None:
+    """Say nothing, from now on, of divisions by zero and the like in numerical code.
+
+    What cannot be computed is NaN, and a sentence says so; a warning of a library would tell a
+    user nothing, and name a line of ours. Tests turn warnings into errors.
+    """
+    warnings.filterwarnings("ignore", category=RuntimeWarning, module=NUMERICAL)
 
 
 class StopSignal(Protocol):

@@ -8,6 +8,7 @@ import typer
 
 from frictus_service.cli.options import (
     AsJson,
+    Exit,
     RandomSeed,
     Response,
     Workers,
@@ -19,9 +20,11 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from frictus_service.discovery.document import Discovery
+    from frictus_service.discovery.document import Discovery, OneRecording
     from frictus_service.discovery.plan.documents import Addition, Plan, PlannedEffect
 
+RANKS = 6
+"""Models of one recording that are printed."""
 NOT_PRINTED = frozenset({"residuals", "levels"})
 """What `--json` leaves to report.json."""
 
@@ -259,6 +262,9 @@ def discover(
 
         show(found, Console())
         Console().print(f"report: {folder / page.REPORT}", markup=False, soft_wrap=True)
+    if found.verdict is None and found.one_recording is None:
+        _tell("frictus: nothing was tested; the notes say what to measure")
+        raise typer.Exit(Exit.USAGE)
 
 
 def summary(found: "Discovery") -> dict[str, object]:
@@ -281,6 +287,7 @@ def show(found: "Discovery", console: "Console") -> None:
 
     from frictus_service.discovery.catalogue.cause import title
     from frictus_service.discovery.report.findings import (
+        folds_sentence,
         gain_sentence,
         place_of,
         shown,
@@ -288,6 +295,9 @@ def show(found: "Discovery", console: "Console") -> None:
     )
 
     console.print(verdict_sentence(found), markup=False, style="bold")
+    if found.one_recording is not None:
+        console.print(folds_sentence(found.one_recording), markup=False)
+        console.print(_ranked(found.one_recording))
     if found.causes:
         table = Table("cause", "parameter", "95 % interval", "p", title_justify="left")
         for cause in found.causes:
@@ -305,10 +315,22 @@ def show(found: "Discovery", console: "Console") -> None:
     if found.gain is not None:
         console.print(gain_sentence(found.gain), markup=False)
     untested = [test.id for test in found.tests if test.not_tested]
-    if untested:
+    if untested and found.one_recording is None:
         console.print(f"not tested: {', '.join(map(title, untested))}; the report says why")
     for note in found.notes:
         console.print(f"- {note}", markup=False)
+
+
+def _ranked(one: "OneRecording") -> "Table":
+    from rich.table import Table
+
+    from frictus_service.discovery.report.findings import model_named
+
+    table = Table("this recording only", "held-out gain, nats", "AIC")
+    for model in one.models[:RANKS]:
+        gain = f"{model.heldout_loglik:+.3g} ± {model.standard_error:.2g}"
+        table.add_row(model_named(model), gain, f"{model.aic:+.3g}")
+    return table
 
 
 def _tell(line: str) -> None:

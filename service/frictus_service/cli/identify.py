@@ -47,7 +47,8 @@ def identify(
     """
     from frictus_service.data_import.response_table import response_of
     from frictus_service.identification import analysis
-    from frictus_service.identification.pipeline.study import observe_study
+    from frictus_service.identification.pipeline.study import OBSERVER, read_study, records_of
+    from frictus_service.identification.plausibility.judge import judge_study
     from frictus_service.identification.report import page
     from frictus_service.study.importers import open_study
 
@@ -57,16 +58,22 @@ def identify(
     folder = out or study.with_name(f"{study.stem}-identification")
     with open_study(study) as opened:
         sha256, unreadable = opened.sha256, opened.excluded
-    observations = observe_study(
+    readings = read_study(
         study,
+        OBSERVER,
         workers=workers,
         cache=None if no_cache else folder / "observations",
         cluster=cluster,
         tell=_tell,
     )
     _tell("fitting")
+    observations = [reading.observed for reading in readings]
     found = analysis.identify(
-        observations, path=str(study), sha256=sha256, unreadable=unreadable
+        observations,
+        path=str(study),
+        sha256=sha256,
+        unreadable=unreadable,
+        findings=judge_study(records_of(readings)),
     )
     _tell("writing the report")
     written = page.write(found, observations, folder)

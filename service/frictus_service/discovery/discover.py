@@ -2,6 +2,7 @@
 
 import secrets
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from frictus_service.discovery.decision.decision import decide
 from frictus_service.discovery.document import Discovery, StudyFacts
 from frictus_service.discovery.evidence.evidence_rows import (
     TrialEvidence,
+    judged,
     study_evidence,
     subjects_of,
 )
@@ -25,10 +27,13 @@ from frictus_service.discovery.evidence.observation_table import (
     used,
 )
 from frictus_service.discovery.inference.significance import signs
+from frictus_service.discovery.one_recording.analysis import rank_recording
 from frictus_service.discovery.problem.base_models import ResponseName, base_model, simulator_of
 from frictus_service.discovery.problem.candidates import candidates_of, patterns_of
 from frictus_service.discovery.problem.problem import DiscoveryProblem
 from frictus_service.discovery.report.assembly import Assembly, nothing_tested
+from frictus_service.identification.plausibility.finding import leave_out, stop_if_implausible
+from frictus_service.identification.plausibility.judge import judge_study
 from frictus_service.study.importers import open_study
 
 
@@ -55,12 +60,26 @@ def discover(
         skin) are fitted in any case.
     seed : int
         Of random sign flips, where there are too many units to try all.
+
+    Raises
+    ------
+    ImplausibleStudyError
+        If a sign, a unit or an axis is wrong, so that every fit would be nonsense.
     """
     response: ResponseName = base.response
+    findings = judge_study(judged(evidence), response)
+    stop_if_implausible(findings, study.path)
+    observed = leave_out((one.observed for one in evidence), findings)
+    evidence = [
+        replace(one, observed=each) for one, each in zip(evidence, observed, strict=True)
+    ]
     usable = used(evidence)
     trials = comparable(usable, response)
     units = units_of(trials, response)
-    told = caveats_on(evidence, usable, trials, units, response)
+    told = (
+        *(f"{finding.text}." for finding in findings),
+        *caveats_on(evidence, usable, trials, units, response),
+    )
     study = study.model_copy(update={"trials_used": len(trials)})
     if len(units.names) < LEAST_UNITS:
         return nothing_tested(study, base, seed, told)
@@ -111,7 +130,7 @@ def discover_study(
     BaseModelError
         If there is no such base model.
     StudyError
-        If the study cannot be read.
+        If the study cannot be read, or is implausible as for `discover`.
     """
     tell = tell or (lambda line: None)
     seed = secrets.randbits(32) if seed is None else seed
@@ -127,4 +146,9 @@ def discover_study(
     )
     evidence = study_evidence(path, workers=workers, cache=cache, cluster=cluster, tell=tell)
     tell("criticising the base model")
-    return discover(evidence, facts, mount, criticised, seed=seed)
+    found = discover(evidence, facts, mount, criticised, seed=seed)
+    if found.verdict is not None:
+        return found
+    recording, notes = rank_recording(path, criticised, tell)
+    more = {"one_recording": recording, "notes": (*found.notes, *notes)}
+    return found.model_copy(update=more)

@@ -184,6 +184,52 @@ class UnseenCondition(_Document):
     residual_deg: tuple[FiniteFloat, FiniteFloat]
 
 
+class RankedModel(_Document):
+    """One model of one recording, beside the base model."""
+
+    causes: tuple[str, ...]
+    """None: the base model."""
+    parameters: dict[str, dict[str, ParameterEstimate]]
+    """By cause."""
+    heldout_loglik: FiniteFloat
+    """Over the base model's: nats, all folds together, each predicted from the others."""
+    standard_error: FiniteFloat
+    """From how folds differ."""
+    aic: FiniteFloat
+    """Less the base model's, 2 ln K for the search among K candidates included."""
+
+
+class OneRecording(_Document):
+    """What ranks first in one recording; it holds for this recording only, without a p."""
+
+    holds_for: Literal["this recording only"] = "this recording only"
+    statement: str
+    """The answer in words."""
+    beyond_threshold: bool
+    """Whether the first model says more than chance gives."""
+    margin: FiniteFloat
+    """By how many nats it does."""
+    threshold: str
+    """The rule."""
+    models: tuple[RankedModel, ...]
+    """Best first."""
+    searched: int
+    """Candidates of which the recording shows something."""
+    silent: tuple[str, ...]
+    """Causes of which it shows nothing that its own gain and cutoff do not."""
+    participant: str
+    seconds: FiniteFloat
+    windows: int
+    folds: int
+    window_s: FiniteFloat
+    apart_s: FiniteFloat
+    """Between two windows."""
+    correlation_s: FiniteFloat
+    """Of what is random in the friction."""
+    refused: tuple[str, ...] = ()
+    """Trials that repeat others and count as none."""
+
+
 class Discovery(_Document):
     """A `discovery/1` document."""
 
@@ -212,6 +258,8 @@ class Discovery(_Document):
     levels: tuple[LevelBin, ...] = ()
     notes: tuple[str, ...] = ()
     """What a reader must know first."""
+    one_recording: OneRecording | None = None
+    """Where there are too few people and trials for a test."""
 
     def to_json(self) -> bytes:
         """Return the document as JSON bytes, indented for reading."""

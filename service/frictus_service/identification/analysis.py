@@ -31,6 +31,11 @@ from frictus_service.identification.inference.effects import (
     per_participant,
 )
 from frictus_service.identification.observation.response import TrialObservations
+from frictus_service.identification.plausibility.finding import (
+    Finding,
+    leave_out,
+    stop_if_implausible,
+)
 from frictus_service.identification.report.overview import population_of
 from frictus_service.identification.report.page import account_for, notes_on
 from frictus_service.identification.report.results import (
@@ -46,6 +51,7 @@ def identify(
     path: str = "",
     sha256: str = "",
     unreadable: Sequence[Exclusion] = (),
+    findings: Sequence[Finding] = (),
     settings: Settings | None = None,
 ) -> Identification:
     """Identify friction and mobility of every condition and participant, and test effects.
@@ -58,13 +64,19 @@ def identify(
         Of the study.
     unreadable : sequence of Exclusion
         Trials of the study of which there are no observations.
+    findings : sequence of Finding
+        Of `judge_study`; those that stop raise, the others become notes.
     settings : Settings or None
 
     Raises
     ------
+    ImplausibleStudyError
+        If a finding makes every fit nonsense.
     NothingToIdentifyError
         If no trial can be used.
     """
+    stop_if_implausible(findings, path)
+    observations = leave_out(observations, findings)
     settings = settings or Settings()
     table = ObservationTable.of(observations)
     measured = Measured.of(table)
@@ -97,7 +109,10 @@ def identify(
         ),
         pairs=tuple(pairs_of(values, measured)),
         correlations=tuple(correlations_of(values, measured, table.participants)),
-        notes=notes_on(summary, conditions, participants, centre),
+        notes=(
+            *(f"{finding.text}." for finding in findings),
+            *notes_on(summary, conditions, participants, centre),
+        ),
     )
 
 

@@ -32,6 +32,7 @@ from frictus_service.jobs.process import (
     Said,
     Stopped,
 )
+from frictus_service.processes import quiet_numerics
 
 GRACE_S: Final = 3.0
 """Whoever does not stop within this is ended; the rig then disarms, as its lease runs out."""
@@ -39,6 +40,7 @@ GRACE_S: Final = 3.0
 
 def main() -> None:
     """Carry out the order."""
+    quiet_numerics()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for whoever started us
     output = _take_output()
     order = ORDER.validate_json(_read_line())

@@ -88,7 +88,7 @@ def make_study(
     ]
     rng = np.random.default_rng(seeds.trials)
     began = datetime(2026, 1, 1, tzinfo=UTC) + timedelta(hours=int(rng.integers(2000)))
-    with StudyWriter(path, _info()) as writer:
+    with StudyWriter(path, study_info()) as writer:
         for person in people:
             began += timedelta(hours=float(rng.uniform(1.0, 30.0)))
             planned = plan(design, *levels, rng)
@@ -106,7 +106,8 @@ def make_study(
     }
 
 
-def _info() -> StudyInfo:
+def study_info() -> StudyInfo:
+    """Return what the file says of the rig: the paper's mount."""
     nominal = mount()
     lateral = {
         "numerator": list(nominal.numerator),

@@ -94,15 +94,9 @@ def run(
     motion = move(speed, planned.force_n * contact.force, middle_s, rng)
     fraction = _message(planned.tones_hz, blocks * BLOCK, rng)
     carrier = np.cos(2.0 * np.pi * CARRIER_HZ / RATE_HZ * np.arange(blocks * BLOCK))
-    moment = Moment(
-        np.clip(np.abs(motion.velocity_mm_s), 20.0, 100.0),
-        motion.normal_force_n,
-        motion.position_mm,
-        np.tanh(motion.velocity_mm_s / FADE_MM_S),
-        planned.minutes,
-    )
+    moment = moment_of(motion, planned.minutes)
     felt = _felt(fraction, planned, person.world) * 2.0 * np.square(carrier)
-    force_x, accel_x = _friction(felt, person, contact, moment, motion, sensors, rng)
+    force_x, accel_x = friction(felt, person, contact, moment, motion, sensors, rng)
     if person.world.mains_n > 0.0:
         turns = person.world.mains_hz * np.arange(force_x.size) / RATE_HZ + rng.uniform()
         force_x = force_x + person.world.mains_n * np.cos(2.0 * np.pi * turns)
@@ -110,11 +104,22 @@ def run(
     voltage = PEAK_V * np.sqrt(fraction) * carrier
     force = _noise(sensors.force_noise_n, force_x.size - LEAD_SAMPLES, rng)
     force[:, 0] += force_x[kept]
-    force[:, 2] += _finely(motion.normal_force_n)[kept]
+    force[:, 2] += finely(motion.normal_force_n)[kept]
     accel = _noise(sensors.accel_noise_m_s2, force_x.size - LEAD_SAMPLES, rng)
     accel[:, 0] += accel_x[kept]
-    position, at_s = _reports(motion, middle_s, design.seconds, rng)
+    position, at_s = reports(motion, middle_s, design.seconds, rng)
     return Samples(voltage[kept], force, accel, position, at_s)
+
+
+def moment_of(motion: Motion, minutes: float) -> Moment:
+    """Return when and how friction acts in a motion."""
+    return Moment(
+        np.clip(np.abs(motion.velocity_mm_s), 20.0, 100.0),
+        motion.normal_force_n,
+        motion.position_mm,
+        np.tanh(motion.velocity_mm_s / FADE_MM_S),
+        minutes,
+    )
 
 
 def _message(tones_hz: tuple[float, ...], samples: int, rng: np.random.Generator) -> FloatArray:
@@ -144,7 +149,7 @@ def _felt(fraction: FloatArray, planned: Planned, world: World) -> FloatArray:
     return fraction
 
 
-def _friction(
+def friction(
     felt: FloatArray,
     person: Person,
     contact: Contact,
@@ -168,9 +173,9 @@ def _friction(
     gain = np.full(moment.speed_mm_s.shape, person.gain_n * contact.gain)
     for factor in world.gains:
         gain = gain * factor(moment)
-    along = _finely(gain * moment.direction)
-    rubbed = _finely(person.friction_coefficient * motion.normal_force_n * moment.direction)
-    hand = _finely(np.gradient(motion.velocity_mm_s, BLOCK / RATE_HZ)) / 1000.0
+    along = finely(gain * moment.direction)
+    rubbed = finely(person.friction_coefficient * motion.normal_force_n * moment.direction)
+    hand = finely(np.gradient(motion.velocity_mm_s, BLOCK / RATE_HZ)) / 1000.0
     force_x, accel_x = along * driven + at_rest * rubbed, hand - along * shaken
     if world.stick_slip is not None:
         saw = _saw_tooth(world, motion, moment, rng)
@@ -257,10 +262,10 @@ def _saw_tooth(
     slip = world.stick_slip
     speed = np.abs(motion.velocity_mm_s)
     path_mm = np.cumsum(speed) * (BLOCK / RATE_HZ)
-    periods = _finely(path_mm) / slip.period_mm + rng.uniform()
+    periods = finely(path_mm) / slip.period_mm + rng.uniform()
     saw: FloatArray = 2.0 * np.mod(periods, 1.0) - 1.0
     fading = np.exp(-speed / slip.fading_mm_s)
-    return slip.amplitude_n * _finely(fading * moment.direction) * saw
+    return slip.amplitude_n * finely(fading * moment.direction) * saw
 
 
 def _filtered(rational: Rational, values: FloatArray) -> FloatArray:
@@ -269,7 +274,7 @@ def _filtered(rational: Rational, values: FloatArray) -> FloatArray:
     return filtered
 
 
-def _finely(of_blocks: FloatArray) -> FloatArray:
+def finely(of_blocks: FloatArray) -> FloatArray:
     """Return values at every sample, from those at the middle of blocks."""
     grid = (np.arange(of_blocks.size * BLOCK) + 0.5) / BLOCK - 0.5
     fine: FloatArray = np.interp(grid, np.arange(of_blocks.size), of_blocks)
@@ -281,7 +286,7 @@ def _noise(size: float, samples: int, rng: np.random.Generator) -> FloatArray:
     return np.multiply(drawn, size, dtype=np.float64)
 
 
-def _reports(
+def reports(
     motion: Motion, time_s: FloatArray, seconds: float, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
     """Return what the touch sensor says, and when it was so."""

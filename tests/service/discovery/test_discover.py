@@ -29,7 +29,9 @@ from frictus_service.discovery.evidence.evidence_rows import TrialEvidence
 from frictus_service.discovery.evidence.observation_table import LEAST_UNITS
 from frictus_service.discovery.evidence.spectra import HarmonicResponse, Stretches
 from frictus_service.discovery.problem.base_models import base_model, simulator_of
+from frictus_service.errors import ImplausibleStudyError
 from frictus_service.identification.observation.response import ResponseRows
+from frictus_service.identification.plausibility.trial_statistics import TrialStatistics
 
 NULLS = 8
 UNCLEAN = 4
@@ -154,6 +156,26 @@ class TestFewPeople:
 
     def test_no_trial_at_all(self) -> None:
         says_nothing(found_in([]), "0 usable trials")
+
+
+def test_an_implausible_study_is_not_fitted(rng: np.random.Generator) -> None:
+    """All trials press upwards: nothing is fitted. One person's: they are left out."""
+    evidence = made(rng, ASYMMETRY)
+    known = {field.name: np.nan for field in fields(TrialStatistics)}
+    right = TrialStatistics(**known | {"normal_n": 0.4, "clipped": 0.0})
+    wrong = replace(right, normal_n=-0.4)
+    with pytest.raises(ImplausibleStudyError, match="normal force is negative"):
+        found_in([replace(one, statistics=wrong) for one in evidence])
+    found = found_in(
+        [replace(one, statistics=wrong if of_first(one) else right) for one in evidence]
+    )
+    assert "direction_asymmetry" in named(found)
+    assert found.notes[0].startswith("of P00: the normal force is negative")
+    assert found.study.trials_used == sum(not of_first(one) for one in evidence)
+
+
+def of_first(one: TrialEvidence) -> bool:
+    return one.observed.info.participant == "P00"
 
 
 def says_nothing(found: Discovery, why: str) -> None:

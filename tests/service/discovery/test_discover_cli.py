@@ -26,7 +26,8 @@ def asked(rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch) -> dict[str
         options["tell"]("looking")
         if path.name == "bad.h5":
             raise StudyError("bad.h5: no trial can be read")
-        return discovery(rng)
+        found = discovery(rng)
+        return found.model_copy(update={"verdict": None}) if path.name == "few.h5" else found
 
     stand_in = ModuleType("frictus_service.discovery.discover")
     stand_in.discover_study = discover_study  # type: ignore[attr-defined]
@@ -73,6 +74,22 @@ def test_the_folder_is_named_after_the_study(asked: dict[str, Any], tmp_path: Pa
     assert (tmp_path / "a-discovery" / "report.html").is_file()
     assert asked["cache"] == tmp_path / "kept"
     assert (asked["response"], asked["base"], asked["seed"]) == ("friction", "paper", None)
+
+
+@pytest.mark.usefixtures("asked")
+def test_where_nothing_was_tested_there_is_no_extended_model(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    code, _, _ = run(str(tmp_path / "a.h5"), "--out", str(out))
+    assert code == 0
+    assert (out / "extended_model.json").is_file()
+    code, told, progress = run(str(tmp_path / "few.h5"), "--out", str(out))
+    assert code == 2
+    assert progress.splitlines()[-1].startswith("frictus: nothing was tested")
+    printed = json.loads(told)
+    assert printed["verdict"] is None
+    assert {Path(file).name for file in printed["files"]} == {"report.html", "report.json"}
+    assert not (out / "extended_model.json").exists()
+    assert "<td>extended</td>" not in (out / "report.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.usefixtures("asked")

@@ -76,6 +76,24 @@ def test_no_valid_trial_is_a_sentence_and_a_code(study: Path, tmp_path: Path) ->
     assert not (tmp_path / "o" / "report.html").exists()
 
 
+def test_a_turned_accelerometer_is_a_sentence_and_a_code(study: Path, tmp_path: Path) -> None:
+    with h5py.File(study, "r+") as file:
+        for trial in file["trials"].values():
+            trial.attrs.pop("sha256", None)
+            samples = trial["accel_m_s2"]
+            if "scale" in samples.attrs:
+                samples.attrs["scale"] = -samples.attrs["scale"]
+            else:
+                samples[...] = -samples[...]
+    code, told, progress = run(str(study), "--out", str(tmp_path / "o"), "--workers", "0")
+    assert code == 2
+    assert not told
+    assert "velocity or force has the wrong sign" in progress
+    assert "To do: turn accel_m_s2 or skin_velocity_m_s along x" in progress
+    assert not (tmp_path / "o" / "report.html").exists()
+    assert not (tmp_path / "o" / "models").exists()
+
+
 def test_a_file_that_is_no_study_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "study.h5"
     path.write_bytes(b"not HDF5")

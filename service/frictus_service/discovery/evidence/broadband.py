@@ -172,7 +172,7 @@ def broadband(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> Broad
     ]
     spectra = [each for each in every if each is not None]
     if not spectra or (spectra[0].message is None and spectra[0].skin is None):
-        return Broadband(NO_ROWS, NO_HARMONICS, ())
+        return Broadband(NO_ROWS, NO_HARMONICS, _nothing(course.segments, bool(spectra)))
     coherence = _coherence(spectra, bands)
     averages = bands.averages(sum(each.force.shape[0] for each in spectra))
     least = 1.0 - CHANCE ** (1.0 / np.maximum(averages - 1.0, 1e-9))
@@ -275,7 +275,10 @@ def _coherence(spectra: Sequence[_Spectra], bands: Bands) -> FloatArray:
         cross += bands.total(one.conj() * other)
         of_one += bands.total(np.square(np.abs(one)))
         of_other += bands.total(np.square(np.abs(other)))
-    coherence: FloatArray = np.square(np.abs(cross)) / (of_one * of_other).real
+    power = (of_one * of_other).real
+    coherence: FloatArray = np.divide(
+        np.square(np.abs(cross)), power, out=np.zeros(power.size), where=power > 0.0
+    )
     return coherence
 
 
@@ -349,6 +352,19 @@ def _message(spectra: Sequence[_Spectra], rows: Sequence[ResponseRows]) -> Harmo
         second_variance=nothing,
         third=nothing.astype(np.complex128),
         third_variance=nothing,
+    )
+
+
+def _nothing(segments: Sequence[SweepThird], long_enough: bool) -> tuple[str, ...]:
+    """Return why there is no spectrum."""
+    if not segments:
+        return ()  # there is no steady sweep, which is a reason by itself
+    if long_enough:
+        return ("broadband: neither a drive nor a skin's sensor goes with the force",)
+    longest = max(segment.end_s - segment.begin_s for segment in segments)
+    return (
+        f"broadband: no third of a sweep holds {WINDOW_S:g} s without gaps, the longest lasts "
+        f"{longest:.2f} s: stroke farther or more slowly",
     )
 
 

@@ -1,6 +1,6 @@
 """What a trial says about the model, and what a unit of trials says, as rows."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Self
@@ -20,11 +20,20 @@ from frictus_service.discovery.evidence.spectra import (
     Stretches,
     spectra_of,
 )
-from frictus_service.identification.observation.observe import course_of, observe_along
+from frictus_service.identification.observation.observe import (
+    FingerTrajectory,
+    course_of,
+    observe_along,
+)
 from frictus_service.identification.observation.response import TrialObservations
 from frictus_service.identification.pipeline.structured_columns import columns_of, table_of
-from frictus_service.identification.pipeline.study import read_study
+from frictus_service.identification.pipeline.study import STATISTICS, read_study
 from frictus_service.identification.pipeline.workers import Reader, Reading
+from frictus_service.identification.plausibility.pool import TrialRecord
+from frictus_service.identification.plausibility.trial_statistics import (
+    TrialStatistics,
+    statistics_of,
+)
 from frictus_service.study.trial import StudyInfo, Trial
 
 NOTHING_READ: Final = {
@@ -46,11 +55,14 @@ class TrialEvidence:
         One entry per row of `observed.rows`.
     stretches : Stretches
         One entry per third of a sweep, with or without drive.
+    statistics : TrialStatistics or None
+        By which its plausibility is judged; None of an unreadable trial.
     """
 
     observed: TrialObservations
     harmonics: HarmonicResponse
     stretches: Stretches
+    statistics: TrialStatistics | None = None
 
     @classmethod
     def of(cls, reading: Reading) -> Self:
@@ -60,6 +72,7 @@ class TrialEvidence:
             reading.observed,
             columns_of(HarmonicResponse, more["harmonics"]),
             columns_of(Stretches, more["stretches"]),
+            TrialStatistics.of_table(more[STATISTICS]) if STATISTICS in more else None,
         )
 
 
@@ -74,6 +87,22 @@ def evidence_of(trial: Trial, study: StudyInfo) -> TrialEvidence:
         Its mount, its carrier and its screen voltage are used.
     """
     course = course_of(trial)
+    found = evidence_along(course, trial, study)
+    return replace(found, statistics=statistics_of(trial, study, course))
+
+
+def evidence_along(course: FingerTrajectory, trial: Trial, study: StudyInfo) -> TrialEvidence:
+    """Return the evidence of a trial in the segments of a course; no statistics.
+
+    Parameters
+    ----------
+    course : FingerTrajectory
+        Of the finger in the trial; one row per segment and tone or band.
+    trial : Trial
+        As it was recorded.
+    study : StudyInfo
+        Its mount, its carrier and its screen voltage are used.
+    """
     observed = observe_along(course, trial, study)
     harmonics, stretches = spectra_of(trial, study, course, observed.rows)
     if trial.info.tones_hz:
@@ -88,6 +117,8 @@ def read_evidence(trial: Trial, study: StudyInfo) -> Reading:
     """Return the evidence of a trial as workers hand it on."""
     found = evidence_of(trial, study)
     more = {"harmonics": table_of(found.harmonics), "stretches": table_of(found.stretches)}
+    if found.statistics is not None:
+        more[STATISTICS] = found.statistics.as_table()
     return Reading(found.observed, more)
 
 
@@ -99,6 +130,7 @@ EVIDENCE: Final = Reader(
         "frictus_service.discovery.evidence.broadband",
         "frictus_service.discovery.evidence.evidence_rows",
         "frictus_service.discovery.evidence.spectra",
+        "frictus_service.identification.plausibility.trial_statistics",
     ),
 )
 
@@ -135,6 +167,21 @@ def study_evidence(
     return [TrialEvidence.of(reading) for reading in readings]
 
 
+def judged(evidence: Sequence[TrialEvidence]) -> list[TrialRecord]:
+    """Return what the plausibility of a study is judged by: of all trials that could be read.
+
+    Parameters
+    ----------
+    evidence : sequence of TrialEvidence
+        Of a whole study.
+    """
+    return [
+        TrialRecord(one.observed, one.statistics)
+        for one in evidence
+        if one.statistics is not None
+    ]
+
+
 QUIET: Final = 0.1
 """Share of the trials that are quieter than that."""
 WANDER: Final = 0.03
@@ -164,6 +211,8 @@ class EvidenceRows:
         Where each trial was measured, on average; its tone means nothing.
     measured : Compared
         What was measured; NaN where nothing was.
+    variance : ndarray
+        Of ln size and of phase of each row, from the noise beside it.
     """
 
     unit_of_trial: IntArray
@@ -176,6 +225,7 @@ class EvidenceRows:
     rows: Probe
     trials: Probe
     measured: Compared
+    variance: FloatArray
 
 
 @dataclass(frozen=True, slots=True)

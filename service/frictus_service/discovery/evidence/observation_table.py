@@ -92,10 +92,11 @@ def telling_of(trials: Sequence[TrialEvidence], response: ResponseName) -> Count
         Of one study.
     response : {'friction', 'mobility'}
     """
-    return Counter(one.observed.info.participant for one in trials if _tells(one, response))
+    return Counter(one.observed.info.participant for one in trials if says(one, response))
 
 
-def _tells(one: TrialEvidence, response: ResponseName) -> bool:
+def says(one: TrialEvidence, response: ResponseName) -> bool:
+    """Return whether a trial says something of a response, and where that was."""
     rows = one.observed.rows
     measured = rows.friction_response if response == "friction" else rows.mobility
     return bool(
@@ -202,7 +203,9 @@ def rows_of(
     def harmonic(name: str) -> Any:
         return np.concatenate([getattr(one.harmonics, name) for one in evidence])
 
-    measured = column("friction_response" if response == "friction" else "mobility")
+    friction = response == "friction"
+    measured = column("friction_response" if friction else "mobility")
+    variance = column("friction_variance" if friction else "mobility_variance")
     where = ("speed_mm_s", "normal_force_n", "position_mm")
     known = _known(measured, *(column(name) for name in where))
     tones_hz, tone = np.unique(column("tone_hz"), return_inverse=True)
@@ -251,6 +254,7 @@ def rows_of(
         rows=rows,
         trials=trials,
         measured=compared,
+        variance=mean(variance / np.square(np.abs(measured))) / np.bincount(group),
     )
 
 
@@ -318,7 +322,8 @@ def _filled(values: FloatArray, trial: IntArray) -> FloatArray:
     """
     own = _mean_of_known(values, trial, int(trial.max(initial=-1)) + 1)
     filled = np.where(np.isfinite(values), values, own[trial])
-    return np.where(np.isfinite(filled), filled, np.nanmean(values))
+    everywhere = values[np.isfinite(values)]
+    return np.where(np.isfinite(filled), filled, everywhere.mean() if everywhere.size else 0.0)
 
 
 def _mean_of_known(values: Any, group: IntArray, count: int) -> Any:

@@ -7,7 +7,7 @@ readings of their own, each with its own scatter.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Final
 
 import numpy as np
@@ -162,6 +162,30 @@ def accuracy_of(layout: Layout) -> FloatArray:
     sizes = [n_trials, n_cells, n_cells, n_rows, n_rows, *4 * [n_cells], *3 * [n_trials]]
     best = [*5 * [RESPONSE], *4 * [HARMONICS], LINE_N2, LINE_N2, LOW]
     return np.repeat(best, sizes)[layout.seen]
+
+
+def noise_of(layout: Layout, variance: FloatArray) -> FloatArray:
+    """Return the standard deviation of each reading that noise beside it gives, (n_readings,).
+
+    Parameters
+    ----------
+    layout : Layout
+        Which rows make which reading.
+    variance : ndarray, shape (n_rows,)
+        Of ln size and of phase of each row. 1 is returned of readings that have none, and of
+        those of a whole trial, which deviates by its contact and not by noise.
+    """
+    n_cells, n_trials = layout.tone.size, layout.n_trials
+    rows = np.where(np.isfinite(variance) & (variance > 0.0), np.sqrt(variance), 1.0)
+    count = np.bincount(layout.cell, minlength=n_cells)
+    cells = np.sqrt(np.bincount(layout.cell, np.square(rows), minlength=n_cells)) / count
+    parts = [np.ones(n_trials), cells, cells, rows, rows, np.ones(4 * n_cells + 3 * n_trials)]
+    return np.concatenate(parts)[layout.seen]
+
+
+def by_kind(layout: Layout) -> Layout:
+    """Return a layout whose readings of one kind scatter alike, whatever their tone."""
+    return replace(layout, part=layout.part // TONES * TONES)
 
 
 def _all(layout: Layout, c: Compared) -> FloatArray:

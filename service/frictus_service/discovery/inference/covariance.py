@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
-from frictus_service.discovery.evidence.residuals import Layout, huber, scatters
+from frictus_service.discovery.evidence.residuals import Layout, by_kind, huber, scatters
 from frictus_service.discovery.inference.linear_model import LEAST_SHARE, orthonormal
 from frictus_service.discovery.inference.significance import (
     RandomEffects,
@@ -23,6 +23,8 @@ from frictus_service.discovery.problem.problem import UnwhitenedUnit
 
 ROUNDS: Final = 3
 """Scatter and fit follow from each other."""
+LEAST_SEEN: Final = 1e-6
+"""Square of a deviation's signature beside what is a unit's own, below which there is none."""
 LEAST_FREE: Final = 0.1
 """Share of a reading that a fit leaves free, from which its scatter can still be told."""
 DEVIATIONS: Final = (0.0, 0.01, 0.02, 0.035, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3)
@@ -93,7 +95,11 @@ Whiten = Callable[[Sequence[Layout], Sequence[UnwhitenedUnit]], list[Whitening]]
 """From layouts and units to the whitening of each unit, as `whiten`."""
 
 
-def whiten(layouts: Sequence[Layout], raws: Sequence[UnwhitenedUnit]) -> list[Whitening]:
+def whiten(
+    layouts: Sequence[Layout],
+    raws: Sequence[UnwhitenedUnit],
+    noise: Sequence[FloatArray] | None = None,
+) -> list[Whitening]:
     """Return the whitening of each unit; scatters and deviations are those of all.
 
     Parameters
@@ -102,8 +108,11 @@ def whiten(layouts: Sequence[Layout], raws: Sequence[UnwhitenedUnit]) -> list[Wh
         Of each unit.
     raws : sequence of UnwhitenedUnit
         Of each unit.
+    noise : sequence of ndarray, shape (n,), or None
+        Standard deviations of the readings, of which those of one kind are off by one factor.
+        None: readings of one tone and kind scatter alike.
     """
-    weights = _weights(layouts, raws)
+    weights = _weights(layouts, raws, noise)
     rests = []
     for raw, weight in zip(raws, weights, strict=True):
         fitted = np.hstack([raw.own, raw.chosen, raw.random_effects])
@@ -148,13 +157,22 @@ def _times(columns: FloatArray, weight: FloatArray) -> FloatArray:
     return columns * weight[:, np.newaxis]
 
 
-def _weights(layouts: Sequence[Layout], raws: Sequence[UnwhitenedUnit]) -> list[FloatArray]:
+def _weights(
+    layouts: Sequence[Layout],
+    raws: Sequence[UnwhitenedUnit],
+    noise: Sequence[FloatArray] | None,
+) -> list[FloatArray]:
     """Return what each reading is multiplied with."""
+    if noise is None:
+        noise = [np.ones(raw.readings.size) for raw in raws]
+    else:
+        layouts = [by_kind(layout) for layout in layouts]
     rests = [raw.readings - np.median(raw.readings) for raw in raws]
     for _ in range(ROUNDS):
+        relative = [rest / sd for rest, sd in zip(rests, noise, strict=True)]
         found = [
-            np.hypot(scatter, raw.accuracy / 2.0)
-            for scatter, raw in zip(scatters(layouts, rests), raws, strict=True)
+            np.hypot(scatter * sd, raw.accuracy / 2.0)
+            for scatter, sd, raw in zip(scatters(layouts, relative), noise, raws, strict=True)
         ]
         weights = [huber(rest, sd) / sd for rest, sd in zip(rests, found, strict=True)]
         rests = [_rest(raw, weight) for raw, weight in zip(raws, weights, strict=True)]
@@ -182,6 +200,8 @@ def _deviations(rests: Sequence[FloatArray], n_kinds: int) -> FloatArray:
         How many kinds deviate per condition.
     """
     products = [(rest[:, 1:].T @ rest[:, 1:], rest[:, 1:].T @ rest[:, 0]) for rest in rests]
+    if max(float(np.max(np.diagonal(gram), initial=0.0)) for gram, _ in products) < LEAST_SEEN:
+        return np.zeros(n_kinds)  # a unit of one condition has its deviation as its own
     tried = [np.array(each) for each in product(DEVIATIONS, repeat=min(n_kinds, 2))]
     if n_kinds > 2:  # all but the first alike: the skin's three
         tried = [np.append(each[:1], np.full(n_kinds - 1, each[1])) for each in tried]

@@ -81,7 +81,7 @@ def linearise(
     patterns : sequence of Pattern or None
         Likewise.
     start : Linearised or None
-        With fewer effects, from which the fit begins.
+        With fewer effects, from whose parameters the fit begins.
     whiten : callable
         From layouts and units to whitenings; the default estimates the covariance from the
         readings themselves.
@@ -99,6 +99,10 @@ def linearise(
     at = np.hstack(
         [np.zeros((len(problem.subjects), len(chosen))), random_coefficients[:, places]]
     )
+    if start is not None:
+        for place, effect in enumerate(start.chosen):
+            if effect in chosen:
+                at[:, list(chosen).index(effect)] = start.coefficients[:, place]
     for _ in range(ROUNDS):
         before = at
         units, whitenings = _about(problem, own, there, at, len(chosen), there, (), whiten)
@@ -268,6 +272,30 @@ def if_alike(problem: DiscoveryProblem, model: Linearised) -> Linearised:
         A fitted model with the units about it.
     """
     return _again(problem, model, problem.patterns, deviating=True)
+
+
+def weighted_as(
+    problem: DiscoveryProblem, model: Linearised, ruler: Linearised, wanted: Sequence[int]
+) -> tuple[Unit, ...]:
+    """Return the units about a model, weighted as those about another.
+
+    Parameters
+    ----------
+    problem : DiscoveryProblem
+        Data, base model and candidates.
+    model : Linearised
+        A fitted model.
+    ruler : Linearised
+        The same for all models that are compared.
+    wanted : sequence of int
+        Candidates whose signatures the units have.
+    """
+
+    def whitened(_: Sequence[Layout], raws: Sequence[UnwhitenedUnit]) -> list[Whitening]:
+        return list(ruler.whitenings)
+
+    chosen, at = model.chosen, model.coefficients
+    return _about(problem, model.own, chosen, at, len(chosen), wanted, (), whitened)[0]
 
 
 def _again(

@@ -172,6 +172,7 @@ def rows_of_trials(
         rows=_at_rows(cells, assumptions, rng),
         trials=_at_trials(trials),
         measured=_seen(cells, setup, assumptions),
+        variance=np.full(tone.size, np.nan),
     )
 
 

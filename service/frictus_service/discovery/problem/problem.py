@@ -84,6 +84,8 @@ class DiscoveryProblem:
         That any misfit may show as.
     range_mm_s : tuple of float
         Speeds at which the base model was found.
+    differing : frozenset of str
+        Effects in which units differ by chance: people do, folds of one recording do not.
     """
 
     base: Simulator
@@ -93,11 +95,12 @@ class DiscoveryProblem:
     candidates: tuple[Candidate, ...]
     patterns: tuple[Pattern, ...]
     range_mm_s: tuple[float, float] = (20.0, 100.0)
+    differing: frozenset[str] = RANDOM_EFFECTS
 
     @property
     def random_effects(self) -> list[int]:
-        """Candidates in which people differ by chance."""
-        return [k for k, each in enumerate(self.candidates) if each.effect in RANDOM_EFFECTS]
+        """Candidates in which units differ by chance."""
+        return [k for k, each in enumerate(self.candidates) if each.effect in self.differing]
 
     def limits(self, chosen: Sequence[int]) -> tuple[FloatArray, FloatArray]:
         """Return least and largest coefficients about which candidates can be linear."""
@@ -227,7 +230,7 @@ class DiscoveryProblem:
         held = self._compared(within(subject, self.range_mm_s), here, own)
         mine.append(reduce(subject.layout, held - seen))
         signatures = {}
-        for effect in {*wanted, *there}:
+        for effect in {*wanted, *there, *random}:
             stronger, step = self._stronger(effect, here, own, there, at)
             signatures[effect] = change(stronger, own, step)
         readings = reduce(subject.layout, subject.measured - seen)

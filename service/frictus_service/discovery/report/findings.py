@@ -16,7 +16,9 @@ from frictus_service.discovery.document import (
     Gain,
     LevelBin,
     NamedCause,
+    OneRecording,
     ParameterEstimate,
+    RankedModel,
     ResidualBin,
     Unexplained,
 )
@@ -31,6 +33,8 @@ def verdict_sentence(found: Discovery) -> str:
     found : Discovery
         The document of a discovery.
     """
+    if found.verdict is None and found.one_recording is not None:
+        return found.one_recording.statement
     if found.verdict is None:
         return "Nothing could be tested, so nothing is said of the base model."
     if found.verdict == "clean":
@@ -87,6 +91,28 @@ def shown(estimate: ParameterEstimate) -> str:
     if estimate.ci95 is not None:
         value += f" [{estimate.ci95[0]:.4g}, {estimate.ci95[1]:.4g}]"
     return value if estimate.unit == NO_UNIT else f"{value} {estimate.unit}"
+
+
+def model_named(model: RankedModel) -> str:
+    """Return the causes of a model of one recording, with their parameters."""
+    if not model.causes:
+        return "base model alone"
+    return "; ".join(
+        f"{title(cause)} ("
+        + ", ".join(f"{name} {shown(each)}" for name, each in found.items())
+        + ")"
+        for cause, found in model.parameters.items()
+    )
+
+
+def folds_sentence(one: OneRecording) -> str:
+    """Return what a ranking rests on, and for what it holds."""
+    return (
+        f"It holds for {one.holds_for}: {one.windows} windows of {one.window_s:g} s, "
+        f"{1e3 * one.apart_s:.0f} ms apart, where what is random in the friction resembles "
+        f"itself for {1e3 * one.correlation_s:.1f} ms; {one.folds} folds in time, each "
+        f"predicted from the others. Beyond the base model counts: {one.threshold}."
+    )
 
 
 ROW_IN = 0.22

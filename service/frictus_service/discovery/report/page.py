@@ -13,8 +13,10 @@ from frictus_service.discovery.catalogue.causes import CAUSES
 from frictus_service.discovery.document import Discovery
 from frictus_service.discovery.report.findings import (
     by_relevance,
+    folds_sentence,
     gain_sentence,
     levels,
+    model_named,
     parameters,
     place_of,
     places,
@@ -33,6 +35,8 @@ MODEL: Final = "extended_model.json"
 def write(found: Discovery, folder: Path) -> list[Path]:
     """Write report, document and extended model, over what stands there; return their paths.
 
+    Where nothing was tested, there is no extended model.
+
     Parameters
     ----------
     found : Discovery
@@ -41,12 +45,15 @@ def write(found: Discovery, folder: Path) -> list[Path]:
         Made where it is missing.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    model = json.dumps(json.loads(found.extended_model.to_json()), indent=2)
     contents = {
         folder / REPORT: render(found).encode(),
         folder / DOCUMENT: found.to_json(),
-        folder / MODEL: model.encode(),
     }
+    if found.verdict is None:
+        (folder / MODEL).unlink(missing_ok=True)  # of an earlier run: nothing was tested
+    else:
+        model = json.dumps(json.loads(found.extended_model.to_json()), indent=2)
+        contents[folder / MODEL] = model.encode()
     for path, content in contents.items():
         replace_file(path, content)
     return list(contents)
@@ -65,7 +72,14 @@ def render(found: Discovery) -> str:
     unsure = {one for pair in found.cannot_tell for one in pair.between}
     return fill(
         resources.files(__package__).joinpath("page.html.j2"),
-        {"title": title, "shown": shown, "gain": gain_sentence, "model": model_in_words},
+        {
+            "title": title,
+            "shown": shown,
+            "gain": gain_sentence,
+            "model": model_in_words,
+            "named": model_named,
+            "folds": folds_sentence,
+        },
         found=found,
         verdict=verdict_sentence(found),
         residuals=drawn[:1],

@@ -8,6 +8,7 @@ import numpy as np
 
 from frictus_hardware.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from frictus_service.errors import NothingToIdentifyError
+from frictus_service.identification.observation.reasons import list_reasons
 from frictus_service.identification.observation.response import TrialObservations
 
 LEAST_RELATIVE = 1e-4
@@ -254,9 +255,9 @@ def _number(first: IntArray, second: IntArray, parent: IntArray) -> tuple[IntArr
 def _why_nothing(observations: Sequence[TrialObservations]) -> str:
     if not observations:
         return "the study has no trial that can be read; accepted: one at least, with a drive"
-    reasons = [reason for item in observations for reason in item.reasons]
+    reasons = list_reasons(item.reasons or item.notes for item in observations)
     driven = sum(bool(item.info.tones_hz) for item in observations)
-    told = f"; the first of its reasons: {reasons[0]}" if reasons else ""
+    told = f": {reasons}" if reasons else ""
     return (
         f"none of {len(observations)} trials ({driven} with a drive) can be used{told}; "
         "accepted: trials with a drive, a steady sweep and valid speed and force"

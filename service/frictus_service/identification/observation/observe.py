@@ -20,6 +20,7 @@ from frictus_service.identification.observation.sweeps import (
 from frictus_service.identification.observation.validity import Means, judge
 from frictus_service.study.trial import StudyInfo, Trial
 
+NO_SKIN = "nothing measures the skin: there is no mobility"
 PRESSED_SHARE = 0.25
 """The finger is on the screen where it presses with this share of its median force."""
 
@@ -154,4 +155,4 @@ def _gaps(trial: Trial, motion: TouchMotion) -> Iterator[str]:
             lacking = np.isnan(samples.reshape(samples.shape[0], -1)).any(axis=1)
             yield f"{int(lacking.sum())} of {lacking.size} samples of {name} are missing"
     if trial.accel_m_s2 is None and trial.skin_velocity_m_s is None:
-        yield "nothing measures the skin: there is no mobility"
+        yield NO_SKIN

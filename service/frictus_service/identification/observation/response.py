@@ -234,9 +234,11 @@ def rows_of(
     pieces = [piece for piece in pieces if piece.last - piece.first >= least]
     notes = []
     if short:
+        longest = max(segment.end_s - segment.begin_s for segment in short)
         notes.append(
             f"{_seconds(short):.2f} s in {len(short)} thirds of sweeps are too short for a "
-            f"tone of {min(tones.tones_hz):g} Hz and were left out"
+            f"tone of {min(tones.tones_hz):g} Hz (the longest lasts {longest:.2f} s, needed "
+            f"are {tones.least_s:.2f} s: stroke farther or more slowly) and were left out"
         )
     if not pieces:
         return NO_ROWS, notes

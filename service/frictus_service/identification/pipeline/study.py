@@ -10,10 +10,16 @@ from typing import Final
 import numpy as np
 
 from frictus_service.errors import TrialError
-from frictus_service.identification.observation.observe import observe
+from frictus_service.identification.observation.observe import course_of, observe_along
 from frictus_service.identification.observation.response import NO_ROWS, TrialObservations
 from frictus_service.identification.pipeline.cache import Cache, state_of
 from frictus_service.identification.pipeline.workers import Crash, Reader, Reading, work_through
+from frictus_service.identification.plausibility import trial_statistics
+from frictus_service.identification.plausibility.pool import TrialRecord
+from frictus_service.identification.plausibility.trial_statistics import (
+    TrialStatistics,
+    statistics_of,
+)
 from frictus_service.study.importers import Study, open_study
 from frictus_service.study.layout import duplicates
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
@@ -22,12 +28,18 @@ TRIALS_PER_WORKER: Final = 30
 """A process takes longer to start than so many trials take."""
 
 
+STATISTICS: Final = "statistics"
+"""Name of the table that holds the statistics of a trial."""
+
+
 def read_observations(trial: Trial, study: StudyInfo) -> Reading:
-    """Return the observations of a trial, and nothing else."""
-    return Reading(observe(trial, study))
+    """Return the observations of a trial, and what its plausibility is judged by."""
+    course = course_of(trial)
+    statistics = statistics_of(trial, study, course).as_table()
+    return Reading(observe_along(course, trial, study), {STATISTICS: statistics})
 
 
-OBSERVER: Final = Reader("observations", read_observations)
+OBSERVER: Final = Reader("observations", read_observations, (trial_statistics.__name__,))
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +152,21 @@ def read_study(
     if tasks:
         contents.keep(readings)
     return _without_copies(readings)
+
+
+def records_of(readings: Sequence[Reading]) -> list[TrialRecord]:
+    """Return what the plausibility of a study is judged by: of all trials that could be read.
+
+    Parameters
+    ----------
+    readings : sequence of Reading
+        From `read_study`.
+    """
+    return [
+        TrialRecord(reading.observed, TrialStatistics.of_table(reading.more[STATISTICS]))
+        for reading in readings
+        if STATISTICS in reading.more
+    ]
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,6 +24,7 @@ from typing import Any, Final, Generic, TypeVar
 from frictus_service.errors import ServiceError
 from frictus_service.identification.observation.response import TrialObservations
 from frictus_service.identification.pipeline.structured_columns import Table
+from frictus_service.processes import quiet_numerics
 from frictus_service.study.trial import StudyInfo, Trial
 
 
@@ -260,6 +261,7 @@ def _result_in(said: Any) -> Any:
 
 def _serve(work: Callable[[Any], Any], pipe: Any) -> None:
     """Be a worker, until the pipe ends."""
+    quiet_numerics()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which ends us
     pipe.send(_READY)
     while True:

@@ -3,9 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from tests.service.discovery.made import Design, made
 
 from frictus_service.discovery.decision.caveats import caveats_on
+from frictus_service.discovery.decision.trial_accounting import missing_trials
 from frictus_service.discovery.evidence.evidence_rows import TrialEvidence
 from frictus_service.discovery.evidence.observation_table import (
     LEAST_TRIALS,
@@ -29,19 +31,20 @@ def test_nothing_to_say(rng: np.random.Generator) -> None:
     assert notes(made(rng)) == ()
 
 
-def test_the_most_frequent_kind_of_reason_is_told_with_an_example(
+def test_all_kinds_of_reasons_are_counted_with_an_example_each(
     rng: np.random.Generator,
 ) -> None:
     evidence = made(rng)
     for k in range(5):
         slow = f"too slow: {k}.5 mm/s, -{k}0% from its target"
         reason = slow if k < 3 else "lifted: the force fell to 0.01 N"
-        evidence[k] = invalid(evidence[k], reason, "not this")
+        evidence[k] = invalid(evidence[k], reason, "clipped")
     (told,) = notes(evidence)
-    assert told.startswith(f"5 of {len(evidence)} trials are not used; most often (3 times)")
-    assert "too slow: 0.5 mm/s, -00% from its target" in told
-    assert "lifted" not in told
-    assert "not this" not in told
+    assert told == (
+        f"5 of {len(evidence)} trials are not used: 5 x clipped; "
+        "3 x too slow: 0.5 mm/s, -00% from its target; "
+        "2 x lifted: the force fell to 0.01 N."
+    )
 
 
 def test_trials_without_a_sweep(rng: np.random.Generator) -> None:
@@ -50,7 +53,7 @@ def test_trials_without_a_sweep(rng: np.random.Generator) -> None:
     none = {name: getattr(evidence[0].stretches, name)[:0] for name in names}
     evidence[0] = replace(evidence[0], stretches=replace(evidence[0].stretches, **none))
     (told,) = notes(evidence)
-    assert told.startswith(f"1 of {len(evidence)} trials are not used: they hold no steady")
+    assert told.startswith(f"1 of {len(evidence)} trials are not used: 1 x there is no steady")
 
 
 def test_designs_of_one_level(rng: np.random.Generator) -> None:
@@ -69,7 +72,18 @@ def test_few_people(rng: np.random.Generator) -> None:
     assert some.startswith("5 participants, below 6: blocks")
     (few,) = notes(made(rng, design=Design(1, repeats=3)))
     assert few.startswith("Nothing was tested: 36 usable trials of 1 participants")
+    assert few.endswith(
+        "measure 12 more trials that give a friction response, or 5 more participants."
+    )
     assert notes([])[0].startswith("Nothing was tested: 0 usable trials")
+
+
+@pytest.mark.parametrize(
+    ("telling", "more"),
+    [([], 48), ([36], 12), ([48], 0), ([47], 1), ([7, 7, 1], 1 + 1 + 7 + 24), ([50], 0)],
+)
+def test_how_many_trials_are_missing(telling: list[int], more: int) -> None:
+    assert missing_trials(telling) == more
 
 
 def test_who_is_left_out_and_why(rng: np.random.Generator) -> None:
@@ -82,7 +96,11 @@ def test_who_is_left_out_and_why(rng: np.random.Generator) -> None:
     of_one = [
         silent(one) if one.observed.info.participant == "P07" else one for one in made(rng)
     ]
-    (told,) = notes(of_one)
+    told, why = notes(of_one)
+    assert why.startswith("24 usable trials without a friction response: ")
+    assert why.endswith(
+        "24 x no response could be measured where speed, force and position are known."
+    )
     assert told == "Left out: P07: no usable trial says anything of the friction response."
 
 

@@ -140,3 +140,22 @@ def test_a_tone_that_nobody_declared_is_still_told(rng: np.random.Generator) -> 
     found = evidence_of(replace(measured, info=replace(measured.info, tones_hz=())), STUDY)
     assert not found.observed.valid
     assert "no tone is declared" in found.observed.reasons[0]
+
+
+@pytest.mark.parametrize("silent", ["drive", "skin"])
+def test_a_channel_of_zeros_is_not_coherent(silent: str, rng: np.random.Generator) -> None:
+    measured = trial(Made((), seconds=1.0), rng)
+    nothing = np.zeros_like(measured.force_n)
+    if silent == "drive":
+        measured = replace(measured, voltage_v=nothing[:, 0])
+    else:
+        measured = replace(measured, accel_m_s2=nothing)
+    found = evidence_of(measured, STUDY).observed
+    assert found.rows.tone_hz.size == 0
+    assert any("are not coherent" in note for note in found.notes)
+
+
+def test_sweeps_shorter_than_a_window_are_said(rng: np.random.Generator) -> None:
+    found = evidence_of(trial(Made((), 100.0, seconds=1.0, span_mm=25.0), rng), STUDY).observed
+    assert found.rows.tone_hz.size == 0
+    assert any("holds 0.1 s without gaps, the longest lasts" in note for note in found.notes)

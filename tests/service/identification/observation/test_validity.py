@@ -48,11 +48,16 @@ def test_a_good_trial_is_valid(speed: float, force: float, rng: np.random.Genera
 
 
 @pytest.mark.parametrize(
-    ("off", "valid"), [(0.92, True), (1.08, True), (0.88, False), (1.13, False)]
+    ("off", "valid"), [(0.87, True), (1.13, True), (0.72, False), (1.28, False)]
 )
 def test_mean_speed(off: float, valid: bool, good: Trial) -> None:
+    """Rows hold the speed that was measured: a tenth off its target it is used."""
     said = reasons(asked(good, speed_mm_s=40.0 / off))
     assert ("mean speed over the sweeps is 4" in said or "is 39" in said) is not valid
+
+
+def test_without_a_target_the_speed_is_to_be_steady(good: Trial) -> None:
+    assert reasons(asked(good, speed_mm_s=0.0)) == ""
 
 
 @pytest.mark.parametrize(
@@ -86,7 +91,7 @@ def test_a_finger_that_stops(pause_s: float, valid: bool, good: Trial) -> None:
         [np.interp(moving_t_s, good.position_t_s, axis) for axis in good.position_mm.T]
     )
     said = reasons(replace(good, position_mm=position))
-    assert ("speed is more than 25% from its target" in said) is not valid
+    assert ("speed is more than 25% from its mean" in said) is not valid
 
 
 def test_reversals_are_not_held_against_the_speed(rng: np.random.Generator) -> None:

@@ -82,7 +82,7 @@ def test_a_copy_of_the_file_is_read_but_not_estimated_again(
     def refuse(*_: object) -> TrialObservations:
         raise AssertionError("estimated again")
 
-    monkeypatch.setattr(study_pipeline, "observe", refuse)
+    monkeypatch.setattr(study_pipeline, "observe_along", refuse)
     require_same(first, observe_study(copy, workers=0, cache=tmp_path / "cache"))
 
 

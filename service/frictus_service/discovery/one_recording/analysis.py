@@ -1,0 +1,294 @@
+"""From the trials of a study that has too few for a test, to the ranking of one recording."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from scipy import stats
+from threadpoolctl import threadpool_limits
+
+from frictus.model import Model
+from frictus_hardware.arrays import FloatArray
+from frictus_hardware.physics.effects import EFFECTS
+from frictus_service.discovery.document import OneRecording, ParameterEstimate, RankedModel
+from frictus_service.discovery.evidence.evidence_rows import (
+    EvidenceRows,
+    TrialEvidence,
+    subjects_of,
+)
+from frictus_service.discovery.evidence.observation_table import (
+    ResponseName,
+    UnitAssignment,
+    rows_of,
+    says,
+    used,
+)
+from frictus_service.discovery.one_recording.folds import (
+    LEAST_APART_S,
+    LEAST_FOLDS,
+    TIMES,
+    correlation_time_s,
+    folds_of,
+)
+from frictus_service.discovery.one_recording.phrasing import statement_of
+from frictus_service.discovery.one_recording.ranking import RULE, FittedModel, Ranking, rank
+from frictus_service.discovery.one_recording.repeats import SeenSamples
+from frictus_service.discovery.one_recording.windows import (
+    LONG_S,
+    MANY_S,
+    SHORT_S,
+    windows_of,
+)
+from frictus_service.discovery.problem.base_models import simulator_of
+from frictus_service.discovery.problem.candidates import candidates_of
+from frictus_service.discovery.problem.problem import DiscoveryProblem
+from frictus_service.identification.observation.observe import course_of
+from frictus_service.identification.observation.validity import judge_signals
+from frictus_service.study.importers import open_study
+from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
+
+MOST_TRIALS: Final = 60
+"""More make blocks that are tested."""
+MOST_S: Final = 600.0
+"""Of all trials together, that are held in memory."""
+MOST_WINDOWS: Final = 150
+MOST_MODELS: Final = 15
+
+
+@dataclass(frozen=True, slots=True)
+class Windows:
+    """What a recording was cut into.
+
+    Attributes
+    ----------
+    evidence : tuple of TrialEvidence
+        Of each window that says something of the response, in time.
+    seconds : float
+        Of the trials together.
+    length_s, apart_s, correlation_s : float
+        Of a window; between two; of what is random in the friction.
+    refused : tuple of str
+        Trials that repeat others, one sentence each.
+    unusable : tuple of str
+        Trials whose signals may not be used, likewise.
+    """
+
+    evidence: tuple[TrialEvidence, ...]
+    seconds: float
+    length_s: float
+    apart_s: float
+    correlation_s: float
+    refused: tuple[str, ...]
+    unusable: tuple[str, ...]
+
+
+def cut(trials: Iterable[Trial], study: StudyInfo, response: ResponseName) -> Windows:
+    """Cut trials into windows, apart by more than a correlation time; refuse copies.
+
+    Parameters
+    ----------
+    trials : iterable of Trial
+        Of one person, in time.
+    study : StudyInfo
+        What holds for all trials: carrier, peak voltage, mount.
+    response : {'friction', 'mobility'}
+    """
+    seen = SeenSamples()
+    refused: list[str] = []
+    unusable: list[str] = []
+    kept: list[Trial] = []
+    seconds = 0.0
+    for trial in trials:
+        repeated = seen.repeated(trial)
+        reasons = judge_signals(trial, study)
+        lasting = trial.force_n.shape[0] / trial.info.sample_rate_hz
+        if repeated:
+            refused.append(repeated)
+        elif reasons:
+            unusable.append(f"trial {trial.info.id} is not used: {reasons[0]}")
+        elif seconds + lasting > MOST_S:
+            unusable.append(f"trial {trial.info.id} is not used: {MOST_S:g} s are enough")
+        else:
+            kept.append(trial)
+            seconds += lasting
+    moving_s = sum(
+        sweep.end_s - sweep.begin_s for trial in kept for sweep in course_of(trial).sweeps
+    )
+    length_s = LONG_S if moving_s > MANY_S else SHORT_S
+    correlation_s = max((correlation_time_s(trial) for trial in kept), default=0.0)
+    apart_s = max(TIMES * correlation_s, LEAST_APART_S)
+    found = [one for trial in kept for one in windows_of(trial, study, length_s, apart_s)]
+    found = [one for one in used(found) if says(one, response)]
+    every = max(1, -(-len(found) // MOST_WINDOWS))
+    return Windows(
+        tuple(found[::every]),
+        seconds,
+        length_s,
+        apart_s,
+        correlation_s,
+        tuple(refused),
+        tuple(unusable),
+    )
+
+
+def ranked(windows: Windows, study: StudyInfo, base: Model) -> OneRecording:
+    """Return what explains the windows of a recording best.
+
+    Parameters
+    ----------
+    windows : Windows
+        At least `LEAST_FOLDS`.
+    study : StudyInfo
+        Its mount is used.
+    base : Model
+        What is criticised.
+    """
+    folds = folds_of(windows.evidence, base.response)
+    rows = rows_of(windows.evidence, folds, base.response)
+    # Each window deviates by itself, as contacts do.
+    rows = replace(rows, condition_of_trial=np.arange(len(windows.evidence)))
+    problem = DiscoveryProblem(
+        simulator_of(base, study.mount),
+        study.mount,
+        base.response,
+        tuple(subjects_of(rows, len(folds.names))),
+        tuple(candidates_of(base.response, [effect.id for effect in base.effects])),
+        (),
+        base.validity.speed_mm_s,
+        differing=frozenset(),
+    )
+    # Matrices are small: threads would wait for each other longer than they work.
+    with threadpool_limits(limits=1):
+        found = rank(problem, _variances(rows, folds))
+    models = tuple(_model(found, each) for each in found.models[:MOST_MODELS])
+    beyond = found.margin > 0.0
+    return OneRecording(
+        statement=statement_of(models, beyond=beyond),
+        beyond_threshold=beyond,
+        margin=found.margin,
+        threshold=RULE,
+        models=models,
+        searched=found.searched,
+        silent=found.silent,
+        participant=folds.participant[0],
+        seconds=windows.seconds,
+        windows=len(windows.evidence),
+        folds=len(folds.names),
+        window_s=windows.length_s,
+        apart_s=windows.apart_s,
+        correlation_s=windows.correlation_s,
+        refused=windows.refused,
+    )
+
+
+def _variances(rows: EvidenceRows, folds: UnitAssignment) -> list[FloatArray]:
+    """Return the variance of each fold's rows: of each band, the mean over all windows."""
+    known = np.isfinite(rows.variance)
+    n = rows.tones_hz.size
+    total = np.bincount(rows.tone[known], rows.variance[known], minlength=n)
+    mean = total / np.maximum(np.bincount(rows.tone[known], minlength=n), 1)
+    fold = folds.of_trial[rows.trial]
+    return [mean[rows.tone[fold == k]] for k in range(len(folds.names))]
+
+
+def _model(found: Ranking, fitted: FittedModel) -> RankedModel:
+    """Return a model as the document holds it."""
+    parameters: dict[str, dict[str, ParameterEstimate]] = {}
+    quantile = float(stats.t.ppf(0.975, fitted.gain.size - 1))
+    for place, k in enumerate(fitted.candidates):
+        each = found.candidates[k]
+        units = {p.name: p.unit for p in EFFECTS[each.effect].parameters}
+        value = fitted.coefficients[place]
+        # What measuring is wrong by is the same in all folds: no mean takes it away.
+        error = quantile * fitted.standard_errors[place]
+        half = float(np.hypot(error, fitted.accuracy[place] / 2.0))
+        ends = np.array([value - half, value, value + half])
+        ends = np.maximum(ends, 0.0) if each.positive else ends
+        low, mean, high = (np.sqrt(ends) if each.squared else ends).tolist()
+        parameters[each.effect] = {
+            each.parameter: ParameterEstimate(
+                value=mean, ci95=(low, high), unit=units[each.parameter]
+            )
+        }
+        for name, held in each.held:
+            fixed = ParameterEstimate(value=held, ci95=None, unit=units[name])
+            parameters[each.effect][name] = fixed
+    return RankedModel(
+        causes=tuple(parameters),
+        parameters=parameters,
+        heldout_loglik=fitted.total,
+        standard_error=fitted.standard_error,
+        aic=fitted.aic,
+    )
+
+
+def rank_recording(
+    path: Path | str, base: Model, tell: Callable[[str], None]
+) -> tuple[OneRecording | None, tuple[str, ...]]:
+    """Return what ranks first in the recording of one person, and what to know of it.
+
+    Of the person who has most trials, in a study that has too few for a test.
+
+    Parameters
+    ----------
+    path : Path or str
+        A study file.
+    base : Model
+        What is criticised.
+    tell : callable
+        Told what is done.
+
+    Returns
+    -------
+    OneRecording or None
+        None where it holds too little for folds.
+    tuple of str
+        Notes: why, and what was left out.
+
+    Raises
+    ------
+    StudyError
+        If the study cannot be read.
+    """
+    tell("ranking what explains one recording")
+    notes = []
+    with open_study(path) as study:
+        person, asked = _most_recorded(study.trials)
+        if len(asked) < len(study.trials):
+            notes.append(
+                f"One recording: {len(asked)} of {len(study.trials)} trials are looked at: "
+                f"those of {person}, who has most, and no more than {MOST_TRIALS}."
+            )
+        info = study.info
+        windows = cut((study.read(trial.id) for trial in asked), info, base.response)
+    notes += [f"Not independent: {each}." for each in windows.refused]
+    notes += [f"One recording: {each}." for each in windows.unusable]
+    if len(windows.evidence) < LEAST_FOLDS:
+        return None, (*notes, _too_little(windows, base.response))
+    return ranked(windows, info, base), tuple(notes)
+
+
+def _most_recorded(trials: Sequence[TrialInfo]) -> tuple[str, list[TrialInfo]]:
+    counted = Counter(trial.participant for trial in trials)
+    person = max(sorted(counted), key=lambda name: counted[name], default="")
+    own = [trial for trial in trials if trial.participant == person]
+    own.sort(key=lambda trial: (trial.session, trial.order, trial.id))
+    return person, own[:MOST_TRIALS]
+
+
+def _too_little(windows: Windows, response: ResponseName) -> str:
+    lacking = {
+        "friction": "a drive (voltage_v) and a force",
+        "mobility": "a force and the skin's acceleration or velocity",
+    }[response]
+    other = "mobility" if response == "friction" else "friction"
+    return (
+        f"No ranking of one recording: {len(windows.evidence)} windows of "
+        f"{windows.length_s:g} s say something of the {response} response; accepted: "
+        f"{LEAST_FOLDS} at least, which needs {LEAST_FOLDS * windows.length_s:.1f} s of steady "
+        f"sliding with {lacking}, coherent with each other. Record longer, or ask for "
+        f"--response {other}."
+    )

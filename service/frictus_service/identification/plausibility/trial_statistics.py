@@ -1,0 +1,250 @@
+"""A few numbers of the samples of one trial, which the checks pool over trials."""
+
+from dataclasses import astuple, dataclass, fields
+from typing import Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frictus_hardware.arrays import FloatArray
+from frictus_service.identification.observation.observe import FingerTrajectory
+from frictus_service.identification.observation.validity import inspect
+from frictus_service.study.trial import StudyInfo, Trial
+
+BAND_HZ: Final = (20.0, 1000.0)
+"""In which the power along and across is compared."""
+APART_S: Final = 0.4
+"""Changes of velocity are taken over so long: a reversal fits, gravity's drift does not."""
+LEAST_CHANGE_M_S: Final = 0.02
+"""Standard deviation of these changes, below which nothing is compared: the finger went on."""
+SPECTRUM_SAMPLES: Final = 32_768
+LEAST_SPEED_MM_S: Final = 2.0
+PRESSED: Final = 0.25
+"""Of the strongest force: what presses."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrialStatistics:
+    """Statistics of one trial's samples; NaN where they cannot be told.
+
+    Attributes
+    ----------
+    duration_s : float
+        Samples over sample rate.
+    coverage : float
+        Time from the first to the last position report, as a share of that.
+    carrier_ratio : float
+        Strongest line of the voltage over the carrier as the sample rate would show it.
+    across_motion : float
+        Rms of the velocity along y over that along x, where the finger moves.
+    normal_n, lateral_n : float
+        Median of the force along z; the larger median magnitude of those along x and y.
+    normal_flips : float
+        Share of the samples that press in which the force along z has the rarer sign.
+    right_force_n, right_across_n, right_normal_n, right_s : float
+        Over sweeps to the right: mean force along the motion, mean across it to the left of
+        the motion, mean normal force; seconds.
+    left_force_n, left_across_n, left_normal_n, left_s : float
+        Over sweeps to the left.
+    force_across, skin_across : float
+        Power from 20 to 1000 Hz along y over that along x, of force and of acceleration.
+    motion_power, shared, skin_power : float
+        Sums of squares and of products about their means: change of the finger's velocity from
+        its positions, and from the skin's sensor; (m/s)².
+    clipped : float
+        Largest share of samples at an end of a channel's range.
+    """
+
+    duration_s: float
+    coverage: float
+    carrier_ratio: float
+    across_motion: float
+    normal_n: float
+    lateral_n: float
+    normal_flips: float
+    right_force_n: float
+    right_across_n: float
+    right_normal_n: float
+    right_s: float
+    left_force_n: float
+    left_across_n: float
+    left_normal_n: float
+    left_s: float
+    force_across: float
+    skin_across: float
+    motion_power: float
+    shared: float
+    skin_power: float
+    clipped: float
+
+    def as_table(self) -> NDArray[np.void]:
+        """Return it as a structured array of shape (1,)."""
+        names = [(field.name, np.float64) for field in fields(self)]
+        return np.array([astuple(self)], dtype=names)
+
+    @classmethod
+    def of_table(cls, table: NDArray[np.void]) -> Self:
+        """Return what `as_table` made."""
+        return cls(*(float(table[field.name][0]) for field in fields(cls)))
+
+
+def statistics_of(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> TrialStatistics:
+    """Return the statistics of a trial.
+
+    Parameters
+    ----------
+    trial : Trial
+        As it was recorded.
+    study : StudyInfo
+        Its carrier is used.
+    course : FingerTrajectory
+        Of the finger in the trial.
+    """
+    duration_s = trial.force_n.shape[0] / trial.info.sample_rate_hz
+    times = trial.position_t_s[np.isfinite(trial.position_mm).all(axis=1)]
+    covered = float(times[-1] - times[0]) / duration_s if times.size > 1 else np.nan
+    medians = [_median(column) for column in trial.force_n.T]
+    motion_power, shared, skin_power = _kinematics(trial, course)
+    return TrialStatistics(
+        duration_s,
+        covered,
+        _carrier_ratio(trial, study),
+        _across_motion(course),
+        medians[2],
+        max(abs(medians[0]), abs(medians[1])),
+        _flips(trial.force_n[:, 2]),
+        *_swept(trial, course, 1),
+        *_swept(trial, course, -1),
+        _across(trial.force_n, trial.info.sample_rate_hz),
+        np.nan
+        if trial.accel_m_s2 is None
+        else _across(trial.accel_m_s2, trial.info.sample_rate_hz),
+        motion_power,
+        shared,
+        skin_power,
+        _clipped(trial),
+    )
+
+
+def _median(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else np.nan
+
+
+def _flips(normal_n: FloatArray) -> float:
+    known = normal_n[np.isfinite(normal_n)]
+    if not known.size:
+        return np.nan
+    pressing = known[np.abs(known) > PRESSED * np.quantile(np.abs(known), 0.9)]
+    if not pressing.size:
+        return np.nan
+    negative = float(np.mean(pressing < 0.0))
+    return min(negative, 1.0 - negative)
+
+
+def _across_motion(course: FingerTrajectory) -> float:
+    velocity = course.motion.velocity_mm_s
+    moving = velocity[course.motion.speed_mm_s > LEAST_SPEED_MM_S]
+    if not moving.size:
+        return np.nan
+    along, across = np.sqrt(np.mean(np.square(moving), axis=0))
+    return float(across / max(along, 1e-9))
+
+
+def _swept(
+    trial: Trial, course: FingerTrajectory, direction: int
+) -> tuple[float, float, float, float]:
+    """Return mean forces along, across and into the screen, and seconds, in one direction."""
+    totals, seconds = np.zeros(3), 0.0
+    rate_hz = trial.info.sample_rate_hz
+    for segment in course.segments:
+        if segment.direction != direction:
+            continue
+        first, last = (int(at * rate_hz) for at in (segment.begin_s, segment.end_s))
+        force = trial.force_n[max(first, 0) : max(last, 0)]
+        force = force[np.isfinite(force).all(axis=1)]
+        if not force.shape[0]:
+            continue
+        x, y, z = force.mean(axis=0)
+        along_x, along_y = segment.along
+        lasting = force.shape[0] / rate_hz
+        found = (x * along_x + y * along_y, y * along_x - x * along_y, z)
+        totals += lasting * np.array(found)
+        seconds += lasting
+    if seconds == 0.0:
+        return np.nan, np.nan, np.nan, 0.0
+    along, across, normal = (totals / seconds).tolist()
+    return along, across, normal, seconds
+
+
+def _across(samples: FloatArray, rate_hz: float) -> float:
+    """Return the power along y over that along x in the band."""
+    length = min(samples.shape[0], SPECTRUM_SAMPLES)
+    middle = (samples.shape[0] - length) // 2
+    piece = np.nan_to_num(samples[middle : middle + length, :2])
+    window = np.hanning(length)[:, np.newaxis]
+    spectrum = np.square(np.abs(np.fft.rfft((piece - piece.mean(axis=0)) * window, axis=0)))
+    at_hz = np.fft.rfftfreq(length, 1.0 / rate_hz)
+    along, across = spectrum[(at_hz >= BAND_HZ[0]) & (at_hz <= BAND_HZ[1])].sum(axis=0)
+    return float(across / along) if along > 0.0 else np.nan
+
+
+def _carrier_ratio(trial: Trial, study: StudyInfo) -> float:
+    if trial.voltage_v is None:
+        return np.nan
+    voltage = np.nan_to_num(trial.voltage_v[:SPECTRUM_SAMPLES])
+    spectrum = np.abs(np.fft.rfft((voltage - voltage.mean()) * np.hanning(voltage.size)))
+    if not spectrum.max() > 0.0:
+        return np.nan
+    per_sample = study.carrier_hz / trial.info.sample_rate_hz
+    expected = abs(per_sample - round(per_sample))
+    return float(np.argmax(spectrum)) / voltage.size / expected if expected > 0.0 else np.nan
+
+
+def _kinematics(trial: Trial, course: FingerTrajectory) -> tuple[float, float, float]:
+    """Return how velocity changes by positions and by the skin's sensor, as sums of squares.
+
+    Integrated acceleration over `APART_S`, or the mean skin velocity: both follow a finger
+    that reverses, whatever its skin does.
+    """
+    motion, rate_hz = course.motion, trial.info.sample_rate_hz
+    if trial.accel_m_s2 is not None:
+        sensor = trial.accel_m_s2[:, 0]
+    elif trial.skin_velocity_m_s is not None:
+        sensor = trial.skin_velocity_m_s
+    else:
+        return np.nan, np.nan, np.nan
+    first, last = motion.time_s, motion.time_s + APART_S
+    end_s = min(float(motion.time_s.max(initial=0.0)), sensor.size / rate_hz)
+    inside = (first >= 0.0) & (last <= end_s)
+    if np.count_nonzero(inside) < 3 or not np.isfinite(sensor).any():
+        return np.nan, np.nan, np.nan
+    first, last = first[inside], last[inside]
+    total = np.concatenate([[0.0], np.cumsum(np.nan_to_num(sensor)) / rate_hz])
+    clock = np.arange(total.size) / rate_hz
+    measured = np.interp(last, clock, total) - np.interp(first, clock, total)
+    along = motion.velocity_mm_s[:, 0] / 1000.0
+    if trial.accel_m_s2 is not None:
+        moved = np.interp(last, motion.time_s, along) - np.interp(first, motion.time_s, along)
+    else:
+        measured = measured / APART_S
+        place = motion.position_mm[:, 0] / 1000.0
+        moved = np.interp(last, motion.time_s, place) - np.interp(first, motion.time_s, place)
+        moved = moved / APART_S
+    moved, measured = moved - moved.mean(), measured - measured.mean()
+    if not moved.std() >= LEAST_CHANGE_M_S:
+        return np.nan, np.nan, np.nan
+    return float(moved @ moved), float(moved @ measured), float(measured @ measured)
+
+
+def _clipped(trial: Trial) -> float:
+    channels = (trial.force_n, trial.accel_m_s2, trial.skin_velocity_m_s)
+    return max(
+        (
+            end.share
+            for samples in channels
+            if samples is not None
+            for end in inspect(samples.reshape(samples.shape[0], -1)).clipped
+        ),
+        default=0.0,
+    )
