@@ -67,7 +67,7 @@ LOW_HZ: Final = 250.0
 """Up to here friction follows the drive, and skin friction, within a quarter of a period."""
 FAR: Final = 0.25
 """From its target: another condition than the one asked for."""
-FOLLOWS: Final = 0.7
+FOLLOWS: Final = 0.9
 """Correlation above which the skin's sensor is taken to follow the finger's motion."""
 
 

@@ -5,9 +5,11 @@ from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.identification.observation.observe import FingerTrajectory
+from frictus_service.identification.observation.sweeps import WINDOW_S
 from frictus_service.identification.observation.validity import inspect
 from frictus_service.study.trial import StudyInfo, Trial
 
@@ -222,6 +224,9 @@ def _kinematics(trial: Trial, course: FingerTrajectory) -> tuple[float, float, f
     first, last = first[inside], last[inside]
     total = np.concatenate([[0.0], np.cumsum(np.nan_to_num(sensor)) / rate_hz])
     clock = np.arange(total.size) / rate_hz
+    if trial.accel_m_s2 is not None:
+        # What a tone does to the skin turns with the direction: reports would see it as motion.
+        total = uniform_filter1d(total, round(2.0 * WINDOW_S * rate_hz), mode="nearest")
     measured = np.interp(last, clock, total) - np.interp(first, clock, total)
     along = motion.velocity_mm_s[:, 0] / 1000.0
     if trial.accel_m_s2 is not None:
