@@ -9,6 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from frictus.model import Model
 from frictus_hardware.physics.linear import TransferFunction
+from frictus_service.discovery.beyond.beyond import look_beyond
 from frictus_service.discovery.decision.caveats import caveats_on
 from frictus_service.discovery.decision.decision import decide
 from frictus_service.discovery.document import Discovery, StudyFacts
@@ -77,8 +78,12 @@ def discover(
     flips = signs(len(units.names), np.random.default_rng(seed))
     # Matrices are small: threads would wait for each other longer than they work.
     with threadpool_limits(limits=1):
-        found = decide(problem, flips)
-        return Assembly(problem, units, rows, found, flips, base, study, seed, told).document()
+        first = decide(problem, flips)
+        beyond = look_beyond(problem, first, flips)
+        found = first if beyond.form is None else decide(beyond.problem, flips)
+        return Assembly(
+            problem, units, rows, first, found, beyond, flips, base, study, seed, told
+        ).document()
 
 
 def discover_study(

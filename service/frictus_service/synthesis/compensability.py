@@ -17,7 +17,7 @@ from frictus.model import FirstOrderSpeedLaw, Model
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import RigInfo
 from frictus_hardware.errors import EffectParameterError
-from frictus_hardware.physics.effects import EFFECTS, extended
+from frictus_hardware.physics.effects import KNOWN, extended
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.screen import DriveMap, Screen
@@ -42,6 +42,7 @@ REASONS: Final[Mapping[str, str]] = {
     "skin": NOT_FRICTION,
     "skin_delay_s": NOT_FRICTION,
     "delay_s": "all of the friction comes so much later, which nothing that is played changes",
+    "paths": "a further path of the drive is not undone yet",
     "stick_slip": "its phase is the finger's own and cannot be foretold",
 }
 """Why a part of the simulator that an effect changes is not undone."""
@@ -69,12 +70,12 @@ def inverse_of(
     EffectParameterError
         If a parameter is missing, unknown or out of its range.
     """
-    known = [(id_, parameters) for id_, parameters in effects if id_ in EFFECTS]
+    known = [(id_, parameters) for id_, parameters in effects if id_ in KNOWN]
     whole = extended(Simulator(law=law), known)
     remarks = [
         CompensationRemark(id_, rendered=False, text="this version does not know it")
         for id_, _ in effects
-        if id_ not in EFFECTS
+        if id_ not in KNOWN
     ]
     for id_, parameters in known:
         alone = extended(Simulator(law=law), [(id_, parameters)])

@@ -1,0 +1,220 @@
+"""Fits the dose and the shape of a form to what a model leaves of many people, by Gauss-Newton.
+
+The readings, their whitening and what is everybody's own are those of the catalogue's estimator;
+the form extends the base model, so that what it predicts is what the twin would do.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from scipy import stats
+
+from frictus_hardware.arrays import FloatArray
+from frictus_hardware.physics.effects import FORMS, extended
+from frictus_service.discovery.beyond.grammar import Form
+from frictus_service.discovery.evidence.residuals import accuracy_of, reduce
+from frictus_service.discovery.inference.linear_model import orthonormal
+from frictus_service.discovery.inference.linearisation import Linearised
+from frictus_service.discovery.problem.problem import DiscoveryProblem
+
+ROUNDS: Final = 12
+SETTLED: Final = 1e-4
+LEAST_STEP: Final = 1e-3
+MOST_STEP: Final = 0.5
+"""Of a logarithm, or of a plain parameter, in one round."""
+RIDGE: Final = 1e-6
+LOGARITHMIC: Final = frozenset({"frequency_hz", "damping", "delay_s", "corner_hz"})
+"""Parameters that are fitted on a log scale."""
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What a fitted model leaves of each unit, whitened, what is everybody's own projected out.
+
+    Attributes
+    ----------
+    problem : DiscoveryProblem
+    model : Linearised
+        Fitted without the form.
+    bases : tuple of ndarray
+        Orthonormal, of what is each unit's own and of the causes in the model.
+    """
+
+    problem: DiscoveryProblem
+    model: Linearised
+    bases: tuple[FloatArray, ...]
+
+    @classmethod
+    def of(cls, problem: DiscoveryProblem, model: Linearised) -> "Remainder":
+        """Return the remainder of a model whose units have the chosen effects."""
+        chosen = list(model.chosen)
+        columns = [np.column_stack([u.own, u.effects[:, chosen]]) for u in model.units]
+        return cls(problem, model, tuple(orthonormal(each) for each in columns))
+
+    def rest(self, unit: int, effect: str, values: Mapping[str, float]) -> FloatArray:
+        """Return what is left of a unit beside a form, what is its own projected out.
+
+        Parameters
+        ----------
+        unit : int
+        effect : str
+            Id of the form.
+        values : mapping
+            None: the model without the form.
+        """
+        readings, basis = self.whitened(unit, effect, values), self.bases[unit]
+        return readings - basis @ (basis.T @ readings)
+
+    def whitened(self, unit: int, effect: str, values: Mapping[str, float]) -> FloatArray:
+        """Return what is left of a unit beside a form, with what is its own."""
+        problem, model = self.problem, self.model
+        if values:
+            base = extended(problem.base, [(effect, values)])
+            problem = replace(problem, base=base)
+        subject = problem.subjects[unit]
+        left = problem.rest(subject, model.own[unit], model.chosen, model.coefficients[unit])
+        return model.whitenings[unit](reduce(subject.layout, left))
+
+    def accuracy(self, unit: int) -> FloatArray:
+        """Return what measuring is accurate to, whitened, of each reading."""
+        return self.model.whitenings[unit].weight * accuracy_of(
+            self.problem.subjects[unit].layout
+        )
+
+
+@dataclass(frozen=True)
+class FittedForm:
+    """A form with its parameters.
+
+    Attributes
+    ----------
+    form : Form
+    values : dict
+        The dose, then the shapes, and what is held.
+    half_width : dict
+        Of the 95 % interval of each fitted parameter, from how people scatter (sandwich); of a
+        parameter on a log scale, of the logarithm.
+    cost : float
+        Sum of squares left, over the units that were fitted.
+    """
+
+    form: Form
+    values: dict[str, float]
+    half_width: dict[str, float]
+    cost: float
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """Return the 95 % interval of a fitted parameter, within its bounds."""
+        value, half = self.values[name], self.half_width[name]
+        bounds = next(p for p in FORMS[self.form.id].parameters if p.name == name)
+        ends = (value - half, value + half)
+        if name in LOGARITHMIC:
+            ends = (value * float(np.exp(-half)), value * float(np.exp(min(half, 20.0))))
+        return max(ends[0], bounds.low), min(ends[1], bounds.high)
+
+
+def fit_form(
+    remainder: Remainder,
+    form: Form,
+    begin: Mapping[str, float],
+    units: Sequence[int],
+) -> FittedForm:
+    """Return a form fitted to some units, all with the same parameters.
+
+    Parameters
+    ----------
+    remainder : Remainder
+        What the model leaves.
+    form : Form
+    begin : mapping
+        The dose and the shapes to begin with.
+    units : sequence of int
+    """
+    names = (form.dose, *form.shapes)
+    bounds = {p.name: (p.low, p.high) for p in FORMS[form.id].parameters}
+    steps = {p.name: p.step for p in FORMS[form.id].parameters}
+    values = {name: float(np.clip(begin[name], *bounds[name])) for name in names}
+
+    def left(values: Mapping[str, float]) -> list[FloatArray]:
+        return [remainder.rest(unit, form.id, values) for unit in units]
+
+    def jacobian(values: dict[str, float], rests: list[FloatArray]) -> list[FloatArray]:
+        columns = []
+        for name in names:
+            step = steps[name] * (-1.0 if values[name] + steps[name] > bounds[name][1] else 1.0)
+            moved = left({**values, name: values[name] + step})
+            slope = values[name] / step if name in LOGARITHMIC else 1.0 / step
+            columns.append([slope * (b - a) for a, b in zip(moved, rests, strict=True)])
+        return [np.column_stack(each) for each in zip(*columns, strict=True)]
+
+    rests = left(values)
+    cost = _squares(rests)
+    for _ in range(ROUNDS):
+        slopes = jacobian(values, rests)
+        move = _step(slopes, rests)
+        share, better = 1.0, None
+        while share > LEAST_STEP:
+            tried = {
+                name: _moved(name, values[name], share * float(each), bounds[name])
+                for name, each in zip(names, move, strict=True)
+            }
+            after = left(tried)
+            if _squares(after) <= cost:
+                better = tried
+                break
+            share /= 3.0
+        if better is None:
+            break
+        gained = cost - _squares(after)
+        values, rests, cost = better, after, _squares(after)
+        if gained < SETTLED * (1.0 + cost) and np.all(np.abs(move) < 0.01):
+            break
+    half = _half_widths(jacobian(values, rests), rests, [remainder.accuracy(u) for u in units])
+    return FittedForm(form, values, dict(zip(names, half.tolist(), strict=True)), cost)
+
+
+def _moved(name: str, value: float, step: float, bounds: tuple[float, float]) -> float:
+    new = value * float(np.exp(step)) if name in LOGARITHMIC else value + step
+    return float(np.clip(new, *bounds))
+
+
+def _squares(rests: Sequence[FloatArray]) -> float:
+    return float(sum(rest @ rest for rest in rests))
+
+
+def _gram(slopes: Sequence[FloatArray]) -> FloatArray:
+    gram: FloatArray = np.sum([each.T @ each for each in slopes], axis=0)
+    return gram + RIDGE * np.diag(np.maximum(np.diagonal(gram), 1e-12))
+
+
+def _step(slopes: Sequence[FloatArray], rests: Sequence[FloatArray]) -> FloatArray:
+    along = np.sum([j.T @ rest for j, rest in zip(slopes, rests, strict=True)], axis=0)
+    return np.clip(np.linalg.solve(_gram(slopes), along), -MOST_STEP, MOST_STEP)
+
+
+def _half_widths(
+    slopes: Sequence[FloatArray],
+    rests: Sequence[FloatArray],
+    accuracies: Sequence[FloatArray],
+) -> FloatArray:
+    """Return the half width of the 95 % interval of each parameter.
+
+    Readings of one unit go together: the covariance is the sandwich of the units' scores (Liang
+    and Zeger 1986), never less than what noise alone makes; and what measuring is wrong by is
+    the same for all, whatever their number.
+    """
+    n = len(slopes)
+    inverse = np.linalg.inv(_gram(slopes))
+    scores = np.array([j.T @ rest for j, rest in zip(slopes, rests, strict=True)])
+    covariance = inverse @ (scores.T @ scores) @ inverse * n / max(n - 1, 1)
+    variance = np.maximum(np.diagonal(covariance), np.diagonal(inverse))
+    shown = np.concatenate(
+        [np.abs(j) / a[:, np.newaxis] for j, a in zip(slopes, accuracies, strict=True)]
+    ).max(axis=0)
+    quantile = float(stats.t.ppf(0.975, max(n - 1, 1)))
+    half: FloatArray = np.hypot(
+        quantile * np.sqrt(variance), 0.5 / np.maximum(shown, np.finfo(float).tiny)
+    )
+    return half
