@@ -1,8 +1,8 @@
 """Forms of a friction response without a known cause: a grammar, and smooth discrepancies.
 
-Discovery fits them to what no cause of the catalogue explains; twin and synthesis use them as any
-effect. Each parameter has the range in which it is looked for, and nothing is followed beyond
-where it was measured (`paths.MEASURED`, and what a law confines its schedule to).
+Discovery fits them to what no cause of the catalogue explains; twin and synthesis use them as
+any effect. Each parameter has the range in which it is looked for, and nothing is followed
+beyond where it was measured (`paths.MEASURED`, and what a law confines its schedule to).
 """
 
 import math
@@ -53,9 +53,10 @@ def band_pass(frequency_hz: float, damping: float) -> TransferFunction:
     return TransferFunction((width, 0.0), (1.0, width, omega**2))
 
 
-def _path(branch: Callable[[Values], Branch]) -> Callable[[Simulator, Values], Simulator]:
+def _path(
+    dose: str, branch: Callable[[Values], Branch]
+) -> Callable[[Simulator, Values], Simulator]:
     def extend(simulator: Simulator, values: Values) -> Simulator:
-        dose, *_ = values
         rates: tuple[tuple[Quantity, float], ...] = (
             ("speed_mm_s", values.get("by_speed", 0.0)),
             ("normal_force_n", values.get("by_force", 0.0)),
@@ -66,8 +67,8 @@ def _path(branch: Callable[[Values], Branch]) -> Callable[[Simulator, Values], S
     return extend
 
 
-def _high_pass(values: Values) -> TransferFunction:
-    return TransferFunction((-1.0, 0.0), (1.0, 2.0 * math.pi * values["corner_hz"]))
+def _high_pass(corner_hz: float) -> TransferFunction:
+    return TransferFunction((-1.0, 0.0), (1.0, 2.0 * math.pi * corner_hz))
 
 
 _PATHS: Final = (
@@ -86,7 +87,9 @@ _PATHS: Final = (
             _BY_SPEED,
             _BY_FORCE,
         ),
-        extend=_path(lambda v: band_pass(v.get("frequency_hz", 200.0), v.get("damping", 0.07))),
+        extend=_path(
+            "depth", lambda v: band_pass(v.get("frequency_hz", 200.0), v.get("damping", 0.07))
+        ),
     ),
     EffectDefinition(
         id="echo",
@@ -99,7 +102,7 @@ _PATHS: Final = (
             _BY_SPEED,
             _BY_FORCE,
         ),
-        extend=_path(lambda v: DelayLine(v.get("delay_s", 1e-3))),
+        extend=_path("share", lambda v: DelayLine(v.get("delay_s", 1e-3))),
     ),
     EffectDefinition(
         id="pole_zero_pair",
@@ -115,7 +118,7 @@ _PATHS: Final = (
             _BY_SPEED,
             _BY_FORCE,
         ),
-        extend=_path(lambda v: _high_pass({"corner_hz": v.get("corner_hz", 100.0)})),
+        extend=_path("share", lambda v: _high_pass(v.get("corner_hz", 100.0))),
     ),
 )
 
@@ -170,7 +173,8 @@ def _knee(part: Part, by: str, side: str) -> EffectDefinition:
     return EffectDefinition(
         id=f"{part}_knee_{side}_{by}",
         equation=(
-            f"The {part} follows the {by} {side} a threshold only: ``(x / threshold)^exponent``."
+            f"The {part} follows the {by} {side} a threshold only: "
+            "``(x / threshold)^exponent``."
         ),
         response="friction",
         scope="participant",
@@ -196,9 +200,7 @@ def band_names() -> tuple[str, ...]:
 
 
 def _empirical(by: str) -> EffectDefinition:
-    rates: tuple[tuple[Quantity, float], ...] = (
-        () if by == "none" else ((QUANTITIES[by], 1.0),)
-    )
+    rates: tuple[tuple[Quantity, float], ...] = () if by == "none" else ((QUANTITIES[by], 1.0),)
 
     def extend(simulator: Simulator, values: Values) -> Simulator:
         bands = tuple(

@@ -1,8 +1,8 @@
 """Parallel paths of the drive: what the friction response has beside a first order.
 
-The drive fraction reaches the finger along a further path, so that the response is multiplied by
-``1 + dose B(f)``: with a band pass for B it has one more resonance, with a low-pass one more pole
-and zero, with a pure delay an echo. The dose may depend on how the finger slides.
+The drive fraction reaches the finger along a further path, so that the response is multiplied
+by ``1 + dose B(f)``: with a band pass for B it has one more resonance, with a high-pass one
+more pole and zero, with a pure delay an echo. The dose may depend on how the finger slides.
 """
 
 from collections.abc import Sequence
@@ -125,7 +125,9 @@ class ParallelPath:
     dose: Dose
     branch: Branch
 
-    def factor(self, frequency_hz: FloatArray, circumstances: SlidingConditions) -> ComplexArray:
+    def factor(
+        self, frequency_hz: FloatArray, circumstances: SlidingConditions
+    ) -> ComplexArray:
         """Return the factor in the steady state.
 
         Parameters

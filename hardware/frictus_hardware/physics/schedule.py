@@ -116,7 +116,7 @@ class Linear:
 
 @dataclass(frozen=True, slots=True)
 class Switch:
-    """``exp(log_change)`` beyond a threshold and 1 below it, with a logistic rise of a width."""
+    """``exp(log_change)`` beyond a threshold and 1 below it, with a rise of a width."""
 
     quantity: Quantity
     threshold: float

@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from frictus.model import Model
 from frictus_hardware.physics.linear import TransferFunction
-from frictus_service.discovery.beyond.beyond import look_beyond
+from frictus_service.discovery.beyond.beyond import beside_form, look_beyond
 from frictus_service.discovery.decision.caveats import caveats_on
 from frictus_service.discovery.decision.decision import decide
 from frictus_service.discovery.document import Discovery, StudyFacts
@@ -29,7 +29,8 @@ from frictus_service.discovery.inference.significance import signs
 from frictus_service.discovery.problem.base_models import ResponseName, base_model, simulator_of
 from frictus_service.discovery.problem.candidates import candidates_of, patterns_of
 from frictus_service.discovery.problem.problem import DiscoveryProblem
-from frictus_service.discovery.report.assembly import Assembly, nothing_tested
+from frictus_service.discovery.report.assembly import Assembly
+from frictus_service.discovery.report.untested import nothing_tested
 from frictus_service.study.importers import open_study
 
 
@@ -80,7 +81,9 @@ def discover(
     with threadpool_limits(limits=1):
         first = decide(problem, flips)
         beyond = look_beyond(problem, first, flips)
-        found = first if beyond.form is None else decide(beyond.problem, flips)
+        found = first
+        if beyond.form is not None:
+            found = beside_form(first, decide(beyond.problem, flips))
         return Assembly(
             problem, units, rows, first, found, beyond, flips, base, study, seed, told
         ).document()

@@ -1,4 +1,4 @@
-"""Forms without a cause: what the twin does in time is what is predicted in the steady state."""
+"""Forms without a cause: what the twin does in time is what is predicted when it is steady."""
 
 from dataclasses import replace
 
@@ -57,9 +57,7 @@ def test_the_twin_follows_a_path_as_it_is_predicted(id_: str) -> None:
             out, state = stage.run(signals.rows(part), state)
             halves.append(out.drive_fraction)
         turned = np.exp(-2j * np.pi * tone_hz * time_s[late])
-        felt, given = (
-            np.mean(each[late] * turned) for each in (np.concatenate(halves), drive)
-        )
+        felt, given = (np.mean(each[late] * turned) for each in (np.concatenate(halves), drive))
         assert abs(felt / given / factor - 1.0) < 3e-3
 
 

@@ -13,8 +13,8 @@ from frictus_service.discovery.beyond.characterise import (
 )
 from frictus_service.discovery.beyond.form_fit import Remainder
 from frictus_service.discovery.beyond.smooth import COVARIATES, SmoothDiscrepancy, fit_smooth
-from frictus_service.discovery.decision.decision import Decision
-from frictus_service.discovery.inference.linearisation import Linearised
+from frictus_service.discovery.decision.decision import CLEARLY_BETTER, Decision
+from frictus_service.discovery.inference.linearisation import Linearised, misfit
 from frictus_service.discovery.problem.problem import DiscoveryProblem
 
 
@@ -68,13 +68,51 @@ def look_beyond(problem: DiscoveryProblem, found: Decision, flips: FloatArray) -
     located = [each for each in found.unexplained if each.pattern.channel in RESPONSE]
     if problem.response != "friction" or not located:
         return Beyond(problem)
-    model = found.extended
-    smooth = _smooth(problem, model, [each.pattern.covariate for each in located])
-    form = characterise(problem, model, found.unexplained, flips)
+    smooth = _smooth(problem, found.extended, [each.pattern.covariate for each in located])
+    form = _form(problem, found, flips)
     beyond = Beyond(problem, form, smooth)
     if beyond.effect is None:
         return beyond
-    return replace(beyond, problem=replace(problem, base=extended(problem.base, [beyond.effect])))
+    base = extended(problem.base, [beyond.effect])
+    return replace(beyond, problem=replace(problem, base=base))
+
+
+def _form(
+    problem: DiscoveryProblem, found: Decision, flips: FloatArray
+) -> Characterised | None:
+    """Return the form beside the causes, or one that alone explains as much as they and it.
+
+    A power law and what bends it back below a threshold are together what bends above it: that
+    is the simpler thing to say.
+    """
+    beside = characterise(problem, found.extended, found.unexplained, flips)
+    if not found.effects:
+        return beside
+    alone = characterise(problem, found.base, found.unexplained, flips)
+    if alone is None:
+        return beside
+    ruler = found.extended
+    most = (
+        misfit(problem, ruler, ruler) - CLEARLY_BETTER
+        if beside is None
+        else misfit(beside.problem, beside.model, ruler) + CLEARLY_BETTER
+    )
+    return alone if misfit(alone.problem, alone.model, ruler) <= most else beside
+
+
+def beside_form(first: Decision, found: Decision) -> Decision:
+    """Return what was found beside a form, with the causes of which it is the shape.
+
+    Parameters
+    ----------
+    first : Decision
+        Without the form: a cause of which only another shape explains the data keeps its name.
+    found : Decision
+        Beside the form.
+    """
+    there = {each.candidate for each in found.named}
+    kept = [each for each in first.named if not each.in_model and each.candidate not in there]
+    return replace(found, named=(*found.named, *kept))
 
 
 def _smooth(

@@ -1,9 +1,10 @@
 """Which form of the grammar describes what no cause explains, and whether that may be said.
 
 Forms are screened as the catalogue is, each at every shape of its grid; the most promising
-families are fitted, and chosen among, by people who were not fitted (cross-fitting): the gain of a
-person never rests on a form, a shape or a size to which that person contributed. The p value is
-that of the largest of all forms and shapes over sign flips, exact whatever was searched.
+families are fitted, and chosen among, by people who were not fitted (cross-fitting): the gain
+of a person never rests on a form, a shape or a size to which that person contributed. The p
+value is that of the largest of all forms and shapes over sign flips, exact whatever was
+searched.
 """
 
 from collections.abc import Sequence
@@ -59,6 +60,8 @@ class Characterised:
         Forms of other families that held-out people do not tell from it.
     problem : DiscoveryProblem
         The problem with the form in its base model.
+    model : Linearised
+        Fitted beside the form.
     """
 
     fitted: FittedForm
@@ -67,6 +70,7 @@ class Characterised:
     share: float
     rivals: tuple[Form, ...]
     problem: DiscoveryProblem
+    model: Linearised
 
 
 def interval_of_mean(values: FloatArray) -> tuple[float, float]:
@@ -114,32 +118,23 @@ def characterise(
     left = find_unexplained(
         beside[0], beside[1], [u.beyond(model.chosen) for u in beside[1].units], flips
     )
-    rest = sum(
-        float(each.gain.sum()) for each in left if each.pattern.channel in RESPONSE
-    )
+    rest = sum(float(each.gain.sum()) for each in left if each.pattern.channel in RESPONSE)
     gained = float(compared.honest.sum())
     share = gained / (gained + rest)
     if share < LEAST_SHARE:
         return None
-    return Characterised(
-        fitted, p_value, compared.honest, share, compared.rivals(), beside[0]
-    )
+    return Characterised(fitted, p_value, compared.honest, share, compared.rivals(), *beside)
 
 
 def _again(
     problem: DiscoveryProblem, model: Linearised, fitted: FittedForm
 ) -> tuple[FittedForm, tuple[DiscoveryProblem, Linearised]]:
     """Return a form fitted about everybody's own parameters beside it, and that model."""
+    within = replace(problem, base=extended(problem.base, [(fitted.form.id, fitted.values)]))
+    moved = linearise(within, model.chosen, patterns=problem.patterns, start=model)
+    # About the new own parameters, but without the form: it is what is fitted.
     everybody = range(len(problem.subjects))
-    for _ in range(2):
-        within = replace(
-            problem, base=extended(problem.base, [(fitted.form.id, fitted.values)])
-        )
-        moved = linearise(within, model.chosen, patterns=problem.patterns, start=model)
-        # About the new own parameters, but without the form: it is what is fitted.
-        fitted = fit_form(
-            Remainder.of(problem, moved), fitted.form, fitted.values, everybody
-        )
+    fitted = fit_form(Remainder.of(problem, moved), fitted.form, fitted.values, everybody)
     return fitted, (within, moved)
 
 
@@ -230,12 +225,21 @@ class _Compared:
 
     @property
     def best(self) -> Form:
-        """The form that gains most."""
-        return max(self.gains, key=lambda form: float(self.gains[form].sum()))
+        """The form that gains most; with fewer parameters where those more gain nothing."""
+        best = max(self.gains, key=lambda form: float(self.gains[form].sum()))
+        simpler = [
+            form
+            for form, gain in self.gains.items()
+            if form.id == best.id
+            and len(form.shapes) < len(best.shapes)
+            and interval_of_mean(self.gains[best] - gain)[0] <= 0.0
+        ]
+        return simpler[0] if simpler else best
 
     def rivals(self) -> tuple[Form, ...]:
         """Return the best form of each other family that is not told from the best."""
-        best, found = self.best, {}
+        best = self.best
+        found: dict[str, Form] = {}
         for form in sorted(self.gains, key=lambda form: -float(self.gains[form].sum())):
             ahead = self.gains[best] - self.gains[form]
             if form.family != best.family and interval_of_mean(ahead)[0] <= 0.0:
@@ -249,7 +253,9 @@ def _compare(remainder: Remainder, screen: _Screen) -> _Compared:
     folds = [[u for u in range(n_units) if u % FOLDS == fold] for fold in range(FOLDS)]
     trained = [[u for u in range(n_units) if u not in fold] for fold in folds]
     chosen = [screen.promising(units) for units in trained]
-    forms = dict.fromkeys(form for each in (*chosen, screen.promising(range(n_units))) for form in each)
+    forms = dict.fromkeys(
+        form for each in (*chosen, screen.promising(range(n_units))) for form in each
+    )
     gains = {form: np.zeros(n_units) for form in forms}
     honest = np.zeros(n_units)
     for fold, units, own in zip(folds, trained, chosen, strict=True):

@@ -1,7 +1,7 @@
-"""Fits the dose and the shape of a form to what a model leaves of many people, by Gauss-Newton.
+"""Fits the dose and the shape of a form to what a model leaves of many people: Gauss-Newton.
 
-The readings, their whitening and what is everybody's own are those of the catalogue's estimator;
-the form extends the base model, so that what it predicts is what the twin would do.
+The readings, their whitening and what is everybody's own are those of the catalogue's
+estimator; the form extends the base model, so that it predicts what the twin would do.
 """
 
 from collections.abc import Mapping, Sequence
@@ -94,8 +94,8 @@ class FittedForm:
     values : dict
         The dose, then the shapes, and what is held.
     half_width : dict
-        Of the 95 % interval of each fitted parameter, from how people scatter (sandwich); of a
-        parameter on a log scale, of the logarithm.
+        Of the 95 % interval of each fitted parameter, from how people scatter; of a parameter
+        on a log scale, of the logarithm.
     cost : float
         Sum of squares left, over the units that were fitted.
     """
@@ -201,15 +201,19 @@ def _half_widths(
 ) -> FloatArray:
     """Return the half width of the 95 % interval of each parameter.
 
-    Readings of one unit go together: the covariance is the sandwich of the units' scores (Liang
-    and Zeger 1986), never less than what noise alone makes; and what measuring is wrong by is
-    the same for all, whatever their number.
+    People differ, and readings of one go together: each unit is left out in turn, by one step
+    (jackknife; CR3 of Bell and McCaffrey 2002). It is never less than what noise alone makes;
+    and what measuring is wrong by is the same for all, whatever their number.
     """
-    n = len(slopes)
-    inverse = np.linalg.inv(_gram(slopes))
-    scores = np.array([j.T @ rest for j, rest in zip(slopes, rests, strict=True)])
-    covariance = inverse @ (scores.T @ scores) @ inverse * n / max(n - 1, 1)
-    variance = np.maximum(np.diagonal(covariance), np.diagonal(inverse))
+    n, whole = len(slopes), _gram(slopes)
+    moved = np.array(
+        [
+            np.linalg.lstsq(whole - j.T @ j, j.T @ rest, rcond=None)[0]
+            for j, rest in zip(slopes, rests, strict=True)
+        ]
+    )
+    jackknife = (n - 1) / n * np.sum(np.square(moved), axis=0)
+    variance = np.maximum(jackknife, np.diagonal(np.linalg.inv(whole)))
     shown = np.concatenate(
         [np.abs(j) / a[:, np.newaxis] for j, a in zip(slopes, accuracies, strict=True)]
     ).max(axis=0)

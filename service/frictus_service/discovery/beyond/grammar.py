@@ -68,14 +68,14 @@ _WORDS: Final[Mapping[str, _Words]] = {
     "extra_resonance": _Words(
         "{kind} at {frequency_hz} Hz, damping {damping}, depth {depth}{following}",
         "a mode of the fingertip, of the screen or of what holds it, or a passive absorber",
-        "a hammer test of the screen (`frictus mount`) and another finger or stylus: what stays "
-        "with the screen is the rig's; tones a few hertz apart around it",
+        "a hammer test of the screen (`frictus mount`) and another finger or stylus: what "
+        "stays with the screen is the rig's; tones a few hertz apart around it",
     ),
     "echo": _Words(
         "an echo {delay_s} s late, share {share}{following}",
         "a wave that comes back from the edge of the screen, or a second path of the drive",
-        "the finger at other distances from the edge: the delay of a wave follows; tones spaced "
-        "by a quarter of the comb",
+        "the finger at other distances from the edge: the delay of a wave follows; tones "
+        "spaced by a quarter of the comb",
     ),
     "pole_zero_pair": _Words(
         "a second time constant, corner at {corner_hz} Hz, share {share}{following}",
@@ -132,9 +132,9 @@ _FOLLOWING: Final[tuple[tuple[str, Held], ...]] = (
     ("by_force", (("by_force", 1.0),)),
 )
 _THRESHOLDS: Final[Mapping[str, Sequence[float]]] = {
-    "speed": (30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0),
-    "force": (0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55),
-    "time": (2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0, 16.0, 18.0),
+    "speed": np.arange(25.0, 100.0, 5.0).tolist(),
+    "force": np.arange(0.225, 0.6, 0.025).tolist(),
+    "time": np.arange(1.0, 20.0, 0.5).tolist(),
 }
 
 

@@ -105,7 +105,9 @@ def discrepancy_of(beyond: Beyond, tones_hz: FloatArray) -> Discrepancy | None:
         ci95=(low, high),
         in_model=beyond.smooth_in_model,
         bins=tuple(
-            each for level in _levels(covariate) for each in _bins(beyond, smooth, along_hz, level)
+            each
+            for level in _levels(covariate)
+            for each in _bins(beyond, smooth, along_hz, level)
         ),
     )
 
@@ -159,9 +161,7 @@ def _bins(
     ]
 
 
-def _factor(
-    fitted: FittedForm, along_hz: FloatArray, around: dict[str, float]
-) -> FloatArray:
+def _factor(fitted: FittedForm, along_hz: FloatArray, around: dict[str, float]) -> FloatArray:
     """Return the logarithm of what a form multiplies the response with."""
     at = SlidingConditions(
         **{name: np.full(along_hz.size, value) for name, value in around.items()}

@@ -12,7 +12,7 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_service.discovery.beyond.beyond import Beyond
 from frictus_service.discovery.beyond.phrasing import characterised_forms, discrepancy_of
-from frictus_service.discovery.catalogue.causes import CAUSES, cause_of, separating_experiment
+from frictus_service.discovery.catalogue.causes import cause_of, separating_experiment
 from frictus_service.discovery.decision.decision import CauseDecision, Decision
 from frictus_service.discovery.decision.prediction_gain import (
     UnexplainedPattern,
@@ -46,32 +46,6 @@ from frictus_service.discovery.report.figures import level_bins, residual_bins, 
 
 POWER: Final = 0.84
 """Quantile of the normal distribution: four of five studies."""
-
-
-def nothing_tested(
-    study: StudyFacts, base: Model, seed: int, notes: tuple[str, ...]
-) -> Discovery:
-    """Return the document where nothing could be tested."""
-    return Discovery(
-        code_version=version("frictus"),
-        seed=seed,
-        study=study,
-        response=base.response,
-        base_model=base,
-        extended_model=base,
-        verdict=None,
-        causes=(),
-        cannot_tell=(),
-        unexplained=(),
-        explained_share=None,
-        gain=None,
-        tests=tuple(
-            CauseTest(id=name, not_tested="too few participants and trials")
-            for name, cause in CAUSES.items()
-            if cause.response in (base.response, "both")
-        ),
-        notes=notes,
-    )
 
 
 class Assembly:
