@@ -115,9 +115,22 @@ def score(report: Mapping[str, Any], case: Case) -> dict[str, Any]:
         form, parameter, true = TRUE_PARAMETER[hidden.name]
         if line["form"] == form:
             low, high = forms[0]["parameters"][parameter]["ci95"]
-            line["estimate"] = [hidden.parameters[true], low, high]
-            line["covered"] = low <= hidden.parameters[true] <= high
+            value = (
+                _half_lost(hidden) if hidden.name == "contact_loss" else hidden.parameters[true]
+            )
+            line["estimate"] = [value, low, high]
+            line["covered"] = low <= value <= high
     return line
+
+
+def _half_lost(hidden: Hidden) -> float:
+    """Return the force at which half of the change of the logarithm of the gain is reached.
+
+    The threshold of the grammar's switch is defined so; the generator's is that of the gain.
+    """
+    share = hidden.parameters["share"]
+    ratio = share / (1.0 - np.sqrt(1.0 - share)) - 1.0
+    return float(hidden.parameters["force_n"] * ratio ** (1.0 / 12.0))
 
 
 def run(kind: str, number: int, seed: int) -> dict[str, Any]:

@@ -25,6 +25,7 @@ from frictus_service.discovery.decision.prediction_gain import (
 )
 from frictus_service.discovery.inference.linear_model import (
     Unit,
+    held_out_gain,
     project_out,
 )
 from frictus_service.discovery.inference.linearisation import Linearised, linearise
@@ -193,8 +194,8 @@ class _Screen:
         return 0.5 * along * size, size
 
     def promising(self, units: Sequence[int]) -> list[Form]:
-        """Return the forms that explain most of some units, each form at its best shape."""
-        gains, _ = self._gains(units)
+        """Return the forms that each of some units shows as the others do, best first."""
+        gains = held_out_gain(project_out([self.units[unit] for unit in units])).sum(axis=0)
         best = {
             form: float(gains[[k for k, each in enumerate(self.forms) if each is form]].max())
             for form in dict.fromkeys(self.forms)
@@ -225,8 +226,8 @@ class _Compared:
 
     @property
     def best(self) -> Form:
-        """The form that gains most; with fewer parameters where those more gain nothing."""
-        best = max(self.gains, key=lambda form: float(self.gains[form].sum()))
+        """The form that surely gains most; simpler where more parameters gain nothing."""
+        best = max(self.gains, key=lambda form: interval_of_mean(self.gains[form])[0])
         simpler = [
             form
             for form, gain in self.gains.items()
@@ -240,7 +241,7 @@ class _Compared:
         """Return the best form of each other family that is not told from the best."""
         best = self.best
         found: dict[str, Form] = {}
-        for form in sorted(self.gains, key=lambda form: -float(self.gains[form].sum())):
+        for form in sorted(self.gains, key=lambda form: -interval_of_mean(self.gains[form])[0]):
             ahead = self.gains[best] - self.gains[form]
             if form.family != best.family and interval_of_mean(ahead)[0] <= 0.0:
                 found.setdefault(form.family, form)
@@ -259,13 +260,15 @@ def _compare(remainder: Remainder, screen: _Screen) -> _Compared:
     gains = {form: np.zeros(n_units) for form in forms}
     honest = np.zeros(n_units)
     for fold, units, own in zip(folds, trained, chosen, strict=True):
-        cost = {}
+        surely = {}
         for form in forms:
             fitted = fit_form(remainder, form, screen.begin(form, units), units)
-            cost[form] = fitted.cost + PENALTY * (1 + len(form.shapes))
+            inside = np.array([_gain(remainder, fitted, unit) for unit in units])
+            inside -= 0.5 * PENALTY * (1 + len(form.shapes)) / len(units)
+            surely[form] = interval_of_mean(inside)[0]
             for unit in fold:
                 gains[form][unit] = _gain(remainder, fitted, unit)
-        picked = min(own, key=lambda form: cost[form])
+        picked = max(own, key=lambda form: surely[form])
         honest[fold] = gains[picked][fold]
     return _Compared(gains, honest)
 

@@ -40,18 +40,27 @@ class Remainder:
         Fitted without the form.
     bases : tuple of ndarray
         Orthonormal, of what is each unit's own and of the causes in the model.
+    scales : tuple of float
+        By which the readings of each unit are divided: rms of what is left, 1 at least. A unit
+        whose noise is larger than the model of noise says would outweigh all others, and gain
+        or lose more nats than there are readings.
     """
 
     problem: DiscoveryProblem
     model: Linearised
     bases: tuple[FloatArray, ...]
+    scales: tuple[float, ...]
 
     @classmethod
     def of(cls, problem: DiscoveryProblem, model: Linearised) -> "Remainder":
         """Return the remainder of a model whose units have the chosen effects."""
         chosen = list(model.chosen)
         columns = [np.column_stack([u.own, u.effects[:, chosen]]) for u in model.units]
-        return cls(problem, model, tuple(orthonormal(each) for each in columns))
+        bases = tuple(orthonormal(each) for each in columns)
+        plain = cls(problem, model, bases, (1.0,) * len(bases))
+        rests = [plain.rest(unit, "", {}) for unit in range(len(bases))]
+        scales = [max(1.0, float(np.sqrt(np.mean(rest**2)))) for rest in rests]
+        return replace(plain, scales=tuple(scales))
 
     def rest(self, unit: int, effect: str, values: Mapping[str, float]) -> FloatArray:
         """Return what is left of a unit beside a form, what is its own projected out.
@@ -75,13 +84,12 @@ class Remainder:
             problem = replace(problem, base=base)
         subject = problem.subjects[unit]
         left = problem.rest(subject, model.own[unit], model.chosen, model.coefficients[unit])
-        return model.whitenings[unit](reduce(subject.layout, left))
+        return model.whitenings[unit](reduce(subject.layout, left)) / self.scales[unit]
 
     def accuracy(self, unit: int) -> FloatArray:
         """Return what measuring is accurate to, whitened, of each reading."""
-        return self.model.whitenings[unit].weight * accuracy_of(
-            self.problem.subjects[unit].layout
-        )
+        accuracy = accuracy_of(self.problem.subjects[unit].layout)
+        return self.model.whitenings[unit].weight * accuracy / self.scales[unit]
 
 
 @dataclass(frozen=True)
@@ -171,8 +179,36 @@ def fit_form(
         values, rests, cost = better, after, _squares(after)
         if gained < SETTLED * (1.0 + cost) and np.all(np.abs(move) < 0.01):
             break
-    half = _half_widths(jacobian(values, rests), rests, [remainder.accuracy(u) for u in units])
+    slopes = jacobian(values, rests)
+    half = _half_widths(slopes, rests, [remainder.accuracy(u) for u in units])
+    mean, half[0] = _mean_dose(values[form.dose], slopes, rests, float(half[0]))
+    values = {**values, form.dose: float(np.clip(mean, *bounds[form.dose]))}
+    cost = _squares(left(values))
     return FittedForm(form, values, dict(zip(names, half.tolist(), strict=True)), cost)
+
+
+def _mean_dose(
+    dose: float, slopes: Sequence[FloatArray], rests: Sequence[FloatArray], least: float
+) -> tuple[float, float]:
+    """Return the mean of people's own doses, each of whom counts once, and half its interval.
+
+    Parameters
+    ----------
+    dose : float
+        That all have in common in the fit.
+    slopes, rests : sequence of ndarray
+        Of each unit; the dose is the first parameter.
+    least : float
+        Half the interval at least.
+    """
+    own = np.array(
+        [
+            dose + (j[:, 0] @ r) / max(float(j[:, 0] @ j[:, 0]), 1e-12)
+            for j, r in zip(slopes, rests, strict=True)
+        ]
+    )
+    half = float(stats.t.ppf(0.975, own.size - 1) * own.std(ddof=1) / np.sqrt(own.size))
+    return float(own.mean()), max(half, least)
 
 
 def _moved(name: str, value: float, step: float, bounds: tuple[float, float]) -> float:
