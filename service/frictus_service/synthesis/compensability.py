@@ -20,6 +20,7 @@ from frictus_hardware.errors import EffectParameterError
 from frictus_hardware.physics.effects import KNOWN, extended
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import TransferFunction
+from frictus_hardware.physics.paths import ParallelPath
 from frictus_hardware.physics.screen import DriveMap, Screen
 from frictus_hardware.physics.simulator import Simulator
 from frictus_service.synthesis.compensation import (
@@ -28,12 +29,14 @@ from frictus_service.synthesis.compensation import (
     Inverse,
     Ranges,
 )
+from frictus_service.synthesis.path_compensation import can_be_undone
 
 Parameters = Mapping[str, float]
 
 NOT_FELT: Final = "it changes what a sensor says, not what the finger feels"
 NOT_FRICTION: Final = "it is how the skin moves, not what friction it feels"
 FOLDED: Final = "more drive does not always give more friction, so there is no one inverse"
+NO_PATH: Final = "at its strongest the drive along it cancels the drive itself"
 NO_LEAK: Final = "only a leak with one corner can be made good"
 REASONS: Final[Mapping[str, str]] = {
     "mount": NOT_FELT,
@@ -42,7 +45,6 @@ REASONS: Final[Mapping[str, str]] = {
     "skin": NOT_FRICTION,
     "skin_delay_s": NOT_FRICTION,
     "delay_s": "all of the friction comes so much later, which nothing that is played changes",
-    "paths": "a further path of the drive is not undone yet",
     "stick_slip": "its phase is the finger's own and cannot be foretold",
 }
 """Why a part of the simulator that an effect changes is not undone."""
@@ -87,6 +89,7 @@ def inverse_of(
         excess_order=whole.excess_order,
         leak_hz=_leak_hz(whole.drive_filter) or 0.0,
         drive_table=np.zeros(0) if table is None else table,
+        paths=_undone_paths(whole, ranges),
         ranges=ranges,
         remarks=tuple(remarks),
     )
@@ -111,6 +114,8 @@ def _remarks(
             f"a constant drive, the bias too, and what is slower than {FORGET_HZ:g} Hz is lost"
         )
         remarks.append(CompensationRemark(id_, rendered=True, text=text))
+    if _undone_paths(alone, ranges) != alone.paths:
+        remarks.append(CompensationRemark(id_, rendered=False, text=NO_PATH))
     inverse = Inverse(alone.law, alone.schedule, ranges=ranges)
     if _varies_with(inverse, "minutes"):
         text = f"followed for {ranges.minutes[1]:g} min from when the model came into force"
@@ -120,6 +125,11 @@ def _remarks(
         text = f"follows the force as last measured, from {low:g} to {high:g} N"
         remarks.append(CompensationRemark(id_, rendered=True, text=text))
     return remarks
+
+
+def _undone_paths(simulator: Simulator, ranges: Ranges) -> tuple[ParallelPath, ...]:
+    everywhere = ranges.everywhere(simulator.law.speed_range_mm_s)
+    return tuple(path for path in simulator.paths if can_be_undone(path, everywhere))
 
 
 def _varies_with(inverse: Inverse, quantity: str) -> bool:
