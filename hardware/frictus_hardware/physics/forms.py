@@ -45,6 +45,7 @@ def band_pass(frequency_hz: float, damping: float) -> TransferFunction:
     Parameters
     ----------
     frequency_hz : float
+        Of the resonance.
     damping : float
         Ratio d.
     """

@@ -35,6 +35,7 @@ def scaled(quantity: Quantity, circumstances: SlidingConditions) -> FloatArray:
     Parameters
     ----------
     quantity : str
+        A key of `MEASURED`.
     circumstances : SlidingConditions
         Of any shape.
     """
@@ -51,6 +52,7 @@ class Dose:
     Attributes
     ----------
     size : float
+        Of which the rest is a multiple.
     rates : tuple of (str, float)
         By quantity.
     level : float
@@ -118,6 +120,7 @@ class ParallelPath:
     Attributes
     ----------
     dose : Dose
+        How strong it is, and what that follows.
     branch : TransferFunction, DelayLine or FilterBank
         B, proper.
     """
@@ -133,6 +136,7 @@ class ParallelPath:
         Parameters
         ----------
         frequency_hz : ndarray
+            Where it is evaluated.
         circumstances : SlidingConditions
             Arrays that broadcast with the frequencies.
         """
@@ -147,7 +151,9 @@ def factor_of(
     Parameters
     ----------
     paths : sequence of ParallelPath
+        Of the drive.
     frequency_hz : ndarray
+        Where it is evaluated.
     circumstances : SlidingConditions
         Arrays that broadcast with the frequencies.
     """
@@ -164,6 +170,7 @@ class FollowPath:
     Attributes
     ----------
     path : ParallelPath
+        That is followed.
     minutes : float
         Since the session began.
     """

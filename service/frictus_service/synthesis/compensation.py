@@ -9,15 +9,15 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw, pole_zero_pairs
 from frictus_hardware.physics.paths import ParallelPath
 from frictus_hardware.physics.schedule import Schedule, SlidingConditions
-from frictus_service.synthesis.path_compensation import least_factor
+from frictus_service.synthesis.path_demand import demand_of
 from frictus_service.synthesis.tables import TOP_HZ
 
 SLOWEST_FELT_HZ: Final = 20.0
 """Textures are made good for a leak down to here without leaving the drive's range."""
 PHASES_TOO: Final = 1.5
-"""The inverse of a roll-off or of a path turns phases besides, and peaks may meet that did not: by so much in
-the exponent the drive swings further than by the loudest tone alone, as measured on the shipped
-textures."""
+"""The inverse of a roll-off, or a path, turns phases, and peaks may meet that did not: by so much
+in the exponent the drive swings further than by the loudest tone alone, as measured on
+the shipped textures."""
 FORGET_HZ: Final = 0.25
 """Below this, what leaks away is not made good: a constant drive cannot be held."""
 
@@ -181,15 +181,17 @@ class Inverse:
         everywhere = self.ranges.everywhere(self.law.speed_range_mm_s)
         gain_n, cutoff_hz = self.along(everywhere)
         own = Schedule().cutoff_hz(self.law, everywhere)
+        weakest, further = demand_of(self.paths, everywhere)
         slower = min(float((cutoff_hz / own).min()), 1.0)
         bounding = replace(
             self.law,
-            gain_n=float(np.min(gain_n)) * least_factor(self.paths, everywhere) ** PHASES_TOO,
+            gain_n=float(np.min(gain_n)) * weakest,
             cutoff_0_hz=self.law.cutoff_0_hz * slower,
             slope_hz_per_mm_s=self.law.slope_hz_per_mm_s * slower,
         )
         slowest = float(np.min(cutoff_hz))
         louder = float(np.hypot(1.0, TOP_HZ / slowest)) ** max(self.excess_order, 0.0)
+        louder *= further
         return bounding, louder**PHASES_TOO * (1.0 + self.leak_hz / SLOWEST_FELT_HZ)
 
 

@@ -1,10 +1,9 @@
 """Undoes parallel paths of the drive: what comes along them is not played once more.
 
 A path makes ``y = x + d B[x]`` of a drive x; so ``x = y - d B[x]``, in which all of B[x] is
-known but what it has of the present x. It is stable where ``1 + d B`` keeps to the right half plane.
+known but what it has of the present x. Where that is stable: `path_demand`.
 """
 
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -14,44 +13,9 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics import linear
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.paths import Branch, DelayLine, ParallelPath
-from frictus_hardware.physics.schedule import SlidingConditions
 
-LEAST_FACTOR: Final = 0.1
-"""Real part of what a path multiplies with, below which it is not undone."""
-FREQUENCIES_HZ: Final = np.append(0.0, np.geomspace(1.0, 10_000.0, 241))
 ORDER: Final = 2
 """Of a branch's filters, at most."""
-
-
-def factors_of(path: ParallelPath, everywhere: SlidingConditions) -> FloatArray:
-    """Return what a path multiplies with, at its least and its largest dose, complex.
-
-    Parameters
-    ----------
-    path : ParallelPath
-    everywhere : SlidingConditions
-        A grid over all circumstances.
-
-    Returns
-    -------
-    ndarray of complex, shape (2, n_frequencies)
-        At `FREQUENCIES_HZ`.
-    """
-    dose = path.dose.at(everywhere)
-    ends = np.array([[float(dose.min())], [float(dose.max())]])
-    factors: FloatArray = 1.0 + ends * path.branch.frequency_response(FREQUENCIES_HZ)
-    return factors
-
-
-def can_be_undone(path: ParallelPath, everywhere: SlidingConditions) -> bool:
-    """Return whether the inverse of a path is stable, with some margin, at every dose."""
-    return bool(np.all(factors_of(path, everywhere).real >= LEAST_FACTOR))
-
-
-def least_factor(paths: Sequence[ParallelPath], everywhere: SlidingConditions) -> float:
-    """Return the least that paths multiply with at any frequency and dose, 1 at most."""
-    least = [float(np.abs(factors_of(path, everywhere)).min()) for path in paths]
-    return float(np.prod(np.minimum(least, 1.0))) if least else 1.0
 
 
 @njit(cache=True, nogil=True)
@@ -128,6 +92,7 @@ class PathInverse:
     Parameters
     ----------
     path : ParallelPath
+        Of the drive.
     sample_rate_hz : float
         Samples per second of the device's clock.
     """

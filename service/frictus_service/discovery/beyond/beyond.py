@@ -27,6 +27,7 @@ class Beyond:
     problem : DiscoveryProblem
         With the form, or the smooth discrepancy, in its base model.
     form : Characterised or None
+        None where none may be named.
     smooth : SmoothDiscrepancy or None
         None where nothing is left of the response.
     """

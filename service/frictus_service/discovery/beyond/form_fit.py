@@ -36,6 +36,7 @@ class Remainder:
     Attributes
     ----------
     problem : DiscoveryProblem
+        Data, base model and candidates.
     model : Linearised
         Fitted without the form.
     bases : tuple of ndarray
@@ -68,10 +69,11 @@ class Remainder:
         Parameters
         ----------
         unit : int
+            Its number.
         effect : str
             Id of the form.
         values : mapping
-            None: the model without the form.
+            Its parameters; empty: the model without the form.
         """
         readings, basis = self.whitened(unit, effect, values), self.bases[unit]
         return readings - basis @ (basis.T @ readings)
@@ -99,6 +101,7 @@ class FittedForm:
     Attributes
     ----------
     form : Form
+        Of the grammar.
     values : dict
         The dose, then the shapes, and what is held.
     half_width : dict
@@ -136,6 +139,7 @@ def fit_form(
     remainder : Remainder
         What the model leaves.
     form : Form
+        Of the grammar.
     begin : mapping
         The dose and the shapes to begin with.
     units : sequence of int

@@ -90,6 +90,7 @@ def discrepancy_of(beyond: Beyond, tones_hz: FloatArray) -> Discrepancy | None:
     Parameters
     ----------
     beyond : Beyond
+        What lies beyond the catalogue.
     tones_hz : ndarray
         Of the study: nothing is drawn beyond them.
     """

@@ -40,9 +40,11 @@ class SmoothDiscrepancy:
     covariate : str
         ``none``, or that of a pattern.
     weights : ndarray, shape (n_bands,)
+        Of the octave bands.
     covariance : ndarray, shape (n_bands, n_bands)
         Of the weights, from how people scatter.
     n_units : int
+        How many people, or blocks, it is fitted to.
     gain : ndarray, shape (n_units,)
         Nats by which each unit, held out, is more likely.
     """

@@ -8,7 +8,6 @@ from typing import Final
 from matplotlib.figure import Figure
 
 from frictus.model import Model
-from frictus_service.discovery.beyond.draft import draft_cause
 from frictus_service.discovery.catalogue.cause import title
 from frictus_service.discovery.catalogue.causes import CAUSES
 from frictus_service.discovery.document import Discovery
@@ -63,6 +62,8 @@ def write_draft(found: Discovery, name: str, folder: Path) -> list[Path]:
     DraftCauseError
         If the name cannot be given, or nothing was characterised.
     """
+    from frictus_service.discovery.beyond.draft import draft_cause  # late: loads the physics
+
     written = []
     for place, source in draft_cause(found, name).items():
         path = folder / DRAFT / place
