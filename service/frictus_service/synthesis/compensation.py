@@ -15,9 +15,9 @@ from frictus_service.synthesis.tables import TOP_HZ
 SLOWEST_FELT_HZ: Final = 20.0
 """Textures are made good for a leak down to here without leaving the drive's range."""
 PHASES_TOO: Final = 1.5
-"""The inverse of a roll-off, or a path, turns phases, and peaks may meet that did not: by so much
-in the exponent the drive swings further than by the loudest tone alone, as measured on
-the shipped textures."""
+"""The inverse of a roll-off, or of a path, turns phases besides, and peaks may meet that did
+not: by so much in the exponent the drive swings further than by the loudest tone alone, as
+measured on the shipped textures."""
 FORGET_HZ: Final = 0.25
 """Below this, what leaks away is not made good: a constant drive cannot be held."""
 

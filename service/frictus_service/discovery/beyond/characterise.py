@@ -226,8 +226,8 @@ class _Compared:
 
     @property
     def best(self) -> Form:
-        """The form that surely gains most; simpler where more parameters gain nothing."""
-        best = max(self.gains, key=lambda form: interval_of_mean(self.gains[form])[0])
+        """The form that gains most; simpler where more parameters gain nothing."""
+        best = max(self.gains, key=lambda form: float(self.gains[form].sum()))
         simpler = [
             form
             for form, gain in self.gains.items()
@@ -241,7 +241,7 @@ class _Compared:
         """Return the best form of each other family that is not told from the best."""
         best = self.best
         found: dict[str, Form] = {}
-        for form in sorted(self.gains, key=lambda form: -interval_of_mean(self.gains[form])[0]):
+        for form in sorted(self.gains, key=lambda form: -float(self.gains[form].sum())):
             ahead = self.gains[best] - self.gains[form]
             if form.family != best.family and interval_of_mean(ahead)[0] <= 0.0:
                 found.setdefault(form.family, form)
@@ -260,15 +260,14 @@ def _compare(remainder: Remainder, screen: _Screen) -> _Compared:
     gains = {form: np.zeros(n_units) for form in forms}
     honest = np.zeros(n_units)
     for fold, units, own in zip(folds, trained, chosen, strict=True):
-        surely = {}
+        inside = {}
         for form in forms:
             fitted = fit_form(remainder, form, screen.begin(form, units), units)
-            inside = np.array([_gain(remainder, fitted, unit) for unit in units])
-            inside -= 0.5 * PENALTY * (1 + len(form.shapes)) / len(units)
-            surely[form] = interval_of_mean(inside)[0]
+            inside[form] = sum(_gain(remainder, fitted, unit) for unit in units)
+            inside[form] -= 0.5 * PENALTY * (1 + len(form.shapes))
             for unit in fold:
                 gains[form][unit] = _gain(remainder, fitted, unit)
-        picked = max(own, key=lambda form: surely[form])
+        picked = max(own, key=lambda form: inside[form])
         honest[fold] = gains[picked][fold]
     return _Compared(gains, honest)
 

@@ -143,6 +143,7 @@ def fit_form(
     begin : mapping
         The dose and the shapes to begin with.
     units : sequence of int
+        Numbers of those that are fitted.
     """
     names = (form.dose, *form.shapes)
     bounds = {p.name: (p.low, p.high) for p in FORMS[form.id].parameters}
