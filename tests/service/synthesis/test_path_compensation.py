@@ -32,7 +32,8 @@ def along(path: ParallelPath, dose: float, drive: FloatArray) -> FloatArray:
         delay = branch.delay_s * RATE
         index = np.arange(x.size)
         late = np.interp(index - delay, index, x, left=0.0)
-        return drive + dose * (late + drive[0])
+        echoed: FloatArray = drive + dose * (late + drive[0])
+        return echoed
     parts = branch.parts if isinstance(branch, FilterBank) else ((1.0, branch),)
     passed = np.zeros(x.size)
     for weight, part in parts:
