@@ -137,6 +137,10 @@ class BaseModelError(ServiceError, ValueError):
     """There is no such base model, or it is not of the response that is asked for."""
 
 
+class DraftCauseError(ServiceError, ValueError):
+    """No cause of this name can be drafted, or nothing was characterised."""
+
+
 class DesignError(ServiceError, ValueError):
     """There is no such design, or its trials cannot be planned with."""
 

@@ -115,6 +115,50 @@ class Linear:
 
 
 @dataclass(frozen=True, slots=True)
+class Switch:
+    """``exp(log_change)`` beyond a threshold and 1 below it, with a rise of a width."""
+
+    quantity: Quantity
+    threshold: float
+    width: float
+    log_change: float
+
+    def at(self, circumstances: SlidingConditions) -> FloatArray:
+        """Return it in given circumstances."""
+        x: FloatArray = (getattr(circumstances, self.quantity) - self.threshold) / self.width
+        return np.exp(0.5 * self.log_change * (1.0 + np.tanh(0.5 * x)))
+
+
+@dataclass(frozen=True, slots=True)
+class Knee:
+    """``(x / threshold)^exponent`` to one side of a threshold, 1 to the other."""
+
+    quantity: Quantity
+    threshold: float
+    exponent: float
+    above: bool
+
+    def at(self, circumstances: SlidingConditions) -> FloatArray:
+        """Return it in given circumstances."""
+        x: FloatArray = getattr(circumstances, self.quantity) / self.threshold
+        bent: FloatArray = np.maximum(x, 1.0) if self.above else np.minimum(x, 1.0)
+        return bent**self.exponent
+
+
+@dataclass(frozen=True, slots=True)
+class Coupling:
+    """``exp(exponent ln(v / v0) ln(F / F0))``: how speed matters depends on the force."""
+
+    exponent: float
+
+    def at(self, circumstances: SlidingConditions) -> FloatArray:
+        """Return it in given circumstances."""
+        speed = np.log(circumstances.speed_mm_s / REFERENCE_SPEED_MM_S)
+        force = np.log(circumstances.normal_force_n / REFERENCE_FORCE_N)
+        return np.exp(self.exponent * speed * force)
+
+
+@dataclass(frozen=True, slots=True)
 class Schedule:
     """What gain and cutoff of a law are multiplied with, and what is added to the cutoff.
 

@@ -12,6 +12,7 @@ from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_hardware.physics.disturbances import AddHum, AddStickSlip, Hum, StickSlip
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import Mobility, Mount, TransferFunction
+from frictus_hardware.physics.paths import FollowPath, ParallelPath, factor_of
 from frictus_hardware.physics.schedule import Schedule, SlidingConditions
 from frictus_hardware.physics.screen import DriveMap, FilterDrive, MapDrive, Screen
 from frictus_hardware.physics.skin import DelayedSkin, NonlinearSkin, SkinLaw
@@ -51,6 +52,8 @@ class Simulator:
         Static, before `drive_filter`.
     drive_filter : TransferFunction or None
         From drive fraction to drive fraction.
+    paths : tuple of ParallelPath
+        Along which the drive reaches the finger besides; none by default.
     delay_s, skin_delay_s : float
         By which drive and skin channel are late, and nobody said so.
     stick_slip : tuple of StickSlip
@@ -71,6 +74,7 @@ class Simulator:
     excess_order: float = 0.0
     drive_map: DriveMap = field(default_factory=DriveMap)
     drive_filter: TransferFunction | None = None
+    paths: tuple[ParallelPath, ...] = ()
     delay_s: float = 0.0
     skin_delay_s: float = 0.0
     stick_slip: tuple[StickSlip, ...] = ()
@@ -109,6 +113,7 @@ class Simulator:
             ZeroOrderHold(),
             Drive(screen),
             *self._drive_path(screen, first_sample),
+            *(FollowPath(path, minutes) for path in self.paths),
             FrictionResponse(self.law, self.schedule, self.excess_order, self.delay_s, minutes),
             *map(AddStickSlip, self.stick_slip, slip_starts.tolist()),
             Contact(friction_coefficient),
@@ -208,6 +213,7 @@ def predict(
 
     def along(times: int) -> ComplexArray:
         reached = gain * _from_drive(simulator, times * tone, pole)
+        reached = reached * factor_of(simulator.paths, times * tone, around)
         return reached * _misjudged(simulator.mount, nominal_mount, times * tone)
 
     here = along(1)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 RANKS = 6
 """Models of one recording that are printed."""
-NOT_PRINTED = frozenset({"residuals", "levels"})
+NOT_PRINTED = frozenset({"residuals", "levels", "discrepancy"})
 """What `--json` leaves to report.json."""
 
 
@@ -236,12 +236,23 @@ def discover(
         str | None,
         typer.Option("--cluster", metavar="ADDR", help="dask scheduler to work on instead."),
     ] = None,
+    draft_cause: Annotated[
+        str | None,
+        typer.Option(
+            "--draft-cause",
+            metavar="NAME",
+            help="Draft effect and words of what was characterised in OUT/draft.",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Say what the base model gets wrong in STUDY, name the causes, and extend the model."""
+    from frictus_service.discovery.beyond.draft import check_name
     from frictus_service.discovery.discover import discover_study
     from frictus_service.discovery.report import page
 
+    if draft_cause is not None:
+        check_name(draft_cause)  # before an analysis of minutes
     folder = out or study.with_name(f"{study.stem}-discovery")
     found = discover_study(
         study,
@@ -255,6 +266,8 @@ def discover(
     )
     _tell("writing the report")
     written = page.write(found, folder)
+    if draft_cause is not None:
+        written += page.write_draft(found, draft_cause, folder)
     if wants_lines(as_json):
         write_line(**summary(found), files=[str(path) for path in written])
     else:
@@ -262,6 +275,9 @@ def discover(
 
         show(found, Console())
         Console().print(f"report: {folder / page.REPORT}", markup=False, soft_wrap=True)
+        if draft_cause is not None:
+            draft = f"draft: {folder / page.DRAFT}: read, edit, and copy it into the sources"
+            Console().print(draft, markup=False, soft_wrap=True)
     if found.verdict is None and found.one_recording is None:
         _tell("frictus: nothing was tested; the notes say what to measure")
         raise typer.Exit(Exit.USAGE)
@@ -310,6 +326,8 @@ def show(found: "Discovery", console: "Console") -> None:
     for pair in found.cannot_tell:
         first, second = map(title, pair.between)
         console.print(f"{first} or {second}? {pair.separating_experiment}", markup=False)
+    for form in found.characterised:
+        console.print(f"characterised: {form.statement}", markup=False)
     for left in found.unexplained:
         console.print(f"unexplained: {place_of(left)}, p {left.p_value:.3g}", markup=False)
     if found.gain is not None:

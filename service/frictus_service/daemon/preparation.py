@@ -156,6 +156,8 @@ EVERY_CORRECTION: Final = (
     ("fractional_rolloff", {"excess_order": 0.1}),
     ("charge_leakage", {"corner_hz": 1.0}),
     ("residual_quadratic", {"share": 0.01}),
+    ("extra_resonance", {"depth": 0.1}),
+    ("echo", {"share": 0.05}),
 )
 """Between them they need every compiled part of the inverse."""
 FADE_S = 0.06

@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from frictus.model import Model
 from frictus_hardware.physics.linear import TransferFunction
+from frictus_service.discovery.beyond.beyond import beside_form, look_beyond
 from frictus_service.discovery.decision.caveats import caveats_on
 from frictus_service.discovery.decision.decision import decide
 from frictus_service.discovery.document import Discovery, StudyFacts
@@ -31,7 +32,8 @@ from frictus_service.discovery.one_recording.analysis import rank_recording
 from frictus_service.discovery.problem.base_models import ResponseName, base_model, simulator_of
 from frictus_service.discovery.problem.candidates import candidates_of, patterns_of
 from frictus_service.discovery.problem.problem import DiscoveryProblem
-from frictus_service.discovery.report.assembly import Assembly, nothing_tested
+from frictus_service.discovery.report.assembly import Assembly
+from frictus_service.discovery.report.untested import nothing_tested
 from frictus_service.identification.plausibility.finding import leave_out, stop_if_implausible
 from frictus_service.identification.plausibility.judge import judge_study
 from frictus_service.study.importers import open_study
@@ -96,8 +98,14 @@ def discover(
     flips = signs(len(units.names), np.random.default_rng(seed))
     # Matrices are small: threads would wait for each other longer than they work.
     with threadpool_limits(limits=1):
-        found = decide(problem, flips)
-        return Assembly(problem, units, rows, found, flips, base, study, seed, told).document()
+        first = decide(problem, flips)
+        beyond = look_beyond(problem, first, flips)
+        found = first
+        if beyond.form is not None:
+            found = beside_form(first, decide(beyond.problem, flips))
+        return Assembly(
+            problem, units, rows, first, found, beyond, flips, base, study, seed, told
+        ).document()
 
 
 def discover_study(

@@ -9,7 +9,7 @@ from frictus.model import Model
 Interval = tuple[FiniteFloat, FiniteFloat]
 Probability = Annotated[FiniteFloat, Field(ge=0.0, le=1.0)]
 Response = Literal["friction", "mobility"]
-Verdict = Literal["clean", "explained", "partly_explained", "unexplained"]
+Verdict = Literal["clean", "explained", "partly_explained", "characterised", "unexplained"]
 Covariate = Literal["speed", "force", "minutes", "direction", "position"]
 COVARIATES: dict[Covariate, str] = {
     "speed": "mm/s",
@@ -130,6 +130,62 @@ class Unexplained(_Document):
     p_value: Probability
 
 
+class Rival(_Document):
+    """Another form that held-out people do not tell from the one that is given."""
+
+    id: str
+    could_be: str
+
+
+class CharacterisedForm(_Document):
+    """The form of what no cause explains: it predicts, but nobody has confirmed what it is."""
+
+    id: str
+    """Of its effect in the extended model."""
+    statement: str
+    verdict: Literal["characterised"] = "characterised"
+    parameters: dict[str, ParameterEstimate]
+    p_value: Probability
+    """Corrected for all forms and shapes that were tried."""
+    nats_per_person: FiniteFloat
+    """Mean gain of people who were held out of choosing, and of fitting, the form."""
+    ci95: Interval
+    share: Probability
+    """Of what the causes leave reproducibly."""
+    could_be: str
+    told_by: str
+    """The experiment that tells which."""
+    rivals: tuple[Rival, ...] = ()
+
+
+class DiscrepancyBin(_Document):
+    """Smooth discrepancy at one tone and one level of its covariate."""
+
+    level: FiniteFloat
+    tone_hz: FiniteFloat
+    size_db: FiniteFloat
+    half_db: FiniteFloat
+    """Half the 95 % interval."""
+    phase_deg: FiniteFloat
+    half_deg: FiniteFloat
+    form_db: FiniteFloat | None = None
+    """What the characterised form makes of it; null without one."""
+    form_deg: FiniteFloat | None = None
+
+
+class Discrepancy(_Document):
+    """What the causes leave, smooth over frequency, by the covariate that it follows most."""
+
+    covariate: Covariate | None
+    """None: the same in all conditions."""
+    nats_per_person: FiniteFloat
+    """Mean gain of people who were held out."""
+    ci95: Interval
+    in_model: bool
+    """Whether the extended model has it: it predicts, and no form does."""
+    bins: tuple[DiscrepancyBin, ...]
+
+
 class CauseTest(_Document):
     """What came of one cause of the catalogue, named or not."""
 
@@ -246,6 +302,10 @@ class Discovery(_Document):
     causes: tuple[NamedCause, ...]
     cannot_tell: tuple[CannotTell, ...]
     unexplained: tuple[Unexplained, ...]
+    characterised: tuple[CharacterisedForm, ...] = ()
+    """The form of what no cause explains."""
+    discrepancy: Discrepancy | None = None
+    """Null where nothing is left of the response."""
     explained_share: FiniteFloat | None
     """Share of what is reproducibly wrong with the base model that the extended one has not."""
     gain: Gain | None

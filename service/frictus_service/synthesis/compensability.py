@@ -17,9 +17,10 @@ from frictus.model import FirstOrderSpeedLaw, Model
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import RigInfo
 from frictus_hardware.errors import EffectParameterError
-from frictus_hardware.physics.effects import EFFECTS, extended
+from frictus_hardware.physics.effects import KNOWN, extended
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import TransferFunction
+from frictus_hardware.physics.paths import ParallelPath
 from frictus_hardware.physics.screen import DriveMap, Screen
 from frictus_hardware.physics.simulator import Simulator
 from frictus_service.synthesis.compensation import (
@@ -28,12 +29,14 @@ from frictus_service.synthesis.compensation import (
     Inverse,
     Ranges,
 )
+from frictus_service.synthesis.path_demand import can_be_undone
 
 Parameters = Mapping[str, float]
 
 NOT_FELT: Final = "it changes what a sensor says, not what the finger feels"
 NOT_FRICTION: Final = "it is how the skin moves, not what friction it feels"
 FOLDED: Final = "more drive does not always give more friction, so there is no one inverse"
+NO_PATH: Final = "at its strongest the drive along it cancels the drive itself"
 NO_LEAK: Final = "only a leak with one corner can be made good"
 REASONS: Final[Mapping[str, str]] = {
     "mount": NOT_FELT,
@@ -69,12 +72,12 @@ def inverse_of(
     EffectParameterError
         If a parameter is missing, unknown or out of its range.
     """
-    known = [(id_, parameters) for id_, parameters in effects if id_ in EFFECTS]
+    known = [(id_, parameters) for id_, parameters in effects if id_ in KNOWN]
     whole = extended(Simulator(law=law), known)
     remarks = [
         CompensationRemark(id_, rendered=False, text="this version does not know it")
         for id_, _ in effects
-        if id_ not in EFFECTS
+        if id_ not in KNOWN
     ]
     for id_, parameters in known:
         alone = extended(Simulator(law=law), [(id_, parameters)])
@@ -86,6 +89,7 @@ def inverse_of(
         excess_order=whole.excess_order,
         leak_hz=_leak_hz(whole.drive_filter) or 0.0,
         drive_table=np.zeros(0) if table is None else table,
+        paths=_undone_paths(whole, ranges),
         ranges=ranges,
         remarks=tuple(remarks),
     )
@@ -110,6 +114,8 @@ def _remarks(
             f"a constant drive, the bias too, and what is slower than {FORGET_HZ:g} Hz is lost"
         )
         remarks.append(CompensationRemark(id_, rendered=True, text=text))
+    if _undone_paths(alone, ranges) != alone.paths:
+        remarks.append(CompensationRemark(id_, rendered=False, text=NO_PATH))
     inverse = Inverse(alone.law, alone.schedule, ranges=ranges)
     if _varies_with(inverse, "minutes"):
         text = f"followed for {ranges.minutes[1]:g} min from when the model came into force"
@@ -119,6 +125,11 @@ def _remarks(
         text = f"follows the force as last measured, from {low:g} to {high:g} N"
         remarks.append(CompensationRemark(id_, rendered=True, text=text))
     return remarks
+
+
+def _undone_paths(simulator: Simulator, ranges: Ranges) -> tuple[ParallelPath, ...]:
+    everywhere = ranges.everywhere(simulator.law.speed_range_mm_s)
+    return tuple(path for path in simulator.paths if can_be_undone(path, everywhere))
 
 
 def _varies_with(inverse: Inverse, quantity: str) -> bool:

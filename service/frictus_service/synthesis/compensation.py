@@ -7,15 +7,17 @@ import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw, pole_zero_pairs
+from frictus_hardware.physics.paths import ParallelPath
 from frictus_hardware.physics.schedule import Schedule, SlidingConditions
+from frictus_service.synthesis.path_demand import demand_of
 from frictus_service.synthesis.tables import TOP_HZ
 
 SLOWEST_FELT_HZ: Final = 20.0
 """Textures are made good for a leak down to here without leaving the drive's range."""
 PHASES_TOO: Final = 1.5
-"""The roll-off's inverse turns phases besides, and peaks may meet that did not: by so much in
-the exponent the drive swings further than by the loudest tone alone, as measured on the shipped
-textures."""
+"""The inverse of a roll-off, or of a path, turns phases besides, and peaks may meet that did
+not: by so much in the exponent the drive swings further than by the loudest tone alone, as
+measured on the shipped textures."""
 FORGET_HZ: Final = 0.25
 """Below this, what leaks away is not made good: a constant drive cannot be held."""
 
@@ -102,6 +104,8 @@ class Inverse:
     drive_table : ndarray, shape (n,)
         Over the drive that friction shall follow, even from 0 to 1, the drive that it takes;
         empty where they are the same.
+    paths : tuple of ParallelPath
+        Along which the drive acts besides.
     ranges : Ranges
         Of force and position for which it must hold.
     remarks : tuple of CompensationRemark
@@ -118,6 +122,7 @@ class Inverse:
     excess_order: float = 0.0
     leak_hz: float = 0.0
     drive_table: FloatArray = field(default_factory=lambda: np.zeros(0))
+    paths: tuple[ParallelPath, ...] = ()
     ranges: Ranges = Ranges()
     remarks: tuple[CompensationRemark, ...] = ()
     bounding: FrictionLaw = field(init=False)
@@ -155,6 +160,7 @@ class Inverse:
             and self.excess_order == 0.0
             and self.leak_hz == 0.0
             and self.drive_table.size == 0
+            and not self.paths
         )
 
     @property
@@ -175,15 +181,17 @@ class Inverse:
         everywhere = self.ranges.everywhere(self.law.speed_range_mm_s)
         gain_n, cutoff_hz = self.along(everywhere)
         own = Schedule().cutoff_hz(self.law, everywhere)
+        weakest, further = demand_of(self.paths, everywhere)
         slower = min(float((cutoff_hz / own).min()), 1.0)
         bounding = replace(
             self.law,
-            gain_n=float(np.min(gain_n)),
+            gain_n=float(np.min(gain_n)) * weakest,
             cutoff_0_hz=self.law.cutoff_0_hz * slower,
             slope_hz_per_mm_s=self.law.slope_hz_per_mm_s * slower,
         )
         slowest = float(np.min(cutoff_hz))
         louder = float(np.hypot(1.0, TOP_HZ / slowest)) ** max(self.excess_order, 0.0)
+        louder *= further
         return bounding, louder**PHASES_TOO * (1.0 + self.leak_hz / SLOWEST_FELT_HZ)
 
 

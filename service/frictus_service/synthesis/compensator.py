@@ -15,6 +15,7 @@ from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_service.synthesis import kernel
 from frictus_service.synthesis.compensation import FORGET_HZ, Inverse
 from frictus_service.synthesis.estimator import PredictedMotion
+from frictus_service.synthesis.path_compensation import PathInverse
 
 
 @njit(cache=True, nogil=True)
@@ -167,6 +168,7 @@ class Inverter:
         self._passed = np.zeros(len(pairs))
         self._before = np.zeros(len(pairs))
         self._slow = np.zeros(2)
+        self._paths = [PathInverse(path, sample_rate_hz) for path in inverse.paths]
         self._wanted = np.zeros(block_samples + 1)
         self._settled = False
         self._next_sample = 0
@@ -203,12 +205,15 @@ class Inverter:
             return kernel.invert(  # type: ignore[no-any-return]
                 self._law, course.motion, self._rate_hz, target_n[:-1], target_n[-1], out
             )
-        gain_n, cutoff_hz = self._along(first_sample, course, out.size)
+        around = self._around(first_sample, course, out.size)
+        gain_n, cutoff_hz = map(_both, inverse.along(around))
         self._settled &= first_sample == self._next_sample
         self._next_sample = first_sample + out.size
         if not self._settled:
             self._passed[:] = self._before[:] = bias_n[0]
             self._slow[:] = 0.0
+            for path in self._paths:
+                path.settle()
         wanted = self._wanted
         wanted[:] = target_n
         swap_pairs(
@@ -230,11 +235,13 @@ class Inverter:
             out,
         )
         bias = bias_n[0] / gain_n[0], bias_n[1] / gain_n[1]
-        return self._finish(bias, out), extrapolated
+        return self._finish(bias, around, out), extrapolated
 
-    def _finish(self, bias: Ends, drive: FloatArray) -> int:
+    def _finish(self, bias: Ends, around: SlidingConditions, drive: FloatArray) -> int:
         """Undo what happens to the drive before friction follows it; return clipped samples."""
         inverse = self.inverse
+        for path in self._paths:
+            bias = path.undo(_both(path.path.dose.at(around)), bias, drive)
         if inverse.leak_hz > 0.0:
             per_sample = 2.0 * np.pi / self._rate_hz
             refill(
@@ -244,18 +251,23 @@ class Inverter:
         if inverse.drive_table.size:
             look_up(inverse.drive_table, drive)
         # A target that is not finite would stay in the states for good.
-        self._settled = bool(np.isfinite(self._passed.sum() + self._slow.sum()))
+        self._settled = bool(np.isfinite(self._passed.sum() + self._slow.sum())) and all(
+            path.finite for path in self._paths
+        )
         return clipped
 
-    def _along(
+    def _around(
         self, first_sample: int, course: PredictedMotion, n_samples: int
-    ) -> tuple[Ends, Ends]:
-        """Return gain and cutoff at the block's first sample and at the one after its last."""
-        inverse, motion = self.inverse, course.motion
+    ) -> SlidingConditions:
+        """Return the circumstances at the block's first sample and at the one after its last.
+
+        They are within the ranges of the inverse.
+        """
+        motion = course.motion
         block_s = n_samples / self._rate_hz
         ends = np.array([first_sample, first_sample + n_samples]) - self.began_sample
         x_mm = motion.x_mm, motion.x_mm + 0.5 * (motion.vx_0 + motion.vx_1) * block_s
-        gain_n, cutoff_hz = inverse.along(
+        return self.inverse.ranges.confine(
             SlidingConditions(
                 speed_mm_s=np.array([motion.speed_0, motion.speed_1]),
                 normal_force_n=np.array(course.normal_force_n),
@@ -264,7 +276,6 @@ class Inverter:
                 minutes=ends / (60.0 * self._rate_hz),
             )
         )
-        return _both(gain_n), _both(cutoff_hz)
 
 
 def _both(ends: FloatArray) -> Ends:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from tests.blind.generator.case import Hidden
 from tests.blind.generator.rolloff import first_order_of_power, power_of_first_order
 from tests.blind.generator.transfer import mount, other_mount
-from tests.blind.generator.world import Moment, Section, Shelf, StickSlip, World
+from tests.blind.generator.world import Echo, Moment, Section, Shelf, StickSlip, World
 
 FloatArray = NDArray[np.float64]
 V0_MM_S: Final = 60.0
@@ -27,6 +27,9 @@ OF_PEOPLE: Final = frozenset(
         "direction_asymmetry",
         "fractional_rolloff",
         "stick_slip",
+        "coupling",
+        "contact_loss",
+        "force_saturation",
     }
 )
 """What is of the finger, so that people differ in it; the rest is of the instrument."""
@@ -167,6 +170,33 @@ UNKNOWN: Final[Mapping[str, Change]] = {
     ),
     "other_mount": lambda world, p: replace(
         world, mount=other_mount(p["resonance_hz"], p["damping"])
+    ),
+    "extra_resonance": lambda world, p: replace(
+        world, section=Section(p["frequency_hz"], p["quality"], lambda m: p["depth"] * _one(m))
+    ),
+    "notch_at_speed": lambda world, p: replace(
+        world,
+        section=Section(
+            p["frequency_hz"], p["quality"], lambda m: -p["depth"] * _high(m.speed_mm_s)
+        ),
+    ),
+    "echo": lambda world, p: replace(world, echo=Echo(p["delay_s"], p["share"])),
+    "coupling": _times_gain(
+        lambda m, p: (
+            p["exponent"] * np.log(m.speed_mm_s / V0_MM_S) * np.log(m.normal_force_n / F0_N)
+        )
+    ),
+    "time_step": _times_gain(
+        lambda m, p: p["log_change"] * float(m.minutes >= p["minutes"]) * _one(m)
+    ),
+    "contact_loss": lambda world, p: world.with_gain(
+        lambda m: 1.0 - p["share"] / (1.0 + (m.normal_force_n / p["force_n"]) ** 12)
+    ),
+    "force_saturation": lambda world, p: world.with_gain(
+        lambda m: (1.0 + (m.normal_force_n / p["force_n"]) ** 10) ** (-p["exponent"] / 10.0)
+    ),
+    "two_time_constants": lambda world, p: replace(
+        world, shelf=Shelf(p["corner_hz"], -p["share"])
     ),
 }
 

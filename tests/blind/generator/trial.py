@@ -146,6 +146,10 @@ def _felt(fraction: FloatArray, planned: Planned, world: World) -> FloatArray:
             zi=np.array([keep * fraction.mean() + (1.0 - keep) / 2.0 * fraction.mean()]),
         )
         fraction = fraction - world.shelf.share * slow
+    if world.echo is not None:
+        later = round(world.echo.delay_s * RATE_HZ)
+        again = np.concatenate([np.full(later, fraction[0]), fraction[:-later]])
+        fraction = fraction + world.echo.share * again
     return fraction
 
 

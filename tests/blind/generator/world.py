@@ -53,6 +53,14 @@ class Shelf:
 
 
 @dataclass(frozen=True, slots=True)
+class Echo:
+    """What comes a second time: a share of the drive fraction, late."""
+
+    delay_s: float
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
 class StickSlip:
     """A saw-tooth over the way: peak amplitude at rest, and how it goes with speed."""
 
@@ -73,7 +81,7 @@ class World:
         From moment and cutoff, Hz, to cutoff; in turn.
     maps : tuple of callables
         From drive fraction, minutes and tone, Hz, to drive fraction.
-    shelf, section, stick_slip : optional
+    shelf, echo, section, stick_slip : optional
     delay_s : float
     rolloff : Rolloff
     mount : Rational
@@ -84,6 +92,7 @@ class World:
     cutoffs: tuple[Callable[[Moment, FloatArray], FloatArray], ...] = ()
     maps: tuple[Callable[[FloatArray, float, float], FloatArray], ...] = ()
     shelf: Shelf | None = None
+    echo: Echo | None = None
     section: Section | None = None
     stick_slip: StickSlip | None = None
     delay_s: float = 0.0

@@ -16,6 +16,7 @@ const VERDICTS = {
   clean: "Clean: nothing reproducible is wrong",
   explained: "Explained",
   partly_explained: "Partly explained",
+  characterised: "Characterised: no known cause, but its form",
   unexplained: "Unexplained",
 };
 const FOUND = {

@@ -8,9 +8,10 @@ from typing import Final
 
 from frictus_hardware.errors import EffectParameterError, UnknownEffectError
 from frictus_hardware.physics.effect import EffectDefinition, Parameter
+from frictus_hardware.physics.forms import FORMS
 from frictus_hardware.physics.simulator import Simulator
 
-__all__ = ["EFFECTS", "EffectDefinition", "Parameter", "extended"]
+__all__ = ["EFFECTS", "FORMS", "KNOWN", "EffectDefinition", "Parameter", "extended"]
 
 
 def _found() -> dict[str, EffectDefinition]:
@@ -22,7 +23,10 @@ def _found() -> dict[str, EffectDefinition]:
 
 
 EFFECTS: Final[Mapping[str, EffectDefinition]] = MappingProxyType(_found())
-"""By id, in alphabetical order."""
+"""By id, in alphabetical order: each has a cause of the same id in discovery's catalogue."""
+
+KNOWN: Final[Mapping[str, EffectDefinition]] = MappingProxyType({**EFFECTS, **FORMS})
+"""All that a model may have: effects with a cause, and forms without one."""
 
 
 def extended(
@@ -45,11 +49,11 @@ def extended(
         If a parameter is missing, unknown, not finite or out of its range.
     """
     for id_, parameters in effects:
-        if id_ not in EFFECTS:
+        if id_ not in KNOWN:
             raise UnknownEffectError(
-                f"no effect {id_!r} is known; known are: {', '.join(EFFECTS)}"
+                f"no effect {id_!r} is known; known are: {', '.join(KNOWN)}"
             )
-        effect = EFFECTS[id_]
+        effect = KNOWN[id_]
         values = _checked(effect, parameters)
         if values[effect.parameters[0].name] != 0.0:
             simulator = effect.extend(simulator, values)

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
-from frictus_hardware.physics.effects import EFFECTS
+from frictus_hardware.physics.effects import KNOWN
 from frictus_service.discovery.evidence.evidence_rows import as_asked
 from frictus_service.discovery.evidence.residuals import Compared, Layout, accuracy_of, reduce
 from frictus_service.discovery.inference.covariance import Whiten, Whitening, whiten
@@ -373,7 +373,7 @@ def _settled(problem: DiscoveryProblem, found: FloatArray, chosen: Sequence[int]
     if not chosen:
         return found
     mean = mean_of_known(found)
-    scopes = [EFFECTS[problem.candidates[effect].effect].scope for effect in chosen]
+    scopes = [KNOWN[problem.candidates[effect].effect].scope for effect in chosen]
     own = np.array([scope == "participant" for scope in scopes]) & np.isfinite(found)
     settled = np.where(own, found, mean)
     return np.where(problem.positive(chosen), np.maximum(settled, 0.0), settled)

@@ -9,7 +9,7 @@ import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effect import EffectDefinition
-from frictus_hardware.physics.effects import EFFECTS
+from frictus_hardware.physics.effects import EFFECTS, KNOWN
 from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.simulator import Probe, Simulator, predict
 from frictus_service.discovery.evidence.background import MAINS_HZ
@@ -206,7 +206,7 @@ class Candidate:
     @property
     def limits(self) -> tuple[float, float]:
         """Between which coefficients a step more changes something."""
-        bounds = next(p for p in EFFECTS[self.effect].parameters if p.name == self.parameter)
+        bounds = next(p for p in KNOWN[self.effect].parameters if p.name == self.parameter)
         if self.squared:
             return 0.0, bounds.high**2 - self.step**2
         return bounds.low, bounds.high - self.step
@@ -224,7 +224,7 @@ class Candidate:
         if coefficient == 0.0:
             return simulator
         value = np.sqrt(max(coefficient, 0.0)) if self.squared else coefficient
-        effect = EFFECTS[self.effect]
+        effect = KNOWN[self.effect]
         bounds = next(p for p in effect.parameters if p.name == self.parameter)
         limited = float(np.clip(value, bounds.low, bounds.high))
         return effect.extend(simulator, {**dict(self.held), self.parameter: limited})

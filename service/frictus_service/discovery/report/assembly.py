@@ -10,7 +10,9 @@ from scipy import stats
 from frictus.model import Effect, FirstOrderSpeedLaw, MassSpringDamper, Model
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effects import EFFECTS
-from frictus_service.discovery.catalogue.causes import CAUSES, cause_of, separating_experiment
+from frictus_service.discovery.beyond.beyond import Beyond
+from frictus_service.discovery.beyond.phrasing import characterised_forms, discrepancy_of
+from frictus_service.discovery.catalogue.causes import cause_of, separating_experiment
 from frictus_service.discovery.decision.decision import CauseDecision, Decision
 from frictus_service.discovery.decision.prediction_gain import (
     UnexplainedPattern,
@@ -46,32 +48,6 @@ POWER: Final = 0.84
 """Quantile of the normal distribution: four of five studies."""
 
 
-def nothing_tested(
-    study: StudyFacts, base: Model, seed: int, notes: tuple[str, ...]
-) -> Discovery:
-    """Return the document where nothing could be tested."""
-    return Discovery(
-        code_version=version("frictus"),
-        seed=seed,
-        study=study,
-        response=base.response,
-        base_model=base,
-        extended_model=base,
-        verdict=None,
-        causes=(),
-        cannot_tell=(),
-        unexplained=(),
-        explained_share=None,
-        gain=None,
-        tests=tuple(
-            CauseTest(id=name, not_tested="too few participants and trials")
-            for name, cause in CAUSES.items()
-            if cause.response in (base.response, "both")
-        ),
-        notes=notes,
-    )
-
-
 class Assembly:
     """Assembles the document from a decision.
 
@@ -83,8 +59,12 @@ class Assembly:
         Which trial belongs to which unit.
     rows : EvidenceRows
         Of the whole study.
+    first : Decision
+        Causes about the base model as it is.
     found : Decision
-        Causes and what they leave.
+        Causes beside the form that describes what none of them explains, and what they leave.
+    beyond : Beyond
+        That form, or a smooth discrepancy.
     flips : ndarray, shape (n_flips, n_units)
     base : Model
         The model that is criticised.
@@ -101,14 +81,17 @@ class Assembly:
         problem: DiscoveryProblem,
         units: UnitAssignment,
         rows: EvidenceRows,
+        first: Decision,
         found: Decision,
+        beyond: Beyond,
         flips: FloatArray,
         base: Model,
         study: StudyFacts,
         seed: int,
         notes: tuple[str, ...],
     ) -> None:
-        self._problem, self._units, self._rows = problem, units, rows
+        self._bare, self._first, self._beyond = problem, first, beyond
+        self._problem, self._units, self._rows = beyond.problem, units, rows
         self._found, self._flips, self._base = found, flips, base
         self._study, self._seed, self._notes = study, seed, notes
         self._sure = [each for each in found.named if not each.alike]
@@ -118,14 +101,15 @@ class Assembly:
     def document(self) -> Discovery:
         """Return the document."""
         found, problem = self._found, self._problem
-        base = (with_refitted_nuisance(problem, found.base), ())
+        base = (with_refitted_nuisance(self._bare, self._first.base), ())
         model = with_refitted_nuisance(problem, self._model_of(self._chosen))
         extended = (model, tuple(self._chosen))
-        before, after = rests_of(problem, *base), rests_of(problem, *extended)
+        before, after = rests_of(self._bare, *base), rests_of(problem, *extended)
         gain = None
         if self._chosen:
             per_unit = joint_gain(model.units, self._chosen)
-            gain = gain_of(problem, per_unit, base, extended)
+            beside = (with_refitted_nuisance(problem, found.base), ())
+            gain = gain_of(problem, per_unit, beside, extended)
         return Discovery(
             code_version=version("frictus"),
             seed=self._seed,
@@ -137,7 +121,9 @@ class Assembly:
             causes=tuple(self._cause(each) for each in self._sure),
             cannot_tell=tuple(pair for each in self._unsure for pair in self._pairs(each)),
             unexplained=tuple(self._unexplained(each) for each in found.unexplained),
-            explained_share=found.explained_share if found.named or found.unexplained else None,
+            characterised=characterised_forms(self._beyond),
+            discrepancy=discrepancy_of(self._beyond, self._rows.tones_hz),
+            explained_share=self._explained_share(),
             gain=gain,
             evidence=self._evidence(),
             tests=tuple(self._tests()),
@@ -155,11 +141,20 @@ class Assembly:
 
     def _verdict(self) -> Verdict:
         found = self._found
+        if not found.named and self._beyond.form is not None:
+            return "characterised"
         if not found.named:
             return "unexplained" if found.unexplained else "clean"
         # Of two that are not told apart neither is in the extended model.
         open_ = self._unsure or any(each.verdict == "family" for each in found.named)
+        open_ = open_ or self._beyond.form is not None
         return "partly_explained" if found.unexplained or open_ else "explained"
+
+    def _explained_share(self) -> float | None:
+        found, form = self._found, self._beyond.form
+        if not found.named and form is not None:
+            return form.share
+        return found.explained_share if found.named or found.unexplained else None
 
     def _cause(self, each: CauseDecision) -> NamedCause:
         candidate = self._problem.candidates[each.candidate]
@@ -257,7 +252,7 @@ class Assembly:
 
     def _extended(self, model: Linearised) -> Model:
         """Return the base model with the population's own values and the named effects."""
-        if not self._chosen:
+        if not self._chosen and self._beyond.effect is None:
             return self._base
         scale = dict(
             zip(NUISANCE[self._problem.response], np.exp(model.own.mean(axis=0)), strict=True)
@@ -284,6 +279,9 @@ class Assembly:
             for each in self._sure
             if each.in_model
         ]
+        if self._beyond.effect is not None:
+            id_, values = self._beyond.effect
+            effects.append(Effect(id=id_, parameters=dict(values)))
         return self._base.model_copy(
             update={
                 "base": law,

@@ -39,6 +39,12 @@ def verdict_sentence(found: Discovery) -> str:
         return "Nothing could be tested, so nothing is said of the base model."
     if found.verdict == "clean":
         return "The base model explains these data: nothing that it gets wrong is reproducible."
+    if found.verdict == "characterised":
+        more = f" More is left{_where(found)}." if found.unexplained else ""
+        return (
+            "The base model is wrong, no known cause explains it, and this describes it: "
+            f"{_forms(found)}.{more}"
+        )
     if found.verdict == "unexplained":
         return f"The base model is wrong, and no known cause explains it{_where(found)}."
     named = ", ".join(_named(cause) for cause in found.causes)
@@ -46,12 +52,16 @@ def verdict_sentence(found: Discovery) -> str:
         f"either {title(a)} or {title(b)}"
         for a, b in (one.between for one in found.cannot_tell)
     )
-    what = "; ".join(part for part in (named, unsure) if part)
+    what = "; ".join(part for part in (named, unsure, _forms(found)) if part)
     if found.verdict == "explained":
         return f"The base model is wrong, and the data say why: {what}. Nothing else is left."
     why = "the data say partly why" if found.causes else "the data leave open why"
     more = f" More is left{_where(found)}." if found.unexplained else ""
     return f"The base model is wrong, and {why}: {what}.{more}"
+
+
+def _forms(found: Discovery) -> str:
+    return ", ".join(f"{title(form.id)} (characterised)" for form in found.characterised)
 
 
 def _named(cause: NamedCause) -> str:

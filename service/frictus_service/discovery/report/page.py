@@ -11,6 +11,7 @@ from frictus.model import Model
 from frictus_service.discovery.catalogue.cause import title
 from frictus_service.discovery.catalogue.causes import CAUSES
 from frictus_service.discovery.document import Discovery
+from frictus_service.discovery.report.discrepancy import discrepancy_figure
 from frictus_service.discovery.report.findings import (
     by_relevance,
     folds_sentence,
@@ -30,6 +31,7 @@ from frictus_service.identification.report.html import fill, number, picture
 REPORT: Final = "report.html"
 DOCUMENT: Final = "report.json"
 MODEL: Final = "extended_model.json"
+DRAFT: Final = "draft"
 
 
 def write(found: Discovery, folder: Path) -> list[Path]:
@@ -59,6 +61,25 @@ def write(found: Discovery, folder: Path) -> list[Path]:
     return list(contents)
 
 
+def write_draft(found: Discovery, name: str, folder: Path) -> list[Path]:
+    """Write a draft of a cause below a folder, at its places in the sources; return the paths.
+
+    Raises
+    ------
+    DraftCauseError
+        If the name cannot be given, or nothing was characterised.
+    """
+    from frictus_service.discovery.beyond.draft import draft_cause  # late: loads the physics
+
+    written = []
+    for place, source in draft_cause(found, name).items():
+        path = folder / DRAFT / place
+        path.parent.mkdir(parents=True, exist_ok=True)
+        replace_file(path, source.encode())
+        written.append(path)
+    return written
+
+
 def render(found: Discovery) -> str:
     """Return the report as one HTML file with all figures in it.
 
@@ -86,6 +107,7 @@ def render(found: Discovery) -> str:
         more_residuals=drawn[1:],
         parameters=_maybe(parameters(found)),
         places=_maybe(places(found)),
+        discrepancy=_maybe(discrepancy_figure(found.discrepancy)),
         left=[(place_of(one), one.p_value) for one in found.unexplained],
         levels=_maybe(levels(found)),
         compared="participants" if _of_people(found) else "blocks of trials",

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 from tests.service.discovery.found import cause, discovery, left, pair
 
-from frictus_service.cli.discover import show, summary
+from frictus_service.cli.discover import NOT_PRINTED, show, summary
 from frictus_service.discovery.catalogue.cause import title
 from frictus_service.discovery.catalogue.causes import CAUSES
 from frictus_service.discovery.document import Discovery, ResidualBin
@@ -203,6 +203,4 @@ def test_the_terminal_tells_the_same(rng: np.random.Generator) -> None:
     assert gain_sentence(found.gain) in told
     printed = summary(found)
     whole = found.model_dump(mode="json", by_alias=True)
-    assert printed == {
-        name: whole[name] for name in whole if name not in ("residuals", "levels")
-    }
+    assert printed == {name: whole[name] for name in whole if name not in NOT_PRINTED}

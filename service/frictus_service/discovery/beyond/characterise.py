@@ -1,0 +1,279 @@
+"""Which form of the grammar describes what no cause explains, and whether that may be said.
+
+Forms are screened as the catalogue is, each at every shape of its grid; the most promising
+families are fitted, and chosen among, by people who were not fitted (cross-fitting): the gain
+of a person never rests on a form, a shape or a size to which that person contributed. The p
+value is that of the largest of all forms and shapes over sign flips, exact whatever was
+searched.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from scipy import stats
+
+from frictus_hardware.arrays import FloatArray
+from frictus_hardware.physics.effects import extended
+from frictus_service.discovery.beyond.form_fit import FittedForm, Remainder, fit_form
+from frictus_service.discovery.beyond.grammar import Form, grammar
+from frictus_service.discovery.decision.prediction_gain import (
+    OMNIBUS,
+    UnexplainedPattern,
+    find_unexplained,
+)
+from frictus_service.discovery.inference.linear_model import (
+    Unit,
+    held_out_gain,
+    project_out,
+)
+from frictus_service.discovery.inference.linearisation import Linearised, linearise
+from frictus_service.discovery.problem.candidates import Candidate
+from frictus_service.discovery.problem.problem import DiscoveryProblem, as_accurate
+
+FOLDS: Final = 4
+PROMISING: Final = 5
+"""Forms that are fitted, of those that the screen finds best."""
+PENALTY: Final = 2.0
+"""Sum of squares that a parameter must save where the same people choose and fit (AIC)."""
+LEAST_SHARE: Final = 0.5
+"""Of what is left reproducibly; a form that explains less describes something else."""
+RESPONSE: Final = frozenset({"size", "phase"})
+"""Channels in which the grammar's forms show."""
+
+
+@dataclass(frozen=True)
+class Characterised:
+    """A form that describes what no cause explains.
+
+    Attributes
+    ----------
+    fitted : FittedForm
+        To all people.
+    p_value : float
+        Corrected for all forms and shapes.
+    gain : ndarray, shape (n_units,)
+        Nats by which each unit, held out, is more likely; the form chosen without it.
+    share : float
+        Of the reproducible remainder.
+    rivals : tuple of Form
+        Forms of other families that held-out people do not tell from it.
+    problem : DiscoveryProblem
+        The problem with the form in its base model.
+    model : Linearised
+        Fitted beside the form.
+    """
+
+    fitted: FittedForm
+    p_value: float
+    gain: FloatArray
+    share: float
+    rivals: tuple[Form, ...]
+    problem: DiscoveryProblem
+    model: Linearised
+
+
+def interval_of_mean(values: FloatArray) -> tuple[float, float]:
+    """Return the 95 % t interval of a mean over units."""
+    half = float(stats.t.ppf(0.975, values.size - 1) * values.std(ddof=1))
+    half /= float(np.sqrt(values.size))
+    return float(values.mean()) - half, float(values.mean()) + half
+
+
+def characterise(
+    problem: DiscoveryProblem,
+    model: Linearised,
+    unexplained: Sequence[UnexplainedPattern],
+    flips: FloatArray,
+) -> Characterised | None:
+    """Return the form that describes what a model leaves; None where none may be named.
+
+    Parameters
+    ----------
+    problem : DiscoveryProblem
+        Data, base model and candidates.
+    model : Linearised
+        Fitted with the causes that were named, and the units about it.
+    unexplained : sequence of UnexplainedPattern
+        What it leaves.
+    flips : ndarray, shape (n_flips, n_units)
+    """
+    if problem.response != "friction":
+        return None
+    if not any(each.pattern.channel in RESPONSE for each in unexplained):
+        return None
+    screen = _Screen.of(problem, model)
+    p_value = screen.p_value(flips)
+    if not p_value <= max(OMNIBUS, 2.0 / len(flips)):
+        return None
+    remainder = Remainder.of(problem, model)
+    compared = _compare(remainder, screen)
+    best = compared.best
+    if interval_of_mean(compared.honest)[0] <= 0.0:
+        return None
+    fitted = fit_form(
+        remainder, best, screen.begin(best, range(len(screen.units))), range(len(screen.units))
+    )
+    fitted, beside = _again(problem, model, fitted)
+    left = find_unexplained(
+        beside[0], beside[1], [u.beyond(model.chosen) for u in beside[1].units], flips
+    )
+    rest = sum(float(each.gain.sum()) for each in left if each.pattern.channel in RESPONSE)
+    gained = float(compared.honest.sum())
+    share = gained / (gained + rest)
+    if share < LEAST_SHARE:
+        return None
+    return Characterised(fitted, p_value, compared.honest, share, compared.rivals(), *beside)
+
+
+def _again(
+    problem: DiscoveryProblem, model: Linearised, fitted: FittedForm
+) -> tuple[FittedForm, tuple[DiscoveryProblem, Linearised]]:
+    """Return a form fitted about everybody's own parameters beside it, and that model."""
+    within = replace(problem, base=extended(problem.base, [(fitted.form.id, fitted.values)]))
+    moved = linearise(within, model.chosen, patterns=problem.patterns, start=model)
+    # About the new own parameters, but without the form: it is what is fitted.
+    everybody = range(len(problem.subjects))
+    fitted = fit_form(Remainder.of(problem, moved), fitted.form, fitted.values, everybody)
+    return fitted, (within, moved)
+
+
+def _small(candidate: Candidate) -> dict[str, float]:
+    return {candidate.parameter: candidate.step, **dict(candidate.held)}
+
+
+@dataclass(frozen=True)
+class _Screen:
+    """Signatures of all forms at all shapes of their grids, about a model.
+
+    Attributes
+    ----------
+    forms : tuple of Form
+        Of each column.
+    candidates : tuple of Candidate
+        Of each column.
+    units : tuple of Unit
+        Whose effects are the columns.
+    """
+
+    forms: tuple[Form, ...]
+    candidates: tuple[Candidate, ...]
+    units: tuple[Unit, ...]
+
+    @classmethod
+    def of(cls, problem: DiscoveryProblem, model: Linearised) -> "_Screen":
+        """Return the screen about a fitted model."""
+        pairs = [(form, each) for form in grammar() for each in form.candidates()]
+        remainder, chosen, units = Remainder.of(problem, model), list(model.chosen), []
+        for place, unit in enumerate(model.units):
+            bare = remainder.whitened(place, "", {})
+            columns = np.column_stack(
+                [
+                    (bare - remainder.whitened(place, each.effect, _small(each))) / each.step
+                    for _, each in pairs
+                ]
+            )
+            accuracy = as_accurate(columns, remainder.accuracy(place))
+            known = unit.and_own(unit.effects[:, chosen])
+            units.append(replace(known.looking_for(columns, accuracy), readings=bare))
+        return cls(
+            tuple(form for form, _ in pairs), tuple(each for _, each in pairs), tuple(units)
+        )
+
+    def p_value(self, flips: FloatArray) -> float:
+        """Return the p of the largest, corrected for all."""
+        p = project_out(self.units).significance(flips).p
+        return float(np.nanmin(p)) if np.isfinite(p).any() else 1.0
+
+    def _gains(self, units: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+        """Return what each column explains of some units together, and its size there."""
+        left = project_out([self.units[unit] for unit in units])
+        along, information = left.along.sum(axis=0), left.information.sum(axis=0)
+        size = np.divide(along, information, out=np.zeros_like(along), where=information > 0.0)
+        return 0.5 * along * size, size
+
+    def promising(self, units: Sequence[int]) -> list[Form]:
+        """Return the forms that each of some units shows as the others do, best first."""
+        gains = held_out_gain(project_out([self.units[unit] for unit in units])).sum(axis=0)
+        best = {
+            form: float(gains[[k for k, each in enumerate(self.forms) if each is form]].max())
+            for form in dict.fromkeys(self.forms)
+        }
+        return sorted(best, key=lambda form: -best[form])[:PROMISING]
+
+    def begin(self, form: Form, units: Sequence[int]) -> dict[str, float]:
+        """Return dose and shapes of a form at which it explains most of some units."""
+        gains, sizes = self._gains(units)
+        own = [k for k, each in enumerate(self.forms) if each is form]
+        at = max(own, key=lambda k: float(gains[k]))
+        return {form.dose: float(sizes[at]), **dict(self.candidates[at].held)}
+
+
+@dataclass(frozen=True)
+class _Compared:
+    """Forms by what they gain in people who were held out.
+
+    Attributes
+    ----------
+    gains : dict of Form to ndarray, shape (n_units,)
+    honest : ndarray, shape (n_units,)
+        Of whatever form the other people chose.
+    """
+
+    gains: dict[Form, FloatArray]
+    honest: FloatArray
+
+    @property
+    def best(self) -> Form:
+        """The form that gains most; simpler where more parameters gain nothing."""
+        best = max(self.gains, key=lambda form: float(self.gains[form].sum()))
+        simpler = [
+            form
+            for form, gain in self.gains.items()
+            if form.id == best.id
+            and len(form.shapes) < len(best.shapes)
+            and interval_of_mean(self.gains[best] - gain)[0] <= 0.0
+        ]
+        return simpler[0] if simpler else best
+
+    def rivals(self) -> tuple[Form, ...]:
+        """Return the best form of each other family that is not told from the best."""
+        best = self.best
+        found: dict[str, Form] = {}
+        for form in sorted(self.gains, key=lambda form: -float(self.gains[form].sum())):
+            ahead = self.gains[best] - self.gains[form]
+            if form.family != best.family and interval_of_mean(ahead)[0] <= 0.0:
+                found.setdefault(form.family, form)
+        return tuple(found.values())
+
+
+def _compare(remainder: Remainder, screen: _Screen) -> _Compared:
+    """Return the gains of the promising forms, each unit's from fits without its fold."""
+    n_units = len(screen.units)
+    folds = [[u for u in range(n_units) if u % FOLDS == fold] for fold in range(FOLDS)]
+    trained = [[u for u in range(n_units) if u not in fold] for fold in folds]
+    chosen = [screen.promising(units) for units in trained]
+    forms = dict.fromkeys(
+        form for each in (*chosen, screen.promising(range(n_units))) for form in each
+    )
+    gains = {form: np.zeros(n_units) for form in forms}
+    honest = np.zeros(n_units)
+    for fold, units, own in zip(folds, trained, chosen, strict=True):
+        inside = {}
+        for form in forms:
+            fitted = fit_form(remainder, form, screen.begin(form, units), units)
+            inside[form] = sum(_gain(remainder, fitted, unit) for unit in units)
+            inside[form] -= 0.5 * PENALTY * (1 + len(form.shapes))
+            for unit in fold:
+                gains[form][unit] = _gain(remainder, fitted, unit)
+        picked = max(own, key=lambda form: inside[form])
+        honest[fold] = gains[picked][fold]
+    return _Compared(gains, honest)
+
+
+def _gain(remainder: Remainder, fitted: FittedForm, unit: int) -> float:
+    """Return by how many nats a form makes a unit more likely."""
+    before = remainder.rest(unit, fitted.form.id, {})
+    after = remainder.rest(unit, fitted.form.id, fitted.values)
+    return 0.5 * float(before @ before - after @ after)

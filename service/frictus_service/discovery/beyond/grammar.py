@@ -1,0 +1,187 @@
+"""The grammar of forms: what is tried where no cause explains, in which family, in which words.
+
+The equations stand in `frictus_hardware.physics.forms`, under the same ids.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Final
+
+import numpy as np
+
+from frictus_hardware.physics.effects import FORMS
+from frictus_service.discovery.problem.candidates import Candidate
+
+Held = tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """A form, and where its shape is looked for.
+
+    Attributes
+    ----------
+    id : str
+        Of its effect.
+    family : str
+        Forms of one family differ in detail only: resonances by what their strength follows.
+    grid : tuple of held values
+        Shapes at which the form is tried.
+    shapes : tuple of str
+        Parameters that are fitted besides the dose.
+    what : str
+        The form in words; parameters in braces.
+    could_be : str
+        What has such a form.
+    told_by : str
+        The experiment that tells which.
+    """
+
+    id: str
+    family: str
+    grid: tuple[Held, ...]
+    shapes: tuple[str, ...]
+    what: str
+    could_be: str
+    told_by: str
+
+    @property
+    def dose(self) -> str:
+        """Name of its first parameter."""
+        return FORMS[self.id].parameters[0].name
+
+    def candidates(self) -> list[Candidate]:
+        """Return the form at each shape of its grid."""
+        step = FORMS[self.id].parameters[0].step
+        return [Candidate(self.id, self.dose, step, held) for held in self.grid]
+
+
+@dataclass(frozen=True, slots=True)
+class _Words:
+    what: str
+    could_be: str
+    told_by: str
+
+
+_WORDS: Final[Mapping[str, _Words]] = {
+    "extra_resonance": _Words(
+        "{kind} at {frequency_hz} Hz, damping {damping}, depth {depth}{following}",
+        "a mode of the fingertip, of the screen or of what holds it, or a passive absorber",
+        "a hammer test of the screen (`frictus mount`) and another finger or stylus: what "
+        "stays with the screen is the rig's; tones a few hertz apart around it",
+    ),
+    "echo": _Words(
+        "an echo {delay_s} s late, share {share}{following}",
+        "a wave that comes back from the edge of the screen, or a second path of the drive",
+        "the finger at other distances from the edge: the delay of a wave follows; tones "
+        "spaced by a quarter of the comb",
+    ),
+    "pole_zero_pair": _Words(
+        "a second time constant, corner at {corner_hz} Hz, share {share}{following}",
+        "two layers of skin, or an amplifier or screen that follows the drive in two ways",
+        "a dummy load in place of the finger: what stays is electrical; tones an octave around "
+        "the corner",
+    ),
+    "switch_by_speed": _Words(
+        "the {part} changes by exp({log_change}) beyond {threshold_mm_s} mm/s",
+        "a change of regime of sliding, or a limit of the tracker",
+        "speeds in small steps around the threshold, rising and falling",
+    ),
+    "switch_by_force": _Words(
+        "the {part} changes by exp({log_change}) beyond {threshold_n} N",
+        "contact that is lost below a force, or that saturates beyond it",
+        "forces in small steps around the threshold, and the contact area filmed",
+    ),
+    "switch_by_time": _Words(
+        "the {part} changes by exp({log_change}) {threshold_min} min into the session",
+        "something that was changed: cable, amplifier, mount, screen wiped, finger washed",
+        "the log of the session at that time, and the first trials repeated at the end",
+    ),
+    "knee_above_speed": _Words(
+        "the {part} follows the speed above {threshold_mm_s} mm/s only, exponent {exponent}",
+        "a regime of sliding that begins there, such as contact that lifts",
+        "three speeds beyond the threshold",
+    ),
+    "knee_below_speed": _Words(
+        "the {part} follows the speed below {threshold_mm_s} mm/s only, exponent {exponent}",
+        "adhesion or sweat, that matter while the finger is slow",
+        "three speeds below the threshold, on a dry and on a wiped screen",
+    ),
+    "knee_above_force": _Words(
+        "the {part} follows the force above {threshold_n} N only, exponent {exponent}",
+        "a fingertip that flattens no further: its area of contact saturates",
+        "three forces beyond the threshold, and the contact area filmed",
+    ),
+    "knee_below_force": _Words(
+        "the {part} follows the force below {threshold_n} N only, exponent {exponent}",
+        "contact that is lost in part when the finger presses lightly",
+        "three forces below the threshold, and the contact area filmed",
+    ),
+    "coupling_of_speed_and_force": _Words(
+        "the {part} follows the product of log speed and log force, exponent {exponent}",
+        "a contact whose area depends on how fast the finger slides",
+        "all speeds at all forces, in random order",
+    ),
+}
+
+_FREQUENCIES: Final = np.geomspace(30.0, 1900.0, 22)
+_FOLLOWING: Final[tuple[tuple[str, Held], ...]] = (
+    ("", ()),
+    ("by_speed", (("by_speed", 1.0),)),
+    ("by_force", (("by_force", 1.0),)),
+)
+_THRESHOLDS: Final[Mapping[str, Sequence[float]]] = {
+    "speed": np.arange(25.0, 100.0, 5.0).tolist(),
+    "force": np.arange(0.225, 0.6, 0.025).tolist(),
+    "time": np.arange(1.0, 20.0, 0.5).tolist(),
+}
+
+
+def grammar() -> tuple[Form, ...]:
+    """Return all forms."""
+    return tuple(_paths()) + tuple(_scheduled())
+
+
+def _paths() -> Iterator[Form]:
+    shapes: dict[str, list[Held]] = {
+        "extra_resonance": [
+            (("frequency_hz", float(f)), ("damping", d))
+            for f, d in product(_FREQUENCIES, (0.05, 0.2))
+        ],
+        "echo": [(("delay_s", float(d)),) for d in np.geomspace(2e-4, 6e-3, 28)],
+        "pole_zero_pair": [(("corner_hz", float(f)),) for f in np.geomspace(20.0, 3000.0, 11)],
+    }
+    for id_, grid in shapes.items():
+        words = _WORDS[id_]
+        for follows, held in _FOLLOWING:
+            yield Form(
+                id=id_,
+                family=id_,
+                grid=tuple((*each, *held) for each in grid),
+                shapes=(*(name for name, _ in grid[0]), *([follows] if follows else [])),
+                what=words.what,
+                could_be=words.could_be,
+                told_by=words.told_by,
+            )
+
+
+def _scheduled() -> Iterator[Form]:
+    for id_, effect in FORMS.items():
+        part, _, rest = id_.partition("_")
+        if part not in ("gain", "cutoff"):
+            continue
+        words = _WORDS[rest]
+        by = rest.rpartition("_")[2]
+        shapes = tuple(each.name for each in effect.parameters[1:])
+        coupled = not shapes
+        grid = ((),) if coupled else tuple(((shapes[0], at),) for at in _THRESHOLDS[by])
+        yield Form(
+            id=id_,
+            family=f"{part} by speed and force" if coupled else f"{part} bends by {by}",
+            grid=grid,
+            shapes=shapes,
+            what=words.what.replace("{part}", part),
+            could_be=words.could_be,
+            told_by=words.told_by,
+        )

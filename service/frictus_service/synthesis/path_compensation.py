@@ -1,0 +1,150 @@
+"""Undoes parallel paths of the drive: what comes along them is not played once more.
+
+A path makes ``y = x + d B[x]`` of a drive x; so ``x = y - d B[x]``, in which all of B[x] is
+known but what it has of the present x. Where that is stable: `path_demand`.
+"""
+
+from typing import Final
+
+import numpy as np
+from numba import njit
+
+from frictus_hardware.arrays import FloatArray
+from frictus_hardware.physics import linear
+from frictus_hardware.physics.linear import TransferFunction
+from frictus_hardware.physics.paths import Branch, DelayLine, ParallelPath
+
+ORDER: Final = 2
+"""Of a branch's filters, at most."""
+
+
+@njit(cache=True, nogil=True)
+def undo_filters(weights, numerators, denominators, dose, bias, memory, drive):  # type: ignore[no-untyped-def]
+    """Undo a weighted sum of filters that pass nothing at rest, in place.
+
+    Parameters
+    ----------
+    weights : ndarray, shape (n_filters,)
+    numerators, denominators : ndarray, shape (n_filters, ORDER + 1)
+        Polynomials in 1/z.
+    dose, bias : tuple of float
+        At the first sample and at the one after the last; linear in between.
+    memory : ndarray, shape (n_filters, ORDER)
+    drive : ndarray, shape (n_samples,)
+    """
+    direct = 0.0
+    for k in range(weights.size):
+        direct += weights[k] * numerators[k, 0]
+    for n in range(drive.size):
+        share = n / drive.size
+        d = dose[0] + share * (dose[1] - dose[0])
+        at_rest = bias[0] + share * (bias[1] - bias[0])
+        before = 0.0
+        for k in range(weights.size):
+            before += weights[k] * memory[k, 0]
+        x = (drive[n] - at_rest - d * before) / (1.0 + d * direct)
+        drive[n] = x + at_rest
+        for k in range(weights.size):
+            out = numerators[k, 0] * x + memory[k, 0]
+            memory[k, 0] = numerators[k, 1] * x - denominators[k, 1] * out + memory[k, 1]
+            memory[k, 1] = numerators[k, 2] * x - denominators[k, 2] * out
+
+
+@njit(cache=True, nogil=True)
+def undo_delay(delay, dose, bias, place, line, drive):  # type: ignore[no-untyped-def]
+    """Undo an echo, in place; return where the line goes on.
+
+    Parameters
+    ----------
+    delay : float
+        In samples.
+    dose, bias : tuple of float
+        At the first sample and at the one after the last; linear in between.
+    place : int
+        Of the present sample in the line.
+    line : ndarray, shape (whole delay + 2,)
+        Drives about their bias, as they were played.
+    drive : ndarray, shape (n_samples,)
+    """
+    whole = int(delay)
+    part = delay - whole
+    size = line.size
+    for n in range(drive.size):
+        share = n / drive.size
+        d = dose[0] + share * (dose[1] - dose[0])
+        at_rest = bias[0] + share * (bias[1] - bias[0])
+        echo = part * line[(place - whole - 1) % size]
+        direct = 0.0
+        if whole > 0:
+            echo += (1.0 - part) * line[(place - whole) % size]
+        else:
+            direct = 1.0 - part
+        x = (drive[n] - at_rest - d * echo) / (1.0 + d * direct)
+        line[place] = x
+        place = (place + 1) % size
+        drive[n] = x + at_rest / (1.0 + d)
+    return place
+
+
+class PathInverse:
+    """Undoes one path.
+
+    Parameters
+    ----------
+    path : ParallelPath
+        Of the drive.
+    sample_rate_hz : float
+        Samples per second of the device's clock.
+    """
+
+    def __init__(self, path: ParallelPath, sample_rate_hz: float) -> None:
+        self.path = path
+        self._delay = 0.0
+        self._place = 0
+        if isinstance(path.branch, DelayLine):
+            self._delay = path.branch.delay_s * sample_rate_hz
+            self._memory = np.zeros(int(self._delay) + 2)
+            return
+        parts = _parts(path.branch)
+        self._weights = np.array([weight for weight, _ in parts])
+        self._filters = np.zeros((2, len(parts), ORDER + 1))
+        for place, (_, part) in enumerate(parts):
+            sampled = linear.sample(part, sample_rate_hz)
+            self._filters[0, place, : sampled.numerator.size] = sampled.numerator
+            self._filters[1, place, : sampled.denominator.size] = sampled.denominator
+        self._memory = np.zeros((len(parts), ORDER))
+
+    def settle(self) -> None:
+        """Forget what was played."""
+        self._memory[:] = 0.0
+
+    @property
+    def finite(self) -> bool:
+        """Whether what it remembers is."""
+        return bool(np.isfinite(self._memory.sum()))
+
+    def undo(
+        self, dose: tuple[float, float], bias: tuple[float, float], drive: FloatArray
+    ) -> tuple[float, float]:
+        """Undo the path in a drive, in place; return the bias that is left of it.
+
+        Parameters
+        ----------
+        dose, bias : tuple of float
+            At the first sample and at the one after the last.
+        drive : ndarray, shape (n_samples,)
+        """
+        if self._delay:
+            self._place = undo_delay(self._delay, dose, bias, self._place, self._memory, drive)
+            return bias[0] / (1.0 + dose[0]), bias[1] / (1.0 + dose[1])
+        numerators, denominators = self._filters
+        undo_filters(self._weights, numerators, denominators, dose, bias, self._memory, drive)
+        return bias
+
+
+def _parts(branch: Branch) -> tuple[tuple[float, TransferFunction], ...]:
+    """Return the weighted filters of a branch that is no delay."""
+    if isinstance(branch, TransferFunction):
+        return ((1.0, branch),)
+    assert not isinstance(branch, DelayLine)
+    return branch.parts

@@ -1,0 +1,134 @@
+"""What is said of evidence that no cause of the catalogue explains."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.service.discovery.made import MOUNT, Design, found_in, made
+
+from frictus_hardware.physics.effects import KNOWN
+from frictus_hardware.physics.simulator import Simulator
+from frictus_service.discovery.beyond.draft import draft_cause
+from frictus_service.discovery.beyond.grammar import grammar
+from frictus_service.discovery.document import Discovery
+from frictus_service.discovery.problem.base_models import simulator_of
+from frictus_service.discovery.report.discrepancy import discrepancy_figure
+from frictus_service.discovery.report.findings import verdict_sentence
+from frictus_service.discovery.report.page import render
+from frictus_service.errors import DraftCauseError
+
+pytestmark = pytest.mark.timeout(600)
+"""Each analyses a study, or two."""
+
+TONES = tuple(np.round(np.geomspace(31.0, 1888.0, 12), 1).tolist())
+MANY_TONES = Design(tones_hz=TONES, tones_per_trial=4, forces_n=(0.4,), repeats=1)
+USUAL = Design(repeats=1)
+
+HIDDEN = {
+    "echo": ({"share": 0.15}, "delay_s", 0.0011, MANY_TONES),
+    "gain_switch_by_time": ({"log_change": 0.4}, "threshold_min", 2.1, USUAL),
+}
+
+
+@pytest.fixture(scope="module")
+def resonance() -> Discovery:
+    rng = np.random.default_rng(3)
+    values = {"depth": 0.25, "frequency_hz": 200.0, "damping": 0.08}
+    return found_in(made(rng, [("extra_resonance", values)], MANY_TONES))
+
+
+@pytest.mark.parametrize("id_", HIDDEN)
+def test_a_form_is_characterised_with_its_shape(id_: str, rng: np.random.Generator) -> None:
+    values, name, true, design = HIDDEN[id_]
+    found = found_in(made(rng, [(id_, {**values, name: true})], design))
+    (form,) = found.characterised
+    assert (form.id, form.verdict) == (id_, "characterised")
+    estimate = form.parameters[name]
+    assert estimate.ci95 is not None
+    low, high = estimate.ci95
+    assert low < estimate.value < high
+    assert abs(true - estimate.value) <= 2.5 * max(high - estimate.value, estimate.value - low)
+    assert form.ci95[0] > 0.0
+    assert form.share > 0.5
+    assert found.verdict in ("characterised", "partly_explained")
+
+
+def test_a_form_enters_the_extended_model_and_is_not_looked_for_again(
+    resonance: Discovery, rng: np.random.Generator
+) -> None:
+    (effect,) = resonance.extended_model.effects
+    assert effect.id == "extra_resonance"
+    assert resonance.causes == ()
+    assert resonance.verdict == "characterised"
+    assert len(simulator_of(resonance.extended_model, MOUNT).paths) == 1
+    values = {"depth": 0.25, "frequency_hz": 200.0, "damping": 0.08}
+    later = found_in(
+        made(rng, [("extra_resonance", values)], MANY_TONES), resonance.extended_model
+    )
+    assert later.characterised == ()
+
+
+def test_a_form_is_said_in_words_with_what_it_could_be(resonance: Discovery) -> None:
+    (form,) = resonance.characterised
+    for part in ("A resonance at ", "that the base model has not", "nats each", "could be"):
+        assert part in form.statement
+    assert "extra resonance (characterised)" in verdict_sentence(resonance)
+    page = render(resonance)
+    assert "characterised, not confirmed" in page
+    assert "smooth discrepancy over frequency" in page
+
+
+def test_the_smooth_discrepancy_is_drawn_beside_the_form(resonance: Discovery) -> None:
+    smooth = resonance.discrepancy
+    assert smooth is not None
+    assert not smooth.in_model
+    near = min(smooth.bins, key=lambda one: abs(one.tone_hz - 200.0))
+    assert near.form_db is not None
+    assert near.form_db == pytest.approx(20.0 * np.log10(1.25), abs=0.4)
+    assert near.size_db > near.half_db > 0.0  # an octave spreads it out
+    assert discrepancy_figure(smooth) is not None
+    assert discrepancy_figure(None) is None
+
+
+def test_nothing_is_characterised_in_nothing(rng: np.random.Generator) -> None:
+    found = [found_in(made(rng, (), USUAL)) for _ in range(3)]
+    assert sum(bool(one.characterised) for one in found) <= 1
+
+
+def test_a_draft_is_an_effect_and_a_cause_of_the_shape_that_was_found(
+    resonance: Discovery,
+) -> None:
+    sources = draft_cause(resonance, "tape_resonance")
+    spaces: list[dict[str, Any]] = []
+    for path, source in sources.items():
+        assert path.name == "tape_resonance.py"
+        assert all(len(line) <= 96 for line in source.splitlines())
+        space: dict[str, Any] = {}
+        exec(compile(source, str(path), "exec"), space)
+        spaces.append(space)
+    (effect,), (cause,) = spaces[0]["EFFECTS"], spaces[1]["CAUSES"]
+    assert effect.id == cause.id == "tape_resonance"
+    values = {name: each.value for name, each in resonance.characterised[0].parameters.items()}
+    dose = effect.parameters[0].name
+    drafted = effect.extend(Simulator(), {dose: values[dose]})
+    assert drafted == KNOWN["extra_resonance"].extend(Simulator(), values)
+
+
+def test_drafts_that_cannot_be_are_refused(
+    resonance: Discovery, rng: np.random.Generator
+) -> None:
+    with pytest.raises(DraftCauseError, match="no cause can be called 'Tape!'"):
+        draft_cause(resonance, "Tape!")
+    with pytest.raises(DraftCauseError, match="'stick_slip' is known already"):
+        draft_cause(resonance, "stick_slip")
+    with pytest.raises(DraftCauseError, match="nothing was characterised"):
+        draft_cause(resonance.model_copy(update={"characterised": ()}), "tape_resonance")
+
+
+def test_every_form_says_its_words_from_its_own_parameters() -> None:
+    for form in grammar():
+        names = {each.name for each in KNOWN[form.id].parameters}
+        shown = dict.fromkeys([*names, "kind", "following"], "x")
+        assert "{" not in form.what.format_map(shown)
+        assert all(name in names for held in form.grid for name, _ in held)
+        assert set(form.shapes) <= names
