@@ -26,7 +26,7 @@ USUAL = Design(repeats=1)
 
 HIDDEN = {
     "echo": ({"share": 0.15}, "delay_s", 0.0011, MANY_TONES),
-    "gain_switch_by_time": ({"log_change": 0.4}, "threshold_min", 2.1, USUAL),
+    "gain_switch_by_time": ({"log_change": 0.4}, "threshold_min", 4.2, Design(repeats=2)),
 }
 
 
