@@ -21,20 +21,15 @@ from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.calibration.posterior import ENDS
 
-SCALES: Final = np.array(list(product((0.2, 3.0), (0.2, 1.0), (0.2, 1.0))))
-"""Sizes of what varies, shape (n, 3), as shares of the standard deviations below: of the law in
-time, of the gain between contacts, and of gain and cutoff between strokes. The last filter
-allows for most."""
-GAIN_PER_CONTACT: Final = 0.10
-"""Standard deviation by which ln gain of a contact lies about the person's; the simulated
-participants' `WithinPersonScatter` takes the same."""
-GAIN_PER_STROKE: Final = 0.05
-"""By which ln gain of a stroke lies about its contact's: it may depend on the direction."""
-CUTOFF_PER_STROKE: Final = 0.05
-"""By which ln cutoff of a stroke lies about the person's, as simulated participants' does."""
-WALK: Final = np.array([0.003, 0.003, 0.005, 1e-7])
-"""Standard deviation of the law's random walk in a second; three times as much and 2 % a minute
-is followed at once."""
+WALKS: Final = np.array([[6e-4, 6e-4, 2e-4, 2e-8], [9e-3, 9e-3, 1.5e-2, 3e-7]])
+"""Standard deviation of the law's random walk in a second, shape (2, 4): it stays, or 2 % a
+minute is followed at once."""
+CONTACTS: Final = np.array([0.01, 0.10])
+"""By which ln gain of a contact lies about the person's; the second as simulated participants'
+(`WithinPersonScatter`)."""
+STROKES: Final = np.array([[0.001, 0.01], [0.05, 0.05]])
+"""By which ln gain and ln cutoff of a stroke lie about those of the contact, shape (2, 2): the
+gain may depend on the direction, and the cutoff does as simulated participants' does."""
 FURTHEST_BEHIND: Final = 6.0
 """No filter's evidence is less than the best one's by more, in nats: so a finger that begins to
 change is followed as soon as it has shown so much."""
@@ -52,15 +47,18 @@ NOW: Final = FELT * (np.arange(STATE) <= LAW)
 """From the state to the law of this contact, without what the next stroke will not have."""
 PERSON: Final = FELT * (np.arange(STATE) < LAW)
 """From the state to the person's law."""
-_OF_CONTACT: Final = np.square(SCALES[:, 1] * GAIN_PER_CONTACT)[:, np.newaxis, np.newaxis]
-_OF_STROKE: Final = np.zeros((len(SCALES), 3, 3))
-_OF_STROKE[:, 0, 0] = np.square(SCALES[:, 2] * GAIN_PER_STROKE)
-_OF_STROKE[:, 1:, 1:] = np.multiply.outer(np.square(SCALES[:, 2] * CUTOFF_PER_STROKE), ENDS)
+_WHICH: Final = np.array(list(product(range(2), repeat=3)))
+"""Of the sizes of walk, contacts and strokes, by filter; the last allows for most."""
+_WALKED: Final = np.square(WALKS)[_WHICH[:, 0]]
+_OF_CONTACT: Final = np.square(CONTACTS)[_WHICH[:, 1], np.newaxis, np.newaxis]
+_OF_STROKE: Final = np.zeros((len(_WHICH), 3, 3))
+_OF_STROKE[:, 0, 0] = np.square(STROKES[_WHICH[:, 2], 0])
+_OF_STROKE[:, 1:, 1:] = np.multiply.outer(np.square(STROKES[_WHICH[:, 2], 1]), ENDS)
 
 
 @dataclass(frozen=True, slots=True)
 class FingerFilters:
-    """One filter per combination of sizes in `SCALES`.
+    """One filter per combination of two sizes each of `WALKS`, `CONTACTS` and `STROKES`.
 
     Attributes
     ----------
@@ -83,12 +81,12 @@ class FingerFilters:
         prior : Prior
             Of a new person.
         """
-        means = np.tile(np.append(prior.mean, np.zeros(STATE - LAW)), (len(SCALES), 1))
-        covariances = np.zeros((len(SCALES), STATE, STATE))
+        means = np.tile(np.append(prior.mean, np.zeros(STATE - LAW)), (len(_WHICH), 1))
+        covariances = np.zeros((len(_WHICH), STATE, STATE))
         covariances[:, :LAW, :LAW] = prior.covariance
         covariances[:, _CONTACT, _CONTACT] = _OF_CONTACT
         covariances[:, _STROKE, _STROKE] = _OF_STROKE
-        return cls(np.zeros(len(SCALES)), means, covariances)
+        return cls(np.zeros(len(_WHICH)), means, covariances)
 
     @property
     def weights(self) -> FloatArray:
@@ -124,7 +122,7 @@ class FingerFilters:
         """
         law = np.arange(LAW)
         covariances = self.covariances.copy()
-        covariances[:, law, law] += np.square(np.outer(SCALES[:, 0], WALK)) * max(seconds, 0.0)
+        covariances[:, law, law] += _WALKED * max(seconds, 0.0)
         later = replace(self, covariances=covariances)
         return later._renewed(_CONTACT, _OF_CONTACT) if new_contact else later
 

@@ -22,6 +22,9 @@ from frictus_service.tracking.law_estimate import LawEstimate
 
 KNOWN_WITHIN: Final = 0.05
 """Half of the 95 % interval of gain and cutoff at the speeds that were explored."""
+WATCHED_WINDOWS: Final = 50
+"""So long the watch has to tell a rig that is wrong from a finger: delay, mount and mains were
+named within 6 s of free strokes, of which a third is used."""
 WITHIN_SD: Final = 3.0
 """Standard deviations of the population within which a finger is believed."""
 DIFFERENT: Final = 16.0
@@ -100,6 +103,11 @@ def held_back(
         return (
             f"gain and cutoff are known within {100.0 * loosest:.1f} % where the finger went; "
             f"{100.0 * KNOWN_WITHIN:.0f} % is asked"
+        )
+    if estimate.windows < WATCHED_WINDOWS:
+        return (
+            f"{estimate.windows} windows were felt; a rig that is wrong shows itself in "
+            f"{WATCHED_WINDOWS}"
         )
     sd = np.sqrt(np.diag(prior.covariance))
     away = np.abs(estimate.mean - prior.mean)[LAW] / sd[LAW]

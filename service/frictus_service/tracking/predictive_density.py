@@ -18,7 +18,7 @@ from frictus_service.calibration import coordinates
 from frictus_service.calibration.posterior import EXPECTED
 from frictus_service.calibration.score_information import linearised
 from frictus_service.tracking.evidence.innovations import SYSTEMATIC, UNITS
-from frictus_service.tracking.finger_filters import GAIN_PER_CONTACT
+from frictus_service.tracking.finger_filters import CONTACTS
 from frictus_service.tracking.law_estimate import (
     FORGETTING,
     LEAST_NOISE_N2,
@@ -28,7 +28,7 @@ from frictus_service.tracking.law_estimate import (
 
 _WANDER: Final = np.zeros((4, 4))
 _WANDER[:2, :2] = EXPECTED**2 * np.array([[1.0, 0.9], [0.9, 1.0]])
-_WANDER[2, 2] = GAIN_PER_CONTACT**2
+_WANDER[2, 2] = CONTACTS[-1] ** 2
 
 
 def log_density(

@@ -1,5 +1,7 @@
 """Filters side by side: each is exact for its size, and they count as they predict."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
@@ -9,17 +11,17 @@ from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.calibration.posterior import ENDS
 from frictus_service.tracking.finger_filters import (
-    CUTOFF_PER_STROKE,
+    CONTACTS,
     FELT,
-    GAIN_PER_CONTACT,
-    GAIN_PER_STROKE,
     LAW,
     NOW,
     PERSON,
-    SCALES,
+    STROKES,
+    WALKS,
     FingerFilters,
 )
 
+SIZES = list(product(WALKS, CONTACTS, STROKES))
 PRIOR = Prior(PAPER, np.diag([0.04, 0.03, 0.02, 1e-9]), 0, "of a test")
 NOISE = np.diag([1e-4, 2e-4, 1e-5, 1e-12])
 """Covariance of what one update says of the law."""
@@ -35,10 +37,10 @@ def felt(filters: FingerFilters, law: FloatArray) -> FingerFilters:
 def test_one_update_is_the_normal_posterior_of_each_size() -> None:
     law = PAPER + np.array([0.1, 0.05, -0.2, 2e-5])
     found = felt(FingerFilters.begin(PRIOR), law)
-    for number, (_, contact, stroke) in enumerate(SCALES):
+    for number, (_, contact, (gain, cutoff)) in enumerate(SIZES):
         off = np.zeros((LAW, LAW))
-        off[2, 2] = (contact * GAIN_PER_CONTACT) ** 2 + (stroke * GAIN_PER_STROKE) ** 2
-        off[:2, :2] = (stroke * CUTOFF_PER_STROKE) ** 2 * ENDS
+        off[2, 2] = contact**2 + gain**2
+        off[:2, :2] = cutoff**2 * ENDS
         total = PRIOR.covariance + off + NOISE
         gained = PRIOR.covariance @ np.linalg.inv(total)
         mean = PAPER + gained @ (law - PAPER)
@@ -65,11 +67,15 @@ def test_how_much_contacts_differ_is_learned_from_contacts(
 ) -> None:
     filters = FingerFilters.begin(PRIOR)
     for _ in range(20):
-        gain = GAIN_PER_CONTACT * rng.standard_normal() if varies else 0.0
+        gain = CONTACTS[1] * rng.standard_normal() if varies else 0.0
         filters = filters.advanced(1.0, new_contact=True)
         noise = rng.multivariate_normal(np.zeros(LAW), NOISE)
         filters = felt(filters, PAPER + np.array([0.0, 0.0, gain, 0.0]) + noise)
-    of_contacts = float(filters.weights[SCALES[:, 1] == 1.0].sum())
+    of_contacts = sum(
+        weight
+        for weight, (_, contact, _) in zip(filters.weights, SIZES, strict=True)
+        if contact == CONTACTS[1]
+    )
     assert of_contacts > 0.9 if varies else of_contacts < 0.1
     lifted = filters.advanced(1.0, new_contact=True)
     (_, now), (person, of_person) = lifted.of(NOW), lifted.of(PERSON)
@@ -87,7 +93,7 @@ def test_a_stroke_leaves_the_law_and_a_contact_all_but_its_gain() -> None:
 
 
 def test_a_filter_that_was_wrong_for_long_comes_back_at_once() -> None:
-    filters, low = FingerFilters.begin(PRIOR), SCALES[:, 0] < 1.0
+    filters, low = FingerFilters.begin(PRIOR), np.arange(8) < 4
     for _ in range(200):
         filters = felt(filters.advanced(0.5, new_contact=False).of_another_stroke(), PAPER)
     assert filters.weights[~low].sum() < 0.05

@@ -15,6 +15,7 @@ from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.tracking.law_estimate import LawEstimate
 from frictus_service.tracking.policy import (
     KNOWN_WITHIN,
+    WATCHED_WINDOWS,
     Circumstances,
     adapted,
     difference_db,
@@ -69,6 +70,8 @@ def test_what_is_not_known_well_holds_it_back() -> None:
     assert "5 % is asked" in told(estimate(TWICE, sd=1.01 * KNOWN_WITHIN / 1.96))
     nothing = replace(estimate(TWICE), updates=0)
     assert "nothing was felt yet" in told(nothing)
+    early = replace(estimate(TWICE), windows=WATCHED_WINDOWS - 1)
+    assert "a rig that is wrong shows itself" in told(early)
 
 
 def test_only_the_speeds_that_were_explored_count() -> None:

@@ -22,10 +22,10 @@ from frictus_hardware.arrays import ComplexArray, FloatArray, IntArray
 from frictus_service.calibration.posterior import ENDS, wandered
 from frictus_service.calibration.score_information import GainScatter, linearised
 from frictus_service.tracking.finger_filters import (
-    CUTOFF_PER_STROKE,
-    GAIN_PER_CONTACT,
+    CONTACTS,
     LAW,
     STATE,
+    STROKES,
 )
 from frictus_service.tracking.law_estimate import CUTOFF_PER_WINDOW, Batch, LawEstimate
 
@@ -50,9 +50,9 @@ _CONTACT: Final = slice(LAW, LAW + 1)
 _STROKE: Final = slice(LAW + 1, STATE)
 WANDERING: Final = np.zeros((STATE - LAW, STATE - LAW))
 """Covariance of what is off the law; of the cutoff's ends as `calibration.posterior` has it."""
-WANDERING[0, 0] = GAIN_PER_CONTACT**2
+WANDERING[0, 0] = CONTACTS[-1] ** 2
 WANDERING[1, 1] = GAIN_OF_A_STROKE**2
-WANDERING[2:, 2:] = CUTOFF_PER_STROKE**2 * ENDS
+WANDERING[2:, 2:] = STROKES[-1, 1] ** 2 * ENDS
 
 
 @dataclass(frozen=True, slots=True)
