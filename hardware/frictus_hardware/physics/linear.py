@@ -87,7 +87,7 @@ class SampledFilter:
         return out, state
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=512)  # a model of 64 effects has 448 filters, asked for in every block
 def sample(transfer: TransferFunction, sample_rate_hz: float) -> SampledFilter:
     """Discretise by first-order hold: exact where the input runs straight between samples.
 

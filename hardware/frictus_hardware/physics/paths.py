@@ -7,7 +7,7 @@ more pole and zero, with a pure delay an echo. The dose may depend on how the fi
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 
@@ -16,8 +16,6 @@ from frictus_hardware.physics import linear
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.schedule import Quantity, SlidingConditions
 from frictus_hardware.physics.twin import Signals
-
-Dependence = Literal["none"] | Quantity
 
 MEASURED: Final[dict[Quantity, tuple[float, float]]] = {
     "speed_mm_s": (20.0, 100.0),

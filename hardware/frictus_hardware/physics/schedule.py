@@ -21,6 +21,10 @@ LEAST_FORCE_N: Final = 0.02
 """Powers of speed and force hold still below these: at rest they would have no end."""
 LEAST_CUTOFF_HZ: Final = 1.0
 """A cutoff that falls with the speed stays positive."""
+LEAST_GAIN_N: Final = 1e-6
+"""So does a gain, or no drive could be found for a friction."""
+MOST_TIMES: Final = 1e6
+"""Factors together change gain and cutoff no further: effects may meet that each are finite."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +177,7 @@ class Schedule:
     cutoff_factors: tuple[Term, ...] = ()
 
     def gain_n(self, law: FrictionLaw, circumstances: SlidingConditions) -> FloatArray:
-        """Return the friction per unit of drive fraction, N.
+        """Return the friction per unit of drive fraction, 1e-6 N at least.
 
         Parameters
         ----------
@@ -182,7 +186,10 @@ class Schedule:
         circumstances : SlidingConditions
             Speed, force, position, direction and time.
         """
-        return law.gain_n * product(self.gain_factors, circumstances.within(law))
+        if not self.gain_factors:
+            return np.full((), law.gain_n)
+        factor = product(self.gain_factors, circumstances.within(law))
+        return np.maximum(law.gain_n * factor, LEAST_GAIN_N)
 
     def cutoff_hz(self, law: FrictionLaw, circumstances: SlidingConditions) -> FloatArray:
         """Return the cutoff, 1 Hz at least.
@@ -204,7 +211,7 @@ class Schedule:
 
 
 def product(factors: Sequence[Term], circumstances: SlidingConditions) -> FloatArray:
-    """Return the product of terms, 1 if there are none.
+    """Return the product of terms, 1 if there are none, from ``-MOST_TIMES`` to `MOST_TIMES`.
 
     Parameters
     ----------
@@ -215,5 +222,5 @@ def product(factors: Sequence[Term], circumstances: SlidingConditions) -> FloatA
     """
     total: FloatArray = np.ones(())
     for factor in factors:
-        total = total * factor.at(circumstances)
+        total = np.clip(total * factor.at(circumstances), -MOST_TIMES, MOST_TIMES)
     return total

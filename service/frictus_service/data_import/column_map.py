@@ -19,7 +19,7 @@ MAX_BYTES: Final = 1 << 20
 SUFFIX: Final = ".map.toml"
 SCHEMA: Final = "column_map/1"
 
-Positive = Annotated[float, Field(gt=0.0, lt=1e9, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=1e-6, lt=1e9, allow_inf_nan=False)]
 
 
 class _Strict(BaseModel):
@@ -46,7 +46,7 @@ class MappedColumn(_Strict):
     column: str = Field(max_length=500)
     unit: str
     sign: Literal[1, -1] = 1
-    scale: Annotated[float, Field(gt=0.0, lt=1e12, allow_inf_nan=False)] = 1.0
+    scale: Annotated[float, Field(gt=1e-12, lt=1e12, allow_inf_nan=False)] = 1.0
     rate_hz: Positive | None = None
 
 
@@ -250,5 +250,5 @@ def changed(column_map: ColumnMap, assignments: list[str]) -> ColumnMap:
 def _plain(text: str) -> object:
     try:
         return json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):
         return text

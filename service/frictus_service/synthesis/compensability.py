@@ -20,7 +20,7 @@ from frictus_hardware.errors import EffectParameterError
 from frictus_hardware.physics.effects import KNOWN, extended
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import TransferFunction
-from frictus_hardware.physics.paths import ParallelPath
+from frictus_hardware.physics.paths import MEASURED, ParallelPath
 from frictus_hardware.physics.screen import DriveMap, Screen
 from frictus_hardware.physics.simulator import Simulator
 from frictus_service.synthesis.compensation import (
@@ -128,7 +128,8 @@ def _remarks(
 
 
 def _undone_paths(simulator: Simulator, ranges: Ranges) -> tuple[ParallelPath, ...]:
-    everywhere = ranges.everywhere(simulator.law.speed_range_mm_s)
+    # A dose follows the speed beyond where the law holds.
+    everywhere = ranges.everywhere(MEASURED["speed_mm_s"])
     return tuple(path for path in simulator.paths if can_be_undone(path, everywhere))
 
 

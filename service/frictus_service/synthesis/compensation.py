@@ -7,7 +7,7 @@ import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw, pole_zero_pairs
-from frictus_hardware.physics.paths import ParallelPath
+from frictus_hardware.physics.paths import MEASURED, ParallelPath
 from frictus_hardware.physics.schedule import Schedule, SlidingConditions
 from frictus_service.synthesis.path_demand import demand_of
 from frictus_service.synthesis.tables import TOP_HZ
@@ -181,7 +181,7 @@ class Inverse:
         everywhere = self.ranges.everywhere(self.law.speed_range_mm_s)
         gain_n, cutoff_hz = self.along(everywhere)
         own = Schedule().cutoff_hz(self.law, everywhere)
-        weakest, further = demand_of(self.paths, everywhere)
+        weakest, further = demand_of(self.paths, self.ranges.everywhere(MEASURED["speed_mm_s"]))
         slower = min(float((cutoff_hz / own).min()), 1.0)
         bounding = replace(
             self.law,

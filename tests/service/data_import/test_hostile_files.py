@@ -14,7 +14,7 @@ from scipy.io import savemat
 from tests.service.data_import.conftest import WRITERS
 from tests.service.data_import.made import Swipes
 
-from frictus_service.data_import.formats import matlab
+from frictus_service.data_import.formats import columns, matlab
 from frictus_service.data_import.formats.read import read_columns
 from frictus_service.errors import StudyError
 
@@ -93,6 +93,42 @@ def test_a_matlab_file_that_nests_without_end(tmp_path: Path) -> None:
         read_columns(path)
 
 
+def element(kind: int, data: bytes) -> bytes:
+    return struct.pack("<II", kind, len(data)) + data + bytes(-len(data) % 8)
+
+
+@pytest.mark.parametrize("class_", [1, 2, 4, 6])  # cell, struct, text, numbers
+@pytest.mark.parametrize("compressed", [False, True])
+@pytest.mark.parametrize(
+    "dimensions", [element(5, struct.pack("<2i", 1, 2**31 - 1)), b"\5\0\4\0\xff\xff\xff\x7f"]
+)
+def test_a_matlab_array_that_declares_without_end(
+    class_: int, compressed: bool, dimensions: bytes, tmp_path: Path
+) -> None:
+    matrix = element(
+        14,
+        element(6, struct.pack("<II", class_, 0))
+        + dimensions
+        + element(1, b"a")
+        + element(4, b""),
+    )
+    path = tmp_path / "declares.mat"
+    savemat(path, {"fs": 1.0})
+    if compressed:
+        matrix = struct.pack("<II", 15, len(zlib.compress(matrix))) + zlib.compress(matrix)
+    path.write_bytes(path.read_bytes()[:128] + matrix)
+    with pytest.raises(StudyError, match="declares 2,147,483,647 elements"):
+        read_columns(path)
+
+
+def test_an_hdf5_file_that_nests_without_end(tmp_path: Path) -> None:
+    path = tmp_path / "deep.h5"
+    with h5py.File(path, "w") as file:
+        file.create_group("/".join("g" * 40)).create_dataset("force_x", data=np.zeros(9))
+    with pytest.raises(StudyError, match="more than 16 deep"):
+        read_columns(path)
+
+
 def test_an_hdf5_file_that_declares_without_end(tmp_path: Path) -> None:
     path = tmp_path / "huge.h5"
     with h5py.File(path, "w") as file:
@@ -120,6 +156,16 @@ def test_a_parquet_file_that_unfolds_without_end(tmp_path: Path) -> None:
             writer.write_table(pa.table({"force_x": zeros}))
     assert path.stat().st_size < 1 << 20
     with pytest.raises(StudyError, match="more than 100,000,000 values"):
+        read_columns(path)
+
+
+def test_a_text_that_holds_more_values_than_a_file_may(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(columns, "MAX_VALUES", 10_000)
+    path = tmp_path / "long.csv"
+    path.write_text("1,1\n1,2\n" * 6_000)
+    with pytest.raises(StudyError, match=r"the table .* more than 10,000 values"):
         read_columns(path)
 
 

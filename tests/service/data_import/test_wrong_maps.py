@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from tests.service.data_import.conftest import write_csv
 from tests.service.data_import.made import Swipes
@@ -9,6 +10,7 @@ from typer.testing import CliRunner
 
 from frictus_service.cli.app import app
 from frictus_service.data_import.column_map import load_map
+from frictus_service.data_import.sampling import on_grid
 from frictus_service.errors import StudyError
 
 WRONG = {
@@ -18,7 +20,9 @@ WRONG = {
     "force_x.unit=N": "N; accepted: 0 to 50 N; it looks like mN",  # mN taken for N
     "force_x.unit=counts": "some forces are counts, others not",
     "force_x.sign=2": "force_x.sign: Input should be 1 or -1",
-    "force_x.scale=0": "force_x.scale: Input should be greater than 0",
+    "force_x.scale=0": "force_x.scale: Input should be greater than",
+    "force_x.scale=1e-320": "force_x.scale: Input should be greater than",
+    "rate_hz=1e-300": "rate_hz: Input should be greater than",
     "force_x.scale=nan": "force_x.scale",
     "force_x.rate_hz=10000": "force_y: has 20000 Hz, the force 10000 Hz; accepted: the same",
     "drive_voltage.unit=kV": "drive_vpp: is 149925 V; accepted: 1 to 180 V; it looks like mV",
@@ -35,6 +39,7 @@ WRONG = {
     "normal_load_n=0.5": "normal_load_n: stands beside force_z; keep one of them",
     "speed_mm_s=fast": "speed_mm_s: Input should be a valid number",
     "speed_mm_s=0.1": "speed_mm_s: is 0.1 mm/s",
+    f"participant={'[' * 100_000}": "participant: String should have at most 100 characters",
     "participant=": "participant: String should have at least 1 character",
     "a.b.c=1": "--set: is 'a.b.c=1'; accepted: force_x.unit=mN",
     "force_x": "--set: is 'force_x'; accepted: force_x.unit=mN",
@@ -92,3 +97,8 @@ def test_a_damaged_map_gives_a_sentence(text: str, sentence: str, tmp_path: Path
     path.write_text(text)
     with pytest.raises(StudyError, match=sentence.replace("[", "\\[")):
         load_map(path)
+
+
+def test_the_step_of_few_rows_is_one_of_theirs() -> None:
+    found = on_grid(np.array([0.0, 1.0, 4.0]), np.zeros(3))
+    assert (found.rate_hz, found.missing) == (1.0, 2)

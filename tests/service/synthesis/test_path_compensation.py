@@ -1,18 +1,22 @@
 """Paths of the drive are undone: what comes along them was taken away before."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.service.synthesis.test_compensator import GRATING, LAW, SCREEN, played
 
 from frictus_hardware.arrays import FloatArray
-from frictus_hardware.physics.effects import extended
+from frictus_hardware.physics.effects import FORMS, extended
 from frictus_hardware.physics.forms import band_names
 from frictus_hardware.physics.linear import sample
-from frictus_hardware.physics.paths import DelayLine, FilterBank, ParallelPath
+from frictus_hardware.physics.paths import MEASURED, DelayLine, FilterBank, ParallelPath
 from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.simulator import Simulator
 from frictus_service.synthesis.compensability import NO_PATH, inverse_of
+from frictus_service.synthesis.compensation import Ranges
 from frictus_service.synthesis.path_compensation import PathInverse
+from frictus_service.synthesis.path_demand import LEAST_FACTOR
 from frictus_service.synthesis.renderer import Renderer
 from frictus_service.synthesis.scene import compile_scene
 
@@ -57,11 +61,65 @@ def test_what_a_path_adds_is_taken_away(id_: str, rng: np.random.Generator) -> N
     assert inverse.finite
 
 
-def test_a_path_that_cancels_the_drive_is_left_and_said() -> None:
-    values = {"depth": -0.6, "frequency_hz": 200.0, "by_speed": 1.0}
-    inverse = inverse_of(LAW, [("extra_resonance", values)])
+CANCELLING = {
+    "wide": ("extra_resonance", {"depth": -0.6, "frequency_hz": 200.0, "by_speed": 1.0}),
+    "narrow": (
+        "extra_resonance",
+        {"depth": -0.9, "frequency_hz": 203.3, "damping": 0.005, "by_speed": 1.0},
+    ),
+    "a zero beyond 10 kHz": (
+        "pole_zero_pair",
+        {"share": 1.0, "corner_hz": 5000.0, "by_speed": 0.1},
+    ),
+    "an echo within a sample": ("echo", {"share": 0.9, "delay_s": 2e-5, "by_speed": 2.0}),
+}
+
+
+@pytest.mark.parametrize("case", CANCELLING)
+def test_a_path_that_cancels_the_drive_is_left_and_said(case: str) -> None:
+    id_, values = CANCELLING[case]
+    inverse = inverse_of(LAW, [(id_, values)])
     assert inverse.paths == ()
-    assert inverse.not_rendered == {"extra_resonance": NO_PATH}
+    assert inverse.not_rendered == {id_: NO_PATH}
+
+
+def test_a_path_is_left_that_cancels_the_drive_where_the_law_was_not_measured() -> None:
+    law = replace(LAW, speed_range_mm_s=(20.0, 40.0))
+    values = {"depth": -0.6, "frequency_hz": 200.0, "by_speed": 1.0}
+    assert inverse_of(law, [("extra_resonance", values)]).paths == ()
+
+
+def test_what_undoes_a_path_is_stable(rng: np.random.Generator) -> None:
+    ids = [id_ for id_ in FORMS if id_ in EXAMPLES or id_.startswith("empirical")]
+    undone, pulse = 0, np.zeros(4000)
+    pulse[0] = 1.0
+    for _ in range(150):
+        id_ = str(rng.choice(ids))
+        values = {
+            each.name: float(
+                rng.choice([each.low, each.high, rng.uniform(each.low, each.high)])
+            )
+            for each in FORMS[id_].parameters
+        }
+        for path in inverse_of(LAW, [(id_, values)]).paths:
+            undone += 1
+            dose = path.dose.at(Ranges().everywhere(MEASURED["speed_mm_s"]))
+            for end in (float(dose.min()), float(dose.max())):
+                drive = pulse.copy()
+                PathInverse(path, RATE).undo((end, end), (0.0, 0.0), drive)
+                assert np.sum(np.square(drive)) <= 1.001 / LEAST_FACTOR**2, (id_, values)
+    assert undone > 10
+
+
+def test_many_effects_together_leave_a_gain_and_a_drive() -> None:
+    knee = [("gain_knee_above_speed", {"exponent": -4.0, "threshold_mm_s": 5.0})] * 40
+    bend = [("cutoff_knee_above_speed", {"exponent": 4.0, "threshold_mm_s": 5.0})] * 64
+    for effects in (knee, [(id_, {**v, "exponent": 4.0}) for id_, v in knee], bend):
+        inverse = inverse_of(LAW, effects)
+        renderer = Renderer(inverse, SCREEN, RATE, 100)
+        renderer.set_scene(compile_scene(GRATING, inverse, SCREEN, RATE))
+        drive, _, _ = played(renderer, 2_000, 100)
+        assert 0.0 <= drive.min() <= drive.max() <= 1.0
 
 
 @pytest.mark.parametrize("id_", EXAMPLES)

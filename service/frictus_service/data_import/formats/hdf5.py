@@ -15,6 +15,8 @@ from frictus_service.study import hdf5
 from frictus_service.study.hdf5 import Stored, naming_damage
 
 MAX_OBJECTS: Final = 4096
+MAX_DEPTH: Final = 16
+"""Of groups: each object is found by its whole path, which takes ever longer."""
 UNIT_NAMES: Final = ("unit", "units", "Unit", "Units", "UNIT")
 RATE_NAMES: Final = ("sample_rate_hz", "rate_hz", "fs", "Fs", "sampling_rate", "sample_rate")
 
@@ -51,12 +53,12 @@ def _user_block(path: Path) -> bytes:
 
 def _data_sets(file: h5py.File) -> list[Stored]:
     found: list[Stored] = []
-    seen = 0
+    seen, deepest = 0, 0
 
     def visit(name: str, held: h5py.HLObject) -> bool | None:
-        nonlocal seen
-        seen += 1
-        if seen > MAX_OBJECTS:
+        nonlocal seen, deepest
+        seen, deepest = seen + 1, max(deepest, name.count("/"))
+        if seen > MAX_OBJECTS or deepest > MAX_DEPTH:
             return True
         if isinstance(held, h5py.Dataset) and not name.startswith("#"):
             shape = held.shape or ()
@@ -67,6 +69,8 @@ def _data_sets(file: h5py.File) -> list[Stored]:
         file.visititems(visit)
     if seen > MAX_OBJECTS:
         raise StudyError(f"it holds more than {MAX_OBJECTS} objects; save the channels alone")
+    if deepest > MAX_DEPTH:
+        raise StudyError(f"groups lie in it more than {MAX_DEPTH} deep; save the channels flat")
     return found
 
 

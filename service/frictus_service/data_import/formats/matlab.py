@@ -1,10 +1,12 @@
 """MATLAB level 5: variables and fields of structs; level 7.3 is HDF5.
 
-The file is walked before scipy reads it: how much it unfolds to and how deeply it nests is
-bounded first, since a few bytes may declare any number of gigabytes or levels.
+The file is walked before scipy reads it: how much it unfolds to, how deeply it nests and how
+many elements its arrays declare is bounded first, since a few bytes may declare any number of
+gigabytes or levels.
 Layout: MathWorks, MAT-File Format, level 5.
 """
 
+import math
 import struct
 import zlib
 from collections.abc import Iterator
@@ -21,6 +23,10 @@ MAX_DEPTH: Final = 8
 MAX_ELEMENTS: Final = 100_000
 HEADER: Final = 128
 MATRIX, COMPRESSED = 14, 15
+FLAGS_BYTES: Final = 16
+"""Of the element that a matrix begins with; its class is the low byte of the flags."""
+SPARSE, OPAQUE = 5, 17
+"""Classes whose arrays hold less than they declare, or declare nothing; scipy bounds them."""
 
 
 def read(path: Path) -> Columns:
@@ -100,6 +106,8 @@ def _unfolded(data: bytes, most: int) -> bytes:
 def _check_depth(whole: bytes, order: str, kind: int) -> None:
     """Raise where matrices lie in matrices too deeply, or there are too many of them."""
     spans = [(0, len(whole), 1 if kind == MATRIX else 0)]
+    if kind == MATRIX:
+        _check_dimensions(whole, order)
     seen = 0
     while spans:
         begin, end, depth = spans.pop()
@@ -110,7 +118,25 @@ def _check_depth(whole: bytes, order: str, kind: int) -> None:
             if seen > MAX_ELEMENTS:
                 raise StudyError(f"it holds more than {MAX_ELEMENTS} elements; save it flat")
             if inner_kind == MATRIX:
+                _check_dimensions(whole[first:last], order)
                 spans.append((first, last, depth + 1))
+
+
+def _check_dimensions(matrix: bytes, order: str) -> None:
+    """Raise where an array declares more elements than it has bytes."""
+    if len(matrix) < FLAGS_BYTES + 8:  # an empty one
+        return
+    (flags,) = struct.unpack_from(order + "I", matrix, 8)
+    at = FLAGS_BYTES + 8
+    kind, length = _tag(matrix[FLAGS_BYTES:at], order)
+    if kind >> 16:  # a small element: its length is in the upper half
+        at, length = at - 4, kind >> 16
+    if flags & 0xFF in (SPARSE, OPAQUE):
+        return
+    sizes = struct.iter_unpack(order + "I", matrix[at : at + length // 4 * 4])
+    count = math.prod(size for (size,) in sizes)
+    if count > len(matrix):
+        raise StudyError(f"an array of it declares {count:,} elements and holds fewer; cut it")
 
 
 def _elements(whole: bytes, at: int, end: int, order: str) -> Iterator[tuple[int, int, int]]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from pyarrow import csv, float64
+from pyarrow import Table, csv, float64
 
 from frictus_service.data_import.formats.columns import MAX_COLUMNS, Columns, Gatherer
 from frictus_service.errors import StudyError
@@ -65,7 +65,8 @@ def read(path: Path) -> Columns:
     with path.open("rb") as stream:
         layout = find_layout(stream.read(HEAD_BYTES))
     gathered = Gatherer("text")
-    table = csv.read_csv(
+    batches = []
+    with csv.open_csv(
         path,
         read_options=csv.ReadOptions(
             skip_rows=layout.skipped,
@@ -79,12 +80,14 @@ def read(path: Path) -> Columns:
             null_values=list(MISSING),
             column_types=dict.fromkeys(layout.names, float64()),
         ),
-    )
+    ) as reader:
+        for batch in reader:  # a line may be two bytes, and takes eight in each column
+            gathered.reserve("the table", (batch.num_rows, batch.num_columns))
+            batches.append(batch)
+        table = Table.from_batches(batches, reader.schema)
     for name, unit in zip(layout.names, layout.units, strict=True):
-        values = table.column(name)
-        if gathered.reserve(name, (len(values),)):
-            # Null stands where a field is empty.
-            gathered.add(name, values.to_numpy().astype(np.float64), unit)
+        # Null stands where a field is empty.
+        gathered.add(name, table.column(name).to_numpy().astype(np.float64), unit)
     return gathered.result()
 
 

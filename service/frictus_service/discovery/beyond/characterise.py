@@ -3,8 +3,8 @@
 Forms are screened as the catalogue is, each at every shape of its grid; the most promising
 families are fitted, and chosen among, by people who were not fitted (cross-fitting): the gain
 of a person never rests on a form, a shape or a size to which that person contributed. The p
-value is that of the largest of all forms and shapes over sign flips, exact whatever was
-searched.
+value is that of the largest of all forms and shapes over sign flips: corrected for all that was
+searched, as far as people deviate symmetrically and independently.
 """
 
 from collections.abc import Sequence

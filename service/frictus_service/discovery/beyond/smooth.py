@@ -13,7 +13,7 @@ import numpy as np
 from scipy import stats
 
 from frictus_hardware.arrays import ComplexArray, FloatArray
-from frictus_hardware.physics.forms import BANDS_HZ, QUALITY, band_names, band_pass
+from frictus_hardware.physics.forms import BANDS_HZ, FORMS, QUALITY, band_names, band_pass
 from frictus_service.discovery.beyond.form_fit import Remainder
 
 PRIOR: Final = 0.1
@@ -63,8 +63,10 @@ class SmoothDiscrepancy:
 
     @property
     def values(self) -> dict[str, float]:
-        """Parameters of its effect."""
-        return {"strength": 1.0, **dict(zip(band_names(), self.weights.tolist(), strict=True))}
+        """Parameters of its effect, within their ranges."""
+        bands = FORMS[self.effect].parameters[1:]
+        held = np.clip(self.weights, [b.low for b in bands], [b.high for b in bands])
+        return {"strength": 1.0, **dict(zip(band_names(), held.tolist(), strict=True))}
 
     def at(self, tones_hz: FloatArray, x: float) -> tuple[ComplexArray, FloatArray, FloatArray]:
         """Return the logarithm of the factor, and half its 95 % interval in both parts.

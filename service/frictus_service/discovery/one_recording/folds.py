@@ -65,12 +65,12 @@ def folds_of(windows: Sequence[TrialEvidence], response: ResponseName) -> UnitAs
     """Return the fold of each window.
 
     Folds are stretches of time where all windows show the same tones or bands; else windows
-    are dealt out, so that each fold has all tones.
+    are dealt out, so that each fold has all tones, as far as `LEAST_FOLDS` can have them.
 
     Parameters
     ----------
     windows : sequence of TrialEvidence
-        Those that say something of the response, in time.
+        Those that say something of the response, in time; `LEAST_FOLDS` of them at least.
     response : {'friction', 'mobility'}
     """
     count = min(MOST_FOLDS, len(windows))
@@ -79,7 +79,7 @@ def folds_of(windows: Sequence[TrialEvidence], response: ResponseName) -> UnitAs
         of_window: IntArray = np.arange(len(windows)) * count // max(len(windows), 1)
     else:
         fewest = min(tones.count(each) for each in set(tones))
-        count = min(count, max(fewest, 1))
+        count = max(min(count, fewest), LEAST_FOLDS)
         of_window = dealt(tones, count)
     people = [one.observed.info.participant for one in windows]
     names = tuple(f"fold {number + 1}" for number in range(count))

@@ -11,7 +11,11 @@ from tests.blind.generator.recording import Recording, make_recording
 
 from frictus_service.discovery.evidence.broadband import WINDOW_S
 from frictus_service.discovery.evidence.evidence_rows import TrialEvidence
-from frictus_service.discovery.one_recording.folds import correlation_time_s, folds_of
+from frictus_service.discovery.one_recording.folds import (
+    LEAST_FOLDS,
+    correlation_time_s,
+    folds_of,
+)
 from frictus_service.discovery.one_recording.windows import windows_of
 from frictus_service.study.importers import open_study
 from frictus_service.study.trial import StudyInfo, Trial
@@ -94,3 +98,14 @@ def test_a_narrow_band_resembles_itself_for_longer(
     assert with_band(200.0, 300.0) == pytest.approx(1e-2, rel=0.25)
     silent = replace(trial, force_n=trial.force_n * [0.0, 0.0, 1.0])
     assert correlation_time_s(silent) == WINDOW_S
+
+
+def test_tones_that_were_played_once_leave_enough_folds(
+    swipe: tuple[Trial, StudyInfo],
+) -> None:
+    first, *others = windows_of(*swipe, 0.3, APART_S)
+    info = replace(first.observed.info, tones_hz=(40.0,))
+    windows = [replace(first, observed=replace(first.observed, info=info)), *others]
+    folds = folds_of(windows, "mobility")
+    assert len(folds.names) == LEAST_FOLDS
+    assert set(folds.of_trial.tolist()) == set(range(LEAST_FOLDS))
