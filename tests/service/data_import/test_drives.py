@@ -150,3 +150,12 @@ def test_a_voltage_that_is_never_negative_is_an_amplitude() -> None:
         assert set(proposal.column_map.channels) == {"force_x", "force_z", "position_x", name}
         assert [question.entry for question in proposal.questions] == asked
         assert all(f"set {name}.scale" in each.sentence for each in proposal.questions)
+
+
+def test_an_acceleration_that_is_not_along_the_slide_is_left_away() -> None:
+    columns, column_map = recorded(np.zeros(TIME_S.size), RATE_HZ, "accel_z", "m/s2")
+    found = apply_map(columns, column_map)
+    assert found.accel_m_s2 is None
+    assert "the acceleration is left away: accel_x is not mapped" in found.notes
+    columns, column_map = recorded(np.zeros(TIME_S.size), RATE_HZ, "accel_x", "m/s2")
+    assert apply_map(columns, column_map).accel_m_s2 is not None
