@@ -86,6 +86,7 @@ def experiment(
     path = log or Path(f"{chosen.name}-{participant}.jsonl")
     if not results_only:
         target = TargetRig.of(config, router, site, rig)
+        sys.stderr.write(f"log: {path}; Ctrl-C ends it, and the same command goes on\n")
         with frictus.connect(target.router, tls=target.tls) as client:
             found = target.choose(client)
             made = Experiment.of(

@@ -54,7 +54,8 @@ CHANNELS: Final = (
         "position_x",
         "length",
         "of the finger along the slide",
-        r"x|p(os)?_?x|position(_?x)?|x_?pos(ition)?|finger_?x|touch_?x|pos|(pos|position):1",
+        r"x|p(os)?_?x|position(_?x)?|x_?pos(ition)?|finger_?x|touch_?x|pos|weg|"
+        r"(pos|position):1",
         (3.0, 700.0),
     ),
     Channel(

@@ -188,6 +188,13 @@ class _Draft:
         channel = _channel_of(name, unit)
         if channel is None or not np.isfinite(column.values).any():
             return
+        one_sided = 0.0 <= np.nanmin(column.values) < np.nanmax(column.values)
+        if channel.name == "drive_voltage" and one_sided:
+            channel = BY_NAME["drive_envelope"]
+            self.reasons.append(
+                f"{column.name!r} is never negative, so it has no carrier: it is taken as the "
+                "carrier's amplitude (rms values: set drive_envelope.scale=1.4142)"
+            )
         if channel.name in self.channels:
             other = self.channels[channel.name].column
             self.questions.append(
@@ -204,8 +211,8 @@ class _Draft:
         self.channels[channel.name] = MappedColumn(column=column.name, unit=unit)
         if counts:
             self._ask_scale(channel.name, column)
-        if channel.name == "drive_voltage":
-            self._check_drive(column, unit)
+        if channel.name in ("drive_voltage", "drive_envelope"):
+            self._check_drive(channel.name, column, unit)
 
     def _guessed(self, channel: Channel, column: Column) -> str:
         """Return a unit by magnitude; a question where several or none fit."""
@@ -267,17 +274,16 @@ class _Draft:
             )
         )
 
-    def _check_drive(self, column: Column, unit: str) -> None:
+    def _check_drive(self, name: str, column: Column, unit: str) -> None:
         peak = float(np.nanmax(np.abs(column.values))) * UNITS[unit].factor
         if 0.0 < peak <= BEFORE_AMPLIFIER_V:
             self.questions.append(
                 Question(
                     "drive_",
                     f"the drive voltage {column.name!r} reaches {peak:.3g} V: before an "
-                    "amplifier, set drive_voltage.scale to its gain; at the screen, to 1",
+                    f"amplifier, set {name}.scale to its gain; at the screen, to 1",
                 )
             )
-
         elif peak > OVER_PEAK * PEAK_V:
             self.questions.append(
                 Question(

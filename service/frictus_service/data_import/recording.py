@@ -99,6 +99,9 @@ class _Mapped:
         rate_hz, count = force.rate_hz, len(force.values)
         voltage = self._voltage(rate_hz, count)
         acceleration = self._vector("accel_", 0.0, rate_hz, count)
+        if acceleration is not None and "accel_x" not in self._map.channels:
+            acceleration = None  # zeros along the slide would be a dead sensor
+            self._notes.append("the acceleration is left away: accel_x is not mapped")
         skin = self._sampled("skin_velocity")
         if skin is not None:
             skin = self._alongside("skin_velocity", skin, rate_hz, count)

@@ -184,7 +184,8 @@ def open_file(path: Path) -> h5py.File:
         pass  # the system's own error if it is not there or may not be read
     if not h5py.is_hdf5(path):
         raise StudyError(
-            f"{path} is not an HDF5 file, or its beginning is damaged; accepted: an HDF5 file"
+            f"{path} is not an HDF5 file, or its beginning is damaged; accepted: an HDF5 file, "
+            "or a recording with a column map beside it: frictus study import makes both"
         )
     try:
         return h5py.File(path, "r")

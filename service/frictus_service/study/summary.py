@@ -158,7 +158,7 @@ def _participants(study: Study, trials: Iterable[TrialInfo]) -> tuple[Participan
             name=name,
             sessions=len({trial.session for trial in done}),
             trials=len(done),
-            blanks=sum(not trial.tones_hz for trial in done),
+            blanks=sum(not (trial.tones_hz or trial.drive_vpp) for trial in done),
             duration_s=sum(study.n_samples(trial.id) / trial.sample_rate_hz for trial in done),
         )
         for name, done in own.items()

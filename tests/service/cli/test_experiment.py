@@ -91,6 +91,7 @@ def run(protocol: str, folder: Path, router: str, *more: str, typed: str = "") -
 def test_an_observer_has_its_difference_threshold_back(router: str, tmp_path: Path) -> None:
     done = run(DIFFERENCE, tmp_path, router, "--observer", "--events", str(tmp_path / "bids"))
     assert done.exit_code == 0, done.output
+    assert "log.jsonl; Ctrl-C ends it, and the same command goes on" in done.stderr
     result = json.loads(done.stdout.splitlines()[-1])
     threshold = result["fit"]["threshold"]
     assert threshold["low"] < SimulatedObserver().jnd_db < threshold["high"]

@@ -10,6 +10,7 @@ from frictus_hardware.arrays import FloatArray
 from frictus_service.data_import.column_map import ColumnMap, parse_map
 from frictus_service.data_import.drive_tones import find_tones
 from frictus_service.data_import.formats.columns import Column, Columns
+from frictus_service.data_import.proposal import propose
 from frictus_service.data_import.recording import apply_map
 from frictus_service.data_import.strokes import conditions_of, find_strokes
 from frictus_service.errors import FieldError
@@ -125,3 +126,36 @@ def test_conditions_are_within_ten_percent(rng: np.random.Generator) -> None:
     middle = conditions_of(values)
     assert np.all(np.abs(values / middle - 1.0) <= 0.1)
     assert np.isnan(conditions_of(np.array([np.nan]))).all()
+
+
+def test_a_voltage_that_is_never_negative_is_an_amplitude() -> None:
+    x_mm = to_and_fro((40.0, 40.0, 40.0, 40.0))
+    amplitude_v = 75.0 * np.sqrt(MESSAGE)
+    carrier = np.cos(2.0 * np.pi * 7000.0 * TIME_S)
+    for drive, name, asked in (
+        (amplitude_v, "drive_envelope", []),
+        (amplitude_v * carrier, "drive_voltage", []),
+        (amplitude_v / 50.0, "drive_envelope", ["drive_"]),
+    ):
+        columns = Columns(
+            "text",
+            (
+                Column("Fx", 0.3 * np.sign(np.gradient(x_mm)), "N", rate_hz=RATE_HZ),
+                Column("Fz", np.full(TIME_S.size, 0.5), "N", rate_hz=RATE_HZ),
+                Column("Weg", x_mm, "mm", rate_hz=RATE_HZ),
+                Column("U", drive, "V", rate_hz=RATE_HZ),
+            ),
+        )
+        proposal = propose(columns)
+        assert set(proposal.column_map.channels) == {"force_x", "force_z", "position_x", name}
+        assert [question.entry for question in proposal.questions] == asked
+        assert all(f"set {name}.scale" in each.sentence for each in proposal.questions)
+
+
+def test_an_acceleration_that_is_not_along_the_slide_is_left_away() -> None:
+    columns, column_map = recorded(np.zeros(TIME_S.size), RATE_HZ, "accel_z", "m/s2")
+    found = apply_map(columns, column_map)
+    assert found.accel_m_s2 is None
+    assert "the acceleration is left away: accel_x is not mapped" in found.notes
+    columns, column_map = recorded(np.zeros(TIME_S.size), RATE_HZ, "accel_x", "m/s2")
+    assert apply_map(columns, column_map).accel_m_s2 is not None

@@ -100,3 +100,12 @@ def test_what_is_no_study_ends_in_one_sentence(content: bytes | None, tmp_path: 
     assert done.stderr.startswith("frictus: ")
     assert "x.h5" in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_broadband_trial_is_no_blank(make_trial: MakeTrial, write_study: WriteStudy) -> None:
+    file = write_study(
+        make_trial("noise", order=0, tones_hz=()),
+        make_trial("blank", order=1, tones_hz=(), drive_vpp=0.0, voltage_v=None),
+    )
+    _, told = shown(str(file), "--json")
+    assert told["participants"][0]["blanks"] == 1

@@ -259,6 +259,7 @@ def _why_nothing(observations: Sequence[TrialObservations]) -> str:
     driven = sum(bool(item.info.tones_hz) for item in observations)
     told = f": {reasons}" if reasons else ""
     return (
-        f"none of {len(observations)} trials ({driven} with a drive) can be used{told}; "
-        "accepted: trials with a drive, a steady sweep and valid speed and force"
+        f"none of {len(observations)} trials ({driven} driven by tones) can be used{told}; "
+        "accepted: trials driven by tones, a steady sweep and valid speed and force "
+        "(a broadband drive is for frictus discover, none for study show --friction)"
     )

@@ -249,7 +249,8 @@ def _speed(
     if target > 0.0:  # else none was asked for: steadiness alone counts
         yield from _mean("speed over the sweeps", mean_mm_s, target, "mm/s", TOLERANCE)
     off = np.abs(motion.speed_mm_s - mean_mm_s) > TOLERANCE * mean_mm_s
-    judged = off & ~_reversing(motion)
+    inside = (motion.time_s >= 0.0) & (motion.time_s <= _duration_s(trial))
+    judged = off & inside & ~_reversing(motion)
     lasting = np.minimum(np.gradient(motion.time_s), GAP_S)
     yield from _excess("speed", "mean", float(lasting[judged].sum()), _duration_s(trial))
 

@@ -257,7 +257,8 @@ CHECKS: Final = (
         lambda pool: middle(pool.column("carrier_ratio")),
         (0.95, 1.05),
         "the strongest line of voltage_v lies at {value:.3g} times the carrier",
-        "correct sample_rate_hz, or carrier_hz",
+        "correct sample_rate_hz, or carrier_hz; a drive without its carrier is kept as its "
+        "rms, which is never negative (drive_envelope in a column map)",
     ),
     Check(
         "stamps",

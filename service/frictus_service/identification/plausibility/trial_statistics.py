@@ -21,6 +21,10 @@ LEAST_CHANGE_M_S: Final = 0.02
 """Standard deviation of these changes, below which nothing is compared: the finger went on."""
 SPECTRUM_SAMPLES: Final = 32_768
 LEAST_SPEED_MM_S: Final = 2.0
+AROUND_S: Final = 0.1
+"""Positions so long before the first and after the last sample contradict no clock."""
+ONE_SIDED: Final = 0.25
+"""Share of a voltage's mean square that its mean has at most where there is a carrier."""
 PRESSED: Final = 0.25
 """Of the strongest force: what presses."""
 
@@ -34,9 +38,11 @@ class TrialStatistics:
     duration_s : float
         Samples over sample rate.
     coverage : float
-        Time from the first to the last position report, as a share of that.
+        Time from the first to the last position report, as a share of that; without up to
+        0.1 s at either end that no sample covers.
     carrier_ratio : float
-        Strongest line of the voltage over the carrier as the sample rate would show it.
+        Strongest line of the voltage over the carrier as the sample rate would show it; NaN
+        where the voltage has a mean, and so no carrier.
     across_motion : float
         Rms of the velocity along y over that along x, where the finger moves.
     normal_n, lateral_n : float
@@ -104,7 +110,7 @@ def statistics_of(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> T
     """
     duration_s = trial.force_n.shape[0] / trial.info.sample_rate_hz
     times = trial.position_t_s[np.isfinite(trial.position_mm).all(axis=1)]
-    covered = float(times[-1] - times[0]) / duration_s if times.size > 1 else np.nan
+    covered = _covered(times, duration_s) if times.size > 1 else np.nan
     medians = [_median(column) for column in trial.force_n.T]
     motion_power, shared, skin_power = _kinematics(trial, course)
     return TrialStatistics(
@@ -126,6 +132,14 @@ def statistics_of(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> T
         skin_power,
         _clipped(trial),
     )
+
+
+def _covered(times_s: FloatArray, duration_s: float) -> float:
+    """Return what positions span over what the samples last, without what lies around them."""
+    span_s = float(times_s[-1] - times_s[0])
+    if span_s > duration_s:
+        span_s = max(span_s - 2.0 * AROUND_S, duration_s)
+    return span_s / duration_s
 
 
 def _median(values: FloatArray) -> float:
@@ -195,6 +209,8 @@ def _carrier_ratio(trial: Trial, study: StudyInfo) -> float:
     if trial.voltage_v is None:
         return np.nan
     voltage = np.nan_to_num(trial.voltage_v[:SPECTRUM_SAMPLES])
+    if np.square(voltage.mean()) > ONE_SIDED * np.square(voltage).mean():
+        return np.nan  # a drive without its carrier, as imports keep an envelope
     spectrum = np.abs(np.fft.rfft((voltage - voltage.mean()) * np.hanning(voltage.size)))
     if not spectrum.max() > 0.0:
         return np.nan

@@ -189,3 +189,15 @@ def test_what_is_not_valid_is_measured_all_the_same(good: Trial) -> None:
     np.testing.assert_array_equal(
         seen.rows.friction_response, observe(good, STUDY).rows.friction_response
     )
+
+
+def test_positions_around_the_samples_are_not_judged(good: Trial) -> None:
+    """A finger that stopped before the first sample was steady all the same."""
+    around_s = np.arange(-0.6, 0.0, 0.01)
+    rest = np.broadcast_to(good.position_mm[0], (around_s.size, 2))
+    preceded = replace(
+        good,
+        position_mm=np.concatenate([rest, good.position_mm]),
+        position_t_s=np.concatenate([around_s, good.position_t_s]),
+    )
+    assert reasons(preceded) == ""

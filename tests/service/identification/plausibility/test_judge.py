@@ -46,7 +46,36 @@ def session(module_seed: int) -> list[Trial]:
     return [numbered(each, number) for number, each in enumerate(made)]
 
 
-@pytest.mark.parametrize("make", [lambda t: t, velocity], ids=["acceleration", "velocity"])
+def without_carrier(trial: Trial) -> Trial:
+    """Return a trial whose drive is kept by its rms, as imports keep envelope and fraction."""
+    if trial.voltage_v is None:
+        return trial
+    low = signal.butter(4, 2500.0, fs=trial.info.sample_rate_hz, output="sos")
+    power = signal.sosfiltfilt(low, np.square(trial.voltage_v))
+    return replace(trial, voltage_v=np.sqrt(np.maximum(power, 0.0)))
+
+
+def a_short_stroke(trial: Trial) -> Trial:
+    """Return half a second of a trial, with the positions of 0.1 s around it."""
+    first_s, last_s = 0.4, 0.9
+    cut = slice(*(round(at * trial.info.sample_rate_hz) for at in (first_s, last_s)))
+    near = np.abs(trial.position_t_s - 0.65) <= 0.35
+    assert trial.accel_m_s2 is not None
+    return replace(
+        trial,
+        force_n=trial.force_n[cut],
+        accel_m_s2=trial.accel_m_s2[cut],
+        voltage_v=None if trial.voltage_v is None else trial.voltage_v[cut],
+        position_mm=trial.position_mm[near],
+        position_t_s=trial.position_t_s[near] - first_s,
+    )
+
+
+@pytest.mark.parametrize(
+    "make",
+    [lambda t: t, velocity, without_carrier, a_short_stroke],
+    ids=["acceleration", "velocity", "without carrier", "short stroke"],
+)
 def test_right_measurements(make: Callable[[Trial], Trial], session: list[Trial]) -> None:
     assert judge_study([record_of(make(each), STUDY) for each in session]) == ()
 
