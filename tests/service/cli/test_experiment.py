@@ -5,6 +5,7 @@ import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import pytest
@@ -102,9 +103,12 @@ def test_an_observer_has_its_difference_threshold_back(router: str, tmp_path: Pa
         first, second = row["intervals"]
         assert first["last_sample"] <= second["first_sample"]
         for each in (first, second):
-            assert each["duration_s"] == pytest.approx(0.3, abs=0.1)
+            assert each["duration_s"] > 0.29
             assert each["finger"]["path_mm"] > 1.0
             assert each["force"]["samples"] > 2_000
+    # On a busy machine one interval may last longer; the row says so, and few do.
+    lasted_s = [each["duration_s"] for row in trials for each in row["intervals"]]
+    assert median(lasted_s) == pytest.approx(0.3, abs=0.1)
     with (tmp_path / "bids" / "sub-01_task-difference_events.tsv").open() as file:
         events = list(csv.DictReader(file, delimiter="\t"))
     assert [float(row["level"]) for row in events] == [row["level"] for row in trials]
@@ -115,6 +119,9 @@ def test_an_observer_has_its_difference_threshold_back(router: str, tmp_path: Pa
     assert onsets == sorted(onsets)
     again = run(DIFFERENCE, tmp_path, router, "--results")
     assert json.loads(again.stdout)["fit"] == result["fit"]
+    other = run(DIFFERENCE.replace("6.0, 4.0, 2.0", "6.0"), tmp_path, router, "--results")
+    assert other.exit_code == 2
+    assert "procedure differ" in other.stderr
 
 
 def test_the_rendered_interval_is_where_the_samples_say(router: str, tmp_path: Path) -> None:
