@@ -27,6 +27,7 @@ from frictus.experiment import (
     read_log,
 )
 from frictus.experiment.schedule import Schedule
+from frictus.rig import Rig
 
 TRIALS = 10
 QUICK = Presentation(interval_s=0.05, gap_s=0.0, fade_s=0.0)
@@ -176,6 +177,35 @@ def test_fades_rise_and_fall_and_never_exceed_the_level(
     assert gains[top:] == sorted(gains[top:], reverse=True)
     assert 3 <= len(gains) <= 9
     assert max(gains) == 1.0
+
+
+@pytest.mark.parametrize("fade_s", [0.0, 0.05])
+def test_a_slow_reply_does_not_shorten_an_interval(
+    fake: Any, client: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fade_s: float
+) -> None:
+    held_by(fake, "tester")
+    begins, ends = [], []
+    rendered = Rig.set_scene
+
+    def slow(rig: Rig, scene: Any, *more: Any, **options: Any) -> Any:
+        if not scene.regions:
+            ends.append(time.monotonic())
+            return rendered(rig, scene, *more, **options)
+        if len(begins) < len(ends):
+            time.sleep(0.3)  # as long as the interval
+        state = rendered(rig, scene, *more, **options)
+        if len(begins) < len(ends):
+            begins.append(time.monotonic())
+        return state
+
+    monkeypatch.setattr(Rig, "set_scene", slow)
+    lasting = Presentation(interval_s=0.3, gap_s=0.0, fade_s=fade_s, on_scaled="flag")
+    with experiment(client, tmp_path / "log.jsonl", presentation=lasting) as made:
+        trial = made.next()
+        assert trial is not None
+        made.present(trial)
+    following = [end for end in ends if end > begins[0]]
+    assert following[0] - begins[0] >= 0.3 - 1e-3
 
 
 def test_a_mask_is_felt_between_intervals_and_nothing_after_them(
