@@ -11,6 +11,10 @@ from frictus.effect_files.interpolation import CURVES
 from frictus.effect_files.timeline import MAX_HZ, FloatArray, RenderedEffect, Timeline
 from frictus.errors import TextureError
 
+MAX_KEYFRAMES: Final = 300_000
+"""Of all effects together, those of a reference counted each time."""
+LEAST_STEP_S: Final = 1e-6
+"""Between points of a curve: closer ones have slopes that no number holds."""
 BURST_S: Final = 0.022
 """Of a transient: two cycles of a sine, as the reference decoder renders it."""
 _OVER_TIME: Final = (
@@ -41,6 +45,7 @@ class _Band:
     curve: str
     gain: float
     pieces: list[_Piece]
+    keyframes: int
 
 
 def render_hjif(document: dict[str, Any]) -> RenderedEffect:
@@ -95,7 +100,7 @@ def _wave(piece: _Piece, timeline: Timeline, time_s: FloatArray) -> FloatArray:
 def _bands_of(document: dict[str, Any]) -> tuple[list[_Band], list[str]]:
     """Return what is rendered, and what is left out."""
     timescale = within(document, "timescale", "document", 1.0, 1e6, 1_000.0)
-    bands, notes, channels = [], [], 0
+    bands, notes, channels, left = [], [], 0, MAX_KEYFRAMES
     for where, perception in items(document, "perceptions", "document"):
         if "tracks" in perception:
             raise TextureError(
@@ -116,8 +121,9 @@ def _bands_of(document: dict[str, Any]) -> tuple[list[_Band], list[str]]:
             gain *= number(channel, "mixing_coefficient", at, 1.0)
             channels += 1
             for place, band in items(channel, "bands", at):
-                if (found := _band(band, place, library, timescale, gain)).pieces:
+                if (found := _band(band, place, library, timescale, gain, left)).pieces:
                     bands.append(found)
+                    left -= found.keyframes
     if channels > 1:
         notes.append(f"{channels} channels are added: a screen has one friction")
     return bands, notes[:20]
@@ -129,6 +135,7 @@ def _band(
     library: dict[float, dict[str, Any]],
     timescale: float,
     gain: float,
+    left: int,
 ) -> _Band:
     kind = word(band, "band_type", where)
     if kind == "WaveletWave":
@@ -143,23 +150,31 @@ def _band(
     curve = word(band, "curve_type", where, "Unknown")
     if kind == "Curve" and curve not in CURVES:
         raise TextureError(f"{where}: curve type {curve!r}; {', '.join(CURVES)} are rendered")
+    effects = items(band, "effects", where)
+    bases = [_basis(effect, at, library) for at, effect in effects]
+    listed = (basis.get("keyframes") for basis in bases)
+    keyframes = sum(len(frames) for frames in listed if isinstance(frames, list))
+    if keyframes > left:
+        raise TextureError(
+            f"{where}: more than {MAX_KEYFRAMES} keyframes up to here, references included"
+        )
     pieces = [
-        _piece(_basis(effect, at, library), at, kind, timescale)
-        for at, effect in items(band, "effects", where)
+        _piece(basis, at, kind, timescale, within(effect, "position", at, 0.0, LARGEST, 0.0))
+        for basis, (at, effect) in zip(bases, effects, strict=True)
     ]
-    return _Band(kind, curve, gain, pieces)
+    return _Band(kind, curve, gain, pieces, keyframes)
 
 
 def _basis(
     effect: dict[str, Any], where: str, library: dict[float, dict[str, Any]]
 ) -> dict[str, Any]:
-    """Return the effect itself; for a reference that of the library, at its own position."""
+    """Return the effect itself; for a reference that of the library."""
     kind = word(effect, "effect_type", where, "Basis")
     if kind == "Reference":
         found = library.get(number(effect, "id", where))
         if found is None:
             raise TextureError(f"{where}: the library has no effect with its id")
-        effect = {**found, "position": effect.get("position", 0)}
+        effect = found
         kind = word(found, "effect_type", f"{where} in the library", "Basis")
     if kind != "Basis":
         raise TextureError(
@@ -168,8 +183,10 @@ def _basis(
     return effect
 
 
-def _piece(effect: dict[str, Any], where: str, kind: str, timescale: float) -> _Piece:
-    """Return an effect in seconds.
+def _piece(
+    effect: dict[str, Any], where: str, kind: str, timescale: float, position: float
+) -> _Piece:
+    """Return an effect in seconds; `position` in ticks of the timescale.
 
     Raises
     ------
@@ -190,11 +207,11 @@ def _piece(effect: dict[str, Any], where: str, kind: str, timescale: float) -> _
         _check_wave(where, frequency_hz[1], signal)
     elif amplitude[0].size == 0:
         raise TextureError(f"{where}: no keyframe has an amplitude_modulation")
-    if kind == "Curve" and np.any(np.diff(amplitude[0]) <= 0.0):
-        raise TextureError(f"{where}: two points of a curve at one position")
+    if kind == "Curve" and np.any(np.diff(amplitude[0]) < LEAST_STEP_S):
+        raise TextureError(f"{where}: two points of a curve at one position, or within 1 µs")
     return _Piece(
         where,
-        within(effect, "position", where, 0.0, LARGEST, 0.0) / timescale,
+        position / timescale,
         float(time_s[-1]) + (BURST_S if kind == "Transient" else 0.0),
         amplitude,
         frequency_hz,

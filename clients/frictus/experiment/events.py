@@ -61,7 +61,7 @@ def event_rows(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     try:
         start_ns = trials[0]["intervals"][0]["utc_ns"] if trials else 0
         return [_event(row, start_ns) for row in trials]
-    except (KeyError, TypeError, IndexError, ValueError) as error:
+    except (LookupError, TypeError, ValueError, OverflowError) as error:
         raise ArgumentError(f"a row of the log is no trial: {error!r}") from error
 
 

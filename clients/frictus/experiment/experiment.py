@@ -318,10 +318,14 @@ class Experiment:
         Raises
         ------
         ArgumentError
-            If the task has no such answer; nothing is logged then.
+            If the task has no such answer, or the trial was answered; nothing is logged then.
         """
         _, log = self._opened()
         task = self.protocol.task
+        if trial.number != self.schedule.recorded + 1:
+            raise ArgumentError(
+                f"trial {trial.number} was answered or refused: ask `next` for another"
+            )
         given = checked(task, response)
         asked = settings[-1] if settings else trial.level
         row = self._row(trial, asked, intervals)

@@ -85,7 +85,8 @@ class SimulatedObserver:
             return repr(min(max(self._number(felt_n, noisy), task.low), task.high))
         difference = noisy[-1] - noisy[0]
         if isinstance(task, Adjustment):
-            if abs(difference) < max(task.step_db, self.noise_db):
+            # Closer than half a step, a further step would be farther off.
+            if abs(difference) < max(0.5 * task.step_db, self.noise_db):
                 return "="
             return "-" if difference > 0.0 else "+"
         different = guess if lapses else abs(difference) > 2.0 * self.noise_db

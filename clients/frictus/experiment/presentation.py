@@ -139,10 +139,13 @@ class Presenter:
             gain = math.sin(0.5 * math.pi * step / (steps + 1)) ** 2
             if first is None or time.monotonic() < begun_s + step * FADE_STEP_S:
                 state = self._rig.set_scene(scaled(scene, gain))
-                first = first or state
+                if first is None:  # a slow reply must not shorten the interval
+                    first, begun_s = state, time.monotonic()
                 self._refuse_scaled(min(1.0, state.applied.feasible_gain * gain))
             self._wait(begun_s + step * FADE_STEP_S)
         whole = self._rig.set_scene(scene)
+        if first is None:
+            begun_s = time.monotonic()
         self._refuse_scaled(whole.applied.gain)
         self._wait(begun_s + how.interval_s - steps * FADE_STEP_S)
         ending_s = time.monotonic()

@@ -12,16 +12,19 @@ from frictus.experiment.constant import ConstantStimuli
 from frictus.experiment.psychometric import LAPSE_FLOOR, FloatArray, ParameterGrid
 from frictus.experiment.quest_plus import QuestPlus
 from frictus.experiment.staircase import Staircase
-from frictus.experiment.stimuli import Pairs, Stimulus
-from frictus.experiment.tasks import Magnitude, SameDifferent, Task, guess_rate
+from frictus.experiment.stimuli import Amplitude, Difference, Pairs, Stimulus
+from frictus.experiment.tasks import Adjustment, Magnitude, SameDifferent, Task, guess_rate
 from frictus.textures import Texture
 
 MAX_TOML_BYTES: Final = 10_000_000
 MAX_CANDIDATES: Final = 200_000
-MAX_TABLE: Final = 20_000_000
-"""Levels times candidates of QUEST+, of which two tables of 8 bytes are held."""
-Level = Annotated[FiniteFloat, Field(gt=0.0, le=1e6)]
-Trials = Annotated[int, Field(ge=1, le=10_000)]
+MAX_TABLE: Final = 10_000_000
+"""Levels times candidates of QUEST+ times conditions; of each, 32 bytes are held."""
+MAX_LEVEL: Final = 1e6
+MAX_TRIALS: Final = 10_000
+"""Of one condition."""
+Level = Annotated[FiniteFloat, Field(gt=0.0, le=MAX_LEVEL)]
+Trials = Annotated[int, Field(ge=1, le=MAX_TRIALS)]
 AnyProcedure: TypeAlias = QuestPlus | Staircase | ConstantStimuli
 
 
@@ -54,7 +57,10 @@ class QuestPlusPlan(_Part):
     kind: Literal["quest+"] = "quest+"
     levels: LevelRange
     trials: Trials = 60
-    slopes: Annotated[list[Level], Field(min_length=1, max_length=30)] = [
+    slopes: Annotated[
+        list[Annotated[FiniteFloat, Field(ge=0.1, le=100.0)]],
+        Field(min_length=1, max_length=30),
+    ] = [
         1.0,
         1.4,
         2.0,
@@ -64,7 +70,8 @@ class QuestPlusPlan(_Part):
         8.0,
     ]
     guesses: Annotated[list[FiniteFloat], Field(min_length=1, max_length=10)] = [0.02, 0.1, 0.2]
-    """Of tasks whose guess rate is the participant's own."""
+    """Of tasks whose guess rate is the participant's own; at least 0.005, or one false alarm
+    would rule out every high threshold."""
     lapses: Annotated[list[FiniteFloat], Field(min_length=1, max_length=10)] = [
         0.01,
         0.03,
@@ -74,18 +81,26 @@ class QuestPlusPlan(_Part):
 
     @model_validator(mode="after")
     def _bounded(self) -> Self:
-        rates = len(self.guesses) * len(self.lapses)
-        candidates = self.levels.count * len(self.slopes) * rates
-        if candidates > MAX_CANDIDATES or candidates * self.levels.count > MAX_TABLE:
-            raise ValueError(
-                f"{candidates} candidates at {self.levels.count} levels: at most "
-                f"{MAX_CANDIDATES}, and {MAX_TABLE} times levels; use coarser ranges"
-            )
-        if not all(LAPSE_FLOOR <= lapse <= 0.5 for lapse in self.lapses):
-            raise ValueError(f"lapses {self.lapses}: {LAPSE_FLOOR} to 0.5 accepted")
-        if not all(0.0 <= guess <= 0.5 for guess in self.guesses):
-            raise ValueError(f"guesses {self.guesses}: 0 to 0.5 accepted")
+        for name, rates in (("lapses", self.lapses), ("guesses", self.guesses)):
+            if not all(LAPSE_FLOOR <= rate <= 0.5 for rate in rates):
+                raise ValueError(f"{name} {rates}: {LAPSE_FLOOR} to 0.5 accepted")
         return self
+
+    @property
+    def highest(self) -> float:
+        """Greatest level."""
+        return self.levels.high
+
+    def candidates(self, guess: float | None) -> int:
+        """Return how many candidate functions there are.
+
+        Parameters
+        ----------
+        guess : float or None
+            Guess rate of the task; None: its own candidates.
+        """
+        guesses = 1 if guess is not None else len(self.guesses)
+        return self.levels.count * len(self.slopes) * guesses * len(self.lapses)
 
     @property
     def easiest(self) -> float:
@@ -137,6 +152,11 @@ class StaircasePlan(_Part):
         """Level of practice and of catch trials that present something."""
         return self.start
 
+    @property
+    def highest(self) -> float:
+        """Greatest level."""
+        return self.high
+
     def begin(self, guess: float | None, rng: np.random.Generator) -> Staircase:
         """Return the procedure before its first trial.
 
@@ -170,6 +190,11 @@ class ConstantPlan(_Part):
     @property
     def easiest(self) -> float:
         """Level of practice and of catch trials that present something."""
+        return max(self.levels)
+
+    @property
+    def highest(self) -> float:
+        """Greatest level."""
         return max(self.levels)
 
     def begin(self, guess: float | None, rng: np.random.Generator) -> ConstantStimuli:
@@ -261,7 +286,37 @@ class Protocol(_Part):
                 f"the task {self.task.kind!r} has no right answer for a procedure to follow: "
                 "use 'constant'"
             )
+        for name, stimulus in self.conditions.items():
+            self._check_levels(name, stimulus)
         return self
+
+    def _check_levels(self, name: str, stimulus: Amplitude | Difference | Pairs) -> None:
+        """Refuse levels that no scene can hold, and more of them than are kept in memory."""
+        plan = self.plan_of(name)
+        highest = self.task.high if isinstance(self.task, Adjustment) else plan.highest
+        if not highest <= stimulus.max_level:
+            raise ValueError(
+                f"condition {name!r}: level {highest:g}, at most {stimulus.max_level:g} "
+                f"({stimulus.unit}) accepted"
+            )
+        if isinstance(plan, ConstantPlan):
+            if isinstance(stimulus, Pairs) and any(level % 1.0 for level in plan.levels):
+                raise ValueError(f"condition {name!r}: levels of pairs are their whole numbers")
+            trials = len(plan.levels) * plan.repeats
+            if trials > MAX_TRIALS:
+                raise ValueError(
+                    f"condition {name!r}: {trials} trials, at most {MAX_TRIALS}: use fewer "
+                    "levels or repeats"
+                )
+        elif isinstance(plan, QuestPlusPlan):
+            candidates = plan.candidates(guess_rate(self.task))
+            table = candidates * plan.levels.count * len(self.conditions)
+            if candidates > MAX_CANDIDATES or table > MAX_TABLE:
+                raise ValueError(
+                    f"{candidates} candidates at {plan.levels.count} levels in "
+                    f"{len(self.conditions)} conditions: at most {MAX_CANDIDATES} candidates, "
+                    f"and {MAX_TABLE} times levels and conditions; use coarser ranges"
+                )
 
     def plan_of(self, condition: str) -> QuestPlusPlan | StaircasePlan | ConstantPlan:
         """Return the procedure of a condition, with the levels of pairs filled in.
@@ -319,7 +374,7 @@ def load_protocol(source: str | Path) -> Protocol:
     try:
         document: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8-sig"))
         return Protocol.model_validate(document)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise ArgumentError(f"{path.name} is not TOML: {error}") from error
     except ValidationError as error:
         raise ArgumentError(f"{path.name}: {explain(error)}") from error
+    except (ValueError, RecursionError) as error:  # integers of 4300 digits: no TOMLDecodeError
+        raise ArgumentError(f"{path.name} is not TOML: {error}") from error

@@ -78,9 +78,9 @@ def results(protocol: Protocol, rows: list[dict[str, Any]]) -> list[ConditionRes
             mine = [row for row in main if row["condition"] == name]
             if any(row["status"] == "answered" for row in mine):
                 found.append(_result(protocol, name, mine))
-    except (KeyError, TypeError, ValueError) as error:
-        if isinstance(error, ArgumentError):
-            raise
+    except ArgumentError:
+        raise
+    except (LookupError, TypeError, ValueError, OverflowError) as error:
         raise ArgumentError(f"a row of the log is no trial: {error!r}") from error
     return found
 
@@ -101,9 +101,9 @@ def _result(protocol: Protocol, name: str, rows: list[dict[str, Any]]) -> Condit
     if isinstance(stimulus, Pairs):
         values["ratings"] = _ratings(stimulus, answered)
     elif task.kind == "magnitude":
-        told = [row for row in answered if row["level_rendered"] > 0.0]
-        numbers = [float(row["response"]) for row in told]
-        levels = [row["level_rendered"] for row in told]
+        rated = [row for row in answered if row["level_rendered"] > 0.0]
+        numbers = [float(row["response"]) for row in rated]
+        levels = [row["level_rendered"] for row in rated]
         if len(set(levels)) > 1 and len(levels) > 2 and min(numbers) > 0.0:
             values["exponent"] = power_law_exponent(levels, numbers)
     elif task.kind == "adjustment":

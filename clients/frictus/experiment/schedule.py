@@ -4,12 +4,13 @@ So an experiment that was interrupted goes on where its log ends: the rows are t
 and the next trial is the one that would have come.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from frictus.errors import ArgumentError
 from frictus.experiment.orders import flipped, generator, is_catch, latin_square, next_condition
-from frictus.experiment.protocol import AnyProcedure, Protocol
+from frictus.experiment.protocol import MAX_LEVEL, AnyProcedure, Protocol
 from frictus.experiment.stimuli import Pairs
 from frictus.experiment.tasks import (
     Adjustment,
@@ -128,7 +129,7 @@ class Schedule:
             level = self.procedures[name].next_level()
         if isinstance(task, Adjustment):  # starts are not to tell where the answer is
             start = generator(self._seed, "start", phase, name, place).uniform(-1.0, 1.0)
-            level = min(max(level * 2.0**start, task.low), task.high)
+            level = min(max(level * 2.0**start, task.low), task.high, self._renderable(name))
         order = order_of(task, catch, flipped(self._seed, f"{phase} {name}", place))
         every = protocol.design.break_every
         counted = sum(self._counted.values())
@@ -145,11 +146,11 @@ class Schedule:
         )
 
     def _easiest(self, name: str) -> float:
-        plan = self._protocol.plan_of(name)
-        limit = self._limits.get(name)
-        if limit is None or plan.easiest < limit:
-            return plan.easiest
-        return 0.8 * limit
+        return min(self._protocol.plan_of(name).easiest, self._renderable(name))
+
+    def _renderable(self, name: str) -> float:
+        """Return a level below those that the rig refused; infinite where it refused none."""
+        return 0.8 * self._limits.get(name, math.inf)
 
     def record(self, trial: Trial, rendered_level: float, positive: bool | None) -> None:
         """Take in an answered trial.
@@ -196,7 +197,48 @@ class Schedule:
                 "whole: lower the gain of these textures, or set on_scaled to 'flag'"
             )
         self._limits[name] = min(trial.level, self._limits.get(name, trial.level))
-        self.procedures[name].exclude(self._limits[name])
+        if not isinstance(task := self._protocol.task, Adjustment):
+            self.procedures[name].exclude(self._limits[name])
+        elif self._renderable(name) < task.low:
+            raise ArgumentError(
+                f"the rig cannot render the reference, or no level from {task.low:g} on: lower "
+                "the gain of the standard, or the least level"
+            )
+
+
+def begun(protocol: Protocol, header: dict[str, Any], source: str = "log") -> Schedule:
+    """Return the schedule of a log before its first trial.
+
+    Parameters
+    ----------
+    protocol : Protocol
+        The experiment; it must be the one of the log.
+    header : dict
+        First row of the log.
+    source : str
+        Name of the log, for messages.
+
+    Raises
+    ------
+    ArgumentError
+        If the header cannot be read, or the log is of another protocol.
+    """
+    try:
+        held = Protocol.model_validate(header["protocol"])
+        schedule = Schedule(held, int(header["seed"]), int(header["order_row"]))
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise ArgumentError(f"{source}: its header cannot be read: {error}") from error
+    if held != protocol:
+        changed = [
+            name
+            for name in type(protocol).model_fields
+            if getattr(held, name) != getattr(protocol, name)
+        ]
+        raise ArgumentError(
+            f"{source} was begun with another protocol ({', '.join(changed)} differ): go on "
+            "with that one, or begin a new log"
+        )
+    return schedule
 
 
 def resumed(protocol: Protocol, rows: list[dict[str, Any]], source: str = "log") -> Schedule:
@@ -216,22 +258,7 @@ def resumed(protocol: Protocol, rows: list[dict[str, Any]], source: str = "log")
     ArgumentError
         If the log is of another protocol, or its trials are not those of this one.
     """
-    header = rows[0]
-    try:
-        held = Protocol.model_validate(header["protocol"])
-        schedule = Schedule(held, int(header["seed"]), int(header["order_row"]))
-    except (KeyError, TypeError, ValueError) as error:
-        raise ArgumentError(f"{source}: its header cannot be read: {error}") from error
-    if held != protocol:
-        changed = [
-            name
-            for name in type(protocol).model_fields
-            if getattr(held, name) != getattr(protocol, name)
-        ]
-        raise ArgumentError(
-            f"{source} was begun with another protocol ({', '.join(changed)} differ): go on "
-            "with that one, or begin a new log"
-        )
+    schedule = begun(protocol, rows[0], source)
     for row in rows:
         if "trial" not in row:
             continue
@@ -253,8 +280,12 @@ def resumed(protocol: Protocol, rows: list[dict[str, Any]], source: str = "log")
             )
         if row.get("status") == "refused":
             schedule.refuse(trial)
-        elif isinstance(level := row.get("level_rendered"), int | float):
-            schedule.record(trial, float(level), row.get("positive"))
-        else:
-            raise ArgumentError(f"{source}, trial {trial.number}: no level_rendered")
+            continue
+        level = row.get("level_rendered")
+        if not (isinstance(level, int | float) and 0.0 <= level <= MAX_LEVEL):
+            raise ArgumentError(
+                f"{source}, trial {trial.number}: level_rendered is no level from 0 to "
+                f"{MAX_LEVEL:g}"
+            )
+        schedule.record(trial, float(level), row.get("positive"))
     return schedule

@@ -3,7 +3,6 @@
 Levitt 1971, Transformed up-down methods in psychoacoustics, J. Acoust. Soc. Am. 49, 467-477.
 """
 
-import math
 from collections.abc import Sequence
 
 from frictus.errors import ArgumentError
@@ -105,16 +104,3 @@ class Staircase:
             )
         self._high = min(self._high, max(level * step, self._low))
         self.level = min(self.level, self._high)
-
-    def mean_of_reversals(self, skip: int = 0) -> float:
-        """Return the geometric mean of the levels at which it turned; NaN without any.
-
-        Parameters
-        ----------
-        skip : int
-            How many of the first reversals are left out, 0 or more.
-        """
-        kept = self.reversals[skip:]
-        if not kept:
-            return math.nan
-        return math.exp(sum(math.log(level) for level in kept) / len(kept))

@@ -9,6 +9,8 @@ from frictus.textures import Region, Scene, Texture
 
 MAX_GAIN: Final = 100.0
 """Of a region."""
+MAX_DB: Final = 40.0
+"""`MAX_GAIN` as 20 log10."""
 
 
 class _Stimulus(BaseModel):
@@ -26,6 +28,11 @@ class Amplitude(_Stimulus):
     standard: Texture | None = None
     """The reference, as it is written; None is a smooth screen."""
     unit: Literal["N"] = "N"
+
+    @property
+    def max_level(self) -> float:
+        """Greatest level that a scene can hold."""
+        return MAX_GAIN
 
     def test(self, level: float) -> Scene:
         """Return the texture times the level.
@@ -66,6 +73,11 @@ class Difference(_Stimulus):
     kind: Literal["difference"] = "difference"
     texture: Texture
     unit: Literal["dB"] = "dB"
+
+    @property
+    def max_level(self) -> float:
+        """Greatest level that a scene can hold, dB."""
+        return MAX_DB
 
     def test(self, level: float) -> Scene:
         """Return the amplified texture.
@@ -131,6 +143,11 @@ class Pairs(_Stimulus):
         """Indices of the textures of each pair, in the order of the levels."""
         count, offset = len(self.textures), 0 if self.identical else 1
         return [(i, j) for i in range(count) for j in range(i + offset, count)]
+
+    @property
+    def max_level(self) -> float:
+        """Number of the last pair."""
+        return float(len(self.pairs))
 
     def names(self, level: float) -> tuple[str, str]:
         """Return the names of the textures of a pair.

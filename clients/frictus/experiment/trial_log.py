@@ -74,27 +74,41 @@ class TrialLog:
     """
 
     def __init__(self, path: Path) -> None:
-        self._file = path.open("ab")  # creates it
+        self._file = path.open("ab", buffering=0)  # creates it
         try:
             self.rows, whole_bytes = read_log(path)
             self._file.truncate(whole_bytes)
+            self._whole_bytes = whole_bytes
             _sync_folder(path.parent)
         except BaseException:
             self._file.close()
             raise
 
     def append(self, row: dict[str, Any]) -> None:
-        """Write a row; it is on the disk when this returns.
+        """Write a row; it is on the disk when this returns, and no part of it when it raises.
 
         Parameters
         ----------
         row : dict
             What JSON can hold; no NaN and no infinity.
+
+        Raises
+        ------
+        OSError
+            If the disk does not take it.
         """
-        line = json.dumps(row, allow_nan=False, separators=(",", ":"))
-        self._file.write(line.encode() + b"\n")
-        self._file.flush()
-        os.fsync(self._file.fileno())
+        line = json.dumps(row, allow_nan=False, separators=(",", ":")).encode() + b"\n"
+        try:
+            written = self._file.write(line)
+            if written != len(line):  # a full disk takes what fits
+                raise OSError(
+                    f"{self._file.name}: the disk took {written} of {len(line)} bytes"
+                )
+            os.fsync(self._file.fileno())
+        except OSError:
+            self._file.truncate(self._whole_bytes)
+            raise
+        self._whole_bytes += len(line)
         self.rows.append(row)
 
     def close(self) -> None:

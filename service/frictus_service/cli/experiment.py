@@ -81,6 +81,7 @@ def experiment(
         results,
         write_events,
     )
+    from frictus.experiment.schedule import begun
 
     chosen = load_protocol(protocol)
     path = log or Path(f"{chosen.name}-{participant}.jsonl")
@@ -107,6 +108,8 @@ def experiment(
                 with made:
                     made.run(person)
     rows, _ = read_log(path)
+    if rows:
+        begun(chosen, rows[0], str(path))  # what another protocol asked is not analysed
     if events is not None:
         table, sidecar = write_events(rows, events)
         sys.stderr.write(f"events: {table}, {sidecar}\n")

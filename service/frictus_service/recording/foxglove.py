@@ -43,6 +43,7 @@ from frictus_service.recording.records import (
 from frictus_service.recording.samples import Samples
 from frictus_service.recording.writer import JSON_SCHEMA, create
 
+MAX_PART_S: Final = 1e9
 MAX_MESSAGES: Final = 20_000_000
 """Of one file, which a viewer takes into memory."""
 CHUNK_BYTES: Final = 4_000_000
@@ -114,6 +115,9 @@ def export_foxglove(
 
 def _part(items: Iterator[Item], from_s: float | None, to_s: float | None) -> tuple[int, int]:
     """Return when the part begins and ends, ns UTC."""
+    for at_s in (from_s, to_s):
+        if at_s is not None and not 0.0 <= at_s <= MAX_PART_S:  # refuses NaN too
+            raise ExportError(f"{at_s} s: a part begins and ends at 0 to {MAX_PART_S:g} s")
     spans = [
         (item.utc_ns, item.utc_ns + round(1e9 * item.duration_s), item.data.shape[1])
         for item in items
@@ -138,7 +142,8 @@ def _part(items: Iterator[Item], from_s: float | None, to_s: float | None) -> tu
 
 def _is_plausible(samples: Samples) -> bool:
     """Return whether counts and times can be computed with, as a rig's can."""
-    if samples.sample_rate_hz >= 1.0 and samples.end_sample < 2**62 and samples.utc_ns >= 0:
+    counts = samples.sample_rate_hz >= 1.0 and samples.end_sample < 2**62
+    if counts and 0 <= samples.utc_ns < 2**62:  # until 2116
         return True
     raise ExportError(
         f"samples from index {samples.first_sample} at {samples.sample_rate_hz} Hz from "

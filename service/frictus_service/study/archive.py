@@ -82,7 +82,8 @@ def export_archive(
         for (participant, number), group in itertools.groupby(kept, key=_session_of):
             label = label_of(participant)
             name = f"sub-{label}/sub-{label}_ses-{number:02d}"
-            if any(one.name == name for one in sessions):
+            # Windows and macOS take P1 and p1 for one folder.
+            if any(one.name.casefold() == name.casefold() for one in sessions):
                 raise StudyError(f"two participants would be called {label!r}: rename one")
             trials = list(group)
             (unfinished / f"sub-{label}").mkdir(exist_ok=True)

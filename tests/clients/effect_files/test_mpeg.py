@@ -122,6 +122,14 @@ def test_akima_keeps_straight_lines_and_parabolas(
     np.testing.assert_allclose(curved, bend * at_s**2, atol=1e-9)
 
 
+def test_references_cannot_multiply_a_document_beyond_bounds() -> None:
+    long = basis(0, keyframes(*((at, 1.0, 100) for at in range(2_000))), id=1)
+    again = {"effect_type": "Reference", "id": 1}
+    text = hjif(*(band("VectorialWave", *[again] * 100) for _ in range(2)), library=[long])
+    with pytest.raises(TextureError, match=r"bands\[1\]: more than 300000 keyframes"):
+        render_effect(text, ".hjif")
+
+
 def changed(**more: Any) -> str:
     """Return a document whose only effect has changed."""
     return hjif(band("VectorialWave", basis(0, STEADY) | more))
@@ -148,6 +156,8 @@ def changed(**more: Any) -> str:
         (changed(position=10**9), "lasts 1e[+]06"),
         (hjif(band("Curve", basis(0, keyframes((5, None, 1.0))))), "no keyframe has an"),
         (hjif(band("Curve", basis(0, keyframes((5, 0, None), (5, 1, None))))), "one position"),
+        (hjif(band("Curve", basis(0, keyframes((0, 0, None), (1e-300, 1, None))),
+                   curve_type="Akima")), "within 1 µs"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_rendered_is_refused(text: str, complaint: str) -> None:

@@ -8,10 +8,12 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from frictus import ArgumentError, Client, Component, LeaseLostError, Spectrum, Topics
 from frictus.experiment import (
+    Adjustment,
     Amplitude,
     ConstantPlan,
     Experiment,
@@ -25,6 +27,7 @@ from frictus.experiment import (
     read_log,
 )
 from frictus.experiment.schedule import Schedule
+from frictus.rig import Rig
 
 TRIALS = 10
 QUICK = Presentation(interval_s=0.05, gap_s=0.0, fade_s=0.0)
@@ -176,6 +179,35 @@ def test_fades_rise_and_fall_and_never_exceed_the_level(
     assert max(gains) == 1.0
 
 
+@pytest.mark.parametrize("fade_s", [0.0, 0.05])
+def test_a_slow_reply_does_not_shorten_an_interval(
+    fake: Any, client: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fade_s: float
+) -> None:
+    held_by(fake, "tester")
+    begins, ends = [], []
+    rendered = Rig.set_scene
+
+    def slow(rig: Rig, scene: Any, *more: Any, **options: Any) -> Any:
+        if not scene.regions:
+            ends.append(time.monotonic())
+            return rendered(rig, scene, *more, **options)
+        if not begins:
+            time.sleep(0.3)  # as long as the interval
+        state = rendered(rig, scene, *more, **options)
+        if not begins:
+            begins.append(time.monotonic())
+        return state
+
+    monkeypatch.setattr(Rig, "set_scene", slow)
+    lasting = Presentation(interval_s=0.3, gap_s=0.0, fade_s=fade_s, on_scaled="flag")
+    with experiment(client, tmp_path / "log.jsonl", presentation=lasting) as made:
+        trial = made.next()
+        assert trial is not None
+        made.present(trial)
+    following = [end for end in ends if end > begins[0]]
+    assert following[0] - begins[0] >= 0.3 - 1e-3
+
+
 def test_a_mask_is_felt_between_intervals_and_nothing_after_them(
     fake: Any, client: Client, tmp_path: Path
 ) -> None:
@@ -228,6 +260,30 @@ def test_a_log_has_one_participant_and_one_protocol(
     with experiment(client, log, seed=99) as made:  # a log has its own seed
         assert made.seed == 5
     assert json.loads(log.read_bytes().splitlines()[-1])["trials_before"] == 0
+
+
+def test_a_trial_is_answered_once(fake: Any, client: Client, tmp_path: Path) -> None:
+    held_by(fake, "tester")
+    log = tmp_path / "log.jsonl"
+    with experiment(client, log) as made:
+        trial = made.next()
+        assert trial is not None
+        shown = made.present(trial)
+        assert shown is not None
+        made.answer(trial, shown, "1", 0.5)
+        with pytest.raises(ArgumentError, match="trial 1 was answered"):
+            made.answer(trial, shown, "1", 0.5)
+    assert len(trials_of(log)) == 1
+    with experiment(client, log) as made:  # goes on
+        assert made.schedule.recorded == 1
+
+
+def test_an_observer_sets_a_level_to_within_half_a_step() -> None:
+    observer = SimulatedObserver(jnd_db=1e-6, floor_n=1e-9)
+    task, rng = Adjustment(step_db=4.0), np.random.default_rng(1)
+    for above_db, answer in ((-2.1, "+"), (-1.9, "="), (1.9, "="), (2.1, "-")):
+        felt = [0.1, 0.1 * 10.0 ** (above_db / 20.0)]
+        assert observer.answer(task, felt, rng) == answer
 
 
 def test_outside_of_its_context_it_presents_nothing(

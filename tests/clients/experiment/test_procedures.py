@@ -82,10 +82,7 @@ def test_a_staircase_turns_where_it_should() -> None:
     expected = [1.0, 1.0, down_6, down_6, down_6**2, down_6**2 * up_2, down_6**2 * up_2]
     assert seen == pytest.approx(expected)
     assert stairs.reversals == pytest.approx([down_6**2, down_6**2 * up_2])
-    mean = np.sqrt(stairs.reversals[0] * stairs.reversals[1])
-    assert stairs.mean_of_reversals() == pytest.approx(mean)
     assert not stairs.finished
-    assert np.isnan(stairs.mean_of_reversals(skip=5))
 
 
 def test_a_staircase_stays_within_its_levels() -> None:

@@ -29,6 +29,7 @@ from frictus.experiment import (
     YesNo,
     latin_square,
     load_protocol,
+    results,
 )
 from frictus.experiment.schedule import Schedule, resumed
 from frictus.experiment.tasks import KEYS, checked, is_positive
@@ -196,6 +197,45 @@ def test_refused_levels_do_not_come_again(seed: int) -> None:
         assert presented > 10
 
 
+def test_a_refused_start_of_an_adjustment_is_lowered_until_none_is_left(seed: int) -> None:
+    task = Adjustment(low=0.01, high=1.0)
+    procedure = ConstantPlan(levels=[0.1], repeats=2)
+    schedule = Schedule(protocol(task=task, procedure=procedure), seed)
+    refused = []
+    while (trial := schedule.next()) is not None and 0.8 * trial.level >= task.low:
+        refused.append((trial.condition, trial.level))
+        schedule.refuse(trial)
+        assert len(set(refused)) == len(refused)
+    assert trial is not None
+    with pytest.raises(ArgumentError, match=r"no level from 0\.01 on"):
+        schedule.refuse(trial)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"level_rendered": 10**400},
+        {"level_rendered": float("nan")},
+        {"level_rendered": -1.0},
+        {"level_rendered": None},
+    ],
+)
+def test_a_hostile_row_is_refused(changes: dict[str, Any], seed: int) -> None:
+    rows = run(CASES["constant"], seed)
+    with pytest.raises(ArgumentError, match="trial 1: level_rendered"):
+        resumed(CASES["constant"], [rows[0], rows[1] | changes])
+    with pytest.raises(ArgumentError, match="header"):
+        resumed(CASES["constant"], [rows[0] | {"seed": float("inf")}])
+
+
+@pytest.mark.parametrize("level", [10**400, 99, float("inf"), float("nan"), None])
+def test_results_of_a_hostile_row_are_refused(level: Any, seed: int) -> None:
+    rows = run(CASES["pairs"], seed)
+    row = next(row for row in rows if row.get("phase") == "main")
+    with pytest.raises(ArgumentError, match="no trial"):
+        results(CASES["pairs"], [row | {"level": level, "flags": [], "correct": None}])
+
+
 def test_a_pair_that_cannot_be_rendered_ends_it(seed: int) -> None:
     schedule = Schedule(CASES["pairs"], seed)
     trial = schedule.next()
@@ -241,6 +281,44 @@ def test_ready_protocols_are_whole(name: str, seed: int) -> None:
             "coarser",
         ),
         ({"procedure": {"kind": "staircase", "start": 1, "low": 2, "high": 3}}, "start"),
+        (
+            {"procedure": ConstantPlan(levels=[41.0])},
+            "condition 'b': level 41, at most 40 .dB.",
+        ),
+        (
+            {"procedure": {"kind": "staircase", "start": 1, "low": 1, "high": 101}},
+            "at most 100",
+        ),
+        ({"procedure": CONSTANT, "task": Adjustment(high=101.0)}, "at most 100"),
+        ({"procedure": ConstantPlan(levels=[1.0] * 11, repeats=1_000)}, "11000 trials"),
+        (
+            {
+                "conditions": {"p": PAIRS},
+                "procedure": ConstantPlan(levels=[7.0]),
+                "task": SameDifferent(),
+            },
+            "at most 6",
+        ),
+        (
+            {
+                "conditions": {"p": PAIRS},
+                "procedure": ConstantPlan(levels=[1.5]),
+                "task": SameDifferent(),
+            },
+            "whole numbers",
+        ),
+        (
+            {
+                "procedure": {
+                    "kind": "quest+",
+                    "levels": {"low": 0.1, "high": 1.0, "count": 200},
+                },
+                "conditions": {str(k): TWO["a"] for k in range(32)},
+            },
+            "in 32 conditions",
+        ),
+        ({"procedure": QUEST.model_dump() | {"guesses": [0.0]}}, "guesses"),
+        ({"procedure": QUEST.model_dump() | {"slopes": [1e-9]}}, "slopes"),
         ({"presentation": {"interval_s": 0.2, "fade_s": 0.2}}, "fades"),
         ({"speling": 1}, "speling"),
     ],
@@ -254,7 +332,13 @@ def test_files_that_are_no_protocol(tmp_path: Path) -> None:
     file = tmp_path / "p.toml"
     with pytest.raises(FileNotFoundError, match="amplitude-difference, detection, similarity"):
         load_protocol(file)
-    for content in (b"\xff\xfe", b"a = [", b"name = 'x'", b"a = " + b"[" * 10_000):
+    for content in (
+        b"\xff\xfe",
+        b"a = [",
+        b"name = 'x'",
+        b"a = " + b"[" * 10_000,
+        b"a = " + b"9" * 5_000,
+    ):
         file.write_bytes(content)
         with pytest.raises(ArgumentError, match=r"p\.toml"):
             load_protocol(file)

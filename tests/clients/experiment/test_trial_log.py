@@ -1,5 +1,6 @@
 """The log: whole rows survive whatever cuts it off; what is no log is refused."""
 
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +47,28 @@ def test_nan_is_not_written(tmp_path: Path) -> None:
     with TrialLog(tmp_path / "log.jsonl") as log, pytest.raises(ValueError, match="JSON"):
         log.append({"x": float("nan")})
     assert not (tmp_path / "log.jsonl").read_bytes()
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGXFSZ"), reason="Windows has no limit of file sizes")
+def test_a_row_that_the_disk_does_not_take_leaves_the_log_whole(tmp_path: Path) -> None:
+    import resource
+
+    file = tmp_path / "log.jsonl"
+    unlimited = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    with TrialLog(file) as log:
+        log.append(HEADER)
+        whole = file.read_bytes()
+        try:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (len(whole) + 50, unlimited[1]))
+            with pytest.raises(OSError, match="took 50 of"):
+                log.append({"trial": 1, "text": "x" * 1_000})
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, unlimited)
+            signal.signal(signal.SIGXFSZ, handler)
+        assert file.read_bytes() == whole
+        log.append({"trial": 1})
+    assert read_log(file)[0] == [HEADER, {"trial": 1}]
 
 
 def test_events_of_no_trials_are_a_table_all_the_same(tmp_path: Path) -> None:

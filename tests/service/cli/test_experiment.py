@@ -5,6 +5,7 @@ import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import pytest
@@ -22,6 +23,7 @@ from frictus.keys import STREAMS
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.cli.app import app
+from frictus_service.config import Limits
 from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.samples import Samples
@@ -75,7 +77,9 @@ standard = {{ kind = "spectrum", components = [{{ amplitude_n = 0.06, cycles_per
 def router(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Endpoint of a router with one simulated rig whose finger strokes."""
     folder = tmp_path_factory.mktemp("rig")
-    config = config_in(folder, SimulatedConfig(finger=SteadyStrokes()))
+    config = config_in(folder, SimulatedConfig(finger=SteadyStrokes())).model_copy(
+        update={"limits": Limits(freeze_ms=5_000, missed_deadlines=1_000)}  # for busy machines
+    )
     with Supervisor(config, parts=("rig", "recorder")) as supervisor:
         supervisor.wait_ready(100.0)
         yield config.router.endpoint
@@ -103,9 +107,13 @@ def test_an_observer_has_its_difference_threshold_back(router: str, tmp_path: Pa
         first, second = row["intervals"]
         assert first["last_sample"] <= second["first_sample"]
         for each in (first, second):
-            assert each["duration_s"] == pytest.approx(0.3, abs=0.1)
             assert each["finger"]["path_mm"] > 1.0
-            assert each["force"]["samples"] > 2_000
+            played = each["last_sample"] - each["first_sample"]
+            # What plays last, within lead and transport, is not measured yet.
+            assert 0.5 * played < each["force"]["samples"] <= played + 100
+    # On a busy machine one interval may last longer or less; the row says so, and few do.
+    lasted_s = [each["duration_s"] for row in trials for each in row["intervals"]]
+    assert median(lasted_s) == pytest.approx(0.3, abs=0.1)
     with (tmp_path / "bids" / "sub-01_task-difference_events.tsv").open() as file:
         events = list(csv.DictReader(file, delimiter="\t"))
     assert [float(row["level"]) for row in events] == [row["level"] for row in trials]
@@ -116,6 +124,9 @@ def test_an_observer_has_its_difference_threshold_back(router: str, tmp_path: Pa
     assert onsets == sorted(onsets)
     again = run(DIFFERENCE, tmp_path, router, "--results")
     assert json.loads(again.stdout)["fit"] == result["fit"]
+    other = run(DIFFERENCE.replace("6.0, 4.0, 2.0", "6.0"), tmp_path, router, "--results")
+    assert other.exit_code == 2
+    assert "procedure differ" in other.stderr
 
 
 def test_the_rendered_interval_is_where_the_samples_say(router: str, tmp_path: Path) -> None:

@@ -142,10 +142,19 @@ def test_a_part_begins_with_what_holds_then(
     assert all(begin_ns <= m.log_time < begin_ns + 7 * 10**8 for _, _, m in found)
     with pytest.raises(ExportError, match="no samples in that part"):
         export_foxglove(recording, tmp_path / "none.mcap", 60.0)
+    for odd in (-1.0, float("nan"), float("inf")):
+        with pytest.raises(ExportError, match="begins and ends at 0 to"):
+            export_foxglove(recording, tmp_path / "none.mcap", odd)
 
 
 @pytest.mark.parametrize(
-    "changes", [{"sample_rate_hz": 1e-300}, {"first_sample": 2**63}, {"utc_ns": -1}]
+    "changes",
+    [
+        {"sample_rate_hz": 1e-300},
+        {"first_sample": 2**63},
+        {"utc_ns": -1},
+        {"utc_ns": 2**63 - 1},
+    ],
 )
 def test_numbers_that_no_rig_counts_are_refused(
     tmp_path: Path, known: Any, changes: dict[str, Any]

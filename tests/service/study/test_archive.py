@@ -124,11 +124,12 @@ def test_an_age_that_is_none_is_refused(
     assert "Licence: none has been given" in card
 
 
+@pytest.mark.parametrize("other", ["p-1", "P1"])
 def test_two_people_of_one_name_are_refused(
-    make_trial: MakeTrial, write_study: WriteStudy, tmp_path: Path
+    make_trial: MakeTrial, write_study: WriteStudy, tmp_path: Path, other: str
 ) -> None:
     study = write_study(
-        make_trial("a", order=0, participant="p-1"), make_trial("b", order=0, participant="p1")
+        make_trial("a", order=0, participant=other), make_trial("b", order=0, participant="p1")
     )
     with (
         StudyReader(study) as opened,
