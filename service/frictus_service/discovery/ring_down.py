@@ -328,7 +328,9 @@ def _resonances(
         hz, damping = float(natural_hz(pole)), float(damping_ratio(pole))
         off_hz, error_hz = _uncertain(natural_hz(pole), natural_hz(again), natural_hz(moved))
         # By its logarithm: damping is above zero, and so is its interval.
-        off, error = _uncertain(*(np.log(damping_ratio(each)) for each in (pole, again, moved)))
+        off, error = _uncertain(
+            np.log(damping), np.log(damping_ratio(again)), np.log(damping_ratio(moved))
+        )
         yield Resonance(
             hz,
             (hz - off_hz, hz + off_hz),
@@ -348,7 +350,7 @@ def natural_hz(poles: ComplexArray | complex) -> FloatArray:
 
 def damping_ratio(poles: ComplexArray | complex) -> FloatArray:
     """Return damping ratios of poles."""
-    found: FloatArray = -np.real(poles) / np.abs(poles)
+    found: FloatArray = -np.asarray(poles).real / np.abs(poles)
     return found
 
 
@@ -366,7 +368,7 @@ def _closest(poles: ComplexArray, to: complex) -> complex | None:
 
 
 def _uncertain(
-    value: FloatArray, without: FloatArray, elsewhere: FloatArray = NONE
+    value: FloatArray | float, without: FloatArray, elsewhere: FloatArray = NONE
 ) -> tuple[float, float]:
     """Return half the 95 % interval and the standard error: of blows (jackknife) and of bands.
 

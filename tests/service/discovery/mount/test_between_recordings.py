@@ -55,8 +55,8 @@ def test_coverage(share: float, count: int, rng: np.random.Generator) -> None:
         held += found.ci[0] < 1600.0 < found.ci[1]
         next_held += found.another[0] < values[-1] < found.another[1]
         alone += abs(values[0] - 1600.0) < 1.96 * errors[0]
-    # 95 % with three standard errors of 1500 runs; two recordings hold more where their own errors
-    # are what tells them apart. One recording's own interval does not hold.
+    # 95 % with three standard errors of 1500 runs; two recordings hold more where their own
+    # errors are what tells them apart. One recording's own interval does not hold.
     most = 1.0 if count == 2 else 0.985
     assert 0.93 < held / runs <= most
     assert 0.93 < next_held / runs <= most
