@@ -72,6 +72,17 @@ class Alternative(_Document):
     separating_experiment: str
 
 
+class RivalCost(_Document):
+    """Another cause in the place of a named one, to first order."""
+
+    id: str
+    nats_per_unit: FiniteFloat
+    """What it predicts better than the model without either; mean over held-out units."""
+    cost: FiniteFloat
+    """By how much the named cause predicts better than it, nats per unit."""
+    ci95: Interval
+
+
 class Gain(_Document):
     """How much better data are predicted that were not used to fit."""
 
@@ -112,6 +123,8 @@ class NamedCause(_Document):
     alternatives: tuple[Alternative, ...]
     next_experiment: str
     evidence: Evidence | None = None
+    rivals: tuple[RivalCost, ...] = ()
+    """What else would do best in its place, the cheapest first."""
 
 
 class CannotTell(_Document):
