@@ -29,6 +29,7 @@ class Between:
     mean : float
         Of all recordings, in the quantity's own unit.
     standard_error : float
+        Of the mean.
     ci : tuple of float
         Of the mean.
     another : tuple of float

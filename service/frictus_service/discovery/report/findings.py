@@ -17,6 +17,7 @@ from frictus_service.discovery.document import (
     OneRecording,
     ParameterEstimate,
     RankedModel,
+    RivalCost,
     Unexplained,
 )
 from frictus_service.identification.report.html import FIT, GRID
@@ -92,11 +93,21 @@ def gain_sentence(gain: Gain) -> str:
     )
 
 
+NEGLIGIBLE = 1e-3
+"""Share of a mean square that is told as nothing."""
+
+
 def _less(rms: tuple[float, float]) -> str:
     before, after = rms
-    if before <= 0.0:
-        return "nothing"
-    return f"{100.0 * (1.0 - (after / before) ** 2):.3g} %"
+    share = 1.0 - (after / before) ** 2 if before > 0.0 else 0.0
+    return "nothing" if abs(share) < NEGLIGIBLE else f"{100.0 * share:.3g} %"
+
+
+def kept_share(rival: RivalCost) -> str:
+    """Return the share of a named cause's gain that a rival in its place keeps."""
+    whole = rival.nats_per_unit + rival.cost
+    share = rival.nats_per_unit / whole if whole > 0.0 else 0.0
+    return "nothing" if share < NEGLIGIBLE else f"{100.0 * share:.2g} %"
 
 
 def shown(estimate: ParameterEstimate) -> str:

@@ -15,6 +15,7 @@ class Source:
     key : str
         Of its BibTeX entry.
     authors, title, journal, year, volume, pages : str
+        As BibTeX has them; empty where there is none.
     doi : str
         Empty where it is not known for certain.
     """

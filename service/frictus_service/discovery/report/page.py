@@ -15,6 +15,7 @@ from frictus_service.discovery.report.discrepancy import discrepancy_figure
 from frictus_service.discovery.report.findings import (
     folds_sentence,
     gain_sentence,
+    kept_share,
     levels,
     model_named,
     parameters,
@@ -101,6 +102,7 @@ def render(found: Discovery) -> str:
             "model": model_in_words,
             "named": model_named,
             "folds": folds_sentence,
+            "kept": kept_share,
         },
         found=found,
         verdict=verdict_sentence(found),

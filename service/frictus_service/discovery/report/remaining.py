@@ -17,6 +17,7 @@ class Remainder:
     Attributes
     ----------
     tone_hz : float
+        Of the drive.
     before_db, after_db, before_deg, after_deg : float
         RMS over the levels of the covariate: base and extended model.
     noise_db, noise_deg : float

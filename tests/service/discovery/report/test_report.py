@@ -13,9 +13,10 @@ from tests.service.discovery.found import cause, discovery, left, pair
 from frictus_service.cli.discover import NOT_PRINTED, show, summary
 from frictus_service.discovery.catalogue.cause import title
 from frictus_service.discovery.catalogue.causes import CAUSES
-from frictus_service.discovery.document import Discovery, ResidualBin, TrialsLeftOut
+from frictus_service.discovery.document import Discovery, ResidualBin, RivalCost, TrialsLeftOut
 from frictus_service.discovery.report.findings import (
     gain_sentence,
+    kept_share,
     parameters,
     place_of,
     places,
@@ -264,6 +265,19 @@ def test_gain_is_told_as_a_share(rng: np.random.Generator) -> None:
     assert found.gain is not None
     assert "91.3 % of the mean square" in gain_sentence(found.gain)  # 1 - (0.71 / 2.41)²
     assert "nats" not in gain_sentence(found.gain)
+    worse = found.gain.model_copy(update={"residual_deg": (0.9, 0.9001)})
+    assert "and nothing in phase" in gain_sentence(worse)
+
+
+def test_rivals_are_told_by_what_they_keep(rng: np.random.Generator) -> None:
+    rivals = (
+        RivalCost(id="cutoff_drift", nats_per_unit=30.0, cost=10.0, ci95=(-2.0, 22.0)),
+        RivalCost(id="channel_delay", nats_per_unit=-1.0, cost=41.0, ci95=(30.0, 52.0)),
+    )
+    text = Page(render(discovery(rng, causes=(cause(rng, rivals=rivals),)))).text
+    assert [kept_share(one) for one in rivals] == ["75 %", "nothing"]
+    assert "75 %" in text
+    assert text.count("no: the interval of its cost holds zero") == 1
 
 
 def test_the_terminal_tells_the_same(rng: np.random.Generator) -> None:
