@@ -188,8 +188,9 @@ def _tell(line: str) -> None:
 
 
 def mount(
-    recording: Annotated[
-        Path, typer.Argument(metavar="RECORDING", help="Samples of blows: .mat or .npy.")
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(metavar="RECORDING...", help="Samples of blows: .mat or .npy."),
     ],
     band: Annotated[
         tuple[float, float],
@@ -207,21 +208,44 @@ def mount(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Tell frequency and damping of a mount's resonances from hammer blows in RECORDING.
+    """Tell frequency and damping of a mount's resonances from hammer blows in each RECORDING.
 
-    The mount that --out writes is the strongest of them, with a gain of 1 at rest: blows show
+    Several recordings of one mount (days, mountings, places of the hammer) also tell how much
+    it changes between them, and where one more would lie; one recording speaks for itself.
+
+    The mount that --out writes is the strongest resonance, with a gain of 1 at rest: blows show
     neither that gain nor how others add up, which stand beside it.
     """
+    from frictus_service.discovery.between_recordings import between_recordings
     from frictus_service.discovery.ring_down import estimate_ring_down, read_impacts
 
-    blows = read_impacts(recording, rate_hz)
-    found = estimate_ring_down(blows.samples, blows.rate_hz, band)
+    if len({path.resolve() for path in recordings}) < len(recordings):
+        raise typer.BadParameter("a recording is given twice; it would count as two")
+    each = []
+    for path in recordings:
+        blows = read_impacts(path, rate_hz)
+        each.append(estimate_ring_down(blows.samples, blows.rate_hz, band))
+    found = between_recordings(each) if len(each) > 1 else each[0]
     if out is not None:
         _write_mount(out, found)
     if wants_lines(as_json):
-        write_line(resonances=[asdict(each) for each in found])
+        write_line(recordings=len(each), resonances=[asdict(one) for one in found])
     else:
         _show(found)
+    _tell(_holds_for(len(each), found, max(map(len, each))))
+
+
+def _holds_for(count: int, found: "list[Resonance]", most: int) -> str:
+    if count == 1:
+        return (
+            "the intervals hold within this recording: over its blows, and bands with ends a "
+            "fifth off. How much the mount changes between recordings it cannot show: give "
+            "several (frictus mount A.mat B.mat C.mat)"
+        )
+    left_out = f"; {most - len(found)} are not in all of them" if most > len(found) else ""
+    few = " With two, t has one degree of freedom: a third narrows much." if count == 2 else ""
+    what = "1 resonance is" if len(found) == 1 else f"{len(found)} resonances are"
+    return f"{what} in all {count} recordings{left_out}.{few}"
 
 
 def _write_mount(out: Path, found: "list[Resonance]") -> None:
@@ -241,15 +265,21 @@ def _show(found: "list[Resonance]") -> None:
     from rich.console import Console
     from rich.table import Table
 
+    several = any(each.another_frequency_hz is not None for each in found)
     table = Table(title="resonances, 95 % intervals", title_justify="left")
-    for heading in ("Hz", "damping ratio", "peak, dB"):
+    another = ("another recording, Hz",) if several else ()
+    for heading in ("Hz", *another, "damping ratio", "peak, dB"):
         table.add_column(heading, justify="right")
     for each in found:
-        low_hz, high_hz = each.frequency_ci_hz
         low, high = each.damping_ratio_ci
         table.add_row(
-            f"{each.frequency_hz:.1f} [{low_hz:.1f}, {high_hz:.1f}]",
+            f"{each.frequency_hz:.1f} {_span(each.frequency_ci_hz)}",
+            *((_span(each.another_frequency_hz),) if each.another_frequency_hz else ()),
             f"{each.damping_ratio:.4f} [{low:.4f}, {high:.4f}]",
             f"{each.level_db:.1f}",
         )
     Console().print(table)
+
+
+def _span(ends: tuple[float, float]) -> str:
+    return f"[{ends[0]:.1f}, {ends[1]:.1f}]"

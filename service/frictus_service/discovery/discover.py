@@ -13,6 +13,7 @@ from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.discovery.beyond.beyond import beside_form, look_beyond
 from frictus_service.discovery.decision.caveats import caveats_on
 from frictus_service.discovery.decision.decision import decide
+from frictus_service.discovery.decision.trial_accounting import trials_left_out
 from frictus_service.discovery.document import Discovery, StudyFacts
 from frictus_service.discovery.evidence.evidence_rows import (
     TrialEvidence,
@@ -82,7 +83,8 @@ def discover(
         *(f"{finding.text}." for finding in findings),
         *caveats_on(evidence, usable, trials, units, response),
     )
-    study = study.model_copy(update={"trials_used": len(trials)})
+    left_out = trials_left_out(evidence, usable, trials, response)
+    study = study.model_copy(update={"trials_used": len(trials), "left_out": left_out})
     if len(units.names) < LEAST_UNITS:
         return nothing_tested(study, base, seed, told)
     rows = rows_of(trials, units, response)

@@ -25,6 +25,14 @@ class _Document(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
 
 
+class TrialsLeftOut(_Document):
+    """One kind of reason for which trials are not used."""
+
+    reason: str
+    """Of the first trial that has it; others of its kind differ in figures."""
+    trials: int
+
+
 class StudyFacts(_Document):
     """The study, and how much of it is used."""
 
@@ -33,6 +41,8 @@ class StudyFacts(_Document):
     participants: int
     trials: int
     trials_used: int
+    left_out: tuple[TrialsLeftOut, ...] = ()
+    """All reasons, the most frequent first; a trial that has several counts for each."""
 
 
 class ParticipantValue(_Document):
@@ -60,6 +70,17 @@ class Alternative(_Document):
     similarity: Annotated[FiniteFloat, Field(ge=-1.0, le=1.0)]
     """Cosine between the two signatures, own gain and cutoff taken out."""
     separating_experiment: str
+
+
+class RivalCost(_Document):
+    """Another cause in the place of a named one, to first order."""
+
+    id: str
+    nats_per_unit: FiniteFloat
+    """What it predicts better than the model without either; mean over held-out units."""
+    cost: FiniteFloat
+    """By how much the named cause predicts better than it, nats per unit."""
+    ci95: Interval
 
 
 class Gain(_Document):
@@ -102,6 +123,8 @@ class NamedCause(_Document):
     alternatives: tuple[Alternative, ...]
     next_experiment: str
     evidence: Evidence | None = None
+    rivals: tuple[RivalCost, ...] = ()
+    """What else would do best in its place, the cheapest first."""
 
 
 class CannotTell(_Document):
@@ -213,8 +236,11 @@ class ResidualBin(_Document):
     after_db: FiniteFloat
     after_deg: FiniteFloat
     error_db: FiniteFloat
-    """Standard error of the mean, the same before and after."""
+    """Standard error of the mean with the extended model."""
     error_deg: FiniteFloat
+    before_error_db: FiniteFloat | None = None
+    """The same with the base model; null where it was not written down."""
+    before_error_deg: FiniteFloat | None = None
 
 
 class LevelBin(_Document):

@@ -2,7 +2,9 @@
 
 After a blow the sensor reports decaying sinusoids. Their poles follow from the shift between
 the rows of the signal subspace (ESPRIT: Roy and Kailath 1989), which all blows share: Hankel
-matrices of all of them are taken together. Intervals come from leaving out one blow at a time.
+matrices of all of them are taken together. Intervals come from leaving out one blow at a time
+and from moving the band's ends: close resonances lean on what else the band holds. What changes
+from recording to recording no recording shows: `between_recordings` takes several.
 """
 
 from collections.abc import Iterator, Sequence
@@ -119,6 +121,10 @@ OVERSAMPLED: Final = 2.5
 MOST_DAMPED: Final = 0.3
 SAME: Final = 0.03
 """Relative distance within which a pole without one blow is the same resonance."""
+MOVED: Final = ((0.8, 1.0), (1.2, 1.0), (1.0, 0.8), (1.0, 1.2))
+"""Factors on the band's ends: what another analyst might as well have chosen."""
+HIGHEST: Final = 0.45
+"""End of a band, over the sample rate."""
 LEAST_DB: Final = -26.0
 """Of a peak over the highest: weaker ones depend on the band and on where a blow begins."""
 
@@ -136,14 +142,18 @@ class Resonance:
     frequency_hz : float
         Natural frequency.
     frequency_ci_hz : tuple of float
-        Low and high end.
+        Low and high end: of this recording, or of the mean of all recordings.
     damping_ratio : float
         Of critical damping.
     damping_ratio_ci : tuple of float
-        Low and high end.
+        Low and high end, of the same.
     level_db : float
         Height of its peak in the answer to a blow over that of the highest, the mean of all
         blows.
+    frequency_se_hz, damping_ratio_se : float
+        Standard errors of the two.
+    another_frequency_hz, another_damping_ratio : tuple of float or None
+        Within which one more recording's estimate lies, in 95 %; None of one recording alone.
     """
 
     frequency_hz: float
@@ -151,6 +161,10 @@ class Resonance:
     damping_ratio: float
     damping_ratio_ci: tuple[float, float]
     level_db: float
+    frequency_se_hz: float
+    damping_ratio_se: float
+    another_frequency_hz: tuple[float, float] | None = None
+    another_damping_ratio: tuple[float, float] | None = None
 
 
 def estimate_ring_down(
@@ -159,8 +173,9 @@ def estimate_ring_down(
     """Return the resonances within a band, by rising frequency, down to -26 dB.
 
     Only those that stay whichever blow is left out, with a damping that is above zero. Close
-    ones are told apart where their decays are long enough for it. The intervals are those of
-    the blows: what another band or place of the hammer would change is not in them.
+    ones are told apart where their decays are long enough for it. The intervals hold within
+    this recording: over its blows, and over bands whose ends lie a fifth off. What another day,
+    place of the hammer or mounting would change is not in them.
 
     Parameters
     ----------
@@ -178,32 +193,67 @@ def estimate_ring_down(
         rings.
     """
     low, high = band_hz
-    if not 0.0 < low < high <= 0.45 * rate_hz:
+    if not 0.0 < low < high <= HIGHEST * rate_hz:
         raise RingDownError(
             f"the band is {low:g} to {high:g} Hz; accepted: rising, from above 0 to "
-            f"{0.45 * rate_hz:g} Hz (0.45 of the sample rate)"
+            f"{HIGHEST * rate_hz:g} Hz ({HIGHEST:g} of the sample rate)"
         )
     if not np.isfinite(samples).all():
         raise RingDownError("samples are missing or infinite; cut them out")
-    reduced, rate_hz = _reduced(samples, rate_hz, band_hz)
-    blows, noise = _blows(reduced, rate_hz, low)
-    if len(blows) < LEAST_BLOWS:
+    seen = _in_band(samples, rate_hz, band_hz)
+    count = len(seen.blows)
+    if count < LEAST_BLOWS:
         raise RingDownError(
-            f"{len(blows)} blows are found; accepted: {LEAST_BLOWS} at least, each "
+            f"{count} blows are found; accepted: {LEAST_BLOWS} at least, each "
             f"{ABOVE_NOISE:g} times as strong as the noise and {APART_S:g} s from the next"
         )
-    grams = np.stack([_gram(blow) for blow in blows])
-    floor = sum(
-        NOISE_DIRECTION * noise**2 * blow.size / np.square(blow).sum() for blow in blows
-    )
-    poles = _poles(grams.sum(axis=0), floor, rate_hz, band_hz)
-    without = [_poles(grams.sum(axis=0) - gram, floor, rate_hz, band_hz) for gram in grams]
-    found = list(_resonances(poles, without, blows, rate_hz))
+    without = [seen.poles(left_out=place) for place in range(count)]
+    found = list(_resonances(seen, without, list(_elsewhere(samples, rate_hz, band_hz))))
     if not found:
-        raise RingDownError(f"nothing rings from {low:g} to {high:g} Hz in {len(blows)} blows")
+        raise RingDownError(f"nothing rings from {low:g} to {high:g} Hz in {count} blows")
     highest = max(each.level_db for each in found)
     levelled = [replace(each, level_db=each.level_db - highest) for each in found]
     return [each for each in levelled if each.level_db >= LEAST_DB]
+
+
+NONE: Final = np.empty(0)
+
+
+@dataclass(frozen=True, slots=True)
+class _InBand:
+    """What follows the blows, in one band at a reduced rate."""
+
+    band_hz: tuple[float, float]
+    rate_hz: float
+    blows: list[FloatArray]
+    grams: list[FloatArray]
+    floor: float
+
+    def poles(self, left_out: int | None = None) -> ComplexArray:
+        """Return the poles of all blows, or of all but one."""
+        gram = np.sum([one for k, one in enumerate(self.grams) if k != left_out], axis=0)
+        return _poles(gram, self.floor, self.rate_hz, self.band_hz)
+
+
+def _in_band(samples: FloatArray, rate_hz: float, band_hz: tuple[float, float]) -> _InBand:
+    reduced, rate_hz = _reduced(samples, rate_hz, band_hz)
+    blows, noise = _blows(reduced, rate_hz, band_hz[0])
+    floor = sum(
+        NOISE_DIRECTION * noise**2 * blow.size / np.square(blow).sum() for blow in blows
+    )
+    return _InBand(band_hz, rate_hz, blows, [_gram(blow) for blow in blows], float(floor))
+
+
+def _elsewhere(
+    samples: FloatArray, rate_hz: float, band_hz: tuple[float, float]
+) -> Iterator[ComplexArray]:
+    """Yield the poles in bands whose ends lie elsewhere."""
+    for lower, upper in MOVED:
+        low, high = lower * band_hz[0], min(upper * band_hz[1], HIGHEST * rate_hz)
+        if low < high:
+            seen = _in_band(samples, rate_hz, (low, high))
+            if len(seen.blows) >= LEAST_BLOWS:
+                yield seen.poles()
 
 
 def _reduced(
@@ -264,31 +314,50 @@ def _poles(
 
 
 def _resonances(
-    poles: ComplexArray,
-    without: Sequence[ComplexArray],
-    blows: Sequence[FloatArray],
-    rate_hz: float,
+    seen: _InBand, without: Sequence[ComplexArray], elsewhere: Sequence[ComplexArray]
 ) -> Iterator[Resonance]:
     """Yield those that stay whichever blow is left out; levels not yet over the highest."""
-    levels = _levels(poles, blows, rate_hz)
-    for pole, level_db in zip(poles, levels, strict=True):
-        again = [_closest(other, pole) for other in without]
-        same = [each for each in again if each is not None]
-        if len(same) < len(again):
+    poles = seen.poles()
+    for pole, level_db in zip(poles, _levels(poles, seen.blows, seen.rate_hz), strict=True):
+        again = _same(without, pole)
+        if len(again) < len(without):
             continue
-        others = np.array(same)
-        frequency_hz = float(abs(pole) / (2.0 * np.pi))
-        damping = float(-pole.real / abs(pole))
-        off_hz = _half_width(np.abs(others) / (2.0 * np.pi))
-        off = _half_width(-others.real / np.abs(others))
-        if off < damping:
-            yield Resonance(
-                frequency_hz,
-                (frequency_hz - off_hz, frequency_hz + off_hz),
-                damping,
-                (damping - off, damping + off),
-                float(level_db),
-            )
+        moved = _same(elsewhere, pole)
+        if not _uncertain(damping_ratio(pole), damping_ratio(again))[0] < damping_ratio(pole):
+            continue
+        hz, damping = float(natural_hz(pole)), float(damping_ratio(pole))
+        off_hz, error_hz = _uncertain(natural_hz(pole), natural_hz(again), natural_hz(moved))
+        # By its logarithm: damping is above zero, and so is its interval.
+        off, error = _uncertain(
+            np.log(damping), np.log(damping_ratio(again)), np.log(damping_ratio(moved))
+        )
+        yield Resonance(
+            hz,
+            (hz - off_hz, hz + off_hz),
+            damping,
+            (damping * float(np.exp(-off)), damping * float(np.exp(off))),
+            float(level_db),
+            error_hz,
+            damping * error,
+        )
+
+
+def natural_hz(poles: ComplexArray | complex) -> FloatArray:
+    """Return natural frequencies of poles in rad/s."""
+    found: FloatArray = np.abs(poles) / (2.0 * np.pi)
+    return found
+
+
+def damping_ratio(poles: ComplexArray | complex) -> FloatArray:
+    """Return damping ratios of poles."""
+    found: FloatArray = -np.asarray(poles).real / np.abs(poles)
+    return found
+
+
+def _same(sets: Sequence[ComplexArray], pole: complex) -> ComplexArray:
+    """Return the same resonance in other sets of poles, where it is."""
+    again = [_closest(other, pole) for other in sets]
+    return np.array([each for each in again if each is not None], dtype=np.complex128)
 
 
 def _closest(poles: ComplexArray, to: complex) -> complex | None:
@@ -298,13 +367,24 @@ def _closest(poles: ComplexArray, to: complex) -> complex | None:
     return best if abs(best - to) <= SAME * abs(to) else None
 
 
-def _half_width(without: FloatArray) -> float:
-    """Return half the width of the 95 % interval, from values without one blow each."""
+def _uncertain(
+    value: FloatArray | float, without: FloatArray, elsewhere: FloatArray = NONE
+) -> tuple[float, float]:
+    """Return half the 95 % interval and the standard error: of blows (jackknife) and of bands.
+
+    Degrees of freedom of their sum: Welch and Satterthwaite.
+    """
     from scipy import stats
 
     count = without.size
-    variance = (count - 1) / count * np.square(without - without.mean()).sum()
-    return float(stats.t.ppf(0.975, count - 1) * np.sqrt(variance))
+    of_blows = (count - 1) / count * float(np.square(without - without.mean()).sum())
+    of_bands = float(np.mean(np.square(elsewhere - value))) if elsewhere.size else 0.0
+    variance = of_blows + of_bands
+    if variance == 0.0:
+        return 0.0, 0.0
+    freedom = variance**2 / (of_blows**2 / (count - 1) + of_bands**2 / max(elsewhere.size, 1))
+    error = float(np.sqrt(variance))
+    return float(stats.t.ppf(0.975, freedom)) * error, error
 
 
 def _levels(poles: ComplexArray, blows: Sequence[FloatArray], rate_hz: float) -> FloatArray:

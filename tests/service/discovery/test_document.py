@@ -47,7 +47,14 @@ def test_the_keys_are_those_of_the_format(rng: np.random.Generator) -> None:
     said: dict[str, Any] = json.loads(everything(rng).to_json())
     assert said["schema"] == "discovery/1"
     assert said.keys() >= KEYS
-    assert said["study"].keys() == {"path", "sha256", "participants", "trials", "trials_used"}
+    assert said["study"].keys() == {
+        "path",
+        "sha256",
+        "participants",
+        "trials",
+        "trials_used",
+        "left_out",
+    }
     assert said["base_model"]["schema"] == said["extended_model"]["schema"] == "model/1"
     (cause,) = said["causes"]
     assert cause.keys() >= CAUSE_KEYS

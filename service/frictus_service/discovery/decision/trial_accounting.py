@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from frictus_service.discovery.document import TrialsLeftOut
 from frictus_service.discovery.evidence.evidence_rows import TrialEvidence
 from frictus_service.discovery.evidence.observation_table import (
     LEAST_TRIALS,
@@ -15,11 +16,12 @@ from frictus_service.discovery.evidence.observation_table import (
     telling_of,
 )
 from frictus_service.identification.observation.observe import NO_SKIN
-from frictus_service.identification.observation.reasons import list_reasons
+from frictus_service.identification.observation.reasons import count_reasons, list_reasons
 
 NOT_PLACED: Final = "there is no steady sweep of which speed, force and position are known"
 NO_DRIVE: Final = "there is no drive, from which friction could follow"
 SKIN_MISSING: Final = re.compile(r"of (accel_m_s2|skin_velocity_m_s) are missing$")
+FEW: Final = "its participant has too few trials that say anything of the response"
 NO_ROWS: Final = "no response could be measured where speed, force and position are known"
 
 
@@ -55,6 +57,35 @@ def _left_out(evidence: Sequence[TrialEvidence], usable: Sequence[TrialEvidence]
         return []
     told = list_reasons(one.observed.reasons or (NOT_PLACED,) for one in missing)
     return [f"{len(missing)} of {len(evidence)} trials are not used: {told}."]
+
+
+def trials_left_out(
+    evidence: Sequence[TrialEvidence],
+    usable: Sequence[TrialEvidence],
+    compared: Sequence[TrialEvidence],
+    response: ResponseName,
+) -> tuple[TrialsLeftOut, ...]:
+    """Return all reasons for which trials are not compared, the most frequent first.
+
+    Parameters
+    ----------
+    evidence, usable, compared, response
+        As for `account_for`.
+    """
+    may, kept = {id(one) for one in usable}, {id(one) for one in compared}
+    telling = {one.observed.info.participant for one in compared}
+    reasons: list[Sequence[str]] = []
+    for one in evidence:
+        if id(one) in kept:
+            continue
+        if id(one) not in may:
+            reasons.append(one.observed.reasons or (NOT_PLACED,))
+        elif one.observed.info.participant in telling or not telling_of([one], response):
+            reasons.append(why_silent(one, response))
+        else:
+            reasons.append((FEW,))
+    counted = count_reasons(reasons)
+    return tuple(TrialsLeftOut(reason=one.example, trials=one.trials) for one in counted)
 
 
 def _silent(usable: Sequence[TrialEvidence], response: ResponseName) -> list[str]:

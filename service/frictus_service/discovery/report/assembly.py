@@ -19,6 +19,7 @@ from frictus_service.discovery.decision.prediction_gain import (
     gain_of,
     unseen,
 )
+from frictus_service.discovery.decision.rival_costs import rival_costs
 from frictus_service.discovery.document import (
     Alternative,
     CannotTell,
@@ -184,6 +185,9 @@ class Assembly:
             ),
             next_experiment=cause.next_experiment,
             evidence=self._evidence(),
+            rivals=rival_costs(
+                self._found.extended.units, self._problem.candidates, each.candidate, others
+            ),
         )
 
     def _others(self, near: Sequence[tuple[int, float]]) -> ItemsView[str, float]:

@@ -94,6 +94,8 @@ def _bin(covariate: Covariate, level: float, tone_hz: float, found: FloatArray) 
         before_deg=DEGREES * mean[1],
         after_db=DB * mean[2],
         after_deg=DEGREES * mean[3],
+        before_error_db=DB * error[0],
+        before_error_deg=DEGREES * error[1],
         error_db=DB * error[2],
         error_deg=DEGREES * error[3],
     )

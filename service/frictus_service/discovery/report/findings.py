@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from itertools import groupby
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
@@ -11,7 +10,6 @@ from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 from frictus_service.discovery.catalogue.cause import NO_UNIT, title
 from frictus_service.discovery.document import (
     COVARIATES,
-    Covariate,
     Discovery,
     Gain,
     LevelBin,
@@ -19,10 +17,10 @@ from frictus_service.discovery.document import (
     OneRecording,
     ParameterEstimate,
     RankedModel,
-    ResidualBin,
+    RivalCost,
     Unexplained,
 )
-from frictus_service.identification.report.html import FIT, GRID, ordered
+from frictus_service.identification.report.html import FIT, GRID
 
 
 def verdict_sentence(found: Discovery) -> str:
@@ -87,12 +85,29 @@ def place_of(one: Unexplained) -> str:
 
 def gain_sentence(gain: Gain) -> str:
     """Return by how much data are predicted better that were not used to fit."""
-    span = "" if gain.ci95 is None else f" [{gain.ci95[0]:.3g}, {gain.ci95[1]:.3g}]"
     (db, less_db), (deg, less_deg) = gain.residual_db, gain.residual_deg
     return (
-        f"Log-likelihood of held-out data {gain.heldout_loglik:+.3g}{span} nats; what is left "
-        f"there: {db:.2g} dB and {deg:.2g}° before, {less_db:.2g} dB and {less_deg:.2g}° after."
+        f"Of held-out data it takes away {_less(gain.residual_db)} of the mean square that the "
+        f"base model leaves in size ({db:.2g} to {less_db:.2g} dB RMS) and "
+        f"{_less(gain.residual_deg)} in phase ({deg:.2g} to {less_deg:.2g}°), noise included."
     )
+
+
+NEGLIGIBLE = 1e-3
+"""Share of a mean square that is told as nothing."""
+
+
+def _less(rms: tuple[float, float]) -> str:
+    before, after = rms
+    share = 1.0 - (after / before) ** 2 if before > 0.0 else 0.0
+    return "nothing" if abs(share) < NEGLIGIBLE else f"{100.0 * share:.3g} %"
+
+
+def kept_share(rival: RivalCost) -> str:
+    """Return the share of a named cause's gain that a rival in its place keeps."""
+    whole = rival.nats_per_unit + rival.cost
+    share = rival.nats_per_unit / whole if whole > 0.0 else 0.0
+    return "nothing" if share < NEGLIGIBLE else f"{100.0 * share:.2g} %"
 
 
 def shown(estimate: ParameterEstimate) -> str:
@@ -134,7 +149,7 @@ def parameters(found: Discovery) -> Figure | None:
     """Draw the parameters of all named causes; None where none is named.
 
     Grey: participants, estimated alone, with 95 % bars. Red: across participants with the 95 %
-    interval. The line at zero is the base model.
+    interval. The line at zero is the base model. Beside it the interval on an axis of its own.
 
     Parameters
     ----------
@@ -150,12 +165,32 @@ def parameters(found: Discovery) -> Figure | None:
         return None
     rows = [1 + len(estimate.per_participant) for _, estimate in panels]
     figure = Figure(figsize=(9.5, sum(ROW_IN * n + 0.75 for n in rows)), layout="constrained")
-    drawn = figure.subplots(len(panels), 1, squeeze=False, height_ratios=[n + 1 for n in rows])
-    for axes, (name, estimate) in zip(drawn[:, 0], panels, strict=True):
+    drawn = figure.subplots(
+        len(panels), 2, squeeze=False, height_ratios=[n + 1 for n in rows], width_ratios=(3, 2)
+    )
+    for (axes, near), (name, estimate) in zip(drawn, panels, strict=True):
         _forest(axes, estimate)
+        axes.axvline(0.0, color="k", lw=0.8, ls="--")
         axes.set_title(name, loc="left", fontsize="medium")
-        axes.set_xlabel("share or exponent" if estimate.unit == NO_UNIT else estimate.unit)
+        _zoomed(near, estimate)
+        for each in (axes, near):
+            each.set_xlabel("share or exponent" if estimate.unit == NO_UNIT else estimate.unit)
     return figure
+
+
+def _zoomed(axes: Axes, estimate: ParameterEstimate) -> None:
+    """Draw the interval alone, on an axis that it fills to a third."""
+    if estimate.ci95 is None:
+        axes.set_axis_off()
+        return
+    low, high = estimate.ci95
+    _forest(axes, estimate)
+    if high > low:
+        axes.set_xlim(low - (high - low), high + (high - low))
+    axes.set_title(f"zoomed: [{low:.4g}, {high:.4g}]", loc="left", fontsize="medium")
+    axes.set_yticklabels([])
+    axes.axvspan(low, high, color=FIT, alpha=0.12, lw=0.0)
+    axes.locator_params(axis="x", nbins=5)
 
 
 def _name(cause: NamedCause, parameter: str) -> str:
@@ -173,7 +208,6 @@ def _forest(axes: Axes, estimate: ParameterEstimate) -> None:
     axes.plot(estimate.value, last, "D", ms=6, color=FIT)
     if estimate.ci95 is not None:
         axes.plot(estimate.ci95, (last, last), color=FIT, lw=2.5)
-    axes.axvline(0.0, color="k", lw=0.8, ls="--")
     axes.set_yticks(range(last + 1), [*(one.participant for one in people), "all"])
     axes.set_ylim(last + 0.6, -0.6)
     axes.grid(axis="x", **GRID)
@@ -265,100 +299,3 @@ def levels(found: Discovery) -> Figure | None:
 def _panel_of(one: LevelBin) -> tuple[int, int, float]:
     order: tuple[Sequence[str], Sequence[str]] = (list(CHANNELS), list(COVARIATES))
     return order[0].index(one.channel), order[1].index(one.covariate), one.level
-
-
-PARTS = (("size, dB", "db"), ("phase, °", "deg"))
-STAGES = (("before", "base model"), ("after", "extended model"))
-
-
-def by_relevance(found: Discovery) -> list[Covariate]:
-    """Return the covariates that can be drawn, first the one whose picture changes most.
-
-    Parameters
-    ----------
-    found : Discovery
-        The document of a discovery.
-    """
-    drawn: list[Covariate] = [
-        name for name in COVARIATES if any(one.covariate == name for one in found.residuals)
-    ]
-    return sorted(drawn, key=lambda name: -_spread(found.residuals, name))
-
-
-def residual_bode(found: Discovery, covariate: Covariate) -> Figure:
-    """Draw the residual Bode plot by a covariate: size over phase, before beside after.
-
-    A model that is right leaves all levels on the line at zero, within their bars of one
-    standard error.
-
-    Parameters
-    ----------
-    found : Discovery
-        With residuals over `covariate`.
-    covariate : str
-        What it follows.
-    """
-    bins = [one for one in found.residuals if one.covariate == covariate]
-    levels = sorted({one.level for one in bins})
-    figure = Figure(figsize=(9.5, 4.8), layout="constrained")
-    panels = figure.subplots(2, 2, sharex=True, sharey="row")
-    for row, (label, part) in zip(panels, PARTS, strict=True):
-        row[0].set_ylabel(label)
-        for axes, (stage, _) in zip(row, STAGES, strict=True):
-            for level, colour in zip(levels, ordered(len(levels)), strict=True):
-                _line(axes, [b for b in bins if b.level == level], stage, part, colour)
-            _dress(axes)
-    for axes, (_, model) in zip(panels[0], STAGES, strict=True):
-        axes.set_title(model, loc="left")
-    for axes in panels[1]:
-        axes.set_xlabel("frequency, Hz")
-    lines, _ = panels[0, 0].get_legend_handles_labels()
-    figure.legend(
-        lines,
-        [f"{level:.4g}" for level in levels],
-        title=f"{covariate}, {COVARIATES[covariate]}",
-        loc="outside right upper",
-        frameon=False,
-        fontsize="small",
-    )
-    return figure
-
-
-def _line(
-    axes: Axes,
-    bins: Sequence[ResidualBin],
-    stage: str,
-    part: str,
-    colour: tuple[float, float, float, float],
-) -> None:
-    tones = sorted(bins, key=lambda one: one.tone_hz)
-    axes.errorbar(
-        [one.tone_hz for one in tones],
-        [getattr(one, f"{stage}_{part}") for one in tones],
-        [getattr(one, f"error_{part}") for one in tones],
-        fmt="o-",
-        ms=3.5,
-        lw=1.0,
-        color=colour,
-        label="level",
-    )
-
-
-def _dress(axes: Axes) -> None:
-    axes.axhline(0.0, color="k", lw=0.8)
-    axes.set_xscale("log")
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axes.xaxis.set_minor_locator(NullLocator())
-    axes.grid(**GRID)
-
-
-def _spread(bins: Sequence[ResidualBin], covariate: Covariate) -> float:
-    """Return how far the base model is off over a covariate, in standard errors (RMS)."""
-    own = [one for one in bins if one.covariate == covariate]
-    values = np.array([(one.before_db, one.before_deg) for one in own])
-    errors = np.array([(one.error_db, one.error_deg) for one in own])
-    known = errors > 0.0
-    if not known.any():
-        return float(np.sqrt(np.mean(values**2)))
-    return float(np.sqrt(np.mean((values[known] / errors[known]) ** 2)))

@@ -13,18 +13,20 @@ from frictus_service.discovery.catalogue.causes import CAUSES
 from frictus_service.discovery.document import Discovery
 from frictus_service.discovery.report.discrepancy import discrepancy_figure
 from frictus_service.discovery.report.findings import (
-    by_relevance,
     folds_sentence,
     gain_sentence,
+    kept_share,
     levels,
     model_named,
     parameters,
     place_of,
     places,
-    residual_bode,
     shown,
     verdict_sentence,
 )
+from frictus_service.discovery.report.methods import SOURCES, bibtex, methods_paragraph
+from frictus_service.discovery.report.remaining import remaining
+from frictus_service.discovery.report.residuals import by_relevance, residual_bode
 from frictus_service.durable import replace_file
 from frictus_service.identification.report.html import fill, number, picture
 
@@ -100,6 +102,7 @@ def render(found: Discovery) -> str:
             "model": model_in_words,
             "named": model_named,
             "folds": folds_sentence,
+            "kept": kept_share,
         },
         found=found,
         verdict=verdict_sentence(found),
@@ -109,6 +112,10 @@ def render(found: Discovery) -> str:
         places=_maybe(places(found)),
         discrepancy=_maybe(discrepancy_figure(found.discrepancy)),
         left=[(place_of(one), one.p_value) for one in found.unexplained],
+        remaining=remaining(found),
+        methods=methods_paragraph(found),
+        sources=SOURCES,
+        bibtex=bibtex(),
         levels=_maybe(levels(found)),
         compared="participants" if _of_people(found) else "blocks of trials",
         literature={

@@ -13,17 +13,19 @@ from tests.service.discovery.found import cause, discovery, left, pair
 from frictus_service.cli.discover import NOT_PRINTED, show, summary
 from frictus_service.discovery.catalogue.cause import title
 from frictus_service.discovery.catalogue.causes import CAUSES
-from frictus_service.discovery.document import Discovery, ResidualBin
+from frictus_service.discovery.document import Discovery, ResidualBin, RivalCost, TrialsLeftOut
 from frictus_service.discovery.report.findings import (
-    by_relevance,
     gain_sentence,
+    kept_share,
     parameters,
     place_of,
     places,
-    residual_bode,
     verdict_sentence,
 )
+from frictus_service.discovery.report.methods import SOURCES, bibtex, methods_paragraph
 from frictus_service.discovery.report.page import render
+from frictus_service.discovery.report.remaining import remaining
+from frictus_service.discovery.report.residuals import by_relevance, residual_bode
 
 
 class Page(HTMLParser):
@@ -91,8 +93,9 @@ def test_everything_is_in_one_file(rng: np.random.Generator) -> None:
     page = Page(render(found))
     assert not page.open
     assert "script" not in page.tags
-    assert all(source.startswith("data:image/png;base64,") for source in page.sources)
-    assert len(page.sources) == 4
+    pictures = [source for source in page.sources if not source.startswith("https://doi.org/")]
+    assert all(source.startswith("data:image/png;base64,") for source in pictures)
+    assert len(pictures) == 4
     text = re.sub(r"\s+", " ", page.text)
     assert text.index(verdict_sentence(found)) < text.index("Causes")
     (named,) = found.causes
@@ -156,7 +159,9 @@ def test_the_figures_show_what_is_told(rng: np.random.Generator) -> None:
     assert spread[0] > 3.0 > spread[1]
     forest = parameters(found)
     assert forest is not None
-    (axes,) = forest.axes
+    axes, near = forest.axes
+    low, high = found.causes[0].parameters["slope_hz_per_mm_s"].ci95 or (0.0, 0.0)
+    assert near.get_xlim() == pytest.approx((2 * low - high, 2 * high - low))
     labels = [label.get_text() for label in axes.get_yticklabels()]
     assert labels == [*(f"P{i:02}" for i in range(1, 9)), "all"]
     where = places(found)
@@ -184,6 +189,95 @@ def test_the_covariate_that_matters_comes_first(rng: np.random.Generator) -> Non
     ]
     both = found.model_copy(update={"residuals": (*flat, *found.residuals)})
     assert by_relevance(both) == ["speed", "force"]
+
+
+def test_an_offset_that_all_levels_share_does_not_rank_a_covariate(
+    rng: np.random.Generator,
+) -> None:
+    found = discovery(rng)
+    (one, *_) = found.residuals
+    offset = [
+        one.model_copy(
+            update={"covariate": "force", "level": force, "tone_hz": tone_hz, "before_db": 30.0}
+        )
+        for force in (0.2, 0.4)
+        for tone_hz in (90.0, 270.0)
+    ]
+    both = found.model_copy(update={"residuals": (*offset, *found.residuals)})
+    assert by_relevance(both) == ["speed", "force"]
+
+
+def test_each_model_has_its_own_error_bars(rng: np.random.Generator) -> None:
+    found = discovery(rng)
+    wide = tuple(
+        one.model_copy(update={"before_error_db": 3.0, "before_error_deg": 5.0})
+        for one in found.residuals
+    )
+    figure = residual_bode(found.model_copy(update={"residuals": wide}), "speed")
+    for axes, half in zip(figure.axes, (3.0, 0.1, 5.0, 0.6), strict=True):
+        (bars,) = axes.containers[0].lines[2]  # type: ignore[attr-defined]
+        lengths = [np.ptp(segment[:, 1]) for segment in bars.get_segments()]
+        assert lengths == pytest.approx([2.0 * half] * len(lengths))
+
+
+def test_what_is_left_is_said_where_everything_is_explained(rng: np.random.Generator) -> None:
+    found = discovery(rng)
+    told = remaining(found)
+    assert told is not None
+    covariate, rows = told
+    assert covariate == "speed"
+    assert [one.tone_hz for one in rows] == sorted({one.tone_hz for one in found.residuals})
+    assert max(one.before_db for one in rows) > 1.0 > max(one.after_db for one in rows)
+    assert not any(one.beyond for one in rows)
+    (first, *others) = found.residuals
+    off = first.model_copy(update={"after_db": -9.0})
+    _, rows = remaining(found.model_copy(update={"residuals": (off, *others)})) or ("", [])
+    assert [one.tone_hz for one in rows if one.beyond] == [first.tone_hz]
+    assert "(-9 dB)" in rows[0].largest
+    assert remaining(empty(rng)) is None
+
+
+def test_reasons_and_methods_are_told_whole(rng: np.random.Generator) -> None:
+    found = discovery(rng)
+    reasons = tuple(TrialsLeftOut(reason=f"reason {k}", trials=14 - k) for k in range(12))
+    study = found.study.model_copy(update={"left_out": reasons})
+    text = Page(render(found.model_copy(update={"study": study}))).text
+    assert all(each.reason in text for each in reasons)
+    methods = methods_paragraph(found)
+    assert methods is not None
+    for number in (
+        "467 of 480 trials",
+        "8 participants",
+        "13 were left out",
+        found.study.sha256,
+        str(found.seed),
+        f"of {len(found.tests)} in",
+    ):
+        assert number in methods
+    assert methods in text
+    assert bibtex().count("@article{") == len(SOURCES)
+    assert bibtex().count("{") == bibtex().count("}")
+    assert methods_paragraph(empty(rng)) is None
+
+
+def test_gain_is_told_as_a_share(rng: np.random.Generator) -> None:
+    found = discovery(rng)
+    assert found.gain is not None
+    assert "91.3 % of the mean square" in gain_sentence(found.gain)  # 1 - (0.71 / 2.41)²
+    assert "nats" not in gain_sentence(found.gain)
+    worse = found.gain.model_copy(update={"residual_deg": (0.9, 0.9001)})
+    assert "and nothing in phase" in gain_sentence(worse)
+
+
+def test_rivals_are_told_by_what_they_keep(rng: np.random.Generator) -> None:
+    rivals = (
+        RivalCost(id="cutoff_drift", nats_per_unit=30.0, cost=10.0, ci95=(-2.0, 22.0)),
+        RivalCost(id="channel_delay", nats_per_unit=-1.0, cost=41.0, ci95=(30.0, 52.0)),
+    )
+    text = Page(render(discovery(rng, causes=(cause(rng, rivals=rivals),)))).text
+    assert [kept_share(one) for one in rivals] == ["75 %", "nothing"]
+    assert "75 %" in text
+    assert text.count("no: the interval of its cost holds zero") == 1
 
 
 def test_the_terminal_tells_the_same(rng: np.random.Generator) -> None:
