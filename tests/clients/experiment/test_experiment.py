@@ -184,7 +184,8 @@ def test_a_slow_reply_does_not_shorten_an_interval(
     fake: Any, client: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fade_s: float
 ) -> None:
     held_by(fake, "tester")
-    begins, ends = [], []
+    begins: list[float] = []
+    ends: list[float] = []
     rendered = Rig.set_scene
 
     def slow(rig: Rig, scene: Any, *more: Any, **options: Any) -> Any:
