@@ -185,6 +185,7 @@ def _body(message: str, utc_ns: int, rng: random.Random) -> Tree:
             "span_mm": [10.0, 60.0],
         },
         "RecordingState": {"recording": True, "name": "forged", "seconds": 1.0},
+        "MarkerState": {"source": "drawn", "text": "stimulus/1"},
         "RigStatus": {
             "site": FORGED_SITE,
             "rig": "rig1",
