@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 FIRST_START = """
 from numba.core import event
 from frictus_service.daemon.preparation import warm_up
@@ -22,6 +24,7 @@ with event.install_listener("numba:compile", Listed()):
 """
 
 
+@pytest.mark.timeout(300)
 def test_a_first_start_compiles_the_rig_and_no_texts(tmp_path: Path) -> None:
     # An expression of whole arrays that might not fit each other brings in Numba's strings,
     # for a message that is never made: twenty seconds of compiling for one of ten.
