@@ -74,8 +74,8 @@ def coverage(lines: list[Line]) -> str:
         " Where more hold: even the filters that allow for least allow for strokes that differ "
         "by 1 % and for a little drift, and the people of this table do neither. The cutoff at "
         "100 mm/s is estimated 0.3 % too low: responses are known within 0.15 % "
-        "(`RESPONSE_WITHIN`). The gain's become too wide by the filters that are far behind and "
-        "still count (`FURTHEST_BEHIND`). What the rig renders by is a predicted speed"
+        "(`RESPONSE_WITHIN`). The gain's become too wide by the filters that are far behind "
+        "and still count (`FURTHEST_BEHIND`). What the rig renders by is a predicted speed"
         f"{_speed_error(lines)}; the tracker takes the one that touch reports tell afterwards.",
     )
 
