@@ -12,7 +12,7 @@ from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.errors import EstimateError
 from frictus_service.synthesis.compensability import placeholder_model
-from frictus_service.tracking.law_estimate import LawEstimate
+from frictus_service.tracking.law_estimate import HIGHEST_HZ, RESPONSE_WITHIN, LawEstimate
 from frictus_service.tracking.policy import (
     KNOWN_WITHIN,
     WATCHED_WINDOWS,
@@ -77,7 +77,9 @@ def test_what_is_not_known_well_holds_it_back() -> None:
 def test_only_the_speeds_that_were_explored_count() -> None:
     filters = known(IN_FORCE + TWICE, np.diag([1e-4, 1.0, 1e-4, 1e-12]))
     one_end = replace(estimate(TWICE), filters=filters)
-    assert loosest_half_width(one_end, (20.0, 20.0)) == pytest.approx(0.0196, rel=0.02)
+    least = RESPONSE_WITHIN * np.hypot(np.exp((IN_FORCE + TWICE)[0]) / HIGHEST_HZ, 1.0)
+    expected = 1.96 * np.hypot(0.01, least)
+    assert loosest_half_width(one_end, (20.0, 20.0)) == pytest.approx(expected, rel=1e-3)
     assert loosest_half_width(one_end, (20.0, 100.0)) == pytest.approx(1.96, rel=1e-3)
 
 
