@@ -225,8 +225,9 @@ def test_one_at_a_time_and_cancelled(lab: Lab, open_page: OpenPage) -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL for others")
 def test_rejections_are_told_over_a_death_of_the_service(lab: Lab, open_page: OpenPage) -> None:
-    # Without an approach the finger still speeds up while it is recorded.
+    # Without an approach the finger still presses as it did for the trial before.
     hasty = {
+        "Forces, N": "0.2, 1.0",
         "Approach, s": "0",
         "Recorded, s": "0.5",
         "Most repeats of a rejected trial": "100",

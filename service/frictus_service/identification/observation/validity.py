@@ -22,6 +22,8 @@ from frictus_hardware.arrays import BoolArray, FloatArray
 from frictus_service.identification.observation.response import drive_fraction
 from frictus_service.identification.observation.sweeps import (
     GAP_S,
+    LEAST_SWEEP_S,
+    LEAST_TRAVEL_MM,
     Sweep,
     TouchMotion,
     rest_mm_s,
@@ -242,7 +244,9 @@ def _speed(
     if not sweeps:
         reported = np.isfinite(trial.position_mm).all(axis=1).sum()
         yield (
-            f"there is no steady sweep along the screen in {reported} reports of the position"
+            f"there is no steady sweep along the screen in {reported} reports of the position; "
+            f"accepted: at least {LEAST_SWEEP_S:g} s and {LEAST_TRAVEL_MM:g} mm one way at a steady "
+            "speed"
         )
         return
     target = trial.info.speed_mm_s
