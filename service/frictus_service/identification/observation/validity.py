@@ -245,8 +245,8 @@ def _speed(
         reported = np.isfinite(trial.position_mm).all(axis=1).sum()
         yield (
             f"there is no steady sweep along the screen in {reported} reports of the position; "
-            f"accepted: at least {LEAST_SWEEP_S:g} s and {LEAST_TRAVEL_MM:g} mm one way at a steady "
-            "speed"
+            f"accepted: at least {LEAST_SWEEP_S:g} s and {LEAST_TRAVEL_MM:g} mm one way at a "
+            "steady speed"
         )
         return
     target = trial.info.speed_mm_s
