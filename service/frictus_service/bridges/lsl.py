@@ -19,7 +19,6 @@ from frictus.reception import Feed
 from frictus.rig import Rig
 from frictus.session import declare_publisher
 from frictus_service.bridges.lsl_clock import LslClock
-from frictus_service.bridges.lsl_inlet import MarkerInlet
 from frictus_service.bridges.lsl_outlets import (
     FINGER,
     FINGER_CHANNELS,
@@ -28,7 +27,7 @@ from frictus_service.bridges.lsl_outlets import (
     channels_of,
     described,
 )
-from frictus_service.bridges.markers import Marker, MarkerDetector
+from frictus_service.bridges.markers import Marker, MarkerDetector, MarkerInlet
 
 QUEUE: Final = 2_048
 """Messages of a topic held while this process is set aside: 10 s of 5 ms blocks."""

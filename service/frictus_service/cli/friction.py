@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from frictus_service.cli.options import wants_lines, write_line
 
 if TYPE_CHECKING:
-    from frictus_service.data_import.friction.interval import Interval
+    from frictus_service.data_import.friction.coefficient import Interval
     from frictus_service.data_import.friction.report import FrictionReport
     from frictus_service.data_import.friction.slides import Slide
 

@@ -11,8 +11,8 @@ from frictus_service.cli.options import AsJson, wants_lines, write_line
 if TYPE_CHECKING:
     from frictus_service.data_import.column_map import ColumnMap
     from frictus_service.data_import.formats.columns import Columns
+    from frictus_service.data_import.mapped_study import Imported
     from frictus_service.data_import.proposal import Proposal
-    from frictus_service.data_import.writing import Imported
 
 MAX_ANSWERS = 200
 MOST_SHOWN = 10
@@ -51,7 +51,7 @@ def import_recordings(
     units and magnitudes, confirmed by you, and saved beside FILE. An entry that is open is
     asked for, never guessed.
     """
-    from frictus_service.data_import.writing import import_recordings as write
+    from frictus_service.data_import.mapped_study import import_recordings as write
     from frictus_service.errors import StudyError
     from frictus_service.study.trial import read_mount
 

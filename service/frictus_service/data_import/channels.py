@@ -1,10 +1,149 @@
-"""The channels that a recording may have: what each measures, and how files name it."""
+"""The channels that a recording may have, and their units, as files and people write them."""
 
 import re
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
-from frictus_service.data_import.units import Dimension
+Dimension = Literal[
+    "force", "length", "speed", "acceleration", "voltage", "time", "frequency", "ratio",
+    "counts", "angle", "level",
+]  # fmt: skip
+
+STANDARD_GRAVITY_M_S2: Final = 9.80665
+POUND_N: Final = 4.4482216152605
+INCH_M: Final = 0.0254
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A unit.
+
+    Attributes
+    ----------
+    dimension : str
+        What it measures.
+    factor : float
+        To newton, mm, mm/s, m/s², volt, second, hertz, 1, count, radian or decibel.
+    """
+
+    dimension: Dimension
+    factor: float
+
+
+UNITS: Final[dict[str, Unit]] = {
+    "N": Unit("force", 1.0),
+    "mN": Unit("force", 1e-3),
+    "uN": Unit("force", 1e-6),
+    "kN": Unit("force", 1e3),
+    "gf": Unit("force", STANDARD_GRAVITY_M_S2 * 1e-3),
+    "kgf": Unit("force", STANDARD_GRAVITY_M_S2),
+    "lbf": Unit("force", POUND_N),
+    "mm": Unit("length", 1.0),
+    "cm": Unit("length", 10.0),
+    "m": Unit("length", 1e3),
+    "um": Unit("length", 1e-3),
+    "in": Unit("length", INCH_M * 1e3),
+    "mm/s": Unit("speed", 1.0),
+    "cm/s": Unit("speed", 10.0),
+    "m/s": Unit("speed", 1e3),
+    "um/s": Unit("speed", 1e-3),
+    "m/s2": Unit("acceleration", 1.0),
+    "mm/s2": Unit("acceleration", 1e-3),
+    "g": Unit("acceleration", STANDARD_GRAVITY_M_S2),
+    "mg": Unit("acceleration", STANDARD_GRAVITY_M_S2 * 1e-3),
+    "V": Unit("voltage", 1.0),
+    "mV": Unit("voltage", 1e-3),
+    "kV": Unit("voltage", 1e3),
+    "s": Unit("time", 1.0),
+    "ms": Unit("time", 1e-3),
+    "us": Unit("time", 1e-6),
+    "ns": Unit("time", 1e-9),
+    "min": Unit("time", 60.0),
+    "Hz": Unit("frequency", 1.0),
+    "kHz": Unit("frequency", 1e3),
+    "rad/s": Unit("frequency", 0.15915494309189535),
+    "1": Unit("ratio", 1.0),
+    "%": Unit("ratio", 0.01),
+    "counts": Unit("counts", 1.0),
+    "deg": Unit("angle", 0.017453292519943295),
+    "rad": Unit("angle", 1.0),
+    "dB": Unit("level", 1.0),
+}
+
+_SPELLINGS: Final = {
+    "newton": "N", "newtons": "N", "millinewton": "mN", "grams": "gf", "gram": "gf",
+    "lb": "lbf", "lbs": "lbf", "millimeter": "mm", "millimetre": "mm", "millimeters": "mm",
+    "meter": "m", "metre": "m", "meters": "m", "inch": "in", "inches": "in",
+    "mm/sec": "mm/s", "mmps": "mm/s", "m/sec": "m/s", "mm_s": "mm/s", "m_s": "m/s",
+    "m/s^2": "m/s2", "m/s/s": "m/s2", "m_s2": "m/s2", "m.s-2": "m/s2", "ms-2": "m/s2",
+    "g0": "g", "gee": "g", "volt": "V", "volts": "V", "sec": "s", "second": "s",
+    "seconds": "s", "msec": "ms", "usec": "us", "hertz": "Hz", "count": "counts",
+    "adc": "counts", "lsb": "counts", "raw": "counts", "degree": "deg", "degrees": "deg",
+    "db": "dB", "hz": "Hz", "khz": "kHz", "n": "N", "mn": "mN", "v": "V", "mv": "mV",
+    "full scale": "counts", "percent": "%",
+}  # fmt: skip
+
+
+def find_unit(text: str) -> str | None:
+    """Return a unit's name in `UNITS`, however it is spelled; None where it is unknown.
+
+    Parameters
+    ----------
+    text : str
+        As a file or a person writes it.
+    """
+    plain = text.strip().replace("µ", "u").replace("μ", "u").replace("²", "2").replace("·", ".")
+    if plain in UNITS:
+        return plain
+    return _SPELLINGS.get(plain.lower())
+
+
+def is_unit(text: str) -> bool:
+    """Return whether text is the name of a unit."""
+    return find_unit(text) is not None
+
+
+def units_of(dimension: Dimension) -> tuple[str, ...]:
+    """Return the names of all units that measure the same.
+
+    Parameters
+    ----------
+    dimension : str
+        As `Unit.dimension`.
+    """
+    return tuple(name for name, unit in UNITS.items() if unit.dimension == dimension)
+
+
+_BRACKETED: Final = re.compile(r"(.*?)\s*[\[(]([^\])]+)[\])]\s*")
+_SUFFIXED: Final = (
+    ("_m_s2", "m/s2"), ("_mm_s2", "mm/s2"), ("_mm_s", "mm/s"), ("_m_s", "m/s"),
+    ("_um_s", "um/s"),
+)  # fmt: skip
+
+
+def split_name(name: str) -> tuple[str, str]:
+    """Return the name of a column without its unit, and the unit, empty where it has none.
+
+    Parameters
+    ----------
+    name : str
+        As `Fx [mN]`, `Fx (N)`, `force_x_mN`, `force_mN:2` (a column of a matrix) or `Fx`.
+    """
+    matrix, colon, number = name.rpartition(":")
+    if colon and number.isdigit():
+        bare, unit = split_name(matrix)
+        return f"{bare}:{number}", unit
+    if (match := _BRACKETED.fullmatch(name)) and is_unit(match[2]):
+        return match[1], find_unit(match[2]) or ""
+    for suffix, unit in _SUFFIXED:
+        if name.lower().endswith(suffix) and len(name) > len(suffix):
+            return name[: -len(suffix)], unit
+    head, found, tail = name.rpartition("_")
+    if found and head and tail in UNITS:
+        return head, tail
+    if found and head and len(tail) > 1 and is_unit(tail):
+        return head, find_unit(tail) or ""
+    return name, ""
 
 
 @dataclass(frozen=True, slots=True)

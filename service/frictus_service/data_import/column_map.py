@@ -10,8 +10,7 @@ from typing import Annotated, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from frictus_service.data_import.channels import BY_NAME, DRIVES
-from frictus_service.data_import.units import UNITS, find_unit, units_of
+from frictus_service.data_import.channels import BY_NAME, DRIVES, UNITS, find_unit, units_of
 from frictus_service.durable import replace_file
 from frictus_service.errors import FieldError, StudyError
 

@@ -11,42 +11,25 @@ from typing import Any, Final
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
-from frictus_service.data_import.channels import BY_NAME, Channel, named_channel
-from frictus_service.data_import.column_map import ColumnMap, MappedColumn
-from frictus_service.data_import.formats.columns import Column, Columns, named_rate_hz
-from frictus_service.data_import.motion_signs import signed
-from frictus_service.data_import.units import (
+from frictus_service.data_import.channels import (
+    BY_NAME,
     STANDARD_GRAVITY_M_S2,
     UNITS,
+    Channel,
     find_unit,
+    named_channel,
     split_name,
     units_of,
 )
+from frictus_service.data_import.column_map import ColumnMap, MappedColumn
+from frictus_service.data_import.formats.columns import Column, Columns, named_rate_hz
+from frictus_service.data_import.motion import signed
 from frictus_service.study.plausible import OVER_PEAK
 
 RATES_HZ: Final = (10.0, 2e6)
 SECONDS: Final = (0.5, 1e5)
 GRAVITY_TOLERANCE: Final = 0.05
-USUAL: Final = (
-    "N",
-    "mN",
-    "gf",
-    "mm",
-    "m",
-    "um",
-    "mm/s",
-    "m/s",
-    "m/s2",
-    "g",
-    "V",
-    "mV",
-    "kV",
-    "s",
-    "ms",
-    "us",
-    "1",
-    "%",
-)
+USUAL: Final = tuple("N mN gf mm m um mm/s m/s m/s2 g V mV kV s ms us 1 %".split())
 """Units among which the size of a column decides; others have to be named."""
 PEAK_V: Final = float(ColumnMap.model_fields["screen_peak_v"].default)
 BEFORE_AMPLIFIER_V: Final = 12.0

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
-from frictus_service.data_import.channels import BY_NAME
+from frictus_service.data_import.channels import BY_NAME, UNITS, find_unit
 from frictus_service.data_import.column_map import ColumnMap, MappedColumn
 from frictus_service.data_import.formats.columns import Column, Columns, named_rate_hz
 from frictus_service.data_import.sampling import (
@@ -18,7 +18,6 @@ from frictus_service.data_import.sampling import (
     of_length,
     on_grid,
 )
-from frictus_service.data_import.units import UNITS, find_unit
 from frictus_service.errors import FieldError
 
 END_TOLERANCE: Final = 0.02

@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 
 from frictus_hardware.arrays import ComplexArray, FloatArray
+from frictus_service.data_import.channels import UNITS, find_unit, split_name
 from frictus_service.data_import.column_map import map_beside
 from frictus_service.data_import.formats.columns import Column, Columns
 from frictus_service.data_import.formats.read import read_columns
-from frictus_service.data_import.units import UNITS, find_unit, split_name
 from frictus_service.errors import FieldError, StudyError
 from frictus_service.study.importers import importers
 

@@ -10,9 +10,9 @@ from frictus_hardware.arrays import FloatArray
 from frictus_service.data_import.column_map import ColumnMap, parse_map
 from frictus_service.data_import.drive_tones import find_tones
 from frictus_service.data_import.formats.columns import Column, Columns
+from frictus_service.data_import.motion import conditions_of, find_strokes
 from frictus_service.data_import.proposal import propose
 from frictus_service.data_import.recording import apply_map
-from frictus_service.data_import.strokes import conditions_of, find_strokes
 from frictus_service.errors import FieldError
 from frictus_service.identification.observation.response import drive_fraction
 

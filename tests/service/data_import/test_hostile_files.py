@@ -14,7 +14,7 @@ from scipy.io import savemat
 from tests.service.data_import.conftest import WRITERS
 from tests.service.data_import.made import Swipes
 
-from frictus_service.data_import.formats import columns, matlab
+from frictus_service.data_import.formats import arrays, columns
 from frictus_service.data_import.formats.read import read_columns
 from frictus_service.errors import StudyError
 
@@ -70,7 +70,7 @@ def test_damage_is_a_sentence(
 def test_a_matlab_file_that_unfolds_without_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(matlab, "MAX_BYTES", 1 << 22)
+    monkeypatch.setattr(arrays, "MAX_BYTES", 1 << 22)
     path = tmp_path / "bomb.mat"
     savemat(path, {"fs": 1.0})
     header = path.read_bytes()[:128]

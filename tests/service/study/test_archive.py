@@ -14,8 +14,7 @@ from typer.testing import CliRunner
 
 from frictus_service.cli.app import app
 from frictus_service.errors import StudyError
-from frictus_service.study.archive import export_archive
-from frictus_service.study.nwb import COLUMNS
+from frictus_service.study.archive import COLUMNS, export_archive
 from frictus_service.study.reader import StudyReader
 from frictus_service.study.trial import Trial
 

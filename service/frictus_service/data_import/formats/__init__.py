@@ -1,1 +1,1 @@
-"""Files of other programs as columns of numbers; one module for each format."""
+"""Files of other programs as columns of numbers; a function for each format."""

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from frictus_service.data_import.formats import hdf5, matlab, parquet, tdms, text, wav
+from frictus_service.data_import.formats import arrays, signals, tables
 from frictus_service.data_import.formats.columns import Columns
 from frictus_service.errors import StudyError
 
@@ -13,11 +13,11 @@ ACCEPTED: Final = (
 )
 TEXT: Final = (".csv", ".tsv", ".txt", ".dat", ".asc")
 _SIGNATURES: Final[dict[bytes, Callable[[Path], Columns]]] = {
-    b"\x89HDF\r\n\x1a\n": hdf5.read,
-    b"RIFF": wav.read,
-    b"RF64": wav.read,
-    b"PAR1": parquet.read,
-    b"TDSm": tdms.read,
+    b"\x89HDF\r\n\x1a\n": arrays.read_hdf5,
+    b"RIFF": signals.read_wav,
+    b"RF64": signals.read_wav,
+    b"PAR1": tables.read_parquet,
+    b"TDSm": signals.read_tdms,
 }
 
 
@@ -56,9 +56,9 @@ def _reader(path: Path) -> Callable[[Path], Columns]:
         if head.startswith(signature):
             return reader
     if head.startswith(b"MATLAB 7.3") or head[512:].startswith(b"\x89HDF"):
-        return hdf5.read
+        return arrays.read_hdf5
     if head.startswith(b"MATLAB 5.0") or path.suffix.lower() == ".mat":
-        return matlab.read
+        return arrays.read_matlab
     if path.suffix.lower() in TEXT:
-        return text.read
+        return tables.read_text
     raise StudyError(f"{path} is of no known format; {ACCEPTED}")

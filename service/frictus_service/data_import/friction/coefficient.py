@@ -1,4 +1,6 @@
-"""Friction coefficient against speed and load: ``F_t = c · F_n^k · v^b``, one row per slide.
+"""Friction coefficient against speed and load, with intervals over slides.
+
+Friction coefficient against speed and load: ``F_t = c · F_n^k · v^b``, one row per slide.
 
 Fitted as logarithms. k below 1 is the contact of a soft finger, whose coefficient falls with
 load (k near 2/3 by Hertz and adhesion: Wolfram 1983; Adams et al. 2013,
@@ -12,8 +14,66 @@ from typing import Final
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
-from frictus_service.data_import.friction.interval import Interval, regression
 from frictus_service.data_import.friction.slides import Slide
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """A value.
+
+    Attributes
+    ----------
+    value : float
+        The estimate.
+    low, high : float
+        Ends of the 95 % interval.
+    """
+
+    value: float
+    low: float
+    high: float
+
+    def transformed(self, by: "np.ufunc") -> "Interval":
+        """Return the interval of a rising function of the value."""
+        return Interval(float(by(self.value)), float(by(self.low)), float(by(self.high)))
+
+
+def mean_of(values: FloatArray) -> Interval | None:
+    """Return the mean of values; None where fewer than three are there.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        NaN left out.
+    """
+    there = values[np.isfinite(values)]
+    found = regression(np.ones((there.size, 1)), there)
+    return None if found is None else found[0]
+
+
+def regression(columns: FloatArray, values: FloatArray) -> list[Interval] | None:
+    """Return the coefficients of least squares; None where the columns do not determine them.
+
+    Parameters
+    ----------
+    columns : ndarray, shape (n, p)
+    values : ndarray, shape (n,)
+    """
+    from scipy import stats
+
+    count, parameters = columns.shape
+    free = count - parameters
+    if free < 2 or np.linalg.matrix_rank(columns) < parameters:
+        return None
+    found = np.linalg.lstsq(columns, values)[0]
+    scatter = float(np.square(values - columns @ found).sum()) / free
+    errors = np.sqrt(scatter * np.diag(np.linalg.inv(columns.T @ columns)))
+    width = float(stats.t.ppf(0.975, free)) * errors
+    return [
+        Interval(float(value), float(value - off), float(value + off))
+        for value, off in zip(found, width, strict=True)
+    ]
+
 
 LEAST_RATIO: Final = 1.3
 """Of the largest to the smallest speed, or load, from which an exponent is estimated."""

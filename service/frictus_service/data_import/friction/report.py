@@ -8,14 +8,18 @@ from frictus_service.data_import.friction.coefficient import (
     FrictionCoefficient,
     friction_coefficient,
 )
-from frictus_service.data_import.friction.force_spectrum import ForceSpectrum, force_spectra
 from frictus_service.data_import.friction.slides import Slide
 from frictus_service.data_import.friction.stick_slip import (
     LEAST_RATE_HZ,
     StickSlip,
     stick_slip,
 )
-from frictus_service.data_import.friction.texture_line import TextureLine, texture_line
+from frictus_service.data_import.friction.texture import (
+    ForceSpectrum,
+    TextureLine,
+    force_spectra,
+    texture_line,
+)
 from frictus_service.errors import StudyError
 
 

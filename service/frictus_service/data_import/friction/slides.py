@@ -7,8 +7,8 @@ from typing import Final, Literal
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
+from frictus_service.data_import.motion import find_strokes
 from frictus_service.data_import.recording import Recording
-from frictus_service.data_import.strokes import find_strokes
 from frictus_service.errors import Exclusion
 from frictus_service.identification.observation.observe import course_of
 from frictus_service.identification.observation.response import drive_fraction

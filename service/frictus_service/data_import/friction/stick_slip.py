@@ -12,7 +12,7 @@ from typing import Final, Literal
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
-from frictus_service.data_import.friction.interval import Interval, mean_of
+from frictus_service.data_import.friction.coefficient import Interval, mean_of
 from frictus_service.data_import.friction.slides import Slide
 
 SMOOTHED_S: Final = 1e-3

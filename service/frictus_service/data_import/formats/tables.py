@@ -1,4 +1,6 @@
-"""CSV, TSV and other text: the delimiter, names and units are found in its first lines.
+"""Tables of columns: text (CSV, TSV and others), and Parquet.
+
+CSV, TSV and other text: the delimiter, names and units are found in its first lines.
 
 Lines before the numbers may be comments, names and units; a decimal comma is understood where
 the delimiter is another character.
@@ -10,8 +12,10 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from pyarrow import Table, csv, float64
+import pyarrow as pa
+from pyarrow import Table, csv, float64, parquet
 
+from frictus_hardware.arrays import FloatArray
 from frictus_service.data_import.formats.columns import MAX_COLUMNS, Columns, Gatherer
 from frictus_service.errors import StudyError
 
@@ -46,7 +50,7 @@ class Layout:
     encoding: str
 
 
-def read(path: Path) -> Columns:
+def read_text(path: Path) -> Columns:
     """Return the columns of a text file.
 
     Parameters
@@ -159,7 +163,7 @@ def _heading(
 
 
 def _is_unit(text: str) -> bool:
-    from frictus_service.data_import.units import is_unit
+    from frictus_service.data_import.channels import is_unit
 
     return is_unit(text.strip("[]() ")) or text.strip("[]() ") in ("", "-")
 
@@ -170,3 +174,54 @@ def _unique(names: list[str]) -> tuple[str, ...]:
         name = name or f"column {number}"
         taken.append(f"{name} ({number})" if name in taken else name)
     return tuple(taken)
+
+
+MAX_METADATA: Final = 1 << 24
+UNIT_KEYS: Final = (b"unit", b"units")
+RATE_KEYS: Final = (b"sample_rate_hz", b"rate_hz")
+
+
+def read_parquet(path: Path) -> Columns:
+    """Return the columns of a Parquet file that are numbers.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    StudyError
+        If it declares more values than a file may hold.
+    """
+    gathered = Gatherer("Parquet")
+    with parquet.ParquetFile(
+        path,
+        thrift_string_size_limit=MAX_METADATA,
+        thrift_container_size_limit=MAX_METADATA,
+    ) as file:
+        schema = file.schema_arrow
+        numeric = [each for each in schema if _is_number(each.type)]
+        rows = file.metadata.num_rows
+        kept = [each for each in numeric if gathered.reserve(each.name, (rows,))]
+        for key, value in (schema.metadata or {}).items():
+            if key in RATE_KEYS:
+                gathered.add(key.decode(), np.asarray(float(value)))
+        for each in kept:  # one column at a time: dictionaries may unfold to all rows
+            values = file.read(columns=[each.name], use_threads=False).column(0)
+            gathered.add(each.name, _floats(values), _unit(each))
+    return gathered.result()
+
+
+def _is_number(kind: pa.DataType) -> bool:
+    types = pa.types
+    return bool(types.is_floating(kind) or types.is_integer(kind) or types.is_boolean(kind))
+
+
+def _floats(values: pa.ChunkedArray) -> FloatArray:
+    floats: FloatArray = values.cast(pa.float64(), safe=False).to_numpy()
+    return floats
+
+
+def _unit(field: pa.Field) -> str:
+    found = field.metadata or {}
+    return next((found[key].decode(errors="replace") for key in UNIT_KEYS if key in found), "")

@@ -1,4 +1,10 @@
-"""MATLAB level 5: variables and fields of structs; level 7.3 is HDF5.
+"""Named arrays in a tree: HDF5, and MATLAB of levels 5 and 7.3.
+
+HDF5 and MATLAB v7.3: every data set of numbers, by its path.
+
+Data that lie in another file (external storage, virtual data sets, links) are not followed.
+
+MATLAB level 5: variables and fields of structs; level 7.3 is HDF5.
 
 The file is walked before scipy reads it: how much it unfolds to, how deeply it nests and how
 many elements its arrays declare is bounded first, since a few bytes may declare any number of
@@ -13,13 +19,128 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
+import h5py
 import numpy as np
 
 from frictus_service.data_import.formats.columns import MAX_VALUES, Columns, Gatherer
-from frictus_service.errors import StudyError
+from frictus_service.errors import FieldError, StudyError
+from frictus_service.study import hdf5
+from frictus_service.study.hdf5 import Stored, naming_damage
+
+MAX_OBJECTS: Final = 4096
+MAX_GROUPS_DEEP: Final = 16
+"""Of groups: each object is found by its whole path, which takes ever longer."""
+UNIT_NAMES: Final = ("unit", "units", "Unit", "Units", "UNIT")
+RATE_NAMES: Final = ("sample_rate_hz", "rate_hz", "fs", "Fs", "sampling_rate", "sample_rate")
+
+
+def read_hdf5(path: Path) -> Columns:
+    """Return the data sets of an HDF5 file as columns.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    StudyError
+        If it is damaged, too large, a study already, or stores its data elsewhere.
+    """
+    with hdf5.open_file(path) as file:
+        held = hdf5.attributes_of(file)
+        if str(hdf5.plain(held.get("schema"))).startswith("study/"):
+            raise StudyError("it is a study already; every command takes it as it is")
+        matlab = b"MATLAB 7.3" in _user_block(path)
+        gathered = Gatherer("MATLAB v7.3" if matlab else "HDF5")
+        for name, value in held.items():
+            _number(gathered, name, value)
+        for stored in _data_sets(file):
+            _add_data_set(gathered, stored)
+        return gathered.result()
+
+
+def _user_block(path: Path) -> bytes:
+    with path.open("rb") as stream:
+        return stream.read(128)
+
+
+def _data_sets(file: h5py.File) -> list[Stored]:
+    found: list[Stored] = []
+    seen, deepest = 0, 0
+
+    def visit(name: str, held: h5py.HLObject) -> bool | None:
+        nonlocal seen, deepest
+        seen, deepest = seen + 1, max(deepest, name.count("/"))
+        if seen > MAX_OBJECTS or deepest > MAX_GROUPS_DEEP:
+            return True
+        if isinstance(held, h5py.Dataset) and not name.startswith("#"):
+            shape = held.shape or ()
+            found.append(Stored(name.replace("/", "."), shape, held.dtype.kind, held))
+        return None
+
+    with naming_damage("file"):
+        file.visititems(visit)
+    if seen > MAX_OBJECTS:
+        raise StudyError(f"it holds more than {MAX_OBJECTS} objects; save the channels alone")
+    if deepest > MAX_GROUPS_DEEP:
+        raise StudyError(
+            f"groups lie in it more than {MAX_GROUPS_DEEP} deep; save the channels flat"
+        )
+    return found
+
+
+def _add_data_set(gathered: Gatherer, stored: Stored) -> None:
+    kind = (
+        "c" if stored.handle.dtype.fields and _is_complex(stored.handle.dtype) else stored.kind
+    )
+    if kind not in "biufc" or ("MATLAB_class" in stored.attributes and _is_text(stored)):
+        return
+    if stored.handle.is_virtual or stored.handle.external:
+        raise FieldError(stored.name, "lies in another file; copy it into this one")
+    if not gathered.reserve(stored.name, stored.shape):
+        return
+    unit = next((stored.attributes[n] for n in UNIT_NAMES if n in stored.attributes), "")
+    plain = hdf5.plain(unit)
+    rate = next((stored.attributes[n] for n in RATE_NAMES if n in stored.attributes), None)
+    rate_hz = hdf5.plain(rate) if rate is not None else None
+    values = stored.read()
+    if values.dtype.fields:
+        values = values["real"] + 1j * values["imag"]
+    values = _scaled(stored, values)
+    gathered.add(
+        stored.name,
+        values,
+        plain if isinstance(plain, str) else "",
+        float(rate_hz) if isinstance(rate_hz, int | float) else None,
+    )
+
+
+def _scaled(stored: Stored, values: np.ndarray) -> np.ndarray:
+    """Return counts as values where the attributes say how, as netCDF and studies do."""
+    held = stored.attributes
+    if "scale" not in held or values.dtype.kind not in "iu":
+        return values
+    offset = hdf5.number(held, "offset", default=0.0)
+    scaled: np.ndarray = values * hdf5.number(held, "scale") + offset
+    return scaled
+
+
+def _is_complex(kind: np.dtype) -> bool:
+    return set(kind.names or ()) == {"real", "imag"}
+
+
+def _is_text(stored: Stored) -> bool:
+    return hdf5.plain(stored.attributes["MATLAB_class"]) in ("char", "cell", "function_handle")
+
+
+def _number(gathered: Gatherer, name: str, value: object) -> None:
+    plain = hdf5.plain(value)
+    if isinstance(plain, int | float):
+        gathered.add(name, np.asarray(float(plain)))
+
 
 MAX_BYTES: Final = 8 * MAX_VALUES
-MAX_DEPTH: Final = 8
+MAX_STRUCTS_DEEP: Final = 8
 MAX_ELEMENTS: Final = 100_000
 HEADER: Final = 128
 MATRIX, COMPRESSED = 14, 15
@@ -29,7 +150,7 @@ SPARSE, OPAQUE = 5, 17
 """Classes whose arrays hold less than they declare, or declare nothing; scipy bounds them."""
 
 
-def read(path: Path) -> Columns:
+def read_matlab(path: Path) -> Columns:
     """Return the variables of a level 5 file as columns; a field of a struct as `struct.field`.
 
     Parameters
@@ -48,18 +169,18 @@ def read(path: Path) -> Columns:
     variables = loadmat(path, struct_as_record=False, squeeze_me=False)
     for name, value in variables.items():
         if not name.startswith("__"):
-            _add(gathered, name, value, MAX_DEPTH)
+            _add_variable(gathered, name, value, MAX_STRUCTS_DEEP)
     return gathered.result()
 
 
-def _add(gathered: Gatherer, name: str, value: Any, depth: int) -> None:
+def _add_variable(gathered: Gatherer, name: str, value: Any, depth: int) -> None:
     if depth == 0 or not isinstance(value, np.ndarray):
         return
     if value.dtype == object:
         if value.size == 1:
             inner = value.reshape(-1)[0]
             for field in getattr(inner, "_fieldnames", ()):
-                _add(gathered, f"{name}.{field}", getattr(inner, field), depth - 1)
+                _add_variable(gathered, f"{name}.{field}", getattr(inner, field), depth - 1)
     elif value.dtype.kind in "biufc" and gathered.reserve(name, value.shape):
         gathered.add(name, value)
 
@@ -111,8 +232,10 @@ def _check_depth(whole: bytes, order: str, kind: int) -> None:
     seen = 0
     while spans:
         begin, end, depth = spans.pop()
-        if depth > MAX_DEPTH:
-            raise StudyError(f"structs lie in it more than {MAX_DEPTH} deep; save them flat")
+        if depth > MAX_STRUCTS_DEEP:
+            raise StudyError(
+                f"structs lie in it more than {MAX_STRUCTS_DEEP} deep; save them flat"
+            )
         for inner_kind, first, last in _elements(whole, begin, end, order):
             seen += 1
             if seen > MAX_ELEMENTS:
