@@ -10,7 +10,7 @@ from frictus_laboratory.finger_prediction import RATE_HZ, SCREEN
 from frictus_service.fidelity.measure import Error, compare, feel, full_gain, target_along
 from frictus_service.fidelity.path import Path
 from frictus_service.fidelity.preview import windows
-from frictus_service.synthesis.compensation_mode import fixed_at, uncompensated
+from frictus_service.synthesis.compensation import fixed_at, uncompensated
 
 MODES: Final = ("compensated", "fixed at 60 mm/s", "none")
 

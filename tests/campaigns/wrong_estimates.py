@@ -17,7 +17,7 @@ from tests.service.identification.observed import Bench, Finger, observations
 from frictus_service.identification.documents import Settings
 from frictus_service.identification.fit.conditions import ObservationTable
 from frictus_service.identification.fit.estimates import Measured, friction_of
-from frictus_service.identification.fit.friction_fit import CUTOFF
+from frictus_service.identification.fit.transfer_functions import CUTOFF
 from frictus_service.identification.report.results import estimates_of
 
 STUDIES: Final = 25

@@ -99,7 +99,7 @@ def demo(
 ) -> None:
     """Start a rig, stream a texture to it from another process, and show what is felt."""
     if learn:
-        from frictus_service.cli.demo_learn import demo_learn
+        from frictus_service.cli.demo import demo_learn
 
         demo_learn(as_json, plot, seconds or 30.0, seed, page)
         return

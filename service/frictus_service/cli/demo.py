@@ -1,18 +1,20 @@
-"""`frictus demo`: a rig, a texture streamed to it, and what the finger feels."""
+"""`frictus demo`: a rig, a texture streamed to it, what the finger feels and the rig learns."""
 
 import multiprocessing
 import secrets
+import sys
 import tempfile
 import time
+import webbrowser
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
 import frictus
-from frictus.messages import RigStatus
+from frictus.messages import EstimateState, RigStatus
 from frictus.recordings import texture_of
 from frictus.textures import Spectrum
 from frictus_hardware import SimulatedConfig
@@ -20,13 +22,21 @@ from frictus_hardware.simulated.human import HumanStrokes
 from frictus_service.cli.felt import Display, Observer
 from frictus_service.cli.options import wants_lines, write_line
 from frictus_service.cli.serve import said
+from frictus_service.cli.track import line_of
 from frictus_service.config import Config
 from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.demonstration.comparison import BandComparison, compare, draw
 from frictus_service.demonstration.explorer import Heard, explore, profile_of
+from frictus_service.demonstration.learning import (
+    Learned,
+    learn,
+    learning_config,
+    same_strokes,
+)
 from frictus_service.demonstration.stage import START_S, demo_config
-from frictus_service.fidelity.preview import JND_DB, NOMINAL_HZ, rms_db
+from frictus_service.fidelity.preview import JND_DB, NOMINAL_HZ, error_db, rms_db
 from frictus_service.library import SHIPPED
+from frictus_service.processes import free_port
 from frictus_service.synthesis.compensability import law_of
 
 TEXTURE = "paper"
@@ -192,3 +202,110 @@ def _print(
 
 def _shown(error_db: float) -> str:
     return f"{error_db:+.2f}" if np.isfinite(error_db) else "too weak"
+
+
+LEARNED_TEXTURE: Final = "flat"
+"""Its bands are as strong as one another."""
+
+
+def demo_learn(
+    as_json: bool, plot: Path | None, seconds: float, seed: int | None, page: bool
+) -> None:
+    """Run the demo.
+
+    Parameters
+    ----------
+    as_json : bool
+        Print JSON lines and nothing else.
+    plot : Path or None
+        Where to leave the picture.
+    seconds : float
+        How long the finger explores.
+    seed : int or None
+        Of the finger's way; None draws one.
+    page : bool
+        Whether to open the page on it.
+    """
+    seed = secrets.randbits(32) if seed is None else seed
+    lines = wants_lines(as_json)
+    texture = texture_of((SHIPPED / f"{LEARNED_TEXTURE}.json").read_text(encoding="utf-8"))
+    assert isinstance(texture, Spectrum)
+
+    def look(at_s: float, state: EstimateState) -> None:
+        if lines:
+            write_line(
+                event="estimate",
+                at_s=round(at_s, 1),
+                error_db=state.error_db,
+                changes=len(state.changes),
+                held_back=state.held_back,
+            )
+        else:
+            sys.stdout.write(f"{at_s:5.1f} s  {line_of(state)}\n")
+            sys.stdout.flush()
+
+    def show(url: str) -> None:
+        _tell(f"the page: {url}")
+        if page and not webbrowser.open(url):
+            _tell("no browser could be opened: open that address in one")
+
+    with tempfile.TemporaryDirectory(prefix="frictus-demo-") as folder:
+        config = learning_config(Path(folder), free_port(), seed)
+        _tell("starting a router, a simulated rig, its tracker and the API")
+        _tell(f"'{LEARNED_TEXTURE}' under a finger that the placeholder model does not fit")
+        learned = learn(config, texture, seconds, _tell, show, look)
+    _tell("the same strokes once more, by the model of the beginning and by that of the end")
+    laws = {"placeholder": law_of(learned.before), "learned": law_of(learned.after)}
+    target, felt = same_strokes(config, texture, seconds, laws)
+    if plot is not None:
+        title = (
+            f"'{LEARNED_TEXTURE}' under a finger that the placeholder does not fit "
+            "(simulated rig)"
+        )
+        draw(target, felt, title, plot)
+    summary = _learned_summary(
+        learned, seed, {n: rms_db(error_db(p, target)) for n, p in felt.items()}
+    )
+    if lines:
+        write_line(event="summary", **summary)
+    else:
+        _print_learned(learned, target, felt, plot)
+
+
+def _learned_summary(
+    learned: Learned, seed: int, overall_db: dict[str, float]
+) -> dict[str, Any]:
+    state = learned.state
+    return {
+        "texture": LEARNED_TEXTURE,
+        "simulated": True,
+        "seed": seed,
+        "first_change_s": learned.first_change_s if state.changes else None,
+        "changes": [change.model_dump(mode="json") for change in state.changes],
+        "law": None if state.law is None else state.law.model_dump(mode="json"),
+        "same_strokes_error_db": overall_db,
+    }
+
+
+def _print_learned(
+    learned: Learned, target: Any, felt: dict[str, Any], plot: Path | None
+) -> None:
+    table = Table(title="error of the friction felt on the same strokes, dB")
+    for heading in ("band, Hz", *felt):
+        table.add_column(heading, justify="right")
+    errors = [error_db(power, target) for power in felt.values()]
+    for centre, *off in zip(NOMINAL_HZ, *errors, strict=True):
+        shown = [f"{one:+.2f}" if one == one else "too weak" for one in off]
+        table.add_row(f"{centre:g}", *shown)
+    table.add_section()
+    table.add_row("all, rms", *(f"{rms_db(off):.2f}" for off in errors))
+    console = Console()
+    console.print(table)
+    changes = len(learned.state.changes)
+    when = f", the first after {learned.first_change_s:.1f} s" if changes else ""
+    console.print(
+        f"difference threshold {JND_DB} dB; the model was changed {changes} times{when}; "
+        "simulated rig and finger"
+    )
+    if plot is not None:
+        console.print(f"picture: {plot}")

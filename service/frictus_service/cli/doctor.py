@@ -12,7 +12,7 @@ import typer
 from frictus_service.cli.options import AsJson, ConfigFile, Exit, RouterOption, write_line
 
 if TYPE_CHECKING:
-    from frictus_service.cli.checks import Check
+    from frictus_service.cli.machine_checks import Check
 
 COLOUR = {"ok": "green", "warn": "yellow", "fail": "red"}
 
@@ -64,7 +64,7 @@ def doctor(
     warm: Warm = False,
 ) -> None:
     """Check installation, configuration, device, disk, router, rigs, clocks and timer."""
-    from frictus_service.cli.checks import all_checks
+    from frictus_service.cli.service_checks import all_checks
 
     if warm:
         _compile(as_json)

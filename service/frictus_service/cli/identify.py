@@ -86,7 +86,7 @@ def identify(
 
 
 def _identify_table(path: Path, table: "ResponseTable", as_json: bool) -> None:
-    from frictus_service.identification.fit.response_fit import fit_response
+    from frictus_service.identification.fit.transfer_functions import fit_response
 
     found = fit_response(table.frequency_hz, table.response, table.coherence)
     note = (

@@ -31,7 +31,7 @@ from frictus_service.daemon.inboxes import (
     ModelUpdate,
     SceneUpdate,
 )
-from frictus_service.daemon.lead_growth import LeadGrowth
+from frictus_service.daemon.lead import LeadGrowth
 from frictus_service.daemon.safety import (
     Event,
     FaultCleared,

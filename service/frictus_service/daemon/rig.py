@@ -19,6 +19,7 @@ from frictus_service.config import Config
 from frictus_service.daemon.commands import Commands
 from frictus_service.daemon.control import Control, Interlock
 from frictus_service.daemon.inboxes import LoopInbox, ModelSlot
+from frictus_service.daemon.lead import RetryingBackend
 from frictus_service.daemon.loop import BlockLoop
 from frictus_service.daemon.model_controller import ModelController, rendered_model
 from frictus_service.daemon.preparation import (
@@ -28,7 +29,6 @@ from frictus_service.daemon.preparation import (
     warm_up,
 )
 from frictus_service.daemon.publisher import Publisher
-from frictus_service.daemon.retry import RetryingBackend
 from frictus_service.daemon.safety import Safety
 from frictus_service.daemon.scene_controller import SceneController
 from frictus_service.errors import ConfigurationError, StartError

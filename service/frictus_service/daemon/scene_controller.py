@@ -29,8 +29,7 @@ from frictus_service.daemon.inboxes import (
 )
 from frictus_service.daemon.safety import refusal_to_render
 from frictus_service.json_text import etag_of_scene
-from frictus_service.synthesis.compensation import Inverse
-from frictus_service.synthesis.compensation_mode import inverse_in_mode
+from frictus_service.synthesis.compensation import Inverse, inverse_in_mode
 from frictus_service.synthesis.scene import (
     MAX_SCENE_BYTES,
     CompiledScene,

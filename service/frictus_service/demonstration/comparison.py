@@ -24,7 +24,7 @@ from frictus_service.fidelity.preview import (
     rms_db,
     windows,
 )
-from frictus_service.synthesis.compensation_mode import uncompensated
+from frictus_service.synthesis.compensation import uncompensated
 from frictus_service.synthesis.components import components_of
 from frictus_service.synthesis.scene import StreamBudget
 

@@ -3,6 +3,7 @@
 import secrets
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,11 @@ from threadpoolctl import threadpool_limits
 from frictus.model import Model
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.discovery.beyond.beyond import beside_form, look_beyond
+from frictus_service.discovery.catalogue.causes import CAUSES
 from frictus_service.discovery.decision.caveats import caveats_on
 from frictus_service.discovery.decision.decision import decide
 from frictus_service.discovery.decision.trial_accounting import trials_left_out
-from frictus_service.discovery.document import Discovery, StudyFacts
+from frictus_service.discovery.document import CauseTest, Discovery, StudyFacts
 from frictus_service.discovery.evidence.evidence_rows import (
     TrialEvidence,
     judged,
@@ -34,7 +36,6 @@ from frictus_service.discovery.problem.base_models import ResponseName, base_mod
 from frictus_service.discovery.problem.candidates import candidates_of, patterns_of
 from frictus_service.discovery.problem.problem import DiscoveryProblem
 from frictus_service.discovery.report.assembly import Assembly
-from frictus_service.discovery.report.untested import nothing_tested
 from frictus_service.identification.plausibility.finding import leave_out, stop_if_implausible
 from frictus_service.identification.plausibility.judge import judge_study
 from frictus_service.study.importers import open_study
@@ -162,3 +163,29 @@ def discover_study(
     recording, notes = rank_recording(path, criticised, tell)
     more = {"one_recording": recording, "notes": (*found.notes, *notes)}
     return found.model_copy(update=more)
+
+
+def nothing_tested(
+    study: StudyFacts, base: Model, seed: int, notes: tuple[str, ...]
+) -> Discovery:
+    """Return the document where nothing could be tested."""
+    return Discovery(
+        code_version=version("frictus"),
+        seed=seed,
+        study=study,
+        response=base.response,
+        base_model=base,
+        extended_model=base,
+        verdict=None,
+        causes=(),
+        cannot_tell=(),
+        unexplained=(),
+        explained_share=None,
+        gain=None,
+        tests=tuple(
+            CauseTest(id=name, not_tested="too few participants and trials")
+            for name, cause in CAUSES.items()
+            if cause.response in (base.response, "both")
+        ),
+        notes=notes,
+    )

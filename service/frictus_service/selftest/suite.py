@@ -10,7 +10,7 @@ import numpy as np
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Backend
 from frictus_hardware.errors import HardwareError, SensorError
-from frictus_service.selftest import loop_back, noise, orientation, step, strokes
+from frictus_service.selftest import loop_back, mounting, noise, step
 from frictus_service.selftest.playing import PEAK_V, Played, play
 from frictus_service.selftest.report import Outcome
 
@@ -72,7 +72,7 @@ def run_tests(rig: RigUnderTest, ask: Ask | None = None) -> Iterator[Outcome]:
     }
     for sensor in SENSORS:
         tests[f"orientation, {sensor}"] = partial(measure_orientation, rig, sensor, ask)
-    tests[strokes.TEST] = partial(measure_strokes, rig, ask)
+    tests[mounting.TEST] = partial(measure_strokes, rig, ask)
     lost = False
     for name, measure in tests.items():
         if lost:
@@ -112,11 +112,11 @@ def measure_orientation(rig: RigUnderTest, sensor: str, ask: Ask | None) -> Outc
     if rig.backend.info.simulated:
         return Outcome(name, "skip", "nobody can tap a simulated screen")
     taps = []
-    for request in orientation.requests(sensor):
+    for request in mounting.requests(sensor):
         if not ask(request):
             return Outcome(name, "skip", "nobody tapped")
-        taps.append(SENSORS[sensor](rig.listen(orientation.SECONDS)))
-    return orientation.judge_orientation(sensor, taps)
+        taps.append(SENSORS[sensor](rig.listen(mounting.TAPS_S)))
+    return mounting.judge_orientation(sensor, taps)
 
 
 def measure_strokes(rig: RigUnderTest, ask: Ask | None) -> Outcome:
@@ -124,14 +124,14 @@ def measure_strokes(rig: RigUnderTest, ask: Ask | None) -> Outcome:
     backend = rig.stroked or rig.backend
     if rig.stroked is None:
         if rig.backend.info.simulated:
-            return Outcome(strokes.TEST, "skip", "no finger strokes the simulated screen")
+            return Outcome(mounting.TEST, "skip", "no finger strokes the simulated screen")
         if ask is None:
             found = "nobody is asked to stroke when not run on a terminal"
-            return Outcome(strokes.TEST, "skip", found)
-        if not ask(strokes.REQUEST):
-            return Outcome(strokes.TEST, "skip", "nobody stroked")
-    played = replace(rig, backend=backend).listen(strokes.SECONDS)
-    return strokes.judge_strokes(played, backend.info.touch_latency_s)
+            return Outcome(mounting.TEST, "skip", found)
+        if not ask(mounting.REQUEST):
+            return Outcome(mounting.TEST, "skip", "nobody stroked")
+    played = replace(rig, backend=backend).listen(mounting.STROKES_S)
+    return mounting.judge_strokes(played, backend.info.touch_latency_s)
 
 
 def _to_do(error: HardwareError) -> str:

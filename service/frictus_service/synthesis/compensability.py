@@ -29,7 +29,7 @@ from frictus_service.synthesis.compensation import (
     Inverse,
     Ranges,
 )
-from frictus_service.synthesis.path_demand import can_be_undone
+from frictus_service.synthesis.path_compensation import can_be_undone
 
 Parameters = Mapping[str, float]
 

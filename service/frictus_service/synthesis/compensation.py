@@ -1,15 +1,17 @@
-"""What has to be undone so that a finger feels the target: a law, and what effects add."""
+"""What has to be undone so that a finger feels the target, and what of it each mode undoes."""
 
 from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 
+from frictus.compensation import Compensation
+from frictus.errors import ArgumentError
 from frictus_hardware.arrays import FloatArray
-from frictus_hardware.physics.friction import FrictionLaw, pole_zero_pairs
+from frictus_hardware.physics.friction import FrictionLaw, cutoff_hz, pole_zero_pairs
 from frictus_hardware.physics.paths import MEASURED, ParallelPath
 from frictus_hardware.physics.schedule import Schedule, SlidingConditions
-from frictus_service.synthesis.path_demand import demand_of
+from frictus_service.synthesis.path_compensation import demand_of
 from frictus_service.synthesis.tables import TOP_HZ
 
 SLOWEST_FELT_HZ: Final = 20.0
@@ -201,3 +203,59 @@ Invertible = FrictionLaw | Inverse
 def as_inverse(law: Invertible) -> Inverse:
     """Return an inverse as it is, and that of a law without effects."""
     return law if isinstance(law, Inverse) else Inverse(law)
+
+
+BEYOND_HZ: Final = 1e5
+"""A cutoff so high that its inverse is a plain gain up to any frequency that is felt."""
+
+
+def uncompensated(law: FrictionLaw) -> FrictionLaw:
+    """Return a law whose inverse is a plain gain."""
+    return FrictionLaw(law.gain_n, BEYOND_HZ, 0.0, law.speed_range_mm_s)
+
+
+def fixed_at(law: FrictionLaw, speed_mm_s: float) -> FrictionLaw:
+    """Return a law whose inverse does not follow the speed."""
+    cutoff = float(cutoff_hz(law, speed_mm_s))
+    return FrictionLaw(law.gain_n, cutoff, 0.0, law.speed_range_mm_s)
+
+
+def inverse_in_mode(inverse: Inverse, compensation: Compensation) -> Inverse:
+    """Return what is inverted in a compensation mode instead of the model.
+
+    Scenes stay compiled for the model: gain and bias do not depend on the mode, so that what is
+    felt in two modes differs by the compensation alone.
+
+    Parameters
+    ----------
+    inverse : Inverse
+        Of the model in force.
+    compensation : Compensation
+        The mode. With `fixed` all that depends on the speed is taken at the fixed one; effects
+        of force, place, direction and time are followed as before. With `none` effects are not
+        undone either.
+
+    Raises
+    ------
+    ArgumentError
+        If the fixed speed is outside of what the model was measured for: its cutoff there would
+        silently be that of another speed.
+    """
+    match compensation.mode:
+        case "model":
+            return inverse
+        case "none":
+            return Inverse(uncompensated(inverse.law))
+        case "fixed":
+            return _fixed(inverse, compensation.speed_mm_s)
+
+
+def _fixed(inverse: Inverse, speed_mm_s: float | None) -> Inverse:
+    slowest, fastest = inverse.law.speed_range_mm_s
+    if speed_mm_s is None or not slowest <= speed_mm_s <= fastest:
+        raise ArgumentError(
+            f"speed_mm_s: {speed_mm_s}; the model holds from {slowest:g} to {fastest:g} mm/s: "
+            "fix a speed within"
+        )
+    ranges = replace(inverse.ranges, speed_mm_s=(speed_mm_s, speed_mm_s))
+    return replace(inverse, law=fixed_at(inverse.law, speed_mm_s), ranges=ranges)

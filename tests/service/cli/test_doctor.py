@@ -18,10 +18,10 @@ from typer.testing import CliRunner
 from frictus_hardware import NiRigConfig, SimulatedConfig
 from frictus_hardware.nidaq.settings import NeonodeSettings
 from frictus_hardware.sensors import hid
-from frictus_service.cli import checks, doctor
+from frictus_service.cli import doctor, machine_checks
 from frictus_service.cli.app import app
-from frictus_service.cli.checks.machine import Kept, leap_of
-from frictus_service.cli.checks.service import device_checks, ni_device
+from frictus_service.cli.machine_checks import Kept, leap_of
+from frictus_service.cli.service_checks import device_checks, ni_device
 from frictus_service.config import parse
 from frictus_service.daemon import preparation
 
@@ -39,7 +39,7 @@ def backend(server: FakeServer, tmp_path: Path) -> NiRigConfig:
     return config.backend
 
 
-def found(backend: NiRigConfig) -> dict[str, checks.Check]:
+def found(backend: NiRigConfig) -> dict[str, machine_checks.Check]:
     return {check.name: check for check in device_checks(backend)}
 
 
@@ -175,7 +175,7 @@ def test_the_disk_is_judged_by_what_a_rig_makes(
 ) -> None:
     ticks = iter(piece_s / 2.0 * np.array([0, 2] * 100) + np.arange(200) // 2 * piece_s)
     free = round(52 * 20_000 * 3_600 * hours)
-    check = checks.disk_rate(
+    check = machine_checks.disk_rate(
         tmp_path / "not" / "yet", 20_000.0, lambda: float(next(ticks)), lambda _place: free
     )
     assert check.verdict == verdict
@@ -189,17 +189,17 @@ def test_a_disk_that_cannot_be_written_fails(tmp_path: Path) -> None:
     def gone(_place: Path) -> int:
         raise OSError("gone")
 
-    check = checks.disk_rate(tmp_path, 20_000.0, free_bytes=gone)
+    check = machine_checks.disk_rate(tmp_path, 20_000.0, free_bytes=gone)
     assert check.verdict == "fail"
     assert "gone" in check.found
 
 
 def test_asking_for_real_time_changes_nothing() -> None:
     if not hasattr(os, "sched_getscheduler"):
-        assert checks.real_time_priority().verdict == "ok"
+        assert machine_checks.real_time_priority().verdict == "ok"
         return
     before = os.sched_getscheduler(0), os.sched_getparam(0)
-    check = checks.real_time_priority()
+    check = machine_checks.real_time_priority()
     assert check.verdict in {"ok", "warn"}
     assert "SCHED_FIFO 20" in check.found
     assert (os.sched_getscheduler(0), os.sched_getparam(0)) == before
@@ -214,7 +214,7 @@ def test_without_the_right_to_real_time_it_says_where_to_allow_it(
     if not hasattr(os, "sched_setscheduler"):
         pytest.skip("this system has no SCHED_FIFO")
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
-    check = checks.real_time_priority()
+    check = machine_checks.real_time_priority()
     assert check.verdict == "warn"
     assert "LimitRTPRIO=20" in check.to_do
 
@@ -230,14 +230,14 @@ def test_without_the_right_to_real_time_it_says_where_to_allow_it(
     ],
 )
 def test_the_clock_is_judged(kept: Kept | None, verdict: str, said: str) -> None:
-    check = checks.clock_synchronised(lambda: kept)
+    check = machine_checks.clock_synchronised(lambda: kept)
     assert check.verdict == verdict
     assert said in check.found
     assert bool(check.to_do) == (verdict != "ok")
 
 
 def test_this_system_s_clock_can_be_asked() -> None:
-    assert checks.clock_synchronised().found
+    assert machine_checks.clock_synchronised().found
 
 
 @pytest.mark.parametrize(

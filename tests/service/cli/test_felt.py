@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from frictus_service.cli import checks
+from frictus_service.cli import machine_checks, service_checks
 from frictus_service.cli.felt import RigSnapshot, band_rms, table_of
 
 RATE_HZ = 20_000.0
@@ -39,7 +39,7 @@ def test_silence_shows() -> None:
 
 
 def test_missing_packages_are_named() -> None:
-    found = checks.packages(("numpy", "no-such-package-here"))
+    found = service_checks.packages(("numpy", "no-such-package-here"))
     assert found.verdict == "fail"
     assert "no-such-package-here" in found.found
     assert found.to_do
@@ -48,11 +48,11 @@ def test_missing_packages_are_named() -> None:
 def test_a_coarse_clock_is_a_warning() -> None:
     now_ns = iter(range(0, 10**15, 1_000_000))
     reads = (value // 15_000_000 * 15_000_000 for value in now_ns)  # a 15 ms clock
-    assert checks.clock_resolution(lambda: next(reads)).verdict == "warn"
+    assert machine_checks.clock_resolution(lambda: next(reads)).verdict == "warn"
 
 
 def test_damaged_textures_are_named(tmp_path: Path) -> None:
     (tmp_path / "broken.json").write_text("{")
-    found = checks.library_folder(tmp_path)
+    found = service_checks.library_folder(tmp_path)
     assert found.verdict == "warn"
     assert "broken" in found.found

@@ -20,9 +20,9 @@ from frictus_service.config import Config, Limits
 from frictus_service.daemon.block_record import BlockRecord
 from frictus_service.daemon.control import Interlock
 from frictus_service.daemon.inboxes import LoopInbox, ModelSlot, SceneUpdate
+from frictus_service.daemon.lead import RetryingBackend
 from frictus_service.daemon.loop import BlockLoop
 from frictus_service.daemon.model_controller import rendered_model
-from frictus_service.daemon.retry import RetryingBackend
 from frictus_service.daemon.safety import Arm, Event
 from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.synthesis.scene import compile_scene

@@ -12,7 +12,7 @@ from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_service.cli.app import app
 from frictus_service.data_import.response_table import response_of
 from frictus_service.errors import FieldError
-from frictus_service.identification.fit.response_fit import fit_response
+from frictus_service.identification.fit.transfer_functions import fit_response
 
 HZ = np.geomspace(30.0, 3000.0, 25)
 

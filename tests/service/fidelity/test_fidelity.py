@@ -31,7 +31,7 @@ from frictus_service.fidelity.measure import (
 from frictus_service.fidelity.path import Path, walk
 from frictus_service.fidelity.preview import JND_DB, windows
 from frictus_service.library import SHIPPED
-from frictus_service.synthesis.compensation_mode import fixed_at, uncompensated
+from frictus_service.synthesis.compensation import fixed_at, uncompensated
 from frictus_service.synthesis.scene import CompiledScene
 
 RATE = 20_000.0

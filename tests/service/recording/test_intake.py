@@ -13,9 +13,9 @@ from frictus.keys import RigKeys, Topics
 from frictus.messages import MarkerState
 from frictus.session import open_router, open_session
 from frictus_service.processes import free_endpoint
-from frictus_service.recording import intake as intake_module
-from frictus_service.recording.intake import Intake
+from frictus_service.recording import recording as intake_module
 from frictus_service.recording.reader import RecordingReader, State
+from frictus_service.recording.recording import Intake
 from frictus_service.recording.records import GapNote
 from frictus_service.recording.samples import Samples
 from frictus_service.recording.writer import RecordingWriter

@@ -29,9 +29,9 @@ from frictus_service.config import Config, parse
 from frictus_service.daemon.block_record import BlockRecord, blocks_of, flags_of, touch_of
 from frictus_service.daemon.control import Interlock
 from frictus_service.daemon.inboxes import LoopInbox, ModelSlot, SceneUpdate
+from frictus_service.daemon.lead import RetryingBackend
 from frictus_service.daemon.loop import BlockLoop
 from frictus_service.daemon.model_controller import rendered_model
-from frictus_service.daemon.retry import RetryingBackend
 from frictus_service.daemon.safety import Arm
 from frictus_service.daemon.timebase import Stamp
 from frictus_service.errors import ExportError, NotWrittenError

@@ -12,8 +12,8 @@ from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis.compensability import inverse_of
-from frictus_service.synthesis.compensation import Inverse
-from frictus_service.synthesis.compensation_mode import (
+from frictus_service.synthesis.compensation import (
+    Inverse,
     fixed_at,
     inverse_in_mode,
     uncompensated,

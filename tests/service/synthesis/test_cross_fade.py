@@ -13,8 +13,7 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis.compensability import inverse_of
-from frictus_service.synthesis.compensation import Inverse
-from frictus_service.synthesis.compensation_mode import inverse_in_mode
+from frictus_service.synthesis.compensation import Inverse, inverse_in_mode
 from frictus_service.synthesis.estimator import PredictedMotion
 from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.renderer import FADE_S, Playable, Rendered, Renderer

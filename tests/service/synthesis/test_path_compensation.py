@@ -15,8 +15,7 @@ from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.simulator import Simulator
 from frictus_service.synthesis.compensability import NO_PATH, inverse_of
 from frictus_service.synthesis.compensation import Ranges
-from frictus_service.synthesis.path_compensation import PathInverse
-from frictus_service.synthesis.path_demand import LEAST_FACTOR
+from frictus_service.synthesis.path_compensation import LEAST_FACTOR, PathInverse
 from frictus_service.synthesis.renderer import Renderer
 from frictus_service.synthesis.scene import compile_scene
 

@@ -1,10 +1,22 @@
-"""What is said of what no cause explains: a form, or a smooth discrepancy, or nothing."""
+"""What is said of what no cause explains: a form, or a smooth discrepancy, or nothing.
+
+A smooth discrepancy for what no cause explains: octave bands, by the covariate it follows.
+
+The factor ``1 + x sum a_k B_k(f)`` of the response is linear in its weights, so that they
+follow from normal equations; a normal prior holds those that the data do not show near 0
+(Kennedy and O'Hagan 2001: a discrepancy beside a physical model).
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
-from frictus_hardware.arrays import FloatArray
+import numpy as np
+from scipy import stats
+
+from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_hardware.physics.effects import extended
+from frictus_hardware.physics.forms import BANDS_HZ, FORMS, QUALITY, band_names, band_pass
 from frictus_service.discovery.beyond.characterise import (
     RESPONSE,
     Characterised,
@@ -12,10 +24,130 @@ from frictus_service.discovery.beyond.characterise import (
     interval_of_mean,
 )
 from frictus_service.discovery.beyond.form_fit import Remainder
-from frictus_service.discovery.beyond.smooth import COVARIATES, SmoothDiscrepancy, fit_smooth
 from frictus_service.discovery.decision.decision import CLEARLY_BETTER, Decision
 from frictus_service.discovery.inference.linearisation import Linearised, misfit
 from frictus_service.discovery.problem.problem import DiscoveryProblem
+
+PRIOR: Final = 0.1
+"""Standard deviation of a weight before any data: a tenth of the response."""
+STEP: Final = 0.01
+FOLDS: Final = 4
+COVARIATES: Final = {
+    "none": "none",
+    "speed": "speed",
+    "force": "force",
+    "minutes": "time",
+    "direction": "direction",
+    "position": "position",
+}
+"""From the covariate of a pattern to the word in an effect's id."""
+
+
+@dataclass(frozen=True)
+class SmoothDiscrepancy:
+    """A smooth discrepancy.
+
+    Attributes
+    ----------
+    covariate : str
+        ``none``, or that of a pattern.
+    weights : ndarray, shape (n_bands,)
+        Of the octave bands.
+    covariance : ndarray, shape (n_bands, n_bands)
+        Of the weights, from how people scatter.
+    n_units : int
+        How many people, or blocks, it is fitted to.
+    gain : ndarray, shape (n_units,)
+        Nats by which each unit, held out, is more likely.
+    """
+
+    covariate: str
+    weights: FloatArray
+    covariance: FloatArray
+    n_units: int
+    gain: FloatArray
+
+    @property
+    def effect(self) -> str:
+        """Id of its effect."""
+        by = COVARIATES[self.covariate]
+        return "empirical" if by == "none" else f"empirical_by_{by}"
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Parameters of its effect, within their ranges."""
+        bands = FORMS[self.effect].parameters[1:]
+        held = np.clip(self.weights, [b.low for b in bands], [b.high for b in bands])
+        return {"strength": 1.0, **dict(zip(band_names(), held.tolist(), strict=True))}
+
+    def at(self, tones_hz: FloatArray, x: float) -> tuple[ComplexArray, FloatArray, FloatArray]:
+        """Return the logarithm of the factor, and half its 95 % interval in both parts.
+
+        Parameters
+        ----------
+        tones_hz : ndarray, shape (n,)
+        x : float
+            Of the covariate, from -1 to 1; 1 where there is none.
+        """
+        bands = np.column_stack(
+            [band_pass(float(f), 0.5 / QUALITY).frequency_response(tones_hz) for f in BANDS_HZ]
+        )
+        quantile = float(stats.t.ppf(0.975, self.n_units - 1))
+        factor = 1.0 + x * bands @ self.weights
+        slopes = x * bands / factor[:, np.newaxis]
+        halves = [
+            quantile * np.sqrt(np.einsum("ij,jk,ik->i", part, self.covariance, part))
+            for part in (slopes.real, slopes.imag)
+        ]
+        return np.log(factor), halves[0], halves[1]
+
+
+def fit_smooth(remainder: Remainder, covariate: str) -> SmoothDiscrepancy:
+    """Return the smooth discrepancy by a covariate.
+
+    Parameters
+    ----------
+    remainder : Remainder
+        What a fitted model leaves.
+    covariate : str
+        A key of `COVARIATES`.
+    """
+    by = COVARIATES[covariate]
+    effect = "empirical" if by == "none" else f"empirical_by_{by}"
+    n_units = len(remainder.bases)
+    rests = [remainder.rest(unit, effect, {}) for unit in range(n_units)]
+    columns = [
+        np.column_stack(
+            [
+                (rest - remainder.rest(unit, effect, {"strength": 1.0, name: STEP})) / STEP
+                for name in band_names()
+            ]
+        )
+        for unit, rest in enumerate(rests)
+    ]
+    gain = np.zeros(n_units)
+    for fold in range(FOLDS):
+        weights = _weights(columns, rests, [u for u in range(n_units) if u % FOLDS != fold])[0]
+        for unit in range(fold, n_units, FOLDS):
+            left = rests[unit] - columns[unit] @ weights
+            gain[unit] = 0.5 * float(rests[unit] @ rests[unit] - left @ left)
+    weights, covariance = _weights(columns, rests, range(n_units))
+    return SmoothDiscrepancy(covariate, weights, covariance, n_units, gain)
+
+
+def _weights(
+    columns: Sequence[FloatArray], rests: Sequence[FloatArray], units: Sequence[int]
+) -> tuple[FloatArray, FloatArray]:
+    """Return weights and their covariance: the sandwich of the units' scores."""
+    gram = np.sum([columns[u].T @ columns[u] for u in units], axis=0)
+    along = np.sum([columns[u].T @ rests[u] for u in units], axis=0)
+    inverse = np.linalg.inv(gram + np.eye(len(gram)) / PRIOR**2)
+    weights: FloatArray = inverse @ along
+    scores = np.array([columns[u].T @ (rests[u] - columns[u] @ weights) for u in units])
+    n = len(units)
+    covariance = inverse @ (scores.T @ scores) @ inverse * n / max(n - 1, 1)
+    floor = np.maximum(np.diagonal(inverse) - np.diagonal(covariance), 0.0)
+    return weights, covariance + np.diag(floor)
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,9 @@ from frictus_hardware.physics.effects import FORMS, extended
 from frictus_hardware.physics.paths import MEASURED, factor_of
 from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.simulator import Simulator
-from frictus_service.discovery.beyond.beyond import Beyond
+from frictus_service.discovery.beyond.beyond import Beyond, SmoothDiscrepancy
 from frictus_service.discovery.beyond.characterise import Characterised, interval_of_mean
 from frictus_service.discovery.beyond.form_fit import FittedForm
-from frictus_service.discovery.beyond.smooth import SmoothDiscrepancy
 from frictus_service.discovery.decision.prediction_gain import DB, DEGREES
 from frictus_service.discovery.document import (
     CharacterisedForm,

@@ -15,8 +15,11 @@ from frictus_service.discovery.evidence.observation_table import (
     UnitAssignment,
     telling_of,
 )
-from frictus_service.identification.observation.observe import NO_SKIN
-from frictus_service.identification.observation.reasons import count_reasons, list_reasons
+from frictus_service.identification.observation.observe import (
+    NO_SKIN,
+    count_reasons,
+    list_reasons,
+)
 
 NOT_PLACED: Final = "there is no steady sweep of which speed, force and position are known"
 NO_DRIVE: Final = "there is no drive, from which friction could follow"

@@ -26,9 +26,13 @@ from frictus_service.identification.observation.observe import (
     observe_along,
 )
 from frictus_service.identification.observation.response import TrialObservations
-from frictus_service.identification.pipeline.structured_columns import columns_of, table_of
 from frictus_service.identification.pipeline.study import STATISTICS, read_study
-from frictus_service.identification.pipeline.workers import Reader, Reading
+from frictus_service.identification.pipeline.workers import (
+    Reader,
+    Reading,
+    columns_of,
+    table_of,
+)
 from frictus_service.identification.plausibility.pool import TrialRecord
 from frictus_service.identification.plausibility.trial_statistics import (
     TrialStatistics,

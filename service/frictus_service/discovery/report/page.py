@@ -11,7 +11,6 @@ from frictus.model import Model
 from frictus_service.discovery.catalogue.cause import title
 from frictus_service.discovery.catalogue.causes import CAUSES
 from frictus_service.discovery.document import Discovery
-from frictus_service.discovery.report.discrepancy import discrepancy_figure
 from frictus_service.discovery.report.findings import (
     folds_sentence,
     gain_sentence,
@@ -25,8 +24,12 @@ from frictus_service.discovery.report.findings import (
     verdict_sentence,
 )
 from frictus_service.discovery.report.methods import SOURCES, bibtex, methods_paragraph
-from frictus_service.discovery.report.remaining import remaining
-from frictus_service.discovery.report.residuals import by_relevance, residual_bode
+from frictus_service.discovery.report.residuals import (
+    by_relevance,
+    discrepancy_figure,
+    remaining,
+    residual_bode,
+)
 from frictus_service.durable import replace_file
 from frictus_service.identification.report.html import fill, number, picture
 

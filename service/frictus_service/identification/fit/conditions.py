@@ -8,7 +8,7 @@ import numpy as np
 
 from frictus_hardware.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from frictus_service.errors import NothingToIdentifyError
-from frictus_service.identification.observation.reasons import list_reasons
+from frictus_service.identification.observation.observe import list_reasons
 from frictus_service.identification.observation.response import TrialObservations
 
 LEAST_RELATIVE = 1e-4

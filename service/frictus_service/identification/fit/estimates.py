@@ -7,15 +7,17 @@ import numpy as np
 from frictus_hardware.arrays import BoolArray, FloatArray, IntArray
 from frictus_service.identification.documents import Parameter, Settings
 from frictus_service.identification.fit.conditions import ObservationTable, Selection, select
-from frictus_service.identification.fit.friction_fit import CUTOFF, GAIN, fit_friction
 from frictus_service.identification.fit.joint_fit import JointFit
-from frictus_service.identification.fit.mobility_fit import (
+from frictus_service.identification.fit.speed_law import ConditionEvidence, SpeedLaw, estimate
+from frictus_service.identification.fit.transfer_functions import (
+    CUTOFF,
     DAMPING,
+    GAIN,
     MASS,
     STIFFNESS,
+    fit_friction,
     fit_mobility,
 )
-from frictus_service.identification.fit.speed_law import ConditionEvidence, SpeedLaw, estimate
 
 COLUMNS: dict[Parameter, int] = {
     "gain": GAIN,

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import stats
 
 from frictus_hardware.arrays import FloatArray, IntArray
-from frictus_service.identification.fit.friction_fit import CUTOFF, GAIN
+from frictus_service.identification.fit.transfer_functions import CUTOFF, GAIN
 
 _PASSES = 8
 _LEAST_SHARE = 0.1

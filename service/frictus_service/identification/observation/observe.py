@@ -1,7 +1,9 @@
-"""From one trial to its observations."""
+"""From one trial to its observations, and why trials are left out."""
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -156,3 +158,59 @@ def _gaps(trial: Trial, motion: TouchMotion) -> Iterator[str]:
             yield f"{int(lacking.sum())} of {lacking.size} samples of {name} are missing"
     if trial.accel_m_s2 is None and trial.skin_velocity_m_s is None:
         yield NO_SKIN
+
+
+_FIGURE: Final = re.compile(r"(?<=trial )\S+|[-+±]?\d[\d.,e+-]*")
+"""Which the same reason gives anew for every trial."""
+MOST: Final = 8
+"""Kinds that are listed."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReasonCount:
+    """One kind of reason.
+
+    Attributes
+    ----------
+    trials : int
+        That have it.
+    example : str
+        The reason of the first of them.
+    """
+
+    trials: int
+    example: str
+
+
+def count_reasons(reasons: Iterable[Sequence[str]]) -> tuple[ReasonCount, ...]:
+    """Return the kinds of reasons, the most frequent first.
+
+    Parameters
+    ----------
+    reasons : iterable of sequence of str
+        Of each trial, all that it has; those that differ in figures alone are of one kind.
+    """
+    counts: dict[str, int] = {}
+    examples: dict[str, str] = {}
+    for of_trial in reasons:
+        for kind, reason in {_FIGURE.sub("", reason): reason for reason in of_trial}.items():
+            counts[kind] = counts.get(kind, 0) + 1
+            examples.setdefault(kind, reason)
+    ordered = sorted(counts, key=lambda kind: -counts[kind])
+    return tuple(ReasonCount(counts[kind], examples[kind]) for kind in ordered)
+
+
+def list_reasons(reasons: Iterable[Sequence[str]]) -> str:
+    """Return all kinds of reasons with their counts as one line.
+
+    Parameters
+    ----------
+    reasons : iterable of sequence of str
+        As for `count_reasons`.
+    """
+    found = count_reasons(reasons)
+    told = [f"{each.trials} x {each.example}" for each in found[:MOST]]
+    rest = found[MOST:]
+    if rest:
+        told.append(f"and {len(rest)} rarer kinds")
+    return "; ".join(told)

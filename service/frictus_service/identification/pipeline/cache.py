@@ -20,12 +20,14 @@ from frictus_service.identification.observation.response import (
     ResponseRows,
     TrialObservations,
 )
-from frictus_service.identification.pipeline.structured_columns import (
+from frictus_service.identification.pipeline.workers import (
+    Reader,
+    Reading,
     Table,
     columns_of,
     table_of,
+    version_of,
 )
-from frictus_service.identification.pipeline.workers import Reader, Reading, version_of
 from frictus_service.study.trial import StudyInfo, TrialInfo
 
 _ESTIMATOR: Final = (
@@ -35,7 +37,7 @@ _ESTIMATOR: Final = (
     "frictus_service.identification.observation.observe",
     "frictus_service.identification.observation.response",
     "frictus_service.identification.observation.sweeps",
-    "frictus_service.identification.pipeline.structured_columns",
+    "frictus_service.identification.pipeline.workers",
     "frictus_service.identification.observation.tones",
     "frictus_service.identification.observation.validity",
 )

@@ -13,19 +13,57 @@ import traceback
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from importlib import import_module
 from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any, Final, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from frictus_service.errors import ServiceError
 from frictus_service.identification.observation.response import TrialObservations
-from frictus_service.identification.pipeline.structured_columns import Table
 from frictus_service.processes import quiet_numerics
 from frictus_service.study.trial import StudyInfo, Trial
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+Table = NDArray[np.void]
+Columns = TypeVar("Columns", bound="DataclassInstance")
+
+
+def table_of(columns: "DataclassInstance") -> Table:
+    """Return a dataclass of arrays of shape (n,) as a structured array of shape (n,).
+
+    Parameters
+    ----------
+    columns : dataclass instance
+        All of its fields are arrays of the same length.
+    """
+    arrays = {field.name: getattr(columns, field.name) for field in fields(columns)}
+    (count,) = {array.size for array in arrays.values()}
+    table = np.empty(count, dtype=[(name, array.dtype) for name, array in arrays.items()])
+    for name, array in arrays.items():
+        table[name] = array
+    return table
+
+
+def columns_of(kind: type[Columns], table: Table) -> Columns:
+    """Return the dataclass whose columns a structured array holds.
+
+    Parameters
+    ----------
+    kind : type
+        The dataclass.
+    table : ndarray, shape (n,)
+        From `table_of`.
+    """
+    columns: dict[str, Any] = {field.name: table[field.name].copy() for field in fields(kind)}
+    return kind(**columns)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_service.identification.documents import ConditionResult, ParticipantResult
-from frictus_service.identification.fit.friction_fit import FirstOrder
 from frictus_service.identification.fit.joint_fit import Law
-from frictus_service.identification.fit.mobility_fit import mass_spring_damper
+from frictus_service.identification.fit.transfer_functions import FirstOrder, mass_spring_damper
 from frictus_service.identification.observation.response import TrialObservations
 from frictus_service.identification.report.html import FIT, GRID, ORDER
 

@@ -26,9 +26,9 @@ from frictus_service.identification.fit.estimates import (
     evidence_of,
     law_of,
 )
-from frictus_service.identification.fit.friction_fit import CUTOFF, GAIN, refit_friction
 from frictus_service.identification.fit.joint_fit import ALIKE, JointFit
 from frictus_service.identification.fit.speed_law import NAMES, Combination, SpeedLaw, levels
+from frictus_service.identification.fit.transfer_functions import CUTOFF, GAIN, refit_friction
 
 MOBILITY_NAMES = ("mass_kg", "damping_n_s_m", "stiffness_n_m", "skew_s")
 _NORMAL_975 = float(stats.norm.ppf(0.975))

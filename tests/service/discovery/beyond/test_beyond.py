@@ -12,9 +12,9 @@ from frictus_service.discovery.beyond.draft import draft_cause
 from frictus_service.discovery.beyond.grammar import grammar
 from frictus_service.discovery.document import Discovery
 from frictus_service.discovery.problem.base_models import simulator_of
-from frictus_service.discovery.report.discrepancy import discrepancy_figure
 from frictus_service.discovery.report.findings import verdict_sentence
 from frictus_service.discovery.report.page import render
+from frictus_service.discovery.report.residuals import discrepancy_figure
 from frictus_service.errors import DraftCauseError
 
 pytestmark = pytest.mark.timeout(600)

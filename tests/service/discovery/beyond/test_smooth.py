@@ -5,7 +5,7 @@ import numpy as np
 from frictus_hardware.physics.effects import extended
 from frictus_hardware.physics.forms import BANDS_HZ
 from frictus_hardware.physics.simulator import Simulator
-from frictus_service.discovery.beyond.smooth import COVARIATES, SmoothDiscrepancy
+from frictus_service.discovery.beyond.beyond import COVARIATES, SmoothDiscrepancy
 
 
 def test_weights_beyond_their_range_still_make_an_effect() -> None:

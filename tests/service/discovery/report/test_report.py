@@ -24,8 +24,7 @@ from frictus_service.discovery.report.findings import (
 )
 from frictus_service.discovery.report.methods import SOURCES, bibtex, methods_paragraph
 from frictus_service.discovery.report.page import render
-from frictus_service.discovery.report.remaining import remaining
-from frictus_service.discovery.report.residuals import by_relevance, residual_bode
+from frictus_service.discovery.report.residuals import by_relevance, remaining, residual_bode
 
 
 class Page(HTMLParser):

@@ -8,13 +8,13 @@ from tests.service.identification.observed import Bench, Finger, observations
 
 from frictus_service.identification.fit.conditions import ObservationTable, select
 from frictus_service.identification.fit.estimates import Measured
-from frictus_service.identification.fit.friction_fit import (
+from frictus_service.identification.fit.joint_fit import JointFit
+from frictus_service.identification.fit.transfer_functions import (
     CUTOFF,
     GAIN,
     FirstOrder,
     fit_friction,
 )
-from frictus_service.identification.fit.joint_fit import JointFit
 
 EXACT = Bench(trial_gain=0.0, segment_gain=0.0, speed_wander=0.0, noise=1e-9, seconds=3.0)
 SMALL = Bench(speeds=(20.0, 60.0, 100.0), forces=(0.3, 0.5), seconds=4.0)

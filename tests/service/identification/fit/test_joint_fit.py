@@ -10,8 +10,8 @@ from frictus_service.identification.documents import Settings
 from frictus_service.identification.fit import joint_fit
 from frictus_service.identification.fit.conditions import ObservationTable
 from frictus_service.identification.fit.estimates import Fitted, Measured, friction_of
-from frictus_service.identification.fit.friction_fit import HIGHEST, LOWEST, FirstOrder
 from frictus_service.identification.fit.joint_fit import ALIKE, JointFitProblem, Solution
+from frictus_service.identification.fit.transfer_functions import HIGHEST, LOWEST, FirstOrder
 from frictus_service.identification.report.results import participants_of
 
 # What phases say is worth far more than what sizes say, as on the simulated rig.

@@ -7,7 +7,10 @@ from tests.service.identification.observed import Bench, Finger, observations
 from frictus_service.identification.fit.conditions import ObservationTable, select
 from frictus_service.identification.fit.estimates import Measured
 from frictus_service.identification.fit.joint_fit import JointFit
-from frictus_service.identification.fit.mobility_fit import fit_mobility, mass_spring_damper
+from frictus_service.identification.fit.transfer_functions import (
+    fit_mobility,
+    mass_spring_damper,
+)
 
 EXACT = Bench(
     speeds=(40.0,),

@@ -1,6 +1,6 @@
 """All reasons are counted, those of one kind together."""
 
-from frictus_service.identification.observation.reasons import count_reasons, list_reasons
+from frictus_service.identification.observation.observe import count_reasons, list_reasons
 
 
 def test_figures_do_not_make_another_kind() -> None:

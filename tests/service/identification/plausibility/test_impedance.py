@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from frictus_hardware.arrays import ComplexArray
-from frictus_service.identification.plausibility.impedance import fit_impedance
+from frictus_service.identification.plausibility.pool import fit_impedance
 
 TONES_HZ = np.geomspace(30.0, 2000.0, 12)
 

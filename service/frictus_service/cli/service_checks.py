@@ -1,11 +1,19 @@
-"""What is installed and configured, and whether router, rigs and device answer."""
+"""What is installed and configured, and whether router, rigs and device answer.
+
+What a lead costs in rendering, from the table of `docs/lead.md`.
+
+It is of the simulated rig: free strokes, every sensor used, compensated. `bench/lead.py`
+measures it anew; a test holds these figures to the document.
+"""
 
 import importlib.metadata
 import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
+
+import numpy as np
 
 import frictus
 from frictus.errors import CertificateError, LinkError
@@ -16,11 +24,65 @@ from frictus_hardware.nidaq.assembly import conversion_of
 from frictus_hardware.nidaq.devices import INSTALL, mismatches, survey
 from frictus_hardware.nidaq.settings import NeonodeSettings
 from frictus_hardware.sensors.hid import HidPort
-from frictus_service.cli.checks.check import Check
+from frictus_service.cli.machine_checks import (
+    Check,
+    clock_resolution,
+    clock_synchronised,
+    disk_rate,
+    real_time_priority,
+    timer_lateness,
+)
 from frictus_service.config import Config, SecurityConfig, load
 from frictus_service.errors import ConfigurationError
-from frictus_service.fidelity.lead_cost import MEASURED, lead_cost
 from frictus_service.selftest.playing import least_lead_ms
+
+
+class LeadCost(NamedTuple):
+    """How far off the rendered finger and friction are at a lead.
+
+    Attributes
+    ----------
+    lead_ms : float
+        From handing a drive over to its playing.
+    position_mm : float
+        Rms of where the finger is rendered, against where it is.
+    bands_db : float
+        Friction at the screen against the target, in third octaves, dB rms.
+    """
+
+    lead_ms: float
+    position_mm: float
+    bands_db: float
+
+
+MEASURED: Final = (
+    LeadCost(2.0, 0.173, 0.454),
+    LeadCost(5.0, 0.181, 0.448),
+    LeadCost(10.0, 0.194, 0.480),
+    LeadCost(15.0, 0.209, 0.486),
+    LeadCost(20.0, 0.225, 0.493),
+    LeadCost(30.0, 0.270, 0.532),
+)
+"""In the order of the lead."""
+
+
+def lead_cost(lead_ms: float) -> LeadCost | None:
+    """Return what a lead costs, linear between those measured; None beyond them.
+
+    Parameters
+    ----------
+    lead_ms : float
+        From handing a drive over to its playing.
+    """
+    leads_ms, positions_mm, bands_db = zip(*MEASURED, strict=True)
+    if not leads_ms[0] <= lead_ms <= leads_ms[-1]:
+        return None
+    return LeadCost(
+        lead_ms,
+        float(np.interp(lead_ms, leads_ms, positions_mm)),
+        float(np.interp(lead_ms, leads_ms, bands_db)),
+    )
+
 
 NEEDED: Final = (
     "eclipse-zenoh",
@@ -243,3 +305,23 @@ def touch_sensor(touch: NeonodeSettings) -> Check:
         return Check("touch sensor", "fail", str(error), "see what the reason names")
     port.close()
     return Check("touch sensor", "ok", "is plugged in and can be opened")
+
+
+def all_checks(config_file: Path | None, router: str | None) -> Iterator[Check]:
+    """Make every check, one after another."""
+    yield python_version()
+    yield packages()
+    yield compiler_cache()
+    config, found = configuration(config_file)
+    yield found
+    settings = config or Config()
+    if config is not None:
+        yield from rig_files(config)
+        yield library_folder(config.textures)
+        yield from device_checks(config.backend)
+        yield disk_rate(config.recordings, config.sample_rate_hz)
+    yield from router_and_rigs(router or settings.router.endpoint, settings.security)
+    yield clock_resolution()
+    yield timer_lateness()
+    yield real_time_priority()
+    yield clock_synchronised()

@@ -11,10 +11,33 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
-from frictus_service.cli.checks.check import Check, Verdict
+Verdict = Literal["ok", "warn", "fail"]
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """What one check found.
+
+    Attributes
+    ----------
+    name : str
+        What was looked at.
+    verdict : {'ok', 'warn', 'fail'}
+    found : str
+        What was found.
+    to_do : str
+        What an operator should do; empty if nothing.
+    """
+
+    name: str
+    verdict: Verdict
+    found: str
+    to_do: str = ""
+
 
 CLOCK_NS: Final = 100_000
 """A clock that steps in more than this cannot time 5 ms blocks well."""
