@@ -18,7 +18,7 @@ from frictus_hardware.physics.screen import Screen
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.motion import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
-from frictus_laboratory.compensation_gain import Effects, Stroke, gain_of
+from frictus_laboratory.rendering_error import Effects, Stroke, gain_of
 from frictus_service.fidelity.path import BLOCK_SAMPLES, walk
 from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensability import inverse_of

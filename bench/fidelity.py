@@ -19,10 +19,11 @@ from frictus.recordings import load_texture, texture_of
 from frictus.textures import Texture
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.human import HumanStrokes
-from frictus_laboratory.finger_prediction import (
+from frictus_laboratory.rendering_error import (
     FUSED,
     KINDS,
     LAW,
+    MODES,
     RATE_HZ,
     SCREEN,
     SHORT,
@@ -31,10 +32,11 @@ from frictus_laboratory.finger_prediction import (
     WAYS,
     Table,
     failing_sensors,
+    judge,
     kinematics,
     strokes_at,
+    whole,
 )
-from frictus_laboratory.rendering_error import MODES, judge, whole
 from frictus_service.fidelity.measure import (
     Error,
     full_gain,

@@ -20,8 +20,16 @@ from frictus.recordings import texture_of
 from frictus.textures import Texture
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.human import HumanStrokes
-from frictus_laboratory.finger_prediction import LAW, RATE_HZ, SCREEN, Way, rendered_errors
-from frictus_laboratory.rendering_error import MODES, judge, whole
+from frictus_laboratory.rendering_error import (
+    LAW,
+    MODES,
+    RATE_HZ,
+    SCREEN,
+    Way,
+    judge,
+    rendered_errors,
+    whole,
+)
 from frictus_service.fidelity.measure import full_gain
 from frictus_service.library import SHIPPED
 

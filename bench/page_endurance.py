@@ -17,7 +17,7 @@ import numpy as np
 from playwright.sync_api import CDPSession, Page, expect, sync_playwright
 
 import frictus
-from frictus_laboratory.benchmarks.service import RIG, config_of, serving
+from frictus_laboratory.benchmarks.processes import RIG, config_of, serving
 from frictus_service.library import SHIPPED, TextureLibrary
 
 PATIENCE_MS: Final = 60_000.0

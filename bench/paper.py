@@ -24,7 +24,12 @@ from frictus_laboratory.reproduction.coverage import (
 )
 from frictus_laboratory.reproduction.paper import markdown
 from frictus_laboratory.reproduction.plan import StudyConditions
-from frictus_laboratory.reproduction.population import NULL_FORCE_SD, NULL_SPEED_SD, SLOPE_SD
+from frictus_laboratory.reproduction.population import (
+    NULL_FORCE_SD,
+    NULL_SPEED_SD,
+    SLOPE_SD,
+    spread_of,
+)
 from frictus_laboratory.reproduction.reproduce import (
     BAD_SHARE,
     DELAY_S,
@@ -34,7 +39,6 @@ from frictus_laboratory.reproduction.reproduce import (
     QUICK_PARTICIPANTS,
     reproduce,
 )
-from frictus_laboratory.reproduction.spread import spread_of
 
 UNITS = {"gain": "N/V", "cutoff": "Hz", "mass": "kg", "damping": "N s/m", "stiffness": "N/m"}
 SCATTER = WithinPersonScatter()

@@ -44,10 +44,11 @@ from frictus_laboratory.reproduction.simulate import (
     POSITION_HZ,
     POSITION_STEP_MM,
     Rubbing,
+    move,
+    report,
     simulate_trial,
     study_info,
 )
-from frictus_laboratory.reproduction.strokes import move, report
 from frictus_service.calibration import coordinates, design
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.calibration.plan import Ask

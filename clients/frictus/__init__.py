@@ -12,7 +12,6 @@
 from frictus.aligned import AlignedSamples, align
 from frictus.block import Block, FingerSensor, Flag
 from frictus.client import Client, Presence, RigName, connect
-from frictus.compensation import Compensation
 from frictus.errors import (
     ArgumentError,
     CertificateError,
@@ -43,7 +42,7 @@ from frictus.messages import (
     Tone,
     TouchState,
 )
-from frictus.model import Model
+from frictus.model import Compensation, Model
 from frictus.reception import Feed
 from frictus.recordings import load_texture
 from frictus.rig import Rig

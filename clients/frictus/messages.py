@@ -7,10 +7,9 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
-from frictus.compensation import BY_MODEL, Compensation
 from frictus.errors import FrameError, explain
 from frictus.keys import MAX_NAME, of_a_file
-from frictus.model import Model
+from frictus.model import BY_MODEL, Compensation, Model
 from frictus.textures import PhaseRad, PositionMm, RmsFriction, Scene
 
 RefusalCode = Literal[

@@ -1,13 +1,17 @@
-"""`model/1`: how a finger-screen model is stored and carried.
+"""`model/1`: how a finger-screen model is stored and carried, and in which mode it is inverted.
+
+`model/1`: how a finger-screen model is stored and carried.
 
 The client validates and carries a model; the equations stand once, in
 `frictus_hardware.physics`.
 """
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
+
+from frictus.textures import SpeedMmS
 
 Bound = Annotated[FiniteFloat, Field(ge=0.0, le=100_000.0)]
 Range = tuple[Bound, Bound]
@@ -131,3 +135,39 @@ def _all_representable(value: object) -> bool:
     if isinstance(value, int):
         return -(2**63) <= value < 2**63
     return not isinstance(value, float) or math.isfinite(value)
+
+
+CompensationMode = Literal["model", "fixed", "none"]
+
+
+class Compensation(BaseModel):
+    """What is inverted between the friction that is asked for and the drive.
+
+    `model` inverts the friction model at the finger's predicted speed, `fixed` the same model
+    at one speed, however fast the finger moves, and `none` inverts nothing: friction is turned
+    into drive by the model's gain alone.
+    """
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    mode: CompensationMode
+    speed_mm_s: SpeedMmS | None = None
+    """At which the model is inverted in mode `fixed`; None in the others."""
+
+    @model_validator(mode="after")
+    def _speed_where_it_counts(self) -> "Compensation":
+        if self.mode == "fixed" and self.speed_mm_s is None:
+            raise ValueError("mode 'fixed' takes speed_mm_s, 1 to 1000 mm/s: give it")
+        if self.mode != "fixed" and self.speed_mm_s is not None:
+            raise ValueError(
+                f"speed_mm_s is of mode 'fixed' alone: leave it out with {self.mode!r}"
+            )
+        return self
+
+    def __str__(self) -> str:
+        """Return it as the command line takes it: ``model``, ``fixed:60`` or ``none``."""
+        return self.mode if self.speed_mm_s is None else f"{self.mode}:{self.speed_mm_s:g}"
+
+
+BY_MODEL: Final = Compensation(mode="model")
+"""What holds unless the holder of the rig has chosen another."""

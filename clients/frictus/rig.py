@@ -8,7 +8,6 @@ from typing import Any, Final, Literal, TypeVar
 import zenoh
 
 from frictus.calls import Caller, no_recorder, present_rigs
-from frictus.compensation import Compensation, CompensationMode
 from frictus.errors import (
     ArgumentError,
     LeaseLostError,
@@ -37,7 +36,7 @@ from frictus.messages import (
     TimeState,
     TouchState,
 )
-from frictus.model import Model
+from frictus.model import Compensation, CompensationMode, Model
 from frictus.readings import Held, Readings, close_all
 from frictus.reception import Arrival, Feed
 from frictus.session import declare_publisher

@@ -7,7 +7,7 @@ from pydantic import Field
 
 from frictus_hardware.base import Backend, Exchange, RigInfo, TouchReport, Truth
 from frictus_hardware.nidaq.settings import NiRigConfig
-from frictus_hardware.replay.config import ReplayConfig
+from frictus_hardware.replay.tape import ReplayConfig
 from frictus_hardware.simulated.config import SimulatedConfig, SimulatedDeviceConfig
 
 __all__ = [

@@ -22,7 +22,7 @@ from frictus.errors import FrictusError
 from frictus_hardware import ReplayConfig, SimulatedConfig
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_laboratory.benchmarks.load import Tally, subscribe
-from frictus_laboratory.benchmarks.neighbour import Pipe, neighbour
+from frictus_laboratory.benchmarks.processes import Pipe, neighbour
 from frictus_laboratory.benchmarks.viewers import Taken, view
 from frictus_service.config import ApiConfig, Config, RegistryConfig, RouterConfig
 from frictus_service.processes import free_endpoint, free_port

@@ -29,8 +29,7 @@ from frictus.errors import FrictusError
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_laboratory.benchmarks.load import Tally, subscribe
-from frictus_laboratory.benchmarks.neighbour import Neighbour, Pipe, neighbour
-from frictus_laboratory.benchmarks.service import RIG
+from frictus_laboratory.benchmarks.processes import RIG, Neighbour, Pipe, neighbour
 from frictus_laboratory.benchmarks.viewers import STREAMS, view
 from frictus_service.config import Config
 from frictus_service.daemon.supervisor import ALL, Supervisor

@@ -6,10 +6,10 @@ import pytest
 from pydantic import ValidationError
 
 import frictus
-from frictus.compensation import BY_MODEL, Compensation
 from frictus.errors import ArgumentError, LinkError, RefusedError
 from frictus.keys import Topics
 from frictus.messages import Reply, RigStatus
+from frictus.model import BY_MODEL, Compensation
 
 
 @pytest.mark.parametrize(

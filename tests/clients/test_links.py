@@ -16,7 +16,7 @@ import zenoh
 from frictus.block import Block, Flag
 from frictus.keys import STREAMS, RigKeys, Topic, Topics
 from frictus.session import declare_publisher, open_router, open_session
-from frictus_laboratory.benchmarks.neighbour import await_subscriber
+from frictus_laboratory.benchmarks.processes import await_subscriber
 from frictus_service.processes import free_endpoint
 
 BLOCK_S = 0.005

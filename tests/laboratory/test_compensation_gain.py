@@ -8,7 +8,7 @@ from frictus_hardware.physics.screen import Screen
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.motion import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
-from frictus_laboratory.compensation_gain import Stroke, gain_of, thirds
+from frictus_laboratory.rendering_error import Stroke, gain_of, thirds
 from frictus_service.fidelity.path import walk
 from frictus_service.library import SHIPPED
 

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from frictus_laboratory.benchmarks.contention import measure_beside
+from frictus_laboratory.benchmarks.lateness import measure_beside
 
 
 @pytest.mark.load

@@ -15,8 +15,13 @@ import pytest
 import frictus
 from frictus.messages import RigStatus
 from frictus_laboratory.benchmarks.load import STREAMS, Tally, loaded, subscribe
-from frictus_laboratory.benchmarks.neighbour import Neighbour, neighbour
-from frictus_laboratory.benchmarks.service import RIG, config_of, serving
+from frictus_laboratory.benchmarks.processes import (
+    RIG,
+    Neighbour,
+    config_of,
+    neighbour,
+    serving,
+)
 from frictus_service.library import SHIPPED, TextureLibrary
 
 SECONDS = float(os.environ.get("FRICTUS_LOAD_S", "300"))

@@ -18,8 +18,7 @@ from frictus_hardware.errors import (
     StreamLostError,
 )
 from frictus_hardware.output import RETURN_S, OutputQueue
-from frictus_hardware.replay.config import ReplayConfig
-from frictus_hardware.replay.tape import Tape
+from frictus_hardware.replay.tape import ReplayConfig, Tape
 from frictus_hardware.simulated.clock import Clock, make_clock, scale_of
 
 SEAM_SAMPLES: Final = 1

@@ -14,14 +14,12 @@ from frictus_hardware.arguments import (
     require_max_lead,
 )
 from frictus_hardware.physics.screen import Screen
-from frictus_hardware.simulated.circles import Circles
 from frictus_hardware.simulated.clock import ClockSetting
 from frictus_hardware.simulated.faults import Fault
 from frictus_hardware.simulated.guided import ClientFinger, GuidedStrokes
 from frictus_hardware.simulated.human import HumanStrokes
-from frictus_hardware.simulated.strokes import SinusoidalStrokes, SteadyStrokes
-from frictus_hardware.simulated.taps import Taps
-from frictus_hardware.simulated.touch import TouchConfig
+from frictus_hardware.simulated.sensors import NailConfig, TouchConfig
+from frictus_hardware.simulated.strokes import Circles, SinusoidalStrokes, SteadyStrokes, Taps
 
 if TYPE_CHECKING:
     from frictus_hardware.physics.friction import FrictionLaw
@@ -147,32 +145,6 @@ class WithinPersonScatter:
     gain_per_trial: float = 0.10
     cutoff_per_condition: float = 0.05
     skin_per_condition: float = 0.05
-
-
-class NailConfig(StrictModel):
-    """Settings of the accelerometer's place on the nail.
-
-    Attributes
-    ----------
-    stroke_tilt_deg : float
-        By which the nail leans over from one edge of the screen to the other, and gravity with
-        it; 1 degree is 0.17 m/s².
-    wander_tilt_deg : float
-        Standard deviation of what it leans besides, slowly, about both axes.
-    resonance_hz : float or None
-        Of the sensor on its wax; None: the wax is rigid.
-    resonance_damping : float
-        Damping ratio of that.
-    mounted_deg : tuple of float
-        By which the sensor is turned about x, y and z (in this order) against the frame that
-        the rig takes it to be in.
-    """
-
-    stroke_tilt_deg: float = Field(default=2.0, ge=-45.0, le=45.0)
-    wander_tilt_deg: NonNegative = 0.7
-    resonance_hz: float | None = Field(default=None, ge=10.0, le=10_000.0)
-    resonance_damping: float = Field(default=0.05, gt=0.0, le=1.0)
-    mounted_deg: Annotated[tuple[float, float, float], Field(strict=False)] = (0.0, 0.0, 0.0)
 
 
 FingerConfig = Annotated[

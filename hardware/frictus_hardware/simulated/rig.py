@@ -34,8 +34,7 @@ from frictus_hardware.simulated.faults import (
 )
 from frictus_hardware.simulated.guided import GuidedFinger, PointerFinger
 from frictus_hardware.simulated.motion import Finger, FingerMotion
-from frictus_hardware.simulated.nail import NailSensor
-from frictus_hardware.simulated.touch import TouchSensor
+from frictus_hardware.simulated.sensors import NailSensor, TouchSensor
 
 INPUT_BUFFER_S = 10.0
 """A loop that falls further behind than this has lost the stream."""

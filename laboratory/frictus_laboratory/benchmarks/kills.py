@@ -14,13 +14,14 @@ import frictus
 from frictus_hardware import SimulatedDeviceConfig
 from frictus_hardware.simulated.device_rig import launched, recent_output
 from frictus_laboratory.benchmarks.figure import Figure, Target, skipped
-from frictus_laboratory.benchmarks.neighbour import Pipe, neighbour
-from frictus_laboratory.benchmarks.service import (
+from frictus_laboratory.benchmarks.processes import (
     QUIET_S,
     RIG,
     STEADY,
+    Pipe,
     await_status,
     config_of,
+    neighbour,
     serving,
 )
 from frictus_service.daemon.supervisor import Supervisor

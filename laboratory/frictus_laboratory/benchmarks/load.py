@@ -10,8 +10,7 @@ from typing import Final
 
 import frictus
 from frictus.rig import StreamName
-from frictus_laboratory.benchmarks.neighbour import Neighbour, Pipe, neighbour
-from frictus_laboratory.benchmarks.service import RIG
+from frictus_laboratory.benchmarks.processes import RIG, Neighbour, Pipe, neighbour
 from frictus_service.config import Config
 
 STREAMS: Final[tuple[StreamName, ...]] = ("force", "accel", "voltage", "truth")

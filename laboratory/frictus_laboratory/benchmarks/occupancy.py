@@ -8,8 +8,7 @@ import frictus
 from frictus_hardware import SimulatedConfig
 from frictus_laboratory.benchmarks.figure import Figure, Target
 from frictus_laboratory.benchmarks.kernel import TEXTURE
-from frictus_laboratory.benchmarks.neighbour import Neighbour, Pipe, neighbour
-from frictus_laboratory.benchmarks.service import RIG, config_of
+from frictus_laboratory.benchmarks.processes import RIG, Neighbour, Pipe, config_of, neighbour
 from frictus_service.config import Config
 from frictus_service.daemon.rig import run_rig
 from frictus_service.library import SHIPPED, TextureLibrary

@@ -20,7 +20,7 @@ from zenoh.handlers import Callback
 from frictus.keys import Topics
 from frictus.session import open_session
 from frictus_laboratory.benchmarks.figure import Figure, Target
-from frictus_laboratory.benchmarks.service import config_of
+from frictus_laboratory.benchmarks.processes import config_of
 from frictus_service.config import Config
 from frictus_service.daemon.child_process import PATIENCE_S, StartProgress
 from frictus_service.errors import StartError

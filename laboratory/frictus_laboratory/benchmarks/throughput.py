@@ -1,15 +1,21 @@
-"""Blocks per second through the publishing path, beside bare puts of the same bytes.
+"""Blocks per second through the publishing path, and into a recording, beside bare bytes.
+
+Blocks per second through the publishing path, beside bare puts of the same bytes.
 
 Both send to one subscriber in another process through one router, and both wait where the
 network is full instead of dropping, so that every block arrives: what is compared is the
 highest rate without loss.
 """
 
+import os
+import tempfile
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Final
 
+import numpy as np
 import zenoh
 from zenoh.handlers import Callback
 
@@ -19,10 +25,12 @@ from frictus.session import open_router, open_session
 from frictus_hardware import SimulatedConfig, open_backend
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_laboratory.benchmarks.figure import Figure, Target, interleaved
-from frictus_laboratory.benchmarks.neighbour import Neighbour, Pipe, await_subscriber, neighbour
+from frictus_laboratory.benchmarks.processes import Neighbour, Pipe, await_subscriber, neighbour
 from frictus_service.daemon.block_record import BlockRecord, blocks_of, finger_of, flags_of
 from frictus_service.daemon.timebase import Timebase, UtcReading
 from frictus_service.processes import free_endpoint
+from frictus_service.recording.records import RecordingInfo
+from frictus_service.recording.writer import SYNC_S, RecordingWriter
 from frictus_service.synthesis.chain import make_chain
 
 KEYS: Final = RigKeys("bench", "rig")
@@ -237,3 +245,102 @@ def measure(turns: int = 500, repeats: int = 61) -> list[Figure]:
             "and the finger state; ratio: time over that of bare puts of the same bytes",
         ),
     ]
+
+
+RATE_HZ: Final = 20_000.0
+BLOCK: Final = 100
+SECONDS: Final = 20.0
+STEPS: Final = {"force": 0.0005, "accel": 0.04}
+CHANNELS: Final = {1: 3, 2: 3, 3: 1, 4: 5}
+REPEATS: Final = 5
+
+
+def measure_recording() -> list[Figure]:
+    """Write 20 s of a rig's streams as fast as the disk takes them."""
+    rng = np.random.default_rng(0)
+    blocks = [_turn(rng, number) for number in range(round(SECONDS * RATE_HZ / BLOCK))]
+    with tempfile.TemporaryDirectory() as folder:
+        size = _record(Path(folder) / "size.mcap", blocks)
+        names = (str(number) for number in range(2 * REPEATS))
+
+        def ours() -> float:
+            return _timed(lambda: _record(Path(folder) / f"{next(names)}.mcap", blocks))
+
+        def bare() -> float:
+            return _timed(lambda: _write_bare(Path(folder) / next(names), size))
+
+        ours_s, bare_s = interleaved(REPEATS, ours, bare)
+    return [
+        Figure(
+            "recording",
+            "MB/s",
+            {"written": 1e-6 * size / ours_s},
+            {"bare file": 1e-6 * size / bare_s},
+            ratio=bare_s / ours_s,
+            remark=f"all streams of a rig at 20 kHz, {1e-6 * size / SECONDS:.2f} MB per second "
+            f"of recording, {SECONDS / ours_s:.0f} times as fast as they come; both synced to "
+            f"the disk every {SYNC_S:g} s of recording; the ratio is of the speeds",
+        )
+    ]
+
+
+def _turn(rng: np.random.Generator, number: int) -> list[Block]:
+    found = []
+    for stream, channels in CHANNELS.items():
+        data = rng.normal(0.0, 0.2, (channels, BLOCK))
+        step = {1: STEPS["force"], 2: STEPS["accel"]}.get(stream)
+        if step is not None:
+            data = np.rint(data / step) * step
+        at = number * BLOCK
+        utc_ns = round(1e9 * at / RATE_HZ)
+        found.append(
+            Block(
+                stream,
+                1,
+                number,
+                at,
+                utc_ns,
+                0,
+                RATE_HZ,
+                Flag.SIMULATED,
+                data.astype(np.float32),
+            )
+        )
+    return found
+
+
+def _record(path: Path, turns: list[list[Block]]) -> int:
+    now_s = 0.0
+    info = RecordingInfo(
+        name="bench",
+        site="bench",
+        rig="bench",
+        started_utc_ns=0,
+        software="frictus bench",
+        converter_steps=STEPS,
+    )
+    with RecordingWriter(path, info, {}, lambda: now_s) as writer:
+        for number, turn in enumerate(turns):
+            for block in turn:
+                writer.block(block)
+            now_s = number * BLOCK / RATE_HZ
+            writer.tick()
+        writer.end("asked for", 0)
+        return writer.bytes_written
+
+
+def _write_bare(path: Path, size: int) -> int:
+    pieces = round(SECONDS / SYNC_S)
+    content = os.urandom(size // pieces)
+    with path.open("xb") as file:
+        for _ in range(pieces):
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+    return size
+
+
+def _timed(work: Callable[[], object]) -> float:
+    begun_s = time.perf_counter()
+    work()
+    return time.perf_counter() - begun_s

@@ -14,8 +14,7 @@ from typing import Final, Self
 import frictus
 from frictus_laboratory.benchmarks.figure import Figure, skipped, spread
 from frictus_laboratory.benchmarks.lateness import timing_of
-from frictus_laboratory.benchmarks.neighbour import Pipe, neighbour
-from frictus_laboratory.benchmarks.service import RIG, config_of, serving
+from frictus_laboratory.benchmarks.processes import RIG, Pipe, config_of, neighbour, serving
 from frictus_service.api.dashboard.frames import Frame, Kind
 
 VIEWERS: Final = 20

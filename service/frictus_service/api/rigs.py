@@ -5,9 +5,8 @@ from typing import Annotated, Final
 from fastapi import APIRouter, Depends, Path, Request, Response
 from pydantic import BaseModel, Field, TypeAdapter
 
-from frictus.compensation import Compensation
 from frictus.messages import AdaptationPolicy, Applied, RigStatus, SafetyState, TimeState
-from frictus.model import Model
+from frictus.model import Compensation, Model
 from frictus.textures import Scene
 from frictus_service.api import problems
 from frictus_service.api.access import acts_as, needs

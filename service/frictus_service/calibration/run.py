@@ -15,11 +15,10 @@ from frictus.session import declare_publisher
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import Mount, TransferFunction
 from frictus_hardware.physics.screen import Screen
-from frictus_service.calibration.alignment import alignment_of
+from frictus_service.calibration.checks import alignment_of, linearity_of
 from frictus_service.calibration.conclusion import conclude, precision_so_far, prior_of
 from frictus_service.calibration.folder import CalibrationFolder
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Phase, Progress
-from frictus_service.calibration.linearity import linearity_of
 from frictus_service.calibration.plan import Ask, plan_of
 from frictus_service.calibration.session import Cue, TrialSession, span_of, status_of
 from frictus_service.errors import CaptureError, Exclusion, FieldError

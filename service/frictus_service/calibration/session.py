@@ -13,7 +13,7 @@ from typing import Final, Literal
 from frictus.lease import CONFIRM_S, Lease
 from frictus.messages import FingerState, GuidanceState, RigStatus
 from frictus.rig import Rig
-from frictus_service.calibration.alignment import StrokesCapture
+from frictus_service.calibration.checks import StrokesCapture
 from frictus_service.calibration.job import Phase
 from frictus_service.calibration.plan import Ask
 from frictus_service.calibration.trial_capture import BESIDE_S, StreamReader, TrialCapture

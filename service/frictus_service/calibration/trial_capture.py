@@ -13,7 +13,7 @@ from frictus.gaps import BlockFeed
 from frictus.messages import FingerState, TouchState
 from frictus.reception import Feed
 from frictus.rig import Rig
-from frictus_service.calibration.alignment import StrokesCapture
+from frictus_service.calibration.checks import StrokesCapture
 from frictus_service.errors import CalibrationError, CaptureError
 from frictus_service.study.trial import Trial, TrialInfo
 

@@ -116,7 +116,7 @@ def demo(
 @app.command()
 def bench(as_json: AsJson = False) -> None:
     """Measure kernel, wire and loop on this machine, each beside its bare counterpart."""
-    from frictus_laboratory.benchmarks.command import bench as run
+    from frictus_laboratory.benchmarks.report import bench as run
 
     run(as_json=as_json)
 

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
 
-from frictus.compensation import BY_MODEL, Compensation
 from frictus.errors import ArgumentError, RefusedError, TextureError
 from frictus.messages import (
     CompensationRequest,
@@ -18,6 +17,7 @@ from frictus.messages import (
     SceneRequest,
     SceneState,
 )
+from frictus.model import BY_MODEL, Compensation
 from frictus.stream import StreamFrame
 from frictus.textures import Scene
 from frictus_hardware.physics.screen import Screen

@@ -13,8 +13,8 @@ from mcap.reader import make_reader
 from mcap.records import Channel, Schema
 from mcap.writer import MCAP0_MAGIC, CompressionType, IndexType, Writer
 
-from frictus.compensation import Compensation
 from frictus.messages import ModelState, RigStatus
+from frictus.model import Compensation
 from frictus_service.durable import sync_folder
 from frictus_service.errors import NotWrittenError, RecordingError
 from frictus_service.recording.reader import Ending, Item, RecordingReader, State

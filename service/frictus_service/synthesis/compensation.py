@@ -5,8 +5,8 @@ from typing import Final
 
 import numpy as np
 
-from frictus.compensation import Compensation
 from frictus.errors import ArgumentError
+from frictus.model import Compensation
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw, cutoff_hz, pole_zero_pairs
 from frictus_hardware.physics.paths import MEASURED, ParallelPath

@@ -11,7 +11,7 @@ from tests.clients.effect_files.made import band, basis, hjif, keyframes
 from tests.clients.effect_files.spectra import burst_transform, line, strays, times, transform
 
 from frictus.effect_files import render_effect
-from frictus.effect_files.interpolation import CURVES
+from frictus.effect_files.mpeg import CURVES
 from frictus.errors import TextureError
 
 STEADY = keyframes((0, 0.5, 100), (1_000, 0.5, 100))

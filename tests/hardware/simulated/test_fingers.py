@@ -12,7 +12,6 @@ from tests.plain import plain
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError
-from frictus_hardware.simulated.circles import Circles
 from frictus_hardware.simulated.config import FingerConfig
 from frictus_hardware.simulated.guided import ClientFinger, PointerFinger
 from frictus_hardware.simulated.human import (
@@ -29,8 +28,13 @@ from frictus_hardware.simulated.human import (
 )
 from frictus_hardware.simulated.kernels import LIFT_RAMP_S, add_sinusoids
 from frictus_hardware.simulated.motion import Finger, Press, Wander
-from frictus_hardware.simulated.strokes import SinusoidalStrokes, SteadyStrokes
-from frictus_hardware.simulated.taps import PLACES, Taps
+from frictus_hardware.simulated.strokes import (
+    PLACES,
+    Circles,
+    SinusoidalStrokes,
+    SteadyStrokes,
+    Taps,
+)
 
 SCREEN_MM = (70.0, 35.0)
 Start = Callable[[tuple[float, float], np.random.Generator], Finger]

@@ -5,9 +5,9 @@ import pytest
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.sensors.rotation import in_turn
-from frictus_hardware.simulated.config import NailConfig, SimulatedConfig
-from frictus_hardware.simulated.nail import GRAVITY_M_S2
+from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.rig import SimulatedRig
+from frictus_hardware.simulated.sensors import GRAVITY_M_S2, NailConfig
 from frictus_hardware.simulated.strokes import SinusoidalStrokes
 
 UPRIGHT = NailConfig(stroke_tilt_deg=0.0, wander_tilt_deg=0.0)

@@ -5,7 +5,7 @@ import pytest
 
 from frictus_hardware.base import TouchReport
 from frictus_hardware.simulated.motion import FingerMotion
-from frictus_hardware.simulated.touch import TouchConfig, TouchSensor
+from frictus_hardware.simulated.sensors import TouchConfig, TouchSensor
 
 RATE = 20_000.0
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from frictus_laboratory.benchmarks import obvious
+from frictus_laboratory.benchmarks import identification
 from frictus_laboratory.benchmarks.identification import rates, write_study
 
 
@@ -21,6 +21,6 @@ def test_rates_of_a_small_study(tmp_path: Path) -> None:
 def test_the_obvious_pipeline_does_what_it_is_timed_for(tmp_path: Path) -> None:
     path = tmp_path / "study.h5"
     write_study(path, 8, 4.0)
-    found = obvious.cutoffs_hz(path)
+    found = identification.cutoffs_hz(path)
     assert set(found) == {(40.0, 0.4), (80.0, 0.4)}
     assert np.isfinite(list(found.values())).all()

@@ -10,8 +10,15 @@ import pytest
 
 from frictus.textures import Component, Map, Region, Scene, Spectrum
 from frictus_laboratory.benchmarks import kernel as figures
-from frictus_laboratory.benchmarks.kernel import Pass, require_agreement, shipped_scene, strokes
-from frictus_laboratory.benchmarks.native import NativeKernel, NoCompilerError, native_kernel
+from frictus_laboratory.benchmarks.kernel import (
+    NativeKernel,
+    NoCompilerError,
+    Pass,
+    native_kernel,
+    require_agreement,
+    shipped_scene,
+    strokes,
+)
 from frictus_service.synthesis import kernel
 from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.scene import CompiledScene, compile_scene

@@ -4,8 +4,8 @@ from multiprocessing.connection import Connection
 
 import pytest
 
-from frictus_laboratory.benchmarks.contention import compute
-from frictus_laboratory.benchmarks.neighbour import _await_word, neighbour
+from frictus_laboratory.benchmarks.lateness import compute
+from frictus_laboratory.benchmarks.processes import _await_word, neighbour
 from frictus_service.daemon.child_process import StartProgress
 from frictus_service.errors import StartError
 

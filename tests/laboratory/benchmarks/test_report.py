@@ -7,9 +7,9 @@ import math
 import pytest
 from rich.console import Console
 
-from frictus_laboratory.benchmarks import report, throughput, update
-from frictus_laboratory.benchmarks.command import bench, show
+from frictus_laboratory.benchmarks import latency, report, throughput
 from frictus_laboratory.benchmarks.figure import Figure, Target, interleaved, skipped, spread
+from frictus_laboratory.benchmarks.report import bench, show
 
 FIELDS = {"name", "unit", "value", "beside", "ratio", "target", "met", "remark"}
 FIGURES = [
@@ -79,7 +79,7 @@ def test_json_is_one_object(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.usefixtures("measured")
 def test_table_names_every_figure() -> None:
     text = io.StringIO()
-    show(report.measure(lambda _line: None), Console(file=text, width=160))
+    show(report.measure_all(lambda _line: None), Console(file=text, width=160))
     for words in ("fast", "at most 100", "no signals here"):
         assert words in text.getvalue()
 
@@ -92,6 +92,6 @@ def test_throughput_with_few_blocks() -> None:
 
 
 def test_updates_are_seen_at_the_dac() -> None:
-    rendered, played = update.measure(updates=2)
+    rendered, played = latency.measure_update(updates=2)
     assert played.value["p50"] > rendered.value["p50"]
     assert played.beside["p50"] > rendered.beside["p50"] > 5.0

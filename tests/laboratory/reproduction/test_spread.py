@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from frictus_laboratory.reproduction.paper import LIKELIHOODS, STIFFNESS_20_N_M, Likelihoods
-from frictus_laboratory.reproduction.spread import MeasurementSpread, likelihoods, spread_of
+from frictus_laboratory.reproduction.population import MeasurementSpread, likelihoods, spread_of
 
 
 @pytest.mark.parametrize("name", LIKELIHOODS)

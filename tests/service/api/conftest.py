@@ -13,7 +13,6 @@ import zenoh
 from fastapi.testclient import TestClient
 from zenoh import ext
 
-from frictus.compensation import BY_MODEL, Compensation
 from frictus.keys import CALLS, RigKeys, Topic, Topics
 from frictus.messages import (
     AdaptationPolicy,
@@ -32,7 +31,7 @@ from frictus.messages import (
     SceneState,
     TimeState,
 )
-from frictus.model import FirstOrderSpeedLaw, Model
+from frictus.model import BY_MODEL, Compensation, FirstOrderSpeedLaw, Model
 from frictus.session import open_router, open_session
 from frictus.textures import Component, Region, Scene, Spectrum
 from frictus_service.api.server import build_app

@@ -9,11 +9,10 @@ import pytest
 from frictus.block import Block, Flag
 from frictus.messages import TouchState
 from frictus_hardware import SimulatedConfig
-from frictus_hardware.simulated.config import NailConfig
 from frictus_hardware.simulated.rig import SimulatedRig
+from frictus_hardware.simulated.sensors import NailConfig, TouchConfig
 from frictus_hardware.simulated.strokes import SteadyStrokes
-from frictus_hardware.simulated.touch import TouchConfig
-from frictus_service.calibration.alignment import KEPT_S, StrokesCapture, alignment_of
+from frictus_service.calibration.checks import KEPT_S, StrokesCapture, alignment_of
 
 RATE_HZ = 20_000.0
 N = 400

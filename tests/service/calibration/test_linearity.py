@@ -5,7 +5,7 @@ import pytest
 
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_service.calibration import design
-from frictus_service.calibration.linearity import linearity_of, stretches_of
+from frictus_service.calibration.checks import linearity_of, stretches_of
 from frictus_service.study.trial import Trial, TrialInfo
 from frictus_service.synthesis.scene import compile_excitation
 

@@ -9,7 +9,7 @@ from scipy import signal
 from frictus.messages import Excitation
 from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import design
-from frictus_service.calibration.linearity import Nonlinearity, nonlinearity
+from frictus_service.calibration.checks import Nonlinearity, nonlinearity
 from frictus_service.errors import ExcitationDesignError
 
 RATE = 20_000.0

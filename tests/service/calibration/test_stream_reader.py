@@ -9,7 +9,7 @@ import pytest
 
 import frictus
 from frictus.block import Block, Flag
-from frictus_service.calibration.alignment import StrokesCapture
+from frictus_service.calibration.checks import StrokesCapture
 from frictus_service.calibration.trial_capture import StreamReader
 
 N = 200

@@ -13,7 +13,6 @@ import zenoh
 from zenoh import ext
 
 from frictus.block import Block, Flag
-from frictus.compensation import BY_MODEL
 from frictus.keys import CALLS, STREAMS, RigKeys, Topic, Topics
 from frictus.messages import (
     Applied,
@@ -27,6 +26,7 @@ from frictus.messages import (
     SceneRequest,
     SceneState,
 )
+from frictus.model import BY_MODEL
 from frictus.session import open_router, open_session
 from frictus_service.processes import free_endpoint
 

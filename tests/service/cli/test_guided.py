@@ -7,7 +7,7 @@ from rich.console import Console
 
 from frictus.messages import GuidanceState
 from frictus_service.calibration.job import Progress
-from frictus_service.cli.calibrate import COLUMNS, picture
+from frictus_service.cli.guided import COLUMNS, picture
 
 GUIDANCE = GuidanceState(
     utc_ns=1,

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from frictus.compensation import BY_MODEL, Compensation, CompensationMode
 from frictus.errors import RefusedError
 from frictus.messages import CompensationRequest
+from frictus.model import BY_MODEL, Compensation, CompensationMode
 from frictus.textures import Component, Region, Scene, Spectrum
 from frictus_hardware.physics.friction import motion_fade
 from frictus_hardware.simulated.strokes import SteadyStrokes

@@ -15,7 +15,7 @@ from frictus.block import Block
 from frictus.keys import RigKeys, Topics
 from frictus.session import open_router, open_session
 from frictus_hardware.simulated.faults import EmptyOutput
-from frictus_laboratory.benchmarks.neighbour import await_subscriber
+from frictus_laboratory.benchmarks.processes import await_subscriber
 from frictus_service.daemon.control import Interlock
 from frictus_service.daemon.publisher import UNREAD_BLOCKS, UNREAD_S, Publisher
 from frictus_service.daemon.safety import Disarm, Safety

@@ -12,7 +12,7 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Exchange
 from frictus_hardware.sensors.rotation import in_turn
 from frictus_hardware.simulated.human import HumanStrokes
-from frictus_hardware.simulated.touch import TouchConfig
+from frictus_hardware.simulated.sensors import TouchConfig
 from frictus_service.selftest.mounting import REQUEST
 from frictus_service.selftest.report import Outcome
 from frictus_service.selftest.suite import RigUnderTest, measure_strokes

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from frictus.compensation import BY_MODEL, Compensation
 from frictus.errors import ArgumentError
 from frictus.messages import Excitation, Tone
+from frictus.model import BY_MODEL, Compensation
 from frictus.textures import Component, Region, Scene, Spectrum
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from frictus.compensation import Compensation
 from frictus.messages import Excitation, Tone
+from frictus.model import Compensation
 from frictus.stream import StreamFrame
 from frictus.textures import Component, Region, Scene, Spectrum
 from frictus_hardware.arrays import FloatArray

@@ -16,10 +16,11 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import TouchReport
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
-from frictus_hardware.simulated.config import NailConfig, SimulatedConfig
+from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.faults import SensorFault
 from frictus_hardware.simulated.human import HumanStrokes
 from frictus_hardware.simulated.rig import SimulatedRig
+from frictus_hardware.simulated.sensors import NailConfig
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.fidelity.measure import full_gain
 from frictus_service.fidelity.path import BLOCK_SAMPLES

@@ -6,11 +6,11 @@ import pytest
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.sensors.rotation import AXES, angle_deg, in_turn
-from frictus_hardware.simulated.config import NailConfig, draw_participant
+from frictus_hardware.simulated.config import draw_participant
 from frictus_hardware.simulated.human import HumanStrokes
 from frictus_hardware.simulated.rig import SimulatedRig
+from frictus_hardware.simulated.sensors import NailConfig, TouchConfig
 from frictus_hardware.simulated.strokes import SteadyStrokes
-from frictus_hardware.simulated.touch import TouchConfig
 from frictus_service.errors import AlignmentError
 from frictus_service.identification.observation.sensor_alignment import (
     SensorAlignment,
