@@ -37,12 +37,7 @@ from frictus_laboratory.rendering_error import (
     strokes_at,
     whole,
 )
-from frictus_service.fidelity.measure import (
-    Error,
-    full_gain,
-    largest_gain,
-    steady_segments,
-)
+from frictus_service.fidelity.measure import Error, full_gain, largest_gain, steady_segments
 from frictus_service.fidelity.preview import JND_DB
 from frictus_service.library import SHIPPED
 

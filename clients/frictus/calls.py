@@ -19,8 +19,8 @@ from frictus.errors import (
     explain,
 )
 from frictus.keys import CALLS, RECORDER_CALLS, RigKeys, any_rig_alive, rig_of
+from frictus.mailbox import Mailbox
 from frictus.messages import MESSAGES, Reply
-from frictus.reception import Mailbox
 from frictus.session import DENIED, UNKNOWN, if_secured
 
 ROUTER_GONE: Final = "the link to the router is gone; it is being tried again"

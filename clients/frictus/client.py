@@ -12,7 +12,8 @@ import zenoh
 from frictus.calls import await_present, present_rigs
 from frictus.errors import FrameError
 from frictus.keys import RigKeys, any_rig_alive, rig_of
-from frictus.reception import Arrival, Declared, Feed, OnSample
+from frictus.mailbox import Arrival
+from frictus.reception import Declared, Feed, OnSample
 from frictus.rig import Rig
 from frictus.session import DEFAULT_ROUTER, LEASE_MS, PATIENT_LEASE_MS, open_session
 from frictus.tls import Tls

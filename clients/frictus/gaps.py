@@ -7,7 +7,8 @@ from typing import Literal
 from frictus.block import Block
 from frictus.errors import FrameError
 from frictus.keys import STREAMS, Topic
-from frictus.reception import Arrival, Declare, Feed
+from frictus.mailbox import Arrival
+from frictus.reception import Declare, Feed
 
 
 @dataclass(frozen=True, slots=True)

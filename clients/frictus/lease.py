@@ -13,16 +13,11 @@ import zenoh
 from zenoh.handlers import Callback
 
 from frictus.calls import Caller
-from frictus.errors import (
-    FrameError,
-    LeaseLostError,
-    LinkError,
-    NoRigError,
-    RefusedError,
-)
+from frictus.errors import FrameError, LeaseLostError, LinkError, NoRigError, RefusedError
 from frictus.keys import Topics
+from frictus.mailbox import EndedError
 from frictus.messages import LeaseRenewal, Reply, RigStatus
-from frictus.reception import EndedError, Latest
+from frictus.reception import Latest
 from frictus.session import declare_publisher
 
 log = logging.getLogger("frictus")

@@ -18,6 +18,7 @@ from frictus.errors import (
 from frictus.gaps import BlockFeed
 from frictus.keys import STREAMS, RigKeys, Topic, Topics
 from frictus.lease import Lease
+from frictus.mailbox import Arrival
 from frictus.messages import (
     MESSAGES,
     AdaptationPolicy,
@@ -38,7 +39,7 @@ from frictus.messages import (
 )
 from frictus.model import Compensation, CompensationMode, Model
 from frictus.readings import Held, Readings, close_all
-from frictus.reception import Arrival, Feed
+from frictus.reception import Feed
 from frictus.session import declare_publisher
 from frictus.stream import TextureStream
 from frictus.textures import Beta, Map, Profile, Region, Scene, Slope, Spectrum, Texture

@@ -28,7 +28,8 @@ from tests.campaigns.service import START_S, Said, http_status, make_certificate
 
 import frictus
 from frictus.errors import FrictusError
-from frictus_service.config import Config, load
+from frictus_service.config import Config
+from frictus_service.config_file import load
 from frictus_service.processes import free_port
 
 MAIN: Final = "from frictus_service.cli import main; main()"

@@ -8,8 +8,9 @@ import pytest
 import zenoh
 
 from frictus.errors import FrameError
+from frictus.mailbox import Arrival
 from frictus.messages import FingerState
-from frictus.reception import Arrival, Declare, Feed, Latest
+from frictus.reception import Declare, Feed, Latest
 
 FAILURES = (FrameError("x"), OverflowError("x"), RecursionError("x"), KeyError("x"))
 

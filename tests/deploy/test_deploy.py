@@ -14,7 +14,8 @@ import yaml  # comes with distributed
 
 from frictus_hardware.nidaq.driver import RESET_S
 from frictus_service.cli.app import app
-from frictus_service.config import Config, load
+from frictus_service.config import Config
+from frictus_service.config_file import load
 from frictus_service.daemon.supervisor import STOP_S
 from frictus_service.processes import LOOP_PRIORITY, PUBLISHER_PRIORITY
 

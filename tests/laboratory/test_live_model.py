@@ -9,14 +9,7 @@ from frictus.aligned import AlignedSamples
 from frictus.block import Flag
 from frictus.recordings import texture_of
 from frictus_hardware.simulated.config import Participant
-from frictus_laboratory.live_model.closed_loop import (
-    ClosedLoop,
-    SessionPlan,
-    config_of,
-    error_db,
-    model_of,
-    motion_of,
-)
+from frictus_laboratory.live_model.closed_loop import ClosedLoop, error_db, model_of
 from frictus_laboratory.live_model.disturbances import (
     Disturbance,
     Faulty,
@@ -28,6 +21,7 @@ from frictus_laboratory.live_model.disturbances import (
     scaled,
 )
 from frictus_laboratory.live_model.motion import KnownMotion, PredictedPath, rendered_rows
+from frictus_laboratory.live_model.session_plan import SessionPlan, config_of, motion_of
 from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensability import placeholder_model
 

@@ -7,12 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from multiprocessing import AuthenticationError
-from multiprocessing.connection import (
-    Client,
-    Connection,
-    answer_challenge,
-    deliver_challenge,
-)
+from multiprocessing.connection import Client, Connection, answer_challenge, deliver_challenge
 from typing import Any
 
 import numpy as np
@@ -22,7 +17,7 @@ from frictus_hardware.base import Exchange, Opened, RigInfo
 from frictus_hardware.errors import ClosedError, ConfigError, LinkLostError
 from frictus_hardware.output import DeviceOutput
 from frictus_hardware.simulated.config import SimulatedConfig, SimulatedDeviceConfig
-from frictus_hardware.simulated.rig import info_of
+from frictus_hardware.simulated.twin import info_of
 
 
 class Link:

@@ -27,12 +27,7 @@ from frictus_service.config import Config
 from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.demonstration.comparison import BandComparison, compare, draw
 from frictus_service.demonstration.explorer import Heard, explore, profile_of
-from frictus_service.demonstration.learning import (
-    Learned,
-    learn,
-    learning_config,
-    same_strokes,
-)
+from frictus_service.demonstration.learning import Learned, learn, learning_config, same_strokes
 from frictus_service.demonstration.stage import START_S, demo_config
 from frictus_service.fidelity.preview import JND_DB, NOMINAL_HZ, error_db, rms_db
 from frictus_service.library import SHIPPED

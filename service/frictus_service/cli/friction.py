@@ -38,10 +38,7 @@ def show_friction(files: list[Path], map_file: Path | None, as_json: bool) -> No
 def _slides(file: Path, map_file: Path | None) -> "list[Slide]":
     from frictus_service.data_import.column_map import load_map, map_beside
     from frictus_service.data_import.formats.read import read_columns
-    from frictus_service.data_import.friction.slides import (
-        slides_of_recording,
-        slides_of_study,
-    )
+    from frictus_service.data_import.friction.slides import slides_of_recording, slides_of_study
     from frictus_service.data_import.mapped_study import IMPORTER
     from frictus_service.data_import.proposal import speed_in
     from frictus_service.data_import.recording import apply_map

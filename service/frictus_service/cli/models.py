@@ -32,7 +32,7 @@ Ref = Annotated[
 @contextlib.contextmanager
 def registry_of(config: Path | None) -> Iterator["Registry"]:
     """Open the registry that a configuration file names."""
-    from frictus_service.config import load
+    from frictus_service.config_file import load
 
     settings = load(config)
     from frictus_service.registry.store import Registry

@@ -175,7 +175,7 @@ class TargetRig:
         ConfigurationError
             If the configuration file cannot be used.
         """
-        from frictus_service.config import load
+        from frictus_service.config_file import load
 
         loaded = load(config)
         return cls(loaded, router or loaded.router.endpoint, site or loaded.site, rig)

@@ -253,7 +253,7 @@ def recover(
     as_json: AsJson = False,
 ) -> None:
     """Write all that can be trusted of FILE as a finished recording, and say what is lost."""
-    from frictus_service.recording.summary import recover as run
+    from frictus_service.recording.recovery import recover as run
 
     path = out or file.with_suffix(".recovered.mcap")
     summary = run(file, path)

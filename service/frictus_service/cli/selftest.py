@@ -39,7 +39,7 @@ def selftest(
 
     No service may run on it. The output stays within 5 V at the screen.
     """
-    from frictus_service.config import load
+    from frictus_service.config_file import load
     from frictus_service.selftest.report import worst
 
     loaded = load(config)
@@ -171,7 +171,7 @@ def zero(config: ConfigFile = None, as_json: AsJson = False) -> None:
     A rig that drives the device loses it, and trips.
     """
     from frictus_hardware import reset_device
-    from frictus_service.config import load
+    from frictus_service.config_file import load
 
     backend = load(config).backend
     reset_device(backend)

@@ -13,17 +13,18 @@ if TYPE_CHECKING:
 
 def serve(config: ConfigFile = None, as_json: AsJson = False) -> None:
     """Run router, rig, recorder, tracker and API on this machine until Ctrl-C."""
-    from frictus_service.config import load
+    from frictus_service.config_file import load
 
     settings = load(config, runs_rig=True)
-    from frictus_service.daemon import supervisor  # seconds, so after the configuration
+    from frictus_service.daemon import serve as daemon  # seconds, so after the configuration
+    from frictus_service.daemon.supervisor import ALL
 
     say = said(as_json)
     if settings.api.enabled:
         say(where_to_look(settings.api))
     wanted = {"api": settings.api.enabled, "tracker": settings.tracker.enabled}
-    parts = tuple(part for part in supervisor.ALL if wanted.get(part, True))
-    supervisor.serve(settings, parts, say=say)
+    parts = tuple(part for part in ALL if wanted.get(part, True))
+    daemon.serve(settings, parts, say=say)
 
 
 def where_to_look(api: "ApiConfig") -> str:
@@ -47,51 +48,51 @@ def said(as_json: bool) -> Callable[[str], None]:
 
 def rig(config: ConfigFile = None, as_json: AsJson = False) -> None:
     """Run the rig alone until Ctrl-C; the router runs elsewhere."""
-    from frictus_service.config import load
+    from frictus_service.config_file import load
 
     settings = load(config, runs_rig=True)
-    from frictus_service.daemon import supervisor  # seconds, so after the configuration
+    from frictus_service.daemon import serve as daemon  # seconds, so after the configuration
 
-    supervisor.serve(settings, ("rig",), host_router=False, say=said(as_json))
+    daemon.serve(settings, ("rig",), host_router=False, say=said(as_json))
 
 
 def api(config: ConfigFile = None, as_json: AsJson = False) -> None:
     """Run the REST API alone until Ctrl-C; the router runs elsewhere."""
-    from frictus_service.config import load
+    from frictus_service.config_file import load
 
     settings = load(config)
-    from frictus_service.daemon import supervisor  # seconds, so after the configuration
+    from frictus_service.daemon import serve as daemon  # seconds, so after the configuration
 
     say = said(as_json)
     say(where_to_look(settings.api))
-    supervisor.serve(settings, ("api",), host_router=False, say=say)
+    daemon.serve(settings, ("api",), host_router=False, say=say)
 
 
 def router(config: ConfigFile = None, as_json: AsJson = False) -> None:
     """Run the router alone until Ctrl-C; rigs, recorders and APIs run elsewhere."""
-    from frictus_service.config import load
+    from frictus_service.config_file import load
 
     settings = load(config)
-    from frictus_service.daemon import supervisor  # seconds, so after the configuration
+    from frictus_service.daemon import serve as daemon  # seconds, so after the configuration
 
-    supervisor.serve(settings, (), host_router=True, say=said(as_json))
+    daemon.serve(settings, (), host_router=True, say=said(as_json))
 
 
 def recorder(config: ConfigFile = None, as_json: AsJson = False) -> None:
     """Run the recorder alone until Ctrl-C, on any machine; the router runs elsewhere."""
-    from frictus_service.config import load
+    from frictus_service.config_file import load
 
     settings = load(config)
-    from frictus_service.daemon import supervisor  # seconds, so after the configuration
+    from frictus_service.daemon import serve as daemon  # seconds, so after the configuration
 
-    supervisor.serve(settings, ("recorder",), host_router=False, say=said(as_json))
+    daemon.serve(settings, ("recorder",), host_router=False, say=said(as_json))
 
 
 def tracker(config: ConfigFile = None, as_json: AsJson = False) -> None:
     """Run the tracker alone until Ctrl-C, best beside its rig; the router runs elsewhere."""
-    from frictus_service.config import load
+    from frictus_service.config_file import load
 
     settings = load(config)
-    from frictus_service.daemon import supervisor  # seconds, so after the configuration
+    from frictus_service.daemon import serve as daemon  # seconds, so after the configuration
 
-    supervisor.serve(settings, ("tracker",), host_router=False, say=said(as_json))
+    daemon.serve(settings, ("tracker",), host_router=False, say=said(as_json))

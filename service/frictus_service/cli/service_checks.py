@@ -32,7 +32,8 @@ from frictus_service.cli.machine_checks import (
     real_time_priority,
     timer_lateness,
 )
-from frictus_service.config import Config, SecurityConfig, load
+from frictus_service.config import Config, SecurityConfig
+from frictus_service.config_file import load
 from frictus_service.errors import ConfigurationError
 from frictus_service.selftest.playing import least_lead_ms
 

@@ -32,13 +32,7 @@ from frictus_service.daemon.inboxes import (
     SceneUpdate,
 )
 from frictus_service.daemon.lead import LeadGrowth
-from frictus_service.daemon.safety import (
-    Event,
-    FaultCleared,
-    FaultRaised,
-    OutputQuiet,
-    Safety,
-)
+from frictus_service.daemon.safety import Event, FaultCleared, FaultRaised, OutputQuiet, Safety
 from frictus_service.daemon.timebase import UtcReading
 from frictus_service.processes import Heartbeat
 from frictus_service.synthesis.chain import Chain, RenderedBlock

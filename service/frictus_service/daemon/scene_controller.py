@@ -22,11 +22,7 @@ from frictus.stream import StreamFrame
 from frictus.textures import Scene
 from frictus_hardware.physics.screen import Screen
 from frictus_service.daemon.control import Interlock
-from frictus_service.daemon.inboxes import (
-    CompensationUpdate,
-    LoopInbox,
-    SceneUpdate,
-)
+from frictus_service.daemon.inboxes import CompensationUpdate, LoopInbox, SceneUpdate
 from frictus_service.daemon.safety import refusal_to_render
 from frictus_service.json_text import etag_of_scene
 from frictus_service.synthesis.compensation import Inverse, inverse_in_mode

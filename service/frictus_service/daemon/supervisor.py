@@ -8,7 +8,6 @@ disarmed.
 
 import contextlib
 import multiprocessing
-import signal
 import sys
 import threading
 import time
@@ -16,7 +15,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
-from types import FrameType, TracebackType
+from types import TracebackType
 from typing import Any, Final, Self
 
 import zenoh
@@ -29,13 +28,7 @@ from frictus.session import declare_latest_publisher, open_session
 from frictus_hardware import reset_device
 from frictus_hardware.errors import HardwareError
 from frictus_service.config import Config
-from frictus_service.daemon.child_process import (
-    PATIENCE_S,
-    PartName,
-    ServiceManager,
-    StartProgress,
-    run_part,
-)
+from frictus_service.daemon.child_process import PATIENCE_S, PartName, StartProgress, run_part
 from frictus_service.daemon.safety import ACTIONS
 from frictus_service.errors import StartError
 from frictus_service.security.members import tls_of_rig
@@ -54,7 +47,8 @@ SOUND_S: Final = 60.0
 """A part that has run so long starts with the shortest pause again."""
 
 
-def _to_stderr(line: str) -> None:
+def to_stderr(line: str) -> None:
+    """Write a line to standard error."""
     sys.stderr.write(f"{line}\n")
 
 
@@ -102,7 +96,7 @@ class Supervisor:
         config: Config,
         parts: Sequence[PartName] = ALL,
         host_router: bool | None = None,
-        say: Callable[[str], None] = _to_stderr,
+        say: Callable[[str], None] = to_stderr,
         alive: Callable[[], None] = lambda: None,
     ) -> None:
         self._config = config
@@ -394,53 +388,3 @@ def _how_it_ended(exitcode: int | None) -> str:
     if exitcode is not None and exitcode < 0:
         return f"killed by signal {-exitcode}"
     return f"exit code {exitcode}"
-
-
-def serve(
-    config: Config,
-    parts: Sequence[PartName] = ALL,
-    host_router: bool | None = None,
-    say: Callable[[str], None] = _to_stderr,
-) -> None:
-    """Run the service until Ctrl-C, SIGTERM or, on Windows, Ctrl-Break; then stop cleanly.
-
-    Call it from the main thread.
-
-    Parameters
-    ----------
-    config, parts, host_router, say
-        As for `Supervisor`.
-
-    Raises
-    ------
-    StartError, LinkError
-        If the service cannot start.
-    """
-    told: list[int] = []  # not an Event: its lock may be held by whom the signal interrupts
-
-    def on_signal(number: int, _frame: FrameType | None) -> None:
-        told.append(number)
-
-    manager = ServiceManager()
-
-    def say_and_show(line: str) -> None:
-        say(line)
-        manager.status(line)
-
-    names = ("SIGINT", "SIGTERM", "SIGBREAK")
-    numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
-    former = {number: signal.signal(number, on_signal) for number in numbers}
-    try:
-        with Supervisor(
-            config, parts, host_router, say_and_show, manager.keep_alive
-        ) as supervisor:
-            supervisor.wait_ready()
-            manager.ready()
-            say_and_show("ready; Ctrl-C stops")
-            while not told:
-                time.sleep(0.1)  # Windows sees Ctrl-C only between waits
-            manager.stopping()
-            say_and_show("stopping: the output ramps to zero")
-    finally:
-        for number, handler in former.items():
-            signal.signal(number, handler)

@@ -19,8 +19,9 @@ from frictus.client import RigName
 from frictus.errors import FrameError
 from frictus.gaps import BlockFeed, Gap
 from frictus.keys import STREAMS, RigKeys, Topic
+from frictus.mailbox import Arrival
 from frictus.messages import MAX_COUNT, MESSAGES, RecordingState, RecordRequest
-from frictus.reception import Arrival, Declare, Feed
+from frictus.reception import Declare, Feed
 from frictus.session import declare_reader
 from frictus_service.config import Config
 from frictus_service.errors import NotWrittenError

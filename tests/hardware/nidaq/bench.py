@@ -16,8 +16,9 @@ from frictus_hardware.nidaq.sensing import Sensed
 from frictus_hardware.physics.twin import Signals
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.motion import Finger
-from frictus_hardware.simulated.rig import SimulatedRig, make_twin
+from frictus_hardware.simulated.rig import SimulatedRig
 from frictus_hardware.simulated.sensors import TouchConfig, TouchSensor
+from frictus_hardware.simulated.twin import make_twin
 
 FORCE = Inputs(tuple(f"ai{index}" for index in range(6)))
 ACCEL = Inputs(("ai6", "ai7", "ai8"), range_v=5.0, terminals="rse")

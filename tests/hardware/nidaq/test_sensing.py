@@ -15,7 +15,7 @@ from frictus_hardware.errors import ConfigError, SensorError, TransientError
 from frictus_hardware.nidaq.assembly import make_rig
 from frictus_hardware.nidaq.backend import NiRig
 from frictus_hardware.nidaq.settings import NiRigConfig
-from frictus_service.config import parse
+from frictus_service.config_file import parse
 from frictus_service.errors import ConfigurationError
 
 RATE_HZ = 20_000.0

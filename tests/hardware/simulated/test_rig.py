@@ -15,7 +15,8 @@ from frictus_hardware.simulated.clock import VirtualClock
 from frictus_hardware.simulated.config import Participant
 from frictus_hardware.simulated.guided import ClientFinger
 from frictus_hardware.simulated.human import HumanStrokes
-from frictus_hardware.simulated.rig import SimulatedRig, make_twin
+from frictus_hardware.simulated.rig import SimulatedRig
+from frictus_hardware.simulated.twin import make_twin
 
 VIRTUAL = SimulatedConfig(clock="virtual")
 

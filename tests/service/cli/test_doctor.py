@@ -22,7 +22,7 @@ from frictus_service.cli import doctor, machine_checks
 from frictus_service.cli.app import app
 from frictus_service.cli.machine_checks import Kept, leap_of
 from frictus_service.cli.service_checks import device_checks, ni_device
-from frictus_service.config import parse
+from frictus_service.config_file import parse
 from frictus_service.daemon import preparation
 
 

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from frictus_service.config import Config, load, parse
+from frictus_service.config import Config
+from frictus_service.config_file import load, parse
 from frictus_service.errors import ConfigurationError
 
 ROOT = Path(__file__).parents[3]

@@ -30,10 +30,12 @@ from frictus_hardware.physics.friction import cutoff_hz
 from frictus_hardware.physics.twin import Signals, Twin
 from frictus_hardware.simulated.config import Participant, SimulatedConfig
 from frictus_hardware.simulated.guided import GuidedFinger, GuidedStrokes
-from frictus_hardware.simulated.rig import SimulatedRig, make_twin
+from frictus_hardware.simulated.rig import SimulatedRig
+from frictus_hardware.simulated.twin import make_twin
 from frictus_service.calibration.job import CalibrationSpec, Progress, QuickProtocol
 from frictus_service.calibration.run import run_calibration
-from frictus_service.config import Config, parse
+from frictus_service.config import Config
+from frictus_service.config_file import parse
 from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.processes import free_endpoint
 from frictus_service.recording.reader import RecordingReader

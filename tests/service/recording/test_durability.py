@@ -13,7 +13,8 @@ import pytest
 
 from frictus_service.errors import RecordingError
 from frictus_service.recording.reader import RecordingReader
-from frictus_service.recording.summary import recover, summarise
+from frictus_service.recording.recovery import recover
+from frictus_service.recording.summary import summarise
 
 SCRIPT = Path(__file__).with_name("known.py")
 AT_ONCE = 4

@@ -25,7 +25,8 @@ from frictus_hardware.simulated.clock import VirtualClock
 from frictus_hardware.simulated.rig import SimulatedRig
 from frictus_service.cli.app import app
 from frictus_service.cli.options import Exit
-from frictus_service.config import Config, parse
+from frictus_service.config import Config
+from frictus_service.config_file import parse
 from frictus_service.daemon.block_record import BlockRecord, blocks_of, flags_of, touch_of
 from frictus_service.daemon.control import Interlock
 from frictus_service.daemon.inboxes import LoopInbox, ModelSlot, SceneUpdate

@@ -13,7 +13,8 @@ from frictus_hardware.physics.screen import Screen
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.faults import SilentTouch
 from frictus_hardware.simulated.human import HumanStrokes
-from frictus_hardware.simulated.rig import SimulatedRig, make_twin
+from frictus_hardware.simulated.rig import SimulatedRig
+from frictus_hardware.simulated.twin import make_twin
 from frictus_service.fidelity.measure import feel
 from frictus_service.fidelity.path import BLOCK_SAMPLES, walk
 from frictus_service.synthesis.chain import Chain, RenderedBlock, make_chain

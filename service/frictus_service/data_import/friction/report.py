@@ -9,11 +9,7 @@ from frictus_service.data_import.friction.coefficient import (
     friction_coefficient,
 )
 from frictus_service.data_import.friction.slides import Slide
-from frictus_service.data_import.friction.stick_slip import (
-    LEAST_RATE_HZ,
-    StickSlip,
-    stick_slip,
-)
+from frictus_service.data_import.friction.stick_slip import LEAST_RATE_HZ, StickSlip, stick_slip
 from frictus_service.data_import.friction.texture import (
     ForceSpectrum,
     TextureLine,

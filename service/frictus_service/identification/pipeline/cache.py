@@ -16,10 +16,7 @@ from typing import Any, Final
 import numpy as np
 
 from frictus_service.durable import replace_file
-from frictus_service.identification.observation.response import (
-    ResponseRows,
-    TrialObservations,
-)
+from frictus_service.identification.observation.response import ResponseRows, TrialObservations
 from frictus_service.identification.pipeline.workers import (
     Reader,
     Reading,

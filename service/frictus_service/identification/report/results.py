@@ -20,12 +20,7 @@ from frictus_service.identification.documents import (
     SweepResult,
 )
 from frictus_service.identification.fit.conditions import ObservationTable, select
-from frictus_service.identification.fit.estimates import (
-    Fitted,
-    Measured,
-    evidence_of,
-    law_of,
-)
+from frictus_service.identification.fit.estimates import Fitted, Measured, evidence_of, law_of
 from frictus_service.identification.fit.joint_fit import ALIKE, JointFit
 from frictus_service.identification.fit.speed_law import NAMES, Combination, SpeedLaw, levels
 from frictus_service.identification.fit.transfer_functions import CUTOFF, GAIN, refit_friction
