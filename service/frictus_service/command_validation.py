@@ -179,3 +179,24 @@ def _check_counts(payload: bytes) -> None:
             "too_large",
             f"a number of {MAX_DIGITS} digits or more; fewer are accepted: round it",
         )
+
+
+def check_match(wanted: str | None, present: str, what: str) -> None:
+    """Refuse a change of something else than its sender saw.
+
+    Parameters
+    ----------
+    wanted, present : str or None
+        Etags: of what the sender saw, None where it does not mind; and of what is in force.
+    what : str
+        Its name, for people.
+
+    Raises
+    ------
+    RefusedError
+        `conflict`.
+    """
+    if wanted is not None and wanted != present:
+        raise RefusedError(
+            "conflict", f"the {what} is {present!r} now, not {wanted!r}: read it again"
+        )

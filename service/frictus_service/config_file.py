@@ -7,13 +7,9 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from pydantic import (
-    ValidationError,
-)
+from pydantic import ValidationError
 
-from frictus_hardware import (
-    located,
-)
+from frictus_hardware import located
 from frictus_service.config import Config, Place
 from frictus_service.errors import ConfigurationError
 

@@ -18,9 +18,7 @@ from tests.dashboard.lab import READER, Lab, enter, expect_no_violations, read_o
 import frictus
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.guided import ClientFinger
-from frictus_service.config import (
-    RegistryConfig,
-)
+from frictus_service.config import RegistryConfig
 
 pytestmark = pytest.mark.browser
 

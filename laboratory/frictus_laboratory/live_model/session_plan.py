@@ -8,11 +8,7 @@ from frictus.textures import Texture
 from frictus_hardware.simulated.config import Participant, SimulatedConfig
 from frictus_hardware.simulated.human import HumanStrokes
 from frictus_laboratory.live_model.disturbances import Disturbance
-from frictus_laboratory.live_model.motion import (
-    KnownMotion,
-    Motion,
-    PredictedPath,
-)
+from frictus_laboratory.live_model.motion import KnownMotion, Motion, PredictedPath
 
 
 @dataclass(frozen=True, slots=True)

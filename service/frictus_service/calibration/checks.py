@@ -21,8 +21,9 @@ from frictus.messages import Excitation, Tone, TouchState
 from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration.design import BASE_HZ
 from frictus_service.errors import AlignmentError, ExcitationDesignError
-from frictus_service.identification.observation.sensor_alignment import Strokes, align_sensors
+from frictus_service.identification.observation.sensor_alignment import align_sensors
 from frictus_service.identification.observation.sensor_discrepancies import sensor_discrepancies
+from frictus_service.identification.observation.stroke_pieces import Strokes
 from frictus_service.identification.observation.sweeps import find_sweeps, smooth
 from frictus_service.study.trial import Trial
 

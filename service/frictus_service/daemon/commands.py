@@ -6,11 +6,10 @@ and every answer, waits for a thread, each sender's in turn. Whatever is refused
 and answered where it was a call; no payload can do more harm than that.
 """
 
-import contextlib
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import TracebackType
 from typing import Any, Final, Self
 
@@ -32,7 +31,7 @@ from frictus.stream import ticket_of
 from frictus_service.command_validation import CommandValidator
 from frictus_service.config import Limits
 from frictus_service.daemon.control import ClientPresence, Control, Interlock
-from frictus_service.daemon.inboxes import CommandQueue
+from frictus_service.daemon.inboxes import CommandQueue, IncomingCommand
 from frictus_service.daemon.model_controller import ModelController
 from frictus_service.daemon.scene_controller import SceneController
 
@@ -58,33 +57,6 @@ it, and whether that client may."""
 OVERRUN: Final = Reply(
     ok=False, code="unavailable", message="newer calls of the same sender took its place"
 )
-
-
-@dataclass(frozen=True, slots=True)
-class IncomingCommand:
-    """A payload with the call it is to answer, if it is one."""
-
-    name: str
-    payload: bytes = b""
-    sender: str = ""
-    """As the attachment names it; empty without one."""
-    query: zenoh.Query | None = None
-    key: str = ""
-    """Of the call; a query may have asked under a wildcard, a reply must not."""
-    reply: Reply | None = None
-    """Once it is decided."""
-
-    def answer(self) -> None:
-        """Send the reply."""
-        if self.query is None or self.reply is None:
-            return
-        # Whoever asked may be gone; that must not end the thread that keeps the rig safe.
-        with contextlib.suppress(Exception), self.query:
-            self.query.reply(
-                self.key,
-                self.reply.to_json(),
-                encoding=zenoh.Encoding.APPLICATION_JSON,
-            )
 
 
 class Commands:

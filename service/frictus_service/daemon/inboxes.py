@@ -1,5 +1,6 @@
 """Bounded boxes between threads: commands on their way, and what others leave for the loop."""
 
+import contextlib
 import math
 import threading
 from collections import deque
@@ -7,7 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, Generic, TypeVar
 
-from frictus.messages import ModelState
+import zenoh
+
+from frictus.messages import ModelState, Reply
 from frictus_service.daemon.safety import Safety
 from frictus_service.synthesis.compensation import Inverse
 from frictus_service.synthesis.renderer import Playable
@@ -249,3 +252,30 @@ class LoopInbox:
     model: ModelSlot
     scene: deque[SceneUpdate] = field(default_factory=lambda: deque(maxlen=1))
     compensation: deque[CompensationUpdate] = field(default_factory=lambda: deque(maxlen=1))
+
+
+@dataclass(frozen=True, slots=True)
+class IncomingCommand:
+    """A payload with the call it is to answer, if it is one."""
+
+    name: str
+    payload: bytes = b""
+    sender: str = ""
+    """As the attachment names it; empty without one."""
+    query: zenoh.Query | None = None
+    key: str = ""
+    """Of the call; a query may have asked under a wildcard, a reply must not."""
+    reply: Reply | None = None
+    """Once it is decided."""
+
+    def answer(self) -> None:
+        """Send the reply."""
+        if self.query is None or self.reply is None:
+            return
+        # Whoever asked may be gone; that must not end the thread that keeps the rig safe.
+        with contextlib.suppress(Exception), self.query:
+            self.query.reply(
+                self.key,
+                self.reply.to_json(),
+                encoding=zenoh.Encoding.APPLICATION_JSON,
+            )

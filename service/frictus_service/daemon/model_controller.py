@@ -15,9 +15,10 @@ from frictus.messages import (
 )
 from frictus.model import Model
 from frictus_hardware.physics.screen import Screen
+from frictus_service.command_validation import check_match
 from frictus_service.daemon.control import Interlock
 from frictus_service.daemon.inboxes import LoopInbox, ModelUpdate, RenderedModel
-from frictus_service.daemon.scene_controller import SceneController, check_match
+from frictus_service.daemon.scene_controller import SceneController
 from frictus_service.json_text import etag_of
 from frictus_service.synthesis.compensability import inverse_of_model
 from frictus_service.synthesis.compensation import Inverse

@@ -21,6 +21,7 @@ from frictus.model import BY_MODEL, Compensation
 from frictus.stream import StreamFrame
 from frictus.textures import Scene
 from frictus_hardware.physics.screen import Screen
+from frictus_service.command_validation import check_match
 from frictus_service.daemon.control import Interlock
 from frictus_service.daemon.inboxes import CompensationUpdate, LoopInbox, SceneUpdate
 from frictus_service.daemon.safety import refusal_to_render
@@ -394,24 +395,3 @@ class SceneController:
         ):
             del self._cache[next(iter(self._cache))]
         return kept[1:]
-
-
-def check_match(wanted: str | None, present: str, what: str) -> None:
-    """Refuse a change of something else than its sender saw.
-
-    Parameters
-    ----------
-    wanted, present : str or None
-        Etags: of what the sender saw, None where it does not mind; and of what is in force.
-    what : str
-        Its name, for people.
-
-    Raises
-    ------
-    RefusedError
-        `conflict`.
-    """
-    if wanted is not None and wanted != present:
-        raise RefusedError(
-            "conflict", f"the {what} is {present!r} now, not {wanted!r}: read it again"
-        )

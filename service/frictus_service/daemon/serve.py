@@ -6,10 +6,7 @@ from collections.abc import Callable, Sequence
 from types import FrameType
 
 from frictus_service.config import Config
-from frictus_service.daemon.child_process import (
-    PartName,
-    ServiceManager,
-)
+from frictus_service.daemon.child_process import PartName, ServiceManager
 from frictus_service.daemon.supervisor import ALL, Supervisor, to_stderr
 
 

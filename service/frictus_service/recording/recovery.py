@@ -11,13 +11,7 @@ from mcap.writer import CompressionType, IndexType, Writer
 from frictus_service.durable import sync_folder
 from frictus_service.errors import NotWrittenError, RecordingError
 from frictus_service.recording.reader import RecordingReader
-from frictus_service.recording.records import (
-    END,
-    PROFILE,
-    EndNote,
-    RecordScanner,
-    StreamTotal,
-)
+from frictus_service.recording.records import END, PROFILE, EndNote, RecordScanner, StreamTotal
 from frictus_service.recording.summary import RecordingSummary, summarise
 from frictus_service.recording.writer import create
 

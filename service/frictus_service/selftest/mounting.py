@@ -11,13 +11,13 @@ from frictus_hardware.sensors.rotation import AXES, Orientation, check_orientati
 from frictus_service.errors import AlignmentError
 from frictus_service.identification.observation.sensor_alignment import (
     SensorAlignment,
-    Strokes,
     align_sensors,
 )
 from frictus_service.identification.observation.sensor_discrepancies import (
     mounted_off_deg,
     sensor_discrepancies,
 )
+from frictus_service.identification.observation.stroke_pieces import Strokes
 from frictus_service.selftest.playing import Played
 from frictus_service.selftest.report import Finding, Measure, Outcome, half_width, judged, lost
 

@@ -10,9 +10,9 @@ from frictus.messages import Reply
 from frictus.stream import StreamFrame
 from frictus_hardware.physics.screen import Screen
 from frictus_service.config import Limits
-from frictus_service.daemon.commands import RENDERING_CALLS, Commands, IncomingCommand
+from frictus_service.daemon.commands import RENDERING_CALLS, Commands
 from frictus_service.daemon.control import Control, Interlock
-from frictus_service.daemon.inboxes import LoopInbox, ModelSlot, ModelUpdate
+from frictus_service.daemon.inboxes import IncomingCommand, LoopInbox, ModelSlot, ModelUpdate
 from frictus_service.daemon.model_controller import ModelController, rendered_model
 from frictus_service.daemon.safety import Safety
 from frictus_service.daemon.scene_controller import SceneController

@@ -11,7 +11,8 @@ import zenoh
 from frictus.keys import RigKeys, Topics
 from frictus.textures import Region
 from frictus_hardware.physics.screen import Screen
-from frictus_service.daemon.commands import UNNAMED_BYTES, IncomingCommand
+from frictus_service.daemon.commands import UNNAMED_BYTES
+from frictus_service.daemon.inboxes import IncomingCommand
 from frictus_service.synthesis.layers import Layer, layers_of
 
 from .desk import SCENE, TEXTURE, Desk

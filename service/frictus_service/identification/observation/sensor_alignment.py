@@ -17,32 +17,27 @@ and that of gravity to what was sensed, each by its variance (Wahba's problem; c
 Shuster and Oh 1981).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.ndimage import gaussian_filter1d, maximum_filter1d
-from scipy.signal import resample_poly
+from scipy.ndimage import gaussian_filter1d
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.linear import Mobility
 from frictus_hardware.sensors.rotation import nearest_rotation
 from frictus_service.errors import AlignmentError
+from frictus_service.identification.observation.stroke_pieces import (
+    LARGEST_DELAY_S,
+    MARGIN_S,
+    NARROW_S,
+    RATE_HZ,
+    StrokePiece,
+    Strokes,
+    pieces_of,
+)
 
-RATE_HZ: Final = 200.0
-"""Of what is compared, about: a whole number of samples is one row."""
-FILTER_ROWS: Final = 10
-"""Reach of the filter of `resample_poly`."""
-NARROW_S: Final = 0.03
-WIDE_S: Final = 0.2
-"""Standard deviations of the Gaussians whose difference is the band."""
-MARGIN_S: Final = 4.0 * NARROW_S + 3.0 * WIDE_S
-LARGEST_DELAY_S: Final = 0.06
-"""Touch reports that are older or younger than declared by more are not looked for."""
-GAP_S: Final = 0.1
-"""Touch reports that are further apart are not joined."""
 LEAST_S: Final = 4.0
 """What is left of the strokes must be as long."""
 TOUCH_STEP_MM: Final = 0.1
@@ -65,29 +60,6 @@ _STILL: Final = (
     "the accelerometer does not move with the finger: see whether it is connected, and pressed "
     "onto the nail"
 )
-
-
-class Strokes(NamedTuple):
-    """What was sensed while a finger stroked.
-
-    Attributes
-    ----------
-    sample_rate_hz : float
-        Samples per second.
-    force_n, accel_m_s2 : ndarray, shape (n_samples, 3)
-        In the rig's frame as configured; NaN where samples are missing.
-    touch_s : ndarray, shape (n_reports,)
-        When the finger was where it was reported, by the declared latency; rising, the first
-        sample is at 0. Only while it touched.
-    touch_mm : ndarray, shape (n_reports, 2)
-        Where it was.
-    """
-
-    sample_rate_hz: float
-    force_n: FloatArray
-    accel_m_s2: FloatArray
-    touch_s: FloatArray
-    touch_mm: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,7 +127,7 @@ def align_sensors(strokes: Sequence[Strokes]) -> SensorAlignment:
         If the finger was not followed for long enough, did not move, or the accelerometer does
         not move with it.
     """
-    pieces = [piece for each in strokes for piece in _pieces(each)]
+    pieces = [piece for each in strokes for piece in pieces_of(each)]
     seconds = sum(piece.time_s.size / piece.rate_hz for piece in pieces)
     if seconds < LEAST_S:
         raise AlignmentError(
@@ -200,77 +172,10 @@ def align_sensors(strokes: Sequence[Strokes]) -> SensorAlignment:
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Piece:
-    """A stretch without gaps, in rows, without the margins of the band."""
-
-    rate_hz: float
-    time_s: FloatArray
-    accel_m_s2: FloatArray
-    force_n_s2: FloatArray
-    force_n_s3: FloatArray
-    mean_force_n: FloatArray
-    mean_m_s2: FloatArray
-    padded_s: FloatArray
-    path: CubicSpline
-
-    def motion(self, delay_s: float, order: int) -> FloatArray:
-        """Return a derivative of the position in the band, metres, if touch is so late."""
-        return _band(1e-3 * self.path(self.padded_s + delay_s), self.rate_hz, order)
-
-
-def _band(rows: FloatArray, rate_hz: float, order: int = 0) -> FloatArray:
-    """Return a derivative of rows in the band, without the margins."""
-    narrow = gaussian_filter1d(rows, NARROW_S * rate_hz, axis=0, order=order, truncate=4.0)
-    wide = gaussian_filter1d(narrow, WIDE_S * rate_hz, axis=0, truncate=3.0)
-    margin = round(MARGIN_S * rate_hz)
-    band: FloatArray = (narrow - wide)[margin:-margin] * rate_hz**order
-    return band
-
-
-def _pieces(strokes: Strokes) -> Iterator[_Piece]:
-    """Yield the stretches in which nothing is missing."""
-    touch_s, touch_mm = strokes.touch_s, strokes.touch_mm
-    per_row = max(round(strokes.sample_rate_hz / RATE_HZ), 1)
-    rate_hz = strokes.sample_rate_hz / per_row
-    margin = round(MARGIN_S * rate_hz)
-    sensed = np.hstack([strokes.force_n, strokes.accel_m_s2])
-    missing = ~np.isfinite(sensed.sum(axis=1))
-    sensed[missing] = 0.0
-    # Averages would not do: where friction reverses, the nail jerks within a millisecond.
-    force, accel = np.hsplit(resample_poly(sensed, 1, per_row, axis=0), 2)
-    time_s = np.arange(force.shape[0]) / rate_hz
-    reach = FILTER_ROWS * per_row
-    whole = maximum_filter1d(missing, 2 * reach + 1)[::per_row] == 0
-    ends = np.flatnonzero(np.diff(touch_s) > GAP_S) + 1
-    for reports in np.split(np.arange(touch_s.size), ends):
-        if reports.size < 4:
-            continue
-        inside = time_s > touch_s[reports[0]] + LARGEST_DELAY_S
-        inside &= time_s < touch_s[reports[-1]] - LARGEST_DELAY_S
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], whole & inside, [False]])))
-        path = CubicSpline(touch_s[reports], touch_mm[reports])
-        for begin, end in edges.reshape(-1, 2):
-            rows = slice(begin, end)
-            if end - begin <= 2 * margin:
-                continue
-            yield _Piece(
-                rate_hz=rate_hz,
-                time_s=time_s[rows][margin:-margin],
-                accel_m_s2=_band(accel[rows], rate_hz),
-                force_n_s2=_band(force[rows, :2], rate_hz, 2),
-                force_n_s3=_band(force[rows, :2], rate_hz, 3),
-                mean_force_n=force[rows][margin:-margin, :2],
-                mean_m_s2=accel[rows].mean(axis=0),
-                padded_s=time_s[rows],
-                path=path,
-            )
-
-
 class _Terms:
     """What the acceleration is made of, rows of all pieces, if touch is late by a delay."""
 
-    def __init__(self, pieces: Sequence[_Piece], delay_s: float) -> None:
+    def __init__(self, pieces: Sequence[StrokePiece], delay_s: float) -> None:
         def joined(order: int) -> FloatArray:
             return np.concatenate([piece.motion(delay_s, order) for piece in pieces])
 
@@ -295,7 +200,7 @@ class _Columns(NamedTuple):
     variances: FloatArray
 
 
-def _roughly(pieces: Sequence[_Piece]) -> tuple[float, _Columns, tuple[bool, bool]]:
+def _roughly(pieces: Sequence[StrokePiece]) -> tuple[float, _Columns, tuple[bool, bool]]:
     """Return the delay, of a coarse grid, at which least is left, and what holds there.
 
     Raises
@@ -416,7 +321,7 @@ def _off_level_deg(gravity_m_s2: FloatArray) -> float | None:
     return float(np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
-def _friction_off_deg(pieces: Sequence[_Piece], delay_s: float) -> float | None:
+def _friction_off_deg(pieces: Sequence[StrokePiece], delay_s: float) -> float | None:
     """Return by how much the force on the screen is turned against the motion."""
     turned = 0.0j
     for piece in pieces:

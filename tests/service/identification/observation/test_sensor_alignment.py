@@ -14,9 +14,9 @@ from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.errors import AlignmentError
 from frictus_service.identification.observation.sensor_alignment import (
     SensorAlignment,
-    Strokes,
     align_sensors,
 )
+from frictus_service.identification.observation.stroke_pieces import Strokes
 
 RATE_HZ = 10_000.0
 REPORT_HZ = 60.0
