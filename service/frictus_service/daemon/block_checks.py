@@ -244,7 +244,6 @@ class LoopCounters:
     blocks_dropped: int = 0
     lead_growths: int = 0
     lead_samples: int = 0
-    stream_stale: bool = False
     finger_sensors: FingerSensor = NO_SENSOR
 
 

@@ -1,11 +1,10 @@
 """The block loop: exchange, estimate, render, hand over. Nothing in it waits for anyone.
 
-It calls no Zenoh, writes no log and lets nothing grow. Other threads leave orders for it in
+It calls no Zenoh, writes no log and lets nothing grow. Other threads leave updates for it in
 slots of one, where the newest wins, and take finished blocks from a bounded queue; what does
 not fit is dropped and counted.
 """
 
-import math
 import threading
 import time
 from collections.abc import Callable
@@ -26,20 +25,15 @@ from frictus_service.daemon.block_checks import BlockChecks, Lateness, LoopCount
 from frictus_service.daemon.block_record import BlockRecord
 from frictus_service.daemon.control import Interlock
 from frictus_service.daemon.inboxes import (
-    CompensationUpdate,
     LoopInbox,
-    ModelUpdate,
-    SceneUpdate,
 )
 from frictus_service.daemon.lead import LeadGrowth
+from frictus_service.daemon.rendering import Rendering
 from frictus_service.daemon.safety import Event, FaultCleared, FaultRaised, OutputQuiet, Safety
 from frictus_service.daemon.timebase import UtcReading
 from frictus_service.processes import Heartbeat
-from frictus_service.synthesis.chain import Chain, RenderedBlock
-from frictus_service.synthesis.compensability import screen_of
-from frictus_service.synthesis.compensation import Inverse
-from frictus_service.synthesis.estimator import EstimatorTuning, FingerEstimator
-from frictus_service.synthesis.renderer import RAMP_S, Renderer
+from frictus_service.synthesis.chain import RenderedBlock
+from frictus_service.synthesis.renderer import RAMP_S
 
 HANDOVER_BLOCKS: Final = 64
 """Blocks that the publisher may lag behind: 320 ms."""
@@ -66,7 +60,7 @@ class BlockLoop:
         Of the service.
     interlock : Interlock
         Holds the safety state.
-    orders : LoopInbox
+    inbox : LoopInbox
         With the model to begin with.
     heartbeat : Heartbeat
         Counts the turns.
@@ -79,6 +73,8 @@ class BlockLoop:
 
     Attributes
     ----------
+    rendering : Rendering
+        The chain, and what it renders.
     is_read : bool
         Whether somebody waits for what is handed over. Written by the publisher.
     """
@@ -88,7 +84,7 @@ class BlockLoop:
         backend: Backend,
         config: Config,
         interlock: Interlock,
-        orders: LoopInbox,
+        inbox: LoopInbox,
         heartbeat: Heartbeat,
         run: int,
         monotonic_ns: Callable[[], int],
@@ -96,13 +92,9 @@ class BlockLoop:
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self._backend = backend
-        self._model_since_s = 1e-9 * monotonic_ns()
         self._interlock = interlock
-        self._orders = orders
         self._heartbeat = heartbeat
         self._missed_limit = config.limits.missed_deadlines
-        self._tuning = EstimatorTuning(stale_s=1e-3 * config.limits.finger_stale_ms)
-        self._block_samples = config.block_samples
         self._monotonic_ns = monotonic_ns
         self._utc_ns = utc_ns
         self._sleep = sleep
@@ -113,20 +105,14 @@ class BlockLoop:
         longest = max(info.lead_samples, info.max_lead_samples)
         self._output_flags = OutputFlags(longest, config.block_samples)
         self._lead_growth = LeadGrowth(config.block_samples)
-        self._screen = screen_of(backend.info)
-        self._rate_hz = backend.info.sample_rate_hz
         self.run = run
         self._number = 0
         self._energised = False
         self._arming = self._zero_from = 0
-        self._order: SceneUpdate | None = None
-        self._standing: SceneUpdate | None = None
-        self._compensation: CompensationUpdate | None = None
         self._parked: FaultKind | None = None
         self._broken = False
         self._was_stale = True
-        self._estimator = self._new_estimator()
-        self._chain = self._new_chain()
+        self.rendering = Rendering(backend, config, interlock, inbox, self._now_s)
         self.tally = LoopCounters(lead_samples=info.lead_samples)
         self.lateness = Lateness(backend.info.clock_hz)
         self.handover: SimpleQueue[BlockRecord] = SimpleQueue()
@@ -166,11 +152,11 @@ class BlockLoop:
             now_s = self._now_s()
             safety = self._interlock.tick(now_s)
             self._follow(safety)
-            self._take_orders(safety, now_s)
-            step = self._chain.step(self._energised and safety.may_render(now_s))
+            self.rendering.update(safety, now_s, self._energised)
+            step = self.rendering.chain.step(self._energised and safety.may_render(now_s))
             returned_ns = self._monotonic_ns()
             reading = UtcReading(returned_ns, self._utc_ns(), self._monotonic_ns())
-            self._output_flags.note(step, self._chain.renderer.scene.applied.scaled)
+            self._output_flags.note(step, self.rendering.chain.renderer.scene.applied.scaled)
             self._hand_over(step, returned_ns, reading)  # early: readers wait for it
             self._checks.check(step.exchange, self._zero_from)
             self._account(step, returned_ns)
@@ -224,101 +210,7 @@ class BlockLoop:
         try:
             self._backend.stop(RAMP_S)
         finally:
-            # The device has ramped; what renders begins anew at zero, and what a client
-            # streamed ends with its lease.
-            self._order = self._standing
-            self._chain.renderer = self._new_renderer()
-
-    def _new_estimator(self) -> FingerEstimator:
-        return FingerEstimator(self._rate_hz, self._tuning)
-
-    def _new_renderer(self) -> Renderer:
-        scene = self._standing.scene if self._standing is not None else None
-        return Renderer(
-            self._inverse_in_force(),
-            self._screen,
-            self._rate_hz,
-            self._block_samples,
-            scene,
-            self._model_began_sample(),
-        )
-
-    def _inverse_in_force(self) -> Inverse:
-        """Return what the owner chose to undo, and the model once that arming is over."""
-        chosen = self._compensation
-        if chosen is None or chosen.ended(self._interlock.state):
-            self._compensation = None
-            return self._orders.model.in_force.inverse
-        return chosen.inverse
-
-    def _model_began_sample(self) -> float:
-        """Return when the model came into force, in samples of the device's present run.
-
-        A drift counts from there: through armings, and through a device lost and found.
-        """
-        in_force_s = self._now_s() - self._model_since_s
-        return self._backend.next_play_sample - in_force_s * self._backend.info.clock_hz
-
-    def _new_chain(self) -> Chain:
-        return Chain(self._backend, self._estimator, self._new_renderer(), self._block_samples)
-
-    def _take_orders(self, safety: Safety, now_s: float) -> None:
-        if self._order is not None and self._order.ended(safety):
-            # What it was for ended before the device was armed: no ramp is under way.
-            self._order = self._standing
-            self._chain.renderer = self._new_renderer()
-        self._take_compensation()
-        change = self._orders.model.take(safety, self._energised)
-        if change is not None:
-            self._put_in_force(change, safety, now_s)
-        if self._orders.scene:
-            coming = self._orders.scene.popleft()
-            if not coming.ended(safety):
-                self._play(coming)
-        order = self._order
-        if order is not None and now_s > order.until_s and order.afterwards is not None:
-            self._play(SceneUpdate(order.afterwards, math.inf, order.afterwards, order.arming))
-            self.tally.stream_stale = True
-
-    def _put_in_force(self, change: ModelUpdate, safety: Safety, now_s: float) -> None:
-        """Render with another model; while there is output, with a cross-fade."""
-        # What waits was made for the former model, and nothing newer can be there yet.
-        self._orders.scene.clear()
-        self._orders.compensation.clear()
-        self._compensation = None
-        self._model_since_s = now_s
-        self._order = self._standing = SceneUpdate(change.scene)
-        if change.stream is not None and not change.stream.ended(safety):
-            self._order = change.stream
-        change.done.set()
-        if not self._energised:
-            self._chain.renderer = self._new_renderer()
-        if self._energised or self._order is not self._standing:
-            self._chain.renderer.set_model(
-                change.model.inverse, self._order.scene, self._model_began_sample()
-            )
-
-    def _take_compensation(self) -> None:
-        """Take up a mode that was chosen, or forget one that ended before the device was armed.
-
-        One that ends while the output is on goes with the renderer, after the ramp.
-        """
-        if self._orders.compensation:
-            self._compensation = self._orders.compensation.popleft()
-        elif (
-            self._compensation is None
-            or self._energised
-            or not self._compensation.ended(self._interlock.state)
-        ):
-            return
-        self._chain.renderer.set_inverse(self._inverse_in_force())
-
-    def _play(self, order: SceneUpdate) -> None:
-        self._order = order
-        self._chain.renderer.set_scene(order.scene)
-        self.tally.stream_stale = False
-        if order.standing:
-            self._standing = order
+            self.rendering.end_arming()  # and with it what a client streamed
 
     def _account(self, step: RenderedBlock, returned_ns: int) -> None:
         exchange, tally = step.exchange, self.tally
@@ -353,7 +245,7 @@ class BlockLoop:
             return
         exchange = step.exchange
         end = exchange.first_sample + exchange.voltage_v.size
-        estimator = self._estimator
+        estimator = self.rendering.estimator
         self.tally.finger_sensors = sensors = estimator.sensors(end)
         (x, vx), (y, vy) = estimator.estimate(end).tolist()
         turn = BlockRecord(
@@ -403,12 +295,7 @@ class BlockLoop:
         self._energised = False
         self._zero_from = self._backend.next_play_sample
         self._backend.stop(RAMP_S)
-        self._renew_chain()
-
-    def _renew_chain(self) -> None:
-        self._estimator = self._new_estimator()
-        self._order = self._standing
-        self._chain = self._new_chain()
+        self.rendering.begin_anew()
 
     def wait_for_device(self, stop: threading.Event) -> None:
         """Close the device and open it again; beats 0 meanwhile: opening may take long."""
@@ -445,7 +332,7 @@ class BlockLoop:
         self.lateness.restart()
         self._checks.restart()
         self._output_flags.restart()
-        self._renew_chain()
+        self.rendering.begin_anew()
         return True
 
     def _wind_down(self) -> None:
@@ -454,5 +341,5 @@ class BlockLoop:
         self._halt()
         blocks = 0
         while self._sensed_end() < self._zero_from and blocks < HANDOVER_BLOCKS:
-            self._chain.step(False)
+            self.rendering.chain.step(False)
             blocks += 1

@@ -219,7 +219,7 @@ class Publisher:
             self._stage.compensation,
             self._models.policy,
             self._models.adaptations,
-            self._loop.tally.stream_stale,
+            self._loop.rendering.stream_stale,
             self._loop.tally.finger_sensors,
             self._loop.tally.lead_samples,
             self._run,
@@ -314,7 +314,7 @@ class Publisher:
             adaptation=self._models.policy,
             adaptations=self._models.adaptations,
             stream_open=stream_open,
-            stream_stale=self._loop.tally.stream_stale,
+            stream_stale=self._loop.rendering.stream_stale,
             counters=self._counters(),
             timing=LoopTiming(
                 lateness_p50_ms=median_ms,

@@ -508,8 +508,8 @@ class World:
             rights.lost.pop("contact", None)
         elif device.finger == "finger lifted":
             rights.lose("contact", "finger lifted", now - 1)
-        elif self.loop._estimator.stale(device.now):
-            last = self.loop._estimator.report_age_s(device.now)
+        elif self.loop.rendering.estimator.stale(device.now):
+            last = self.loop.rendering.estimator.report_age_s(device.now)
             age = round(last * RATE_HZ) if np.isfinite(last) else STALE_MS
             rights.lose("contact", "finger stale", now - age + STALE_MS)
 
@@ -518,7 +518,7 @@ class World:
         safety, loop, device = self.interlock.state, self.loop, self.device
         rights, queue, now = self.rights, self.device.queue, self.device.now
         armed = safety.state == "armed"
-        age = loop._estimator.report_age_s(now) * RATE_HZ
+        age = loop.rendering.estimator.report_age_s(now) * RATE_HZ
         return (
             safety.state,
             safety.owner,
@@ -531,11 +531,11 @@ class World:
             loop._parked,
             loop._checks.sensor_lost,
             loop._broken,
-            loop._chain.renderer._level,
-            loop._chain.renderer._share,
+            loop.rendering.chain.renderer._level,
+            loop.rendering.chain.renderer._share,
             self.orders.model.in_force is self.models[1],
             safety.keep_model,
-            loop._estimator.in_contact,
+            loop.rendering.estimator.in_contact,
             min(age, 2.0 * STALE_MS),
             self._unknown(2 * device.block_samples).tobytes(),
             device.armed,

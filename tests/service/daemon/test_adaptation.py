@@ -435,7 +435,7 @@ def test_the_output_fades_to_another_model_and_goes_on(adapted: Adapted) -> None
     assert np.abs(np.diff(drive)).max() <= 1.3 * own + slope * (before + after + 0.5)
     assert bench.interlock.state.state == "armed"
     assert bench.loop.tally.clipped_samples == 0
-    assert bench.loop._chain.renderer.scene is order.scene
+    assert bench.loop.rendering.chain.renderer.scene is order.scene
 
 
 def test_an_adapted_model_stays_when_the_arming_ends(adapted: Adapted) -> None:
@@ -444,7 +444,7 @@ def test_an_adapted_model_stays_when_the_arming_ends(adapted: Adapted) -> None:
     bench.turn(0.1)
     bench.feed(Stop("ben"))
     bench.turn(0.3)
-    renderer = bench.loop._chain.renderer
+    renderer = bench.loop.rendering.chain.renderer
     assert (renderer.inverse, renderer.scene) == (order.model.inverse, order.scene)
     assert not np.any(bench.turns[-1].exchange.voltage_v)
 
@@ -473,7 +473,7 @@ def test_a_stream_of_an_arming_that_is_over_is_not_taken_up(adapted: Adapted) ->
     order = adapted.offer(model, stream=quiet)
     bench.turn(0.2)
     assert order.done.is_set()
-    assert bench.loop._chain.renderer.scene is order.scene
+    assert bench.loop.rendering.chain.renderer.scene is order.scene
 
 
 def test_a_stream_goes_on_under_the_adapted_model(adapted: Adapted) -> None:
@@ -482,10 +482,10 @@ def test_a_stream_goes_on_under_the_adapted_model(adapted: Adapted) -> None:
     stream = stream_with(rendered_model(model, Screen()).inverse)
     order = adapted.offer(model, stream=stream)
     bench.turn(0.1)
-    assert bench.loop._chain.renderer.scene is stream.scene
+    assert bench.loop.rendering.chain.renderer.scene is stream.scene
     bench.feed(Stop("ben"))
     bench.turn(0.2)
-    assert bench.loop._chain.renderer.scene is order.scene
+    assert bench.loop.rendering.chain.renderer.scene is order.scene
 
 
 def test_a_mode_that_was_chosen_for_the_former_model_gives_way(adapted: Adapted) -> None:
@@ -495,10 +495,10 @@ def test_a_mode_that_was_chosen_for_the_former_model_gives_way(adapted: Adapted)
     bench.turn(0.005)
     order = adapted.offer(scaled(placeholder_model(), 1.5))
     bench.turn(0.1)
-    assert bench.loop._chain.renderer.inverse is order.model.inverse
+    assert bench.loop.rendering.chain.renderer.inverse is order.model.inverse
     bench.feed(Stop("ben"))
     bench.turn(0.2)
-    assert bench.loop._chain.renderer.inverse is order.model.inverse
+    assert bench.loop.rendering.chain.renderer.inverse is order.model.inverse
 
 
 def test_friction_follows_the_new_model_without_a_jump(make_bench: Any) -> None:

@@ -181,7 +181,7 @@ class Driven:
         position = np.concatenate([truth.position_mm for truth in truths])
         first = turns[0].exchange.first_sample
         rate = self.bench.rate_hz
-        gain = self.bench.loop._chain.renderer.scene.applied.gain
+        gain = self.bench.loop.rendering.chain.renderer.scene.applied.gain
         wanted = gain * exact_friction(components_of(TEXTURE), position, first, rate)
         wanted *= motion_fade(np.hypot(*velocity.T))
         steady = windows(felt.size, 8_192)
@@ -225,7 +225,7 @@ def test_switching_while_it_plays_neither_trips_nor_clips(make_driven: MakeDrive
 
 def rendered_mode(driven: Driven) -> str:
     """What the loop renders with, by what it inverts."""
-    inverse = driven.bench.loop._chain.renderer.inverse
+    inverse = driven.bench.loop.rendering.chain.renderer.inverse
     return "model" if inverse is driven.bench.orders.model.in_force.inverse else "another"
 
 

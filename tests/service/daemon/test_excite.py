@@ -136,7 +136,7 @@ def test_a_scene_ends_an_excitation(make_bench: Any, texture: Scene) -> None:
     bench = excited(make_bench())
     bench.play(texture)
     bench.turn(0.3)
-    assert np.all(np.isfinite(bench.loop._chain.renderer._target))
+    assert np.all(np.isfinite(bench.loop.rendering.chain.renderer._target))
 
 
 @pytest.mark.parametrize("late", [False, True])

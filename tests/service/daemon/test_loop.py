@@ -526,14 +526,14 @@ def test_stream_without_updates_fades_to_its_bias(make_bench: Any, texture: Scen
     update = budget.compile(frame)
     bench.orders.scene.append(SceneUpdate(update, bench.now_s + 0.2, budget.quiet, 1))
     bench.turn(0.1)
-    assert not bench.loop.tally.stream_stale
+    assert not bench.loop.rendering.stream_stale
     bench.turn(0.3)
-    assert bench.loop.tally.stream_stale
-    target = bench.loop._chain.renderer._target
+    assert bench.loop.rendering.stream_stale
+    target = bench.loop.rendering.chain.renderer._target
     assert np.allclose(target, budget.quiet.applied.bias_n)
     bench.orders.scene.append(SceneUpdate(update, bench.now_s + 0.2, budget.quiet, 1))
     bench.turn(0.05)
-    assert not bench.loop.tally.stream_stale
+    assert not bench.loop.rendering.stream_stale
 
 
 def test_stream_does_not_outlive_its_lease(make_bench: Any, texture: Scene) -> None:
@@ -547,7 +547,9 @@ def test_stream_does_not_outlive_its_lease(make_bench: Any, texture: Scene) -> N
     bench.arm()
     bench.turn(SETTLED_S)
     targets = [
-        bench.loop._chain.renderer._target.copy() for _ in range(40) if bench.turn(0.005)
+        bench.loop.rendering.chain.renderer._target.copy()
+        for _ in range(40)
+        if bench.turn(0.005)
     ]
     assert np.ptp(targets) > 0.05, "the standing scene is back"
 
@@ -573,7 +575,7 @@ def test_a_scene_compiled_for_the_former_model_gives_way(
     bench.play(Scene())
     order = ordered(bench, stronger(), texture)
     bench.turn(0.1)
-    assert bench.loop._chain.renderer.scene is order.scene
+    assert bench.loop.rendering.chain.renderer.scene is order.scene
 
 
 def test_reply_state_and_loop_agree_on_the_model_though_the_loop_stands_still(
@@ -613,7 +615,7 @@ def test_reply_state_and_loop_agree_on_the_model_though_the_loop_stands_still(
         loop.join()
     in_force = bench.orders.model.in_force
     assert etag == models.model.etag == in_force.state.etag
-    assert bench.loop._chain.renderer.inverse is in_force.inverse
+    assert bench.loop.rendering.chain.renderer.inverse is in_force.inverse
 
 
 def test_a_drift_counts_from_when_the_law_came_and_through_armings(
@@ -668,8 +670,8 @@ def test_the_loop_gives_way_to_who_publishes_what_is_read(
             stop.set()
         return step(*_given, **_named)
 
-    step = bench.loop._chain.step
-    monkeypatch.setattr(bench.loop._chain, "step", render)
+    step = bench.loop.rendering.chain.step
+    monkeypatch.setattr(bench.loop.rendering.chain, "step", render)
     monkeypatch.setattr(
         bench.loop, "_sleep", lambda s: slept.append((bench.loop.handover.qsize(), s))
     )
