@@ -20,8 +20,14 @@ from frictus_laboratory.live_model.disturbances import (
     gain_step,
     scaled,
 )
-from frictus_laboratory.live_model.motion import KnownMotion, PredictedPath, rendered_rows
-from frictus_laboratory.live_model.session_plan import SessionPlan, config_of, motion_of
+from frictus_laboratory.live_model.motion import (
+    KnownMotion,
+    PredictedPath,
+    SessionPlan,
+    config_of,
+    motion_of,
+    rendered_rows,
+)
 from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensability import placeholder_model
 

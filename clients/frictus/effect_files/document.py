@@ -77,12 +77,8 @@ def items(
 
     Parameters
     ----------
-    parent : dict
-        The object that holds the list.
-    name : str
-        What the list is called.
-    where : str
-        Place of the parent.
+    parent, name, where
+        See `child`.
     optional : bool
         A list that is missing is empty.
 
@@ -107,12 +103,8 @@ def number(
 
     Parameters
     ----------
-    parent : dict
-        The object that holds it.
-    name : str
-        What it is called.
-    where : str
-        Place of the parent.
+    parent, name, where
+        See `child`.
     default : float or None
         None: it must be there.
 
@@ -164,12 +156,8 @@ def word(parent: dict[str, Any], name: str, where: str, default: str | None = No
 
     Parameters
     ----------
-    parent : dict
-        The object that holds it.
-    name : str
-        What it is called.
-    where : str
-        Place of the parent.
+    parent, name, where
+        See `child`.
     default : str or None
         Where it is missing; None: it must be there.
 

@@ -7,8 +7,8 @@ from frictus_hardware.nidaq.backend import NiRig
 from frictus_hardware.nidaq.sensing import ForceSensor, SensorConversion
 from frictus_hardware.nidaq.settings import NeonodeSettings, NiRigConfig
 from frictus_hardware.nidaq.touch import PointerSource, TouchSensorSource, TouchSource
+from frictus_hardware.sensors.analogue import Accelerometer
 from frictus_hardware.sensors.ati import read_calibration
-from frictus_hardware.sensors.channels import Accelerometer
 from frictus_hardware.sensors.hid import HidPort, TouchLink
 from frictus_hardware.sensors.neonode import ScreenFrame, Touchpad
 from frictus_hardware.sensors.rotation import in_turn

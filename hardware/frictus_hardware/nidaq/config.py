@@ -8,7 +8,7 @@ from typing import Final, Literal, get_args
 
 from frictus_hardware.arguments import longest_lead_ms, require_max_lead
 from frictus_hardware.errors import ConfigError
-from frictus_hardware.sensors.channels import AnalogueChannel
+from frictus_hardware.sensors.analogue import AnalogueChannel
 
 Terminals = Literal["default", "rse", "nrse", "differential", "pseudo_differential"]
 

@@ -8,12 +8,14 @@ import numpy as np
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError, SensorError
 from frictus_hardware.nidaq.config import NiConfig
-from frictus_hardware.sensors.channels import Accelerometer, acceleration, saturated
-from frictus_hardware.sensors.force import (
+from frictus_hardware.sensors.analogue import (
     GAUGES,
+    Accelerometer,
     ForceCalibration,
+    acceleration,
     overload_fault,
     overloaded,
+    saturated,
     tare,
     wrench,
 )

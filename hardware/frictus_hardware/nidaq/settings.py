@@ -14,7 +14,7 @@ from frictus_hardware.nidaq.config import (
     ServerTls,
     Terminals,
 )
-from frictus_hardware.sensors.channels import AnalogueChannel
+from frictus_hardware.sensors.analogue import AnalogueChannel
 
 Channel = Annotated[str, Field(pattern=r"^ai\d+$")]
 Three = Annotated[tuple[float, float, float], Field(strict=False)]

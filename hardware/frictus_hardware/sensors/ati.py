@@ -15,7 +15,7 @@ import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError
-from frictus_hardware.sensors.force import GAUGES, ForceCalibration
+from frictus_hardware.sensors.analogue import GAUGES, ForceCalibration
 from frictus_hardware.sensors.rotation import rotation_about
 
 AXIS_NAMES: Final = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")

@@ -28,8 +28,14 @@ from frictus_hardware.physics.stages import Quantisation, SensorNoise
 from frictus_hardware.physics.twin import Signals, States, Twin
 from frictus_hardware.simulated.config import Participant
 from frictus_laboratory.live_model.disturbances import Slide
-from frictus_laboratory.live_model.motion import Motion, MotionPiece, rendered_rows
-from frictus_laboratory.live_model.session_plan import SessionPlan, config_of, motion_of
+from frictus_laboratory.live_model.motion import (
+    Motion,
+    MotionPiece,
+    SessionPlan,
+    config_of,
+    motion_of,
+    rendered_rows,
+)
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.errors import EstimateError

@@ -1,15 +1,22 @@
-"""The paper's study: people drawn, trials simulated to a file, the file analysed."""
+"""`frictus paper`: people drawn, trials simulated to a file, which is analysed and shown."""
 
+import os
+import secrets
+import sys
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
+from rich.console import Console
+from rich.table import Table
 
 from frictus_laboratory.reproduction import paper
 from frictus_laboratory.reproduction.comparison import compare
-from frictus_laboratory.reproduction.paper import Row
+from frictus_laboratory.reproduction.paper import HEADINGS, Row, markdown
 from frictus_laboratory.reproduction.plan import (
     StudyConditions,
     TrialPlan,
@@ -18,6 +25,7 @@ from frictus_laboratory.reproduction.plan import (
 )
 from frictus_laboratory.reproduction.population import draw_people
 from frictus_laboratory.reproduction.simulate import STEPS, simulate_trial, study_info
+from frictus_service.cli.options import wants_lines, write_line
 from frictus_service.identification.analysis import identify
 from frictus_service.identification.documents import Identification
 from frictus_service.identification.pipeline.study import observe_study
@@ -186,3 +194,64 @@ def reproduce(
         )
     bad = sum(plan.fault is not None for plan in plans)
     return Reproduction(tuple(compare(found, people, plans)), found, bad)
+
+
+def run_paper(
+    participants: int | None,
+    full: bool,
+    seconds: float | None,
+    out: Path | None,
+    seed: int | None,
+    workers: int | None,
+    as_json: bool,
+) -> None:
+    """Simulate, analyse and show, with progress on standard error.
+
+    Parameters
+    ----------
+    participants : int or None
+        None: as the paper has.
+    full : bool
+        All of the paper's conditions, as long as they were.
+    seconds : float or None
+        Recorded per trial.
+    out : Path or None
+        Folder that keeps the study, the identification and the table.
+    seed : int or None
+        None: a fresh one, which is told.
+    workers : int or None
+        Processes; 0: none but this one. None: one per processor.
+    as_json : bool
+        JSON lines instead of a table.
+    """
+    design = FULL if full else QUICK
+    design = design if seconds is None else replace(design, seconds=seconds)
+    people = participants or (FULL_PARTICIPANTS if full else QUICK_PARTICIPANTS)
+    seed = secrets.randbits(32) if seed is None else seed
+    workers = (os.cpu_count() or 1) if workers is None else workers
+    _tell(f"seed {seed}")
+    with tempfile.TemporaryDirectory() if out is None else nullcontext(out) as folder:
+        path = Path(folder) / "study.h5"
+        found = reproduce(path, design, people, seed, workers, _tell)
+    if out is not None:
+        (out / "identification.json").write_bytes(found.identification.to_json())
+        (out / "table.md").write_text(markdown(found.rows), encoding="utf-8")
+    if wants_lines(as_json):
+        write_line(seed=seed, account=found.account, rows=[row.fields() for row in found.rows])
+    else:
+        _show(found, Console())
+
+
+def _tell(line: str) -> None:
+    sys.stderr.write(f"{line}\n")
+    sys.stderr.flush()
+
+
+def _show(found: Reproduction, console: Console) -> None:
+    table = Table(title="frictus paper")
+    for heading in HEADINGS:
+        table.add_column(heading)
+    for row in found.rows:
+        table.add_row(*row.cells())
+    console.print(table)
+    console.print(found.account, highlight=False)

@@ -141,6 +141,6 @@ def paper(
     workers: Workers = None,
 ) -> None:
     """Simulate the paper's study, analyse it blind, and set its values beside what came out."""
-    from frictus_laboratory.reproduction.command import paper as run
+    from frictus_laboratory.reproduction.reproduce import run_paper as run
 
     run(participants, full, seconds, out, seed, workers, as_json)

@@ -24,9 +24,7 @@ from frictus_service.config import Config
 from frictus_service.daemon.block_checks import BlockChecks, Lateness, LoopCounters, OutputFlags
 from frictus_service.daemon.block_record import BlockRecord
 from frictus_service.daemon.control import Interlock
-from frictus_service.daemon.inboxes import (
-    LoopInbox,
-)
+from frictus_service.daemon.inboxes import LoopInbox
 from frictus_service.daemon.lead import LeadGrowth
 from frictus_service.daemon.rendering import Rendering
 from frictus_service.daemon.safety import Event, FaultCleared, FaultRaised, OutputQuiet, Safety

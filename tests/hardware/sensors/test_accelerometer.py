@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from frictus_hardware.errors import ConfigError
-from frictus_hardware.sensors.channels import (
+from frictus_hardware.sensors.analogue import (
     STANDARD_GRAVITY_M_S2,
     Accelerometer,
     acceleration,

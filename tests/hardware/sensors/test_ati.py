@@ -15,8 +15,8 @@ from tests.hardware.sensors.calibration_file import (
 )
 
 from frictus_hardware.errors import ConfigError
+from frictus_hardware.sensors.analogue import ForceCalibration
 from frictus_hardware.sensors.ati import LARGEST_BYTES, parse_calibration, read_calibration
-from frictus_hardware.sensors.force import ForceCalibration
 
 FILE = CalibrationFile(gauge_matrix())
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from frictus_hardware.errors import ConfigError
-from frictus_hardware.sensors.channels import AnalogueChannel
+from frictus_hardware.sensors.analogue import AnalogueChannel
 
 
 def channel(**changes: object) -> AnalogueChannel:

@@ -8,8 +8,8 @@ from tests.hardware.sensors.calibration_file import CalibrationFile, gauge_matri
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError
+from frictus_hardware.sensors.analogue import wrench
 from frictus_hardware.sensors.ati import parse_calibration
-from frictus_hardware.sensors.force import wrench
 from frictus_hardware.sensors.timing import Deskew, deskew, turn_offsets_s
 
 RATE_HZ = 20_000.0

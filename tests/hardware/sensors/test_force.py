@@ -5,8 +5,8 @@ import pytest
 from tests.hardware.sensors.calibration_file import CalibrationFile, gauge_matrix
 
 from frictus_hardware.errors import SensorError
+from frictus_hardware.sensors.analogue import overload_fault, overloaded, tare, wrench
 from frictus_hardware.sensors.ati import parse_calibration
-from frictus_hardware.sensors.force import overload_fault, overloaded, tare, wrench
 
 CALIBRATION = parse_calibration(CalibrationFile(gauge_matrix()).text().encode(), "a.cal")
 BIAS_V = np.array([0.3, -0.2, 0.5, 1.0, -0.4, 0.1])

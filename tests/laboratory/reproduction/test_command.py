@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from frictus_laboratory.reproduction import command
+from frictus_laboratory.reproduction import reproduce
 from frictus_laboratory.reproduction.paper import HEADINGS
 from frictus_laboratory.reproduction.reproduce import QUICK
 from frictus_service.cli.app import app
@@ -27,7 +27,7 @@ FEW = replace(
 def test_what_is_shown_is_what_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
 ) -> None:
-    monkeypatch.setattr(command, "QUICK", FEW)
+    monkeypatch.setattr(reproduce, "QUICK", FEW)
     kept, seed = tmp_path / "kept", int(rng.integers(2**32))
     options = ["--participants", "2", "--seconds", "1", "--seed", f"{seed}", "--workers", "0"]
     done = CliRunner().invoke(app, ["paper", *options, "--out", f"{kept}", "--json"])

@@ -31,15 +31,7 @@ from frictus_service.daemon.control import Interlock
 from frictus_service.daemon.inboxes import ModelSlot, ModelUpdate, RenderedModel, SceneUpdate
 from frictus_service.daemon.loop import LOST, BlockLoop
 from frictus_service.daemon.model_controller import rendered_model
-from frictus_service.daemon.safety import (
-    Arm,
-    ClientVanished,
-    Disarm,
-    Event,
-    Renew,
-    Reset,
-    Stop,
-)
+from frictus_service.daemon.safety import Arm, ClientVanished, Disarm, Event, Renew, Reset, Stop
 from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.synthesis.renderer import RAMP_S
 from frictus_service.synthesis.scene import compile_excitation

@@ -22,8 +22,7 @@ from frictus_service.discovery.report.findings import (
     places,
     verdict_sentence,
 )
-from frictus_service.discovery.report.methods import SOURCES, bibtex, methods_paragraph
-from frictus_service.discovery.report.page import render
+from frictus_service.discovery.report.page import SOURCES, bibtex, methods_paragraph, render
 from frictus_service.discovery.report.residuals import by_relevance, remaining, residual_bode
 
 
