@@ -1,4 +1,4 @@
-"""What a session on the twin consists of, how its finger moves, and what the rig knows of it."""
+"""What a session on the twin consists of, how its finger moves, and what the rig sees of it."""
 
 from dataclasses import dataclass, field
 from typing import Protocol

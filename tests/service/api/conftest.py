@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 import zenoh
 from fastapi.testclient import TestClient
+from tests.rig_status import rig_status
 from zenoh import ext
 
 from frictus.keys import CALLS, RigKeys, Topic, Topics
@@ -54,26 +55,7 @@ APPLIED = Applied(
 
 def status(rig: str, **changes: Any) -> RigStatus:
     """What a disarmed simulated rig says."""
-    said = RigStatus(
-        site=SITE,
-        rig=rig,
-        version="0.1.0",
-        run=7,
-        utc_ns=time.time_ns(),
-        state="disarmed",
-        backend="simulated",
-        simulated=True,
-        finger_source="simulated",
-        sample_rate_hz=20_000.0,
-        block_samples=100,
-        lead_ms=20.0,
-        screen_mm=(100.0, 60.0),
-        screen_peak_v=75.0,
-        model_etag="m0",
-        model_placeholder=False,
-        scene_etag="s0",
-        counters=Counters(blocks=1234, underruns=2),
-    )
+    said = rig_status(rig=rig, run=7, counters=Counters(blocks=1234, underruns=2))
     return said.model_copy(update=changes)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from tests.rig_status import rig_status
 
 import frictus
 from frictus.block import Block, Flag
@@ -56,25 +57,7 @@ class HandRig:
         self._token = self.session.liveliness().declare_token(self.keys.alive)
 
     def status(self, **changes: Any) -> RigStatus:
-        said = RigStatus(
-            site="lab",
-            rig="hand",
-            version="0.1.0",
-            run=1,
-            utc_ns=time.time_ns(),
-            state="disarmed",
-            backend="simulated",
-            simulated=True,
-            finger_source="simulated",
-            sample_rate_hz=RATE_HZ,
-            block_samples=BLOCK,
-            lead_ms=20.0,
-            screen_mm=(100.0, 60.0),
-            screen_peak_v=75.0,
-            model_etag="m0",
-            model_placeholder=False,
-            scene_etag="s0",
-        )
+        said = rig_status(rig="hand")
         return said.model_copy(update=changes)
 
     def utc_ns(self, sample: int) -> int:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import zenoh
+from tests.rig_status import rig_status
 from zenoh import ext
 
 from frictus.block import Block, Flag
@@ -21,7 +22,6 @@ from frictus.messages import (
     Message,
     Reply,
     Request,
-    RigStatus,
     SafetyState,
     SceneRequest,
     SceneState,
@@ -97,25 +97,11 @@ class FakeRig:
             return self.called.wait_for(lambda: call in [c for c, _ in self.calls], timeout_s)
 
     def tell(self, **changes: Any) -> None:
-        said = RigStatus(
-            site="lab",
+        said = rig_status(
             rig=self.name,
-            version="0.1.0",
-            run=1,
-            utc_ns=time.time_ns(),
             state=self.state,
             owner=self.owner,
-            backend="simulated",
-            simulated=True,
-            finger_source="simulated",
-            sample_rate_hz=RATE_HZ,
             block_samples=BLOCK,
-            lead_ms=20.0,
-            screen_mm=(100.0, 60.0),
-            screen_peak_v=75.0,
-            model_etag="m0",
-            model_placeholder=False,
-            scene_etag="s0",
             compensation=self.compensation,
         )
         self.publish(Topics.STATUS, said.model_copy(update=changes))

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import zenoh
+from tests.rig_status import rig_status
 from tests.service.dashboard.conftest import Serve
 from tests.service.dashboard.page import Page, page_at
 
@@ -26,25 +27,7 @@ Publish = Callable[[], None]
 
 
 def status(run: int) -> RigStatus:
-    return RigStatus(
-        site="lab",
-        rig="rig1",
-        version="0",
-        run=run,
-        utc_ns=run,
-        state="disarmed",
-        backend="simulated",
-        simulated=True,
-        finger_source="simulated",
-        sample_rate_hz=1_000.0,
-        block_samples=10,
-        lead_ms=20.0,
-        screen_mm=(100.0, 60.0),
-        screen_peak_v=75.0,
-        model_etag="m",
-        model_placeholder=False,
-        scene_etag="s",
-    )
+    return rig_status(run=run, utc_ns=run, sample_rate_hz=1_000.0, block_samples=10)
 
 
 @contextmanager

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from tests.rig_status import rig_status
 
 from frictus.block import Block, Flag
 from frictus.keys import Topic, Topics
@@ -14,7 +15,6 @@ from frictus.messages import (
     Applied,
     Excitation,
     GuidanceState,
-    RigStatus,
     SceneState,
     Tone,
     TouchState,
@@ -43,24 +43,13 @@ APPLIED = Applied(
 )
 WHOLE = TrialDeclaration("p1", 2, 60.0, 0.4, (100.0,))
 UNDECLARED = TrialDeclaration()
-STATUS = RigStatus(
-    site="lab",
-    rig="rig1",
-    version="0",
-    run=1,
+STATUS = rig_status(
     utc_ns=UTC_NS,
-    state="disarmed",
-    backend="simulated",
-    simulated=True,
-    finger_source="simulated",
     sample_rate_hz=RATE_HZ,
     block_samples=BLOCK,
-    lead_ms=20.0,
     screen_mm=(70.0, 35.0),
     screen_peak_v=60.0,
-    model_etag="m",
     model_placeholder=True,
-    scene_etag="s",
 )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap.records import Channel, Message, Schema
+from tests.rig_status import rig_status
 from typer.testing import CliRunner
 
 from frictus.block import Block
@@ -29,25 +30,12 @@ AUX = AuxChannel(name="Thermo 1", unit="°C")
 
 
 def status(known: SimpleNamespace) -> RigStatus:
-    return RigStatus(
-        site="lab",
-        rig="rig1",
-        version="0.1.0",
+    return rig_status(
         run=known.RUN,
         utc_ns=known.UTC_NS,
-        state="disarmed",
-        backend="simulated",
-        simulated=True,
-        finger_source="simulated",
         sample_rate_hz=known.RATE_HZ,
         block_samples=known.BLOCK,
-        lead_ms=20.0,
-        screen_mm=(100.0, 60.0),
-        screen_peak_v=75.0,
         aux=(AUX,),
-        model_etag="m0",
-        model_placeholder=False,
-        scene_etag="s0",
     )
 
 
