@@ -18,7 +18,7 @@ from frictus_hardware.physics.screen import Screen
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.motion import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
-from frictus_laboratory.rendering_error import Effects, Stroke, gain_of
+from frictus_laboratory.rendering_error import Effects, PlayedStroke, gain_of
 from frictus_service.fidelity.path import BLOCK_SAMPLES, walk
 from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensability import inverse_of
@@ -57,12 +57,12 @@ LEFT: Final[dict[str, dict[str, float]]] = {
 """The same for those that have none."""
 
 
-def stroke(speed_mm_s: float, force_n: float, minutes: float, known: bool) -> Stroke:
+def stroke(speed_mm_s: float, force_n: float, minutes: float, known: bool) -> PlayedStroke:
     """Return steady strokes, long enough for a sweep each way."""
     finger = SteadyStrokes(speed_mm_s=speed_mm_s, press=Press(target_n=force_n))
     config = SimulatedConfig(finger=finger, seed=secrets.randbits(32))
     duration_s = max(4.0, 150.0 / speed_mm_s)
-    return Stroke(walk(config, duration_s, known), speed_mm_s, minutes)
+    return PlayedStroke(walk(config, duration_s, known), speed_mm_s, minutes)
 
 
 def cases() -> dict[str, Effects]:
@@ -74,7 +74,9 @@ def cases() -> dict[str, Effects]:
     return single | {"all of these, realistic": half}
 
 
-def undone_table(texture: Texture, known: list[Stroke], sensed: list[Stroke]) -> list[str]:
+def undone_table(
+    texture: Texture, known: list[PlayedStroke], sensed: list[PlayedStroke]
+) -> list[str]:
     """Return the table of the effects that have an inverse."""
     lines = [
         "| effect | dose | before | after | waveform before | after "
@@ -94,7 +96,7 @@ def undone_table(texture: Texture, known: list[Stroke], sensed: list[Stroke]) ->
     return lines
 
 
-def left_table(texture: Texture, known: list[Stroke]) -> list[str]:
+def left_table(texture: Texture, known: list[PlayedStroke]) -> list[str]:
     """Return the table of the effects that have none."""
     lines = ["| effect | dose | error | waveform | why |", "|---|---|---|---|---|"]
     for id_, parameters in LEFT.items():

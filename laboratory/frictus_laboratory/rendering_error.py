@@ -208,7 +208,7 @@ FRICTION_COEFFICIENT = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Stroke:
+class PlayedStroke:
     """A path at one speed, and when in its session it is made.
 
     Attributes
@@ -265,7 +265,7 @@ class ExtensionGain:
 def gain_of(
     effects: Effects,
     texture: Texture,
-    strokes: Sequence[Stroke],
+    strokes: Sequence[PlayedStroke],
     law: FrictionLaw,
     screen: Screen,
 ) -> ExtensionGain:
@@ -277,7 +277,7 @@ def gain_of(
         What the finger has, and what the extended model says.
     texture : Texture
         No map.
-    strokes : sequence of Stroke
+    strokes : sequence of PlayedStroke
         Along which it is felt.
     law : FrictionLaw
         Of the finger and of both models.
@@ -300,7 +300,7 @@ def _felt(
     fitting: Inverse,
     simulator: Simulator,
     texture: Texture,
-    strokes: Sequence[Stroke],
+    strokes: Sequence[PlayedStroke],
     screen: Screen,
 ) -> RenderingError:
     errors, shapes, clipped, samples = [], [], 0, 0

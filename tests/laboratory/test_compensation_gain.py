@@ -8,7 +8,7 @@ from frictus_hardware.physics.screen import Screen
 from frictus_hardware.simulated.config import SimulatedConfig
 from frictus_hardware.simulated.motion import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
-from frictus_laboratory.rendering_error import Stroke, gain_of, thirds
+from frictus_laboratory.rendering_error import PlayedStroke, gain_of, thirds
 from frictus_service.fidelity.path import walk
 from frictus_service.library import SHIPPED
 
@@ -34,7 +34,7 @@ def test_the_extended_model_takes_the_error_away(rng: np.random.Generator) -> No
     flat = texture_of((SHIPPED / "flat.json").read_text(encoding="utf-8"))
     finger = SteadyStrokes(speed_mm_s=90.0, press=Press(target_n=0.3))
     config = SimulatedConfig(finger=finger, seed=int(rng.integers(2**31)))
-    strokes = [Stroke(walk(config, 2.2, known=True), 90.0, minutes=15.0)]
+    strokes = [PlayedStroke(walk(config, 2.2, known=True), 90.0, minutes=15.0)]
     for id_, (name, dose) in TWICE_REALISTIC.items():
         gain = gain_of([(id_, {name: dose})], flat, strokes, LAW, SCREEN)
         assert gain.after.rms_db <= 0.25 * gain.before.rms_db, id_

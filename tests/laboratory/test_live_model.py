@@ -14,7 +14,7 @@ from frictus_laboratory.live_model.disturbances import (
     Disturbance,
     Faulty,
     NewFinger,
-    Slide,
+    SessionPiece,
     WithinPerson,
     drift,
     gain_step,
@@ -34,7 +34,7 @@ from frictus_service.synthesis.compensability import placeholder_model
 FLAT = texture_of((SHIPPED / "flat.json").read_text(encoding="utf-8"))
 PERSON = scaled(Participant(), 1.4, 1.5)
 PLAN = SessionPlan(PERSON, FLAT, 12.0, 5, placeholder_model(), "adapt", known_motion=True)
-SLIDE = Slide(10.0, 1, 1, 60.0, 0.4)
+SLIDE = SessionPiece(10.0, 1, 1, 60.0, 0.4)
 
 
 @pytest.mark.compiled

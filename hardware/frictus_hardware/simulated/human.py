@@ -90,7 +90,7 @@ class HumanStrokes(StrictModel):
 
 
 @dataclass(frozen=True, slots=True)
-class Strokes:
+class DrawnStrokes:
     """A loop of strokes, each followed by a rest; arrays of shape (n_strokes,).
 
     Attributes
@@ -116,7 +116,9 @@ class Strokes:
     loop_s: float
 
 
-def draw_strokes(settings: HumanStrokes, room_mm: float, rng: np.random.Generator) -> Strokes:
+def draw_strokes(
+    settings: HumanStrokes, room_mm: float, rng: np.random.Generator
+) -> DrawnStrokes:
     """Return a loop of strokes that ends where it began.
 
     Parameters
@@ -151,7 +153,7 @@ def draw_strokes(settings: HumanStrokes, room_mm: float, rng: np.random.Generato
         if last:
             break
     took = np.add(moves, rests)
-    return Strokes(
+    return DrawnStrokes(
         begin_s=np.concatenate([[0.0], np.cumsum(took)[:-1]]),
         move_s=np.array(moves),
         from_mm=np.array(ends[:-1]),
@@ -173,7 +175,7 @@ def _turns(length_mm: FloatArray, move_s: FloatArray, swings: NDArray[np.bool_])
 class HumanFinger:
     """See `HumanStrokes`."""
 
-    strokes: Strokes
+    strokes: DrawnStrokes
     tremor_x: Wander
     tremor_y: Wander
     drift: Wander

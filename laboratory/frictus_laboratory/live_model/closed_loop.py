@@ -27,7 +27,7 @@ from frictus_hardware.physics.simulator import Simulator
 from frictus_hardware.physics.stages import Quantisation, SensorNoise
 from frictus_hardware.physics.twin import Signals, States, Twin
 from frictus_hardware.simulated.config import Participant
-from frictus_laboratory.live_model.disturbances import Slide
+from frictus_laboratory.live_model.disturbances import SessionPiece
 from frictus_laboratory.live_model.motion import (
     Motion,
     MotionPiece,
@@ -127,7 +127,7 @@ class ClosedLoop:
         self._twin_key: tuple[Simulator, float] | None = None
         self._twin = Twin(())
         self._states: States = ()
-        self._slide = Slide(0.0, 0, 0, 60.0, 0.4)
+        self._slide = SessionPiece(0.0, 0, 0, 60.0, 0.4)
         self._direction = self._touched = 0.0
         self.true = coordinates.from_law(*_values(plan.person.law), 0.0)
         self.named: dict[str, float] = {}
@@ -202,7 +202,7 @@ class ClosedLoop:
         touched = float(piece.in_contact[0])
         direction = float(np.sign(piece.velocity_mm_s[:, 0].mean()))
         before = self._slide
-        self._slide = Slide(
+        self._slide = SessionPiece(
             sample / self._rate_hz,
             before.contact + (touched > self._touched),
             before.stroke + (direction != self._direction),

@@ -29,7 +29,7 @@ OUTLETS: Final = (*STREAM_IDS, FINGER)
 """Names of what may be sent."""
 
 
-class Channel(NamedTuple):
+class OutletChannel(NamedTuple):
     """One channel of a stream."""
 
     label: str
@@ -37,17 +37,17 @@ class Channel(NamedTuple):
 
 
 FINGER_CHANNELS: Final = (
-    Channel("x_mm", "mm"),
-    Channel("y_mm", "mm"),
-    Channel("vx_mm_s", "mm/s"),
-    Channel("vy_mm_s", "mm/s"),
-    Channel("normal_force_n", "N"),
-    Channel("in_contact", ""),
+    OutletChannel("x_mm", "mm"),
+    OutletChannel("y_mm", "mm"),
+    OutletChannel("vx_mm_s", "mm/s"),
+    OutletChannel("vy_mm_s", "mm/s"),
+    OutletChannel("normal_force_n", "N"),
+    OutletChannel("in_contact", ""),
 )
 """Fields of `FingerState`."""
 
 
-def channels_of(name: str, status: RigStatus) -> tuple[Channel, ...]:
+def channels_of(name: str, status: RigStatus) -> tuple[OutletChannel, ...]:
     """Return the channels of a stream.
 
     Parameters
@@ -60,18 +60,20 @@ def channels_of(name: str, status: RigStatus) -> tuple[Channel, ...]:
     if name == FINGER:
         return FINGER_CHANNELS
     if STREAM_IDS[name] == AUX:
-        return tuple(Channel(one.name, one.unit) for one in status.aux)
+        return tuple(OutletChannel(one.name, one.unit) for one in status.aux)
     return _named(STREAMS[STREAM_IDS[name]])
 
 
-def _named(topic: Topic) -> tuple[Channel, ...]:
+def _named(topic: Topic) -> tuple[OutletChannel, ...]:
     parts = topic.message.removeprefix("Block: ").split(", ")
     shared = "" if topic.unit == Topics.RENDER.unit else topic.unit
     named = (part.partition(" ") for part in parts)
-    return tuple(Channel(label, unit or shared) for label, _, unit in named)
+    return tuple(OutletChannel(label, unit or shared) for label, _, unit in named)
 
 
-def described(name: str, status: RigStatus, rate_hz: float, channels: Sequence[Channel]) -> Any:
+def described(
+    name: str, status: RigStatus, rate_hz: float, channels: Sequence[OutletChannel]
+) -> Any:
     """Return the description of an outlet.
 
     Parameters
@@ -82,7 +84,7 @@ def described(name: str, status: RigStatus, rate_hz: float, channels: Sequence[C
         Of the rig.
     rate_hz : float
         Nominal; 0 of markers.
-    channels : sequence of Channel
+    channels : sequence of OutletChannel
         What stands in a sample.
 
     Returns
@@ -190,7 +192,7 @@ class MarkerOutlet:
 
     def __init__(self, status: RigStatus) -> None:
         self.sent = 0
-        info = described(MARKERS, status, pylsl.IRREGULAR_RATE, [Channel("marker", "")])
+        info = described(MARKERS, status, pylsl.IRREGULAR_RATE, [OutletChannel("marker", "")])
         self._outlet = pylsl.StreamOutlet(info)
 
     def push(self, text: str, stamp_s: float) -> None:

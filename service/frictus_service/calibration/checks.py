@@ -23,7 +23,7 @@ from frictus_service.calibration.design import BASE_HZ
 from frictus_service.errors import AlignmentError, ExcitationDesignError
 from frictus_service.identification.observation.sensor_alignment import align_sensors
 from frictus_service.identification.observation.sensor_discrepancies import sensor_discrepancies
-from frictus_service.identification.observation.stroke_pieces import Strokes
+from frictus_service.identification.observation.stroke_pieces import SensedStrokes
 from frictus_service.identification.observation.sweeps import find_sweeps, smooth
 from frictus_service.study.trial import Trial
 
@@ -63,7 +63,7 @@ class StrokesCapture:
         if touch.in_contact and touch.run == self._run:
             self._touches.append(touch)
 
-    def strokes(self) -> Iterator[Strokes]:
+    def strokes(self) -> Iterator[SensedStrokes]:
         """Yield the stretches that were heard; what is missing within them is NaN."""
         blocks = sorted(self._blocks, key=lambda kept: kept[1].first_sample)
         stretch: list[tuple[str, Block]] = []
@@ -77,7 +77,7 @@ class StrokesCapture:
         if stretch:
             yield self._joined(stretch, end)
 
-    def _joined(self, stretch: list[tuple[str, Block]], end: int) -> Strokes:
+    def _joined(self, stretch: list[tuple[str, Block]], end: int) -> SensedStrokes:
         first, rate_hz = stretch[0][1].first_sample, stretch[0][1].sample_rate_hz
         sensed = np.full((end - first, 6), np.nan)
         for stream, block in stretch:
@@ -90,7 +90,7 @@ class StrokesCapture:
         }
         at_sample = np.array(sorted(reports))
         position = np.array([reports[sample] for sample in at_sample]).reshape(-1, 2)
-        return Strokes(
+        return SensedStrokes(
             rate_hz, sensed[:, :3], sensed[:, 3:], (at_sample - first) / rate_hz, position
         )
 
@@ -101,13 +101,13 @@ def _seconds(block: Block) -> float:
 
 
 def alignment_of(
-    strokes: Sequence[Strokes], declared_latency_s: float
+    strokes: Sequence[SensedStrokes], declared_latency_s: float
 ) -> tuple[dict[str, Any] | None, tuple[str, ...]]:
     """Return how the sensors lie, as plain values, and notes on what is not as configured.
 
     Parameters
     ----------
-    strokes : sequence of Strokes
+    strokes : sequence of SensedStrokes
         What was heard.
     declared_latency_s : float
         Of the touch sensor.

@@ -12,7 +12,7 @@ import typer
 from frictus_service.cli.options import AsJson, ConfigFile, Exit, RouterOption, write_line
 
 if TYPE_CHECKING:
-    from frictus_service.cli.machine_checks import Check
+    from frictus_service.cli.machine_checks import DoctorCheck
 
 COLOUR = {"ok": "green", "warn": "yellow", "fail": "red"}
 
@@ -115,7 +115,7 @@ def _keep_bytecode(as_json: bool) -> None:
         typer.echo(told)
 
 
-def _write(check: "Check", as_json: bool) -> None:
+def _write(check: "DoctorCheck", as_json: bool) -> None:
     if as_json:
         write_line(
             event="check",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from frictus_service.cli.options import wants_lines, write_line
 
 if TYPE_CHECKING:
-    from frictus_service.data_import.friction.coefficient import Interval
+    from frictus_service.data_import.friction.coefficient import StudentInterval
     from frictus_service.data_import.friction.report import FrictionReport
     from frictus_service.data_import.friction.slides import Slide
 
@@ -95,7 +95,7 @@ def _lines(found: "FrictionReport") -> list[str]:
     return [*lines, *(f"- {note}" for note in found.notes)]
 
 
-def _shown(value: "Interval | None") -> str:
+def _shown(value: "StudentInterval | None") -> str:
     if value is None:
         return "-"
     return f"{value.value:.3g} [{value.low:.3g}, {value.high:.3g}]"

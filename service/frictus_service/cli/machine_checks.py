@@ -19,7 +19,7 @@ Verdict = Literal["ok", "warn", "fail"]
 
 
 @dataclass(frozen=True, slots=True)
-class Check:
+class DoctorCheck:
     """What one check found.
 
     Attributes
@@ -45,7 +45,7 @@ LATE_MS: Final = (2.0, 20.0)
 """Lateness of a 5 ms timer at which to warn, and at which the loop must fail."""
 
 
-def clock_resolution(clock_ns: Callable[[], int] = time.monotonic_ns) -> Check:
+def clock_resolution(clock_ns: Callable[[], int] = time.monotonic_ns) -> DoctorCheck:
     """Measure the smallest step of the monotonic clock."""
     steps = []
     last = clock_ns()
@@ -57,11 +57,13 @@ def clock_resolution(clock_ns: Callable[[], int] = time.monotonic_ns) -> Check:
     step_ns = min(steps, default=CLOCK_NS + 1)
     found = f"the monotonic clock steps by {step_ns / 1e3:.3g} us"
     if step_ns > CLOCK_NS:
-        return Check("clock", "warn", found, "loop deadlines will be coarse on this machine")
-    return Check("clock", "ok", found)
+        return DoctorCheck(
+            "clock", "warn", found, "loop deadlines will be coarse on this machine"
+        )
+    return DoctorCheck("clock", "ok", found)
 
 
-def timer_lateness(rounds: int = 200, period_s: float = 0.005) -> Check:
+def timer_lateness(rounds: int = 200, period_s: float = 0.005) -> DoctorCheck:
     """Measure how late a 5 ms timer wakes on this machine, as it is loaded now."""
     late_ms = []
     due_s = time.monotonic()
@@ -74,18 +76,22 @@ def timer_lateness(rounds: int = 200, period_s: float = 0.005) -> Check:
     found = f"a 5 ms timer wakes {p99_ms:.2f} ms late at p99, {max_ms:.2f} ms at most"
     if not p99_ms <= LATE_MS[1]:
         to_do = "later than the queued output lasts: close other programs, use a faster machine"
-        return Check("timer", "fail", found, to_do)
+        return DoctorCheck("timer", "fail", found, to_do)
     if not p99_ms <= LATE_MS[0]:
-        return Check("timer", "warn", found, "close other programs, or set the power plan high")
-    return Check("timer", "ok", found)
+        return DoctorCheck(
+            "timer", "warn", found, "close other programs, or set the power plan high"
+        )
+    return DoctorCheck("timer", "ok", found)
 
 
-def real_time_priority() -> Check:
+def real_time_priority() -> DoctorCheck:
     """See whether this user may have the priority of the rig's loop."""
     from frictus_service.processes import LOOP_PRIORITY
 
     if not hasattr(os, "sched_setscheduler"):
-        return Check("priority", "ok", "this system has no SCHED_FIFO; the loop runs as normal")
+        return DoctorCheck(
+            "priority", "ok", "this system has no SCHED_FIFO; the loop runs as normal"
+        )
     refused: list[OSError] = []
 
     def ask() -> None:
@@ -101,8 +107,8 @@ def real_time_priority() -> Check:
     asked = f"SCHED_FIFO {LOOP_PRIORITY}"
     if refused:
         to_do = f"LimitRTPRIO={LOOP_PRIORITY} in the unit file, or rtprio in limits.conf"
-        return Check("priority", "warn", f"{asked}: {refused[0].strerror}", to_do)
-    return Check("priority", "ok", f"this user may have {asked}")
+        return DoctorCheck("priority", "warn", f"{asked}: {refused[0].strerror}", to_do)
+    return DoctorCheck("priority", "ok", f"this user may have {asked}")
 
 
 BYTES_PER_SAMPLE: Final = 52
@@ -120,7 +126,7 @@ def disk_rate(
     sample_rate_hz: float,
     now_s: Callable[[], float] = time.perf_counter,
     free_bytes: Callable[[Path], int] = lambda place: shutil.disk_usage(place).free,
-) -> Check:
+) -> DoctorCheck:
     """Write ten seconds of a rig's streams, synced as a recorder does; the file is deleted.
 
     Parameters
@@ -141,7 +147,7 @@ def disk_rate(
         took_s = _written(place, os.urandom(round(rate * SYNC_S)), now_s)
     except OSError as error:
         to_do = "name another folder in `recordings`, or allow writing to it"
-        return Check("disk", "fail", f"{place} cannot be written: {error}", to_do)
+        return DoctorCheck("disk", "fail", f"{place} cannot be written: {error}", to_do)
     usual_s, worst_s = statistics.median(took_s), max(took_s)
     hours = free / rate / 3600.0
     found = (
@@ -153,7 +159,7 @@ def disk_rate(
     return _judged(found, SYNC_S / usual_s, hours)
 
 
-def _judged(found: str, times: float, hours: float) -> Check:
+def _judged(found: str, times: float, hours: float) -> DoctorCheck:
     verdict: Verdict = "ok"
     to_do = []
     if not times >= SPARE:
@@ -162,7 +168,7 @@ def _judged(found: str, times: float, hours: float) -> Check:
     if not hours >= HOURS[1]:
         verdict = "fail" if verdict == "fail" or not hours >= HOURS[0] else "warn"
         to_do.append("make room, or name another folder in `recordings`")
-    return Check("disk", verdict, found, "; ".join(to_do))
+    return DoctorCheck("disk", verdict, found, "; ".join(to_do))
 
 
 def _written(place: Path, piece: bytes, now_s: Callable[[], float]) -> list[float]:
@@ -201,7 +207,7 @@ class _Timex(ctypes.Structure):
     )
 
 
-def clock_synchronised(ask: Callable[[], Kept | None] | None = None) -> Check:
+def clock_synchronised(ask: Callable[[], Kept | None] | None = None) -> DoctorCheck:
     """Look at the system clock.
 
     Parameters
@@ -212,14 +218,14 @@ def clock_synchronised(ask: Callable[[], Kept | None] | None = None) -> Check:
     kept = (ask or _ask_system)()
     if kept is None:
         found = "it is not known whether the system clock is synchronised"
-        return Check("utc", "warn", found, _TO_DO)
+        return DoctorCheck("utc", "warn", found, _TO_DO)
     in_step, off_ms = kept
     within = "" if off_ms is None else f", off by at most {off_ms:.3g} ms"
     if not in_step:
-        return Check("utc", "warn", "the system clock is not synchronised", _TO_DO)
+        return DoctorCheck("utc", "warn", "the system clock is not synchronised", _TO_DO)
     if off_ms is not None and not off_ms <= FAR_MS:
-        return Check("utc", "warn", f"the system clock is synchronised{within}", _TO_DO)
-    return Check("utc", "ok", f"the system clock is synchronised{within}")
+        return DoctorCheck("utc", "warn", f"the system clock is synchronised{within}", _TO_DO)
+    return DoctorCheck("utc", "ok", f"the system clock is synchronised{within}")
 
 
 def _ask_system() -> Kept | None:

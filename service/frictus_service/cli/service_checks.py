@@ -25,7 +25,7 @@ from frictus_hardware.nidaq.devices import INSTALL, mismatches, survey
 from frictus_hardware.nidaq.settings import NeonodeSettings
 from frictus_hardware.sensors.hid import HidPort
 from frictus_service.cli.machine_checks import (
-    Check,
+    DoctorCheck,
     clock_resolution,
     clock_synchronised,
     disk_rate,
@@ -99,12 +99,12 @@ NEEDED: Final = (
 )
 
 
-def python_version() -> Check:
+def python_version() -> DoctorCheck:
     """Look at the interpreter."""
-    return Check("python", "ok", f"{sys.version.split()[0]} on {sys.platform}")
+    return DoctorCheck("python", "ok", f"{sys.version.split()[0]} on {sys.platform}")
 
 
-def packages(needed: tuple[str, ...] = NEEDED) -> Check:
+def packages(needed: tuple[str, ...] = NEEDED) -> DoctorCheck:
     """Look for the packages that the service needs."""
     missing = []
     for name in needed:
@@ -114,11 +114,11 @@ def packages(needed: tuple[str, ...] = NEEDED) -> Check:
             missing.append(name)
     if missing:
         to_do = "pip install 'frictus[service]'"
-        return Check("packages", "fail", f"missing: {', '.join(missing)}", to_do)
-    return Check("packages", "ok", f"all {len(needed)} are installed")
+        return DoctorCheck("packages", "fail", f"missing: {', '.join(missing)}", to_do)
+    return DoctorCheck("packages", "ok", f"all {len(needed)} are installed")
 
 
-def compiler_cache() -> Check:
+def compiler_cache() -> DoctorCheck:
     """See whether compiled code can be kept: without, every start takes seconds longer."""
     from frictus_service.synthesis.kernel import target_friction
 
@@ -129,30 +129,34 @@ def compiler_cache() -> Check:
             pass
     except OSError as error:
         to_do = "set NUMBA_CACHE_DIR to a folder that can be written"
-        return Check("compiled code", "warn", f"{folder} cannot be written: {error}", to_do)
-    return Check("compiled code", "ok", f"is kept in {folder}")
+        return DoctorCheck(
+            "compiled code", "warn", f"{folder} cannot be written: {error}", to_do
+        )
+    return DoctorCheck("compiled code", "ok", f"is kept in {folder}")
 
 
-def configuration(path: Path | None) -> tuple[Config | None, Check]:
+def configuration(path: Path | None) -> tuple[Config | None, DoctorCheck]:
     """Read the configuration; None if it cannot be used."""
     try:
         config = load(path)
     except ConfigurationError as error:
-        return None, Check("configuration", "fail", str(error), "correct the lines named")
+        return None, DoctorCheck("configuration", "fail", str(error), "correct the lines named")
     where = path or "frictus.toml or the defaults"
-    return config, Check("configuration", "ok", f"{where}: rig {config.rig} at {config.site}")
+    return config, DoctorCheck(
+        "configuration", "ok", f"{where}: rig {config.rig} at {config.site}"
+    )
 
 
-def rig_files(config: Config) -> Iterator[Check]:
+def rig_files(config: Config) -> Iterator[DoctorCheck]:
     """See whether the files are here that the rig is made from, where it runs here."""
     for key, file in config.rig_files.items():
         if not file.is_file():
             dotted = ".".join(map(str, key))
             to_do = "put it there, or correct the key, where the rig runs on this machine"
-            yield Check("rig files", "warn", f"{dotted}: there is no file {file}", to_do)
+            yield DoctorCheck("rig files", "warn", f"{dotted}: there is no file {file}", to_do)
 
 
-def library_folder(folder: Path) -> Check:
+def library_folder(folder: Path) -> DoctorCheck:
     """See whether the texture library can be read, file by file."""
     from frictus_service.library import DamagedTextureError, TextureLibrary
 
@@ -166,46 +170,54 @@ def library_folder(folder: Path) -> Check:
             damaged.append(name)
     if damaged:
         found = f"{len(damaged)} of {len(names)} files are damaged: {', '.join(damaged)}"
-        return Check("textures", "warn", found, f"replace or delete them in {folder}")
-    return Check("textures", "ok", f"{len(names)} in the library, those shipped among them")
+        return DoctorCheck("textures", "warn", found, f"replace or delete them in {folder}")
+    return DoctorCheck(
+        "textures", "ok", f"{len(names)} in the library, those shipped among them"
+    )
 
 
 ANSWER_S: Final = 1.0
 
 
-def router_and_rigs(endpoint: str, security: SecurityConfig | None = None) -> Iterator[Check]:
+def router_and_rigs(
+    endpoint: str, security: SecurityConfig | None = None
+) -> Iterator[DoctorCheck]:
     """Look for the router, and for rigs behind it."""
     try:
         tls = None if security is None else security.of("client")
         with frictus.connect(endpoint, timeout_s=ANSWER_S, tls=tls) as client:
-            yield Check("router", "ok", f"answers at {endpoint}")
+            yield DoctorCheck("router", "ok", f"answers at {endpoint}")
             rigs = client.rigs()
             for rig in rigs:
                 yield _rig(client, rig)
     except (CertificateError, ConfigurationError) as error:
-        yield Check("router", "fail", str(error), "see docs/security.md")
+        yield DoctorCheck("router", "fail", str(error), "see docs/security.md")
         return
     except LinkError as error:
-        yield Check("router", "warn", str(error), "start `frictus serve`, or name its --router")
+        yield DoctorCheck(
+            "router", "warn", str(error), "start `frictus serve`, or name its --router"
+        )
         return
     if not rigs:
         to_do = "start `frictus serve` or `frictus rig`"
-        yield Check("rigs", "warn", "none is present", to_do)
+        yield DoctorCheck("rigs", "warn", "none is present", to_do)
 
 
-def _rig(client: frictus.Client, which: frictus.RigName) -> Check:
+def _rig(client: frictus.Client, which: frictus.RigName) -> DoctorCheck:
     name = f"rig {which.name} at {which.site}"
     try:
         status = client.rig(which.name, which.site).status()
     except (frictus.FrictusError, OSError) as error:
-        return Check(name, "fail", str(error), "look at the output of its `frictus serve`")
+        return DoctorCheck(
+            name, "fail", str(error), "look at the output of its `frictus serve`"
+        )
     found = f"{status.state}, {status.backend}, version {status.version}, {_lead(status)}"
     if status.fault is not None:
-        return Check(name, "fail", f"{found}: {status.fault.reason}", status.fault.action)
+        return DoctorCheck(name, "fail", f"{found}: {status.fault.reason}", status.fault.action)
     if status.model_placeholder:
         to_do = "measure and set a model; until then friction is not true to scale"
-        return Check(name, "warn", f"{found}, with a placeholder model", to_do)
-    return Check(name, "ok", found)
+        return DoctorCheck(name, "warn", f"{found}, with a placeholder model", to_do)
+    return DoctorCheck(name, "ok", found)
 
 
 def _lead(status: RigStatus) -> str:
@@ -242,7 +254,7 @@ def cost_of(lead_ms: float, shorter_ms: float | None) -> str:
     return f"{said} (rms on the simulated rig, docs/lead.md)"
 
 
-def device_checks(backend: BackendConfig) -> Iterator[Check]:
+def device_checks(backend: BackendConfig) -> Iterator[DoctorCheck]:
     """Look at driver, device and touch sensor, if the rig is on an NI device; drive nothing."""
     if not isinstance(backend, NiRigConfig):
         return
@@ -252,63 +264,67 @@ def device_checks(backend: BackendConfig) -> Iterator[Check]:
         yield touch_sensor(backend.touch)
 
 
-def ni_device(backend: NiRigConfig) -> Iterator[Check]:
+def ni_device(backend: NiRigConfig) -> Iterator[DoctorCheck]:
     """Compare what the driver says of its devices with the configuration."""
     try:
         package = importlib.metadata.version("nidaqmx")
         found = survey(backend.wiring)
     except (importlib.metadata.PackageNotFoundError, DriverMissingError) as error:
         to_do = f"{INSTALL}, and the NI-DAQmx driver from ni.com, or an address"
-        yield Check("driver", "fail", str(error), to_do)
+        yield DoctorCheck("driver", "fail", str(error), to_do)
         return
     except HardwareError as error:
-        yield Check("driver", "fail", str(error), "see backend.address and the device server")
+        yield DoctorCheck(
+            "driver", "fail", str(error), "see backend.address and the device server"
+        )
         return
     where = "on this machine" if backend.address is None else f"at {backend.address}"
     told = f"NI-DAQmx {found.driver} {where}, package nidaqmx {package}"
-    yield Check("driver", "ok", told)
+    yield DoctorCheck("driver", "ok", told)
     present = ", ".join(found.devices) or "none"
     if found.facts is None:
         text = f"backend.device = {backend.device!r} is not there; present: {present}"
         to_do = "correct backend.device, or see the device in NI MAX"
-        yield Check("device", "fail", text, to_do)
+        yield DoctorCheck("device", "fail", text, to_do)
         return
-    yield Check(
+    yield DoctorCheck(
         "device", "ok", f"{backend.device} is a {found.facts.product}; present: {present}"
     )
     faults = mismatches(backend.wiring, found.facts)
     if faults:
         text = "; ".join(f"backend.{fault}" for fault in faults)
-        yield Check("wiring", "fail", text, "correct these lines of the configuration")
+        yield DoctorCheck("wiring", "fail", text, "correct these lines of the configuration")
         return
     text = f"{len(backend.wiring.channels)} inputs and {backend.output} fit the device"
-    yield Check("wiring", "ok", text)
+    yield DoctorCheck("wiring", "ok", text)
 
 
-def sensors(backend: NiRigConfig) -> Check:
+def sensors(backend: NiRigConfig) -> DoctorCheck:
     """See whether the calibration can be read and the sensors fit their channels."""
     try:
         conversion_of(backend)
     except HardwareError as error:
-        return Check("sensors", "fail", str(error), "correct backend.force or backend.accel")
+        return DoctorCheck(
+            "sensors", "fail", str(error), "correct backend.force or backend.accel"
+        )
     found = f"{backend.force.calibration.name} is a calibration, and the channels fit it"
-    return Check("sensors", "ok", found)
+    return DoctorCheck("sensors", "ok", found)
 
 
-def touch_sensor(touch: NeonodeSettings) -> Check:
+def touch_sensor(touch: NeonodeSettings) -> DoctorCheck:
     """See whether the touch sensor is plugged in and may be opened."""
     port = HidPort(serial_number=touch.serial_number)
     try:
         port.open()
     except DriverMissingError as error:
-        return Check("touch sensor", "fail", str(error), "install the package named")
+        return DoctorCheck("touch sensor", "fail", str(error), "install the package named")
     except HardwareError as error:
-        return Check("touch sensor", "fail", str(error), "see what the reason names")
+        return DoctorCheck("touch sensor", "fail", str(error), "see what the reason names")
     port.close()
-    return Check("touch sensor", "ok", "is plugged in and can be opened")
+    return DoctorCheck("touch sensor", "ok", "is plugged in and can be opened")
 
 
-def all_checks(config_file: Path | None, router: str | None) -> Iterator[Check]:
+def all_checks(config_file: Path | None, router: str | None) -> Iterator[DoctorCheck]:
     """Make every check, one after another."""
     yield python_version()
     yield packages()

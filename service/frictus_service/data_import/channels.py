@@ -15,7 +15,7 @@ INCH_M: Final = 0.0254
 
 
 @dataclass(frozen=True, slots=True)
-class Unit:
+class ChannelUnit:
     """A unit.
 
     Attributes
@@ -30,44 +30,44 @@ class Unit:
     factor: float
 
 
-UNITS: Final[dict[str, Unit]] = {
-    "N": Unit("force", 1.0),
-    "mN": Unit("force", 1e-3),
-    "uN": Unit("force", 1e-6),
-    "kN": Unit("force", 1e3),
-    "gf": Unit("force", STANDARD_GRAVITY_M_S2 * 1e-3),
-    "kgf": Unit("force", STANDARD_GRAVITY_M_S2),
-    "lbf": Unit("force", POUND_N),
-    "mm": Unit("length", 1.0),
-    "cm": Unit("length", 10.0),
-    "m": Unit("length", 1e3),
-    "um": Unit("length", 1e-3),
-    "in": Unit("length", INCH_M * 1e3),
-    "mm/s": Unit("speed", 1.0),
-    "cm/s": Unit("speed", 10.0),
-    "m/s": Unit("speed", 1e3),
-    "um/s": Unit("speed", 1e-3),
-    "m/s2": Unit("acceleration", 1.0),
-    "mm/s2": Unit("acceleration", 1e-3),
-    "g": Unit("acceleration", STANDARD_GRAVITY_M_S2),
-    "mg": Unit("acceleration", STANDARD_GRAVITY_M_S2 * 1e-3),
-    "V": Unit("voltage", 1.0),
-    "mV": Unit("voltage", 1e-3),
-    "kV": Unit("voltage", 1e3),
-    "s": Unit("time", 1.0),
-    "ms": Unit("time", 1e-3),
-    "us": Unit("time", 1e-6),
-    "ns": Unit("time", 1e-9),
-    "min": Unit("time", 60.0),
-    "Hz": Unit("frequency", 1.0),
-    "kHz": Unit("frequency", 1e3),
-    "rad/s": Unit("frequency", 0.15915494309189535),
-    "1": Unit("ratio", 1.0),
-    "%": Unit("ratio", 0.01),
-    "counts": Unit("counts", 1.0),
-    "deg": Unit("angle", 0.017453292519943295),
-    "rad": Unit("angle", 1.0),
-    "dB": Unit("level", 1.0),
+UNITS: Final[dict[str, ChannelUnit]] = {
+    "N": ChannelUnit("force", 1.0),
+    "mN": ChannelUnit("force", 1e-3),
+    "uN": ChannelUnit("force", 1e-6),
+    "kN": ChannelUnit("force", 1e3),
+    "gf": ChannelUnit("force", STANDARD_GRAVITY_M_S2 * 1e-3),
+    "kgf": ChannelUnit("force", STANDARD_GRAVITY_M_S2),
+    "lbf": ChannelUnit("force", POUND_N),
+    "mm": ChannelUnit("length", 1.0),
+    "cm": ChannelUnit("length", 10.0),
+    "m": ChannelUnit("length", 1e3),
+    "um": ChannelUnit("length", 1e-3),
+    "in": ChannelUnit("length", INCH_M * 1e3),
+    "mm/s": ChannelUnit("speed", 1.0),
+    "cm/s": ChannelUnit("speed", 10.0),
+    "m/s": ChannelUnit("speed", 1e3),
+    "um/s": ChannelUnit("speed", 1e-3),
+    "m/s2": ChannelUnit("acceleration", 1.0),
+    "mm/s2": ChannelUnit("acceleration", 1e-3),
+    "g": ChannelUnit("acceleration", STANDARD_GRAVITY_M_S2),
+    "mg": ChannelUnit("acceleration", STANDARD_GRAVITY_M_S2 * 1e-3),
+    "V": ChannelUnit("voltage", 1.0),
+    "mV": ChannelUnit("voltage", 1e-3),
+    "kV": ChannelUnit("voltage", 1e3),
+    "s": ChannelUnit("time", 1.0),
+    "ms": ChannelUnit("time", 1e-3),
+    "us": ChannelUnit("time", 1e-6),
+    "ns": ChannelUnit("time", 1e-9),
+    "min": ChannelUnit("time", 60.0),
+    "Hz": ChannelUnit("frequency", 1.0),
+    "kHz": ChannelUnit("frequency", 1e3),
+    "rad/s": ChannelUnit("frequency", 0.15915494309189535),
+    "1": ChannelUnit("ratio", 1.0),
+    "%": ChannelUnit("ratio", 0.01),
+    "counts": ChannelUnit("counts", 1.0),
+    "deg": ChannelUnit("angle", 0.017453292519943295),
+    "rad": ChannelUnit("angle", 1.0),
+    "dB": ChannelUnit("level", 1.0),
 }
 
 _SPELLINGS: Final = {
@@ -109,7 +109,7 @@ def units_of(dimension: Dimension) -> tuple[str, ...]:
     Parameters
     ----------
     dimension : str
-        As `Unit.dimension`.
+        As `ChannelUnit.dimension`.
     """
     return tuple(name for name, unit in UNITS.items() if unit.dimension == dimension)
 

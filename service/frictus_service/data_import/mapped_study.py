@@ -19,7 +19,7 @@ from frictus_service.data_import.column_map import ColumnMap, load_map, map_besi
 from frictus_service.data_import.drive_tones import find_tones
 from frictus_service.data_import.formats.read import read_columns
 from frictus_service.data_import.motion import Stroke, conditions_of, find_strokes
-from frictus_service.data_import.recording import Recording, apply_map
+from frictus_service.data_import.recording import MappedRecording, apply_map
 from frictus_service.errors import Exclusion, FieldError, StudyError
 from frictus_service.identification.observation.response import drive_fraction
 from frictus_service.identification.observation.validity import LEAST_DRIVE
@@ -163,7 +163,7 @@ def modified_utc(path: Path) -> str:
     return datetime.fromtimestamp(int(path.stat().st_mtime), UTC).isoformat()
 
 
-def _check_usable(recording: Recording) -> None:
+def _check_usable(recording: MappedRecording) -> None:
     """Refuse what identifies nothing, and say what it is good for."""
     lacks: dict[str, str] = {}
     if recording.rate_hz > SAMPLE_RATE.highest:
@@ -195,7 +195,7 @@ def _check_usable(recording: Recording) -> None:
 
 
 def _info(
-    path: Path, file_format: str, column_map: ColumnMap, recording: Recording
+    path: Path, file_format: str, column_map: ColumnMap, recording: MappedRecording
 ) -> StudyInfo:
     notes = list(recording.notes)
     if column_map.speed_mm_s is None or column_map.force_n is None:
@@ -213,7 +213,7 @@ def _info(
 
 def _trials(
     stem: str,
-    recording: Recording,
+    recording: MappedRecording,
     column_map: ColumnMap,
     strokes: list[Stroke],
     study: StudyInfo,
@@ -249,7 +249,7 @@ def _trials(
 
 
 def _driven(
-    recording: Recording, stroke: Stroke, column_map: ColumnMap, asked: TrialInfo
+    recording: MappedRecording, stroke: Stroke, column_map: ColumnMap, asked: TrialInfo
 ) -> TrialInfo:
     """Return what was asked, with the drive as the voltage shows it."""
     if recording.voltage_v is None:
@@ -267,7 +267,7 @@ def _driven(
     return replace(asked, tones_hz=tones, drive_vpp=round(2.0 * peak, 3))
 
 
-def _trial(recording: Recording, stroke: Stroke, asked: TrialInfo) -> Trial:
+def _trial(recording: MappedRecording, stroke: Stroke, asked: TrialInfo) -> Trial:
     cut = slice(stroke.first, stroke.last)
     begin_s, end_s = stroke.first / recording.rate_hz, stroke.last / recording.rate_hz
     near = (recording.position_t_s >= begin_s - AROUND_S) & (

@@ -21,7 +21,7 @@ import numpy as np
 from frictus_hardware.arrays import BoolArray, FloatArray
 from frictus_service.data_import.column_map import ColumnMap
 from frictus_service.data_import.formats.columns import Columns
-from frictus_service.data_import.recording import Recording, apply_map
+from frictus_service.data_import.recording import MappedRecording, apply_map
 from frictus_service.errors import FieldError
 from frictus_service.identification.observation.observe import PRESSED_SHARE
 from frictus_service.identification.observation.sweeps import (
@@ -62,12 +62,12 @@ class Stroke:
     normal: float
 
 
-def find_strokes(recording: Recording) -> list[Stroke]:
+def find_strokes(recording: MappedRecording) -> list[Stroke]:
     """Return the strokes of a recording, in time.
 
     Parameters
     ----------
-    recording : Recording
+    recording : MappedRecording
         Of any length.
     """
     motion = smooth(recording.position_mm, recording.position_t_s)
@@ -92,7 +92,7 @@ def find_strokes(recording: Recording) -> list[Stroke]:
     return found[:MAX_STROKES]
 
 
-def _strokes(recording: Recording, motion: TouchMotion) -> Iterator[Stroke]:
+def _strokes(recording: MappedRecording, motion: TouchMotion) -> Iterator[Stroke]:
     for sweep in find_sweeps(motion, np.ones(motion.time_s.size, dtype=np.bool_)):
         # The sweep leaves out at its ends what a reversal excites; a trial is cut again.
         begin_s = max(sweep.begin_s - MARGIN_S, 0.0)
@@ -109,7 +109,7 @@ def _strokes(recording: Recording, motion: TouchMotion) -> Iterator[Stroke]:
         yield Stroke(first, last, sweep.direction, speed, mean)
 
 
-def _pressed(recording: Recording, time_s: FloatArray) -> BoolArray:
+def _pressed(recording: MappedRecording, time_s: FloatArray) -> BoolArray:
     """Return whether the finger presses at each time; without a normal force it does."""
     normal = recording.force_n[:, 2]
     if not np.isfinite(normal).any():
@@ -223,12 +223,12 @@ def _velocity(column_map: ColumnMap) -> dict[str, object]:
     return {"position_x": None} if "velocity_x" in column_map.channels else {}
 
 
-def friction_correlation(recording: Recording) -> float | None:
+def friction_correlation(recording: MappedRecording) -> float | None:
     """Return how the tangential force follows the velocity, -1 to 1; None where nothing moves.
 
     Parameters
     ----------
-    recording : Recording
+    recording : MappedRecording
         With tangential force and position.
     """
     motion = smooth(recording.position_mm, recording.position_t_s)
@@ -249,7 +249,7 @@ def _brisk(motion: TouchMotion) -> np.ndarray:
     return moving
 
 
-def _is_across(recording: Recording) -> bool:
+def _is_across(recording: MappedRecording) -> bool:
     if len(recording.position_mm) < 2:
         return False
     spans = np.nanmax(recording.position_mm, axis=0) - np.nanmin(recording.position_mm, axis=0)

@@ -25,7 +25,7 @@ END_TOLERANCE: Final = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Recording:
+class MappedRecording:
     """A continuous recording; missing samples NaN.
 
     Attributes
@@ -67,7 +67,7 @@ class Recording:
         return len(self.force_n) / self.rate_hz
 
 
-def apply_map(columns: Columns, column_map: ColumnMap) -> Recording:
+def apply_map(columns: Columns, column_map: ColumnMap) -> MappedRecording:
     """Return the recording that a file holds.
 
     Parameters
@@ -93,7 +93,7 @@ class _Mapped:
         self._file_rate_hz = named_rate_hz(columns.numbers)
         self._notes: list[str] = []
 
-    def recording(self) -> Recording:
+    def recording(self) -> MappedRecording:
         force = self._force()
         rate_hz, count = force.rate_hz, len(force.values)
         voltage = self._voltage(rate_hz, count)
@@ -106,7 +106,7 @@ class _Mapped:
             skin = self._alongside("skin_velocity", skin, rate_hz, count)
         position_mm, position_t_s = self._position(force)
         unit = self._force_unit()
-        return Recording(
+        return MappedRecording(
             rate_hz=rate_hz,
             force_n=force.values,
             force_unit=unit,

@@ -149,7 +149,7 @@ class CompensationChange:
 
 
 @dataclass(frozen=True, slots=True)
-class ModelInForce:
+class RecordedModel:
     """From when on a friction model was in force.
 
     Attributes
@@ -186,7 +186,7 @@ class RecordingSummary:
         Of each topic of state.
     compensations : tuple of CompensationChange
         The mode at the beginning, and each change of it.
-    models : tuple of ModelInForce
+    models : tuple of RecordedModel
         The friction model at the beginning, and each change of it.
     gaps : tuple of GapNote
         In the order of the file.
@@ -203,7 +203,7 @@ class RecordingSummary:
     streams: dict[str, StreamSummary]
     states: dict[str, int]
     compensations: tuple[CompensationChange, ...]
-    models: tuple[ModelInForce, ...]
+    models: tuple[RecordedModel, ...]
     gaps: tuple[GapNote, ...]
     presence: tuple[PresenceNote, ...]
     end: EndNote | None
@@ -266,7 +266,7 @@ class _Tally:
     streams: dict[str, StreamSummary] = field(default_factory=dict)
     states: dict[str, int] = field(default_factory=dict)
     compensations: list[CompensationChange] = field(default_factory=list)
-    models: list[ModelInForce] = field(default_factory=list)
+    models: list[RecordedModel] = field(default_factory=list)
     gaps: list[GapNote] = field(default_factory=list)
     presence: list[PresenceNote] = field(default_factory=list)
     end: EndNote | None = None
@@ -298,7 +298,7 @@ class _Tally:
     def _note_model(self, utc_ns: int, found: ModelState) -> None:
         if not self.models or self.models[-1].etag != found.etag:
             self.models.append(
-                ModelInForce(utc_ns, found.etag, found.adapted_from, found.reason)
+                RecordedModel(utc_ns, found.etag, found.adapted_from, found.reason)
             )
 
     def _add_samples(self, samples: Samples) -> None:

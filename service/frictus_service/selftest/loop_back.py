@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from frictus_hardware.arrays import FloatArray
 from frictus_service.selftest.playing import PEAK_V, Played
 from frictus_service.selftest.report import (
-    Finding,
     Measure,
     Outcome,
+    SelftestFinding,
     beyond,
     judged,
     lost,
@@ -194,18 +194,18 @@ def judge_loop_back(played: Played, excitation: PeriodicTones) -> Outcome:
     return judged(TEST, figures, _remarks(found), fine)
 
 
-def _remarks(found: LoopBack) -> list[Finding]:
+def _remarks(found: LoopBack) -> list[SelftestFinding]:
     if not (found.follows >= FOLLOWS and abs(found.gain) >= PRESENT):
         what = (
             f"the monitor does not follow the drive: {100.0 * max(found.follows, 0.0):.0f} % "
             f"of its power is the drive's, at a gain of {found.gain:.2g}"
         )
         to_do = "connect the monitor's input and switch the amplifier on"
-        return [Finding("fail", what, to_do)]
+        return [SelftestFinding("fail", what, to_do)]
     remarks = []
     if found.gain < 0.0:
         what = f"the monitor has the wrong polarity (gain {found.gain:.3g})"
-        remarks.append(Finding("fail", what, "swap the two leads of the monitor"))
+        remarks.append(SelftestFinding("fail", what, "swap the two leads of the monitor"))
     off = beyond(abs(abs(found.gain) - 1.0), *GAIN_OFF)
     if off != "ok":
         what = (
@@ -213,11 +213,11 @@ def _remarks(found: LoopBack) -> list[Finding]:
             f"1 ± {GAIN_OFF[0]:g} is expected"
         )
         to_do = "measure the screen's volts; correct monitor.gain or amplifier_gain"
-        remarks.append(Finding(off, what, to_do))
+        remarks.append(SelftestFinding(off, what, to_do))
     return [*remarks, *_late(found), *_unlike(found)]
 
 
-def _late(found: LoopBack) -> list[Finding]:
+def _late(found: LoopBack) -> list[SelftestFinding]:
     early = found.delay_samples < EARLY_SAMPLES
     late = "fail" if early else beyond(found.delay_samples, *DELAY_SAMPLES)
     if late == "ok":
@@ -227,10 +227,10 @@ def _late(found: LoopBack) -> list[Finding]:
         f"after it plays, 0 to {DELAY_SAMPLES[0]:g} are expected"
     )
     to_do = "look for a filter in monitor or amplifier; the recorded drive is off by as much"
-    return [Finding(late, what, to_do)]
+    return [SelftestFinding(late, what, to_do)]
 
 
-def _unlike(found: LoopBack) -> list[Finding]:
+def _unlike(found: LoopBack) -> list[SelftestFinding]:
     share = found.residual_v / found.drive_v
     unlike = beyond(share, *RESIDUAL)
     if unlike == "ok":
@@ -240,4 +240,4 @@ def _unlike(found: LoopBack) -> list[Finding]:
         f"{100.0 * share:.0f} % of the drive, {100.0 * RESIDUAL[0]:g} % are expected at most"
     )
     to_do = "see the noise floor; look for distortion and for a narrow amplifier"
-    return [Finding(unlike, what, to_do)]
+    return [SelftestFinding(unlike, what, to_do)]

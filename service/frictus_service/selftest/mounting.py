@@ -17,9 +17,16 @@ from frictus_service.identification.observation.sensor_discrepancies import (
     mounted_off_deg,
     sensor_discrepancies,
 )
-from frictus_service.identification.observation.stroke_pieces import Strokes
+from frictus_service.identification.observation.stroke_pieces import SensedStrokes
 from frictus_service.selftest.playing import Played
-from frictus_service.selftest.report import Finding, Measure, Outcome, half_width, judged, lost
+from frictus_service.selftest.report import (
+    Measure,
+    Outcome,
+    SelftestFinding,
+    half_width,
+    judged,
+    lost,
+)
 
 TAPS_S: Final = 4.0
 HOW: Final = {
@@ -82,7 +89,7 @@ def judge_orientation(sensor: str, taps: Sequence[FloatArray]) -> Outcome:
         if found.mirrored
         else f"add the rotation found to {sensor}.rotation, and tap again"
     )
-    return judged(test, figures, [Finding("fail", found.text(), to_do)], "")
+    return judged(test, figures, [SelftestFinding("fail", found.text(), to_do)], "")
 
 
 def _half_deg(fitted: Orientation) -> float:
@@ -118,7 +125,7 @@ def judge_strokes(played: Played, declared_latency_s: float) -> Outcome:
         return Outcome(TEST, "skip", "nobody stroked the screen")
     if played.lost_samples:
         return lost(TEST, played.lost_samples)
-    strokes = Strokes(
+    strokes = SensedStrokes(
         played.sample_rate_hz,
         played.force_n,
         played.accel_m_s2,
@@ -130,7 +137,7 @@ def judge_strokes(played: Played, declared_latency_s: float) -> Outcome:
     except AlignmentError as error:
         return Outcome(TEST, "warn", str(error), "run the test again")
     remarks = [
-        Finding("fail" if slip.serious else "warn", slip.found, slip.to_do)
+        SelftestFinding("fail" if slip.serious else "warn", slip.found, slip.to_do)
         for slip in sensor_discrepancies(found, declared_latency_s)
     ]
     return judged(TEST, _figures(found), remarks, _fine(found))

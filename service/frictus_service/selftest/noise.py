@@ -9,9 +9,9 @@ import numpy as np
 from frictus_hardware.arrays import FloatArray
 from frictus_service.selftest.playing import Played
 from frictus_service.selftest.report import (
-    Finding,
     Measure,
     Outcome,
+    SelftestFinding,
     beyond,
     half_width,
     judged,
@@ -185,7 +185,9 @@ def judge_noise(played: Played, simulated: bool) -> Outcome:
     ]
     if played.saturated_samples:
         what = f"an acceleration was at its range's end for {played.saturated_samples} samples"
-        remarks.append(Finding("fail", what, "check zero_g_v, output_range_v and its supply"))
+        remarks.append(
+            SelftestFinding("fail", what, "check zero_g_v, output_range_v and its supply")
+        )
     return judged(TEST, figures, remarks, "every channel is as quiet as it should be")
 
 
@@ -207,7 +209,7 @@ def _figures(name: str, noise: ChannelNoise) -> list[Measure]:
     ]
 
 
-def _remarks(name: str, noise: ChannelNoise, simulated: bool) -> list[Finding]:
+def _remarks(name: str, noise: ChannelNoise, simulated: bool) -> list[SelftestFinding]:
     expected = _expected(name)
     remarks = []
     at_rms = beyond(noise.rms, expected.warn, expected.fail)
@@ -216,19 +218,21 @@ def _remarks(name: str, noise: ChannelNoise, simulated: bool) -> list[Finding]:
             f"{name} has {noise.rms:.3g} ± {noise.rms_half:.1g} {expected.unit} rms, "
             f"{expected.warn:g} is expected at most"
         )
-        remarks.append(Finding(at_rms, found, expected.cause))
+        remarks.append(SelftestFinding(at_rms, found, expected.cause))
     at_line = beyond(noise.line, expected.warn, expected.fail)
     if at_line != "ok" and noise.found:
         found = (
             f"{name} has a mains line of {noise.line:.3g} ± {noise.line_half:.1g} "
             f"{expected.unit} at {noise.line_hz:.1f} Hz, {expected.warn:g} is expected at most"
         )
-        remarks.append(Finding(at_line, found, expected.cause))
+        remarks.append(SelftestFinding(at_line, found, expected.cause))
     if noise.rms == 0.0 and not simulated:
         found = f"{name} does not move at all"
-        remarks.append(Finding("warn", found, f"see whether {name} is connected"))
+        remarks.append(SelftestFinding("warn", found, f"see whether {name} is connected"))
     at_rest = beyond(abs(noise.mean), *OFFSET_V)
     if name == "voltage" and at_rest != "ok":
         found = f"at zero drive the monitor reads {noise.mean:.3g} ± {noise.mean_half:.1g} V"
-        remarks.append(Finding(at_rest, found, "adjust the offset of amplifier or monitor"))
+        remarks.append(
+            SelftestFinding(at_rest, found, "adjust the offset of amplifier or monitor")
+        )
     return remarks

@@ -61,7 +61,7 @@ class Measure:
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class SelftestFinding:
     """Something that is not as it should be.
 
     Attributes
@@ -103,7 +103,7 @@ class Outcome:
 
 
 def judged(
-    test: str, figures: Sequence[Measure], remarks: Sequence[Finding], fine: str
+    test: str, figures: Sequence[Measure], remarks: Sequence[SelftestFinding], fine: str
 ) -> Outcome:
     """Return the outcome of a test: its worst remark's verdict, or that all is fine.
 
@@ -113,7 +113,7 @@ def judged(
         Name of the test.
     figures : sequence of Measure
         With their units.
-    remarks : sequence of Finding
+    remarks : sequence of SelftestFinding
         What is not as it should be.
     fine : str
         What to say without a remark.

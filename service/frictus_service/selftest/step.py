@@ -10,9 +10,9 @@ from frictus_hardware.arrays import FloatArray
 from frictus_service.selftest.loop_back import DELAY_SAMPLES, EARLY_SAMPLES
 from frictus_service.selftest.playing import PEAK_V, Played, least_lead_ms
 from frictus_service.selftest.report import (
-    Finding,
     Measure,
     Outcome,
+    SelftestFinding,
     beyond,
     judged,
     mean_and_half,
@@ -27,7 +27,7 @@ LEAST_SWING: Final = 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Staircase:
+class VoltageStaircase:
     """A drive that jumps between zero and a level.
 
     Attributes
@@ -46,7 +46,7 @@ class Staircase:
         return int(self.steps[0])
 
 
-def staircase(sample_rate_hz: float, peak_v: float = PEAK_V) -> Staircase:
+def staircase(sample_rate_hz: float, peak_v: float = PEAK_V) -> VoltageStaircase:
     """Return steps up and down for three seconds.
 
     Parameters
@@ -59,7 +59,7 @@ def staircase(sample_rate_hz: float, peak_v: float = PEAK_V) -> Staircase:
     hold = round(HOLD_S * sample_rate_hz)
     steps = hold * np.arange(1, STEPS + 1, dtype=np.intp)
     level = np.arange(STEPS + 1) % 2
-    return Staircase(peak_v * np.repeat(level, hold).astype(np.float64), steps)
+    return VoltageStaircase(peak_v * np.repeat(level, hold).astype(np.float64), steps)
 
 
 def moved_after(
@@ -94,14 +94,16 @@ def moved_after(
     return moved
 
 
-def judge_step(played: Played, stairs: Staircase, lead_samples: int, block: int) -> Outcome:
+def judge_step(
+    played: Played, stairs: VoltageStaircase, lead_samples: int, block: int
+) -> Outcome:
     """Say how late a rig is, and whether its loop keeps up.
 
     Parameters
     ----------
     played : Played
         Of the drive of the stairs.
-    stairs : Staircase
+    stairs : VoltageStaircase
         The steps that were played.
     lead_samples : int
         What the rig promises from handing over to playing.
@@ -117,7 +119,10 @@ def judge_step(played: Played, stairs: Staircase, lead_samples: int, block: int)
     if seen.size < max(2, moved.size // 2):
         what = f"the monitor moved with {seen.size} of {moved.size} steps"
         return judged(
-            TEST, figures, [*remarks, Finding("fail", what, "see the loop-back's monitor")], ""
+            TEST,
+            figures,
+            [*remarks, SelftestFinding("fail", what, "see the loop-back's monitor")],
+            "",
         )
     mean, half = mean_and_half(seen)
     half = max(half, 0.5)  # whole samples are counted
@@ -134,7 +139,7 @@ def judge_step(played: Played, stairs: Staircase, lead_samples: int, block: int)
             f"the monitor moves {mean:.2f} ± {half:.1g} samples after the step plays, "
             f"{seen.max():g} at most; 0 to {DELAY_SAMPLES[0]:g} are expected"
         )
-        remarks.append(Finding(late, what, "look for a filter in monitor or amplifier"))
+        remarks.append(SelftestFinding(late, what, "look for a filter in monitor or amplifier"))
     fine = (
         f"a step is on the screen {(lead + mean) * ms:.2f} ± {half * ms:.1g} ms after it was "
         f"handed over; at least {played.margin_samples * ms:.1f} ms of margin were left, "
@@ -160,7 +165,7 @@ def _least_ms(played: Played) -> float:
     return least_lead_ms(played.leads[1] * ms, played.margin_samples * ms)
 
 
-def _lost(played: Played, lead_samples: int, block: int) -> list[Finding]:
+def _lost(played: Played, lead_samples: int, block: int) -> list[SelftestFinding]:
     remarks = []
     to_do = "raise lead_ms; see priority and timer of `frictus doctor`"
     if played.lost_samples:
@@ -168,16 +173,18 @@ def _lost(played: Played, lead_samples: int, block: int) -> list[Finding]:
             f"the output had nothing to play for {played.underrun_samples} samples, and "
             f"{played.overrun_samples} sensed samples were lost"
         )
-        remarks.append(Finding("fail", what, to_do))
+        remarks.append(SelftestFinding("fail", what, to_do))
     elif played.margin_samples < (enough := min(block, lead_samples // 3)):
         what = (
             f"{played.margin_samples} samples of margin were left; {enough} or more are wanted"
         )
-        remarks.append(Finding("warn", what, to_do))
+        remarks.append(SelftestFinding("warn", what, to_do))
     if played.leads != (lead_samples, lead_samples):
         what = (
             f"blocks play {played.leads[0]} to {played.leads[1]} samples after they are handed "
             f"over; {lead_samples} are promised"
         )
-        remarks.append(Finding("fail", what, "report this: the backend breaks its promise"))
+        remarks.append(
+            SelftestFinding("fail", what, "report this: the backend breaks its promise")
+        )
     return remarks

@@ -39,7 +39,7 @@ def backend(server: FakeServer, tmp_path: Path) -> NiRigConfig:
     return config.backend
 
 
-def found(backend: NiRigConfig) -> dict[str, machine_checks.Check]:
+def found(backend: NiRigConfig) -> dict[str, machine_checks.DoctorCheck]:
     return {check.name: check for check in device_checks(backend)}
 
 

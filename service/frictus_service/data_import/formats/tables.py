@@ -27,7 +27,7 @@ _NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?i
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class TextLayout:
     """How a text file is laid out.
 
     Attributes
@@ -95,7 +95,7 @@ def read_text(path: Path) -> Columns:
     return gathered.result()
 
 
-def find_layout(head: bytes) -> Layout:
+def find_layout(head: bytes) -> TextLayout:
     """Return how a text file is laid out.
 
     Parameters
@@ -126,7 +126,7 @@ def find_layout(head: bytes) -> Layout:
                 raise StudyError(f"it has more than {MAX_COLUMNS} columns; leave some away")
             decimal = "," if delimiter != "," and "," in line else "."
             names, units = _heading(lines[:number], delimiter, len(fields))
-            return Layout(delimiter, decimal, number, names, units, encoding)
+            return TextLayout(delimiter, decimal, number, names, units, encoding)
     raise StudyError(
         "no line of numbers is among its first 64 KiB; accepted: columns divided by comma, "
         "semicolon, tab or a single space, one sample in each line"

@@ -18,7 +18,7 @@ from frictus_service.data_import.friction.slides import Slide
 
 
 @dataclass(frozen=True, slots=True)
-class Interval:
+class StudentInterval:
     """A value.
 
     Attributes
@@ -33,12 +33,12 @@ class Interval:
     low: float
     high: float
 
-    def transformed(self, by: "np.ufunc") -> "Interval":
+    def transformed(self, by: "np.ufunc") -> "StudentInterval":
         """Return the interval of a rising function of the value."""
-        return Interval(float(by(self.value)), float(by(self.low)), float(by(self.high)))
+        return StudentInterval(float(by(self.value)), float(by(self.low)), float(by(self.high)))
 
 
-def mean_of(values: FloatArray) -> Interval | None:
+def mean_of(values: FloatArray) -> StudentInterval | None:
     """Return the mean of values; None where fewer than three are there.
 
     Parameters
@@ -51,7 +51,7 @@ def mean_of(values: FloatArray) -> Interval | None:
     return None if found is None else found[0]
 
 
-def regression(columns: FloatArray, values: FloatArray) -> list[Interval] | None:
+def regression(columns: FloatArray, values: FloatArray) -> list[StudentInterval] | None:
     """Return the coefficients of least squares; None where the columns do not determine them.
 
     Parameters
@@ -70,7 +70,7 @@ def regression(columns: FloatArray, values: FloatArray) -> list[Interval] | None
     errors = np.sqrt(scatter * np.diag(np.linalg.inv(columns.T @ columns)))
     width = float(stats.t.ppf(0.975, free)) * errors
     return [
-        Interval(float(value), float(value - off), float(value + off))
+        StudentInterval(float(value), float(value - off), float(value + off))
         for value, off in zip(found, width, strict=True)
     ]
 
@@ -87,20 +87,20 @@ class FrictionCoefficient:
     ----------
     slides : int
         Used.
-    coefficient : Interval
+    coefficient : StudentInterval
         F_t / F_n at `speed_mm_s` and `load_n`.
     speed_mm_s, load_n : float
         Geometric means.
-    speed_exponent, load_exponent : Interval or None
+    speed_exponent, load_exponent : StudentInterval or None
         b, and k; None where speeds, or loads, differ too little to say.
     """
 
     slides: int
-    coefficient: Interval
+    coefficient: StudentInterval
     speed_mm_s: float
     load_n: float
-    speed_exponent: Interval | None
-    load_exponent: Interval | None
+    speed_exponent: StudentInterval | None
+    load_exponent: StudentInterval | None
 
 
 def friction_coefficient(slides: Sequence[Slide]) -> FrictionCoefficient | None:

@@ -9,7 +9,11 @@ from frictus_service.data_import.friction.coefficient import (
     friction_coefficient,
 )
 from frictus_service.data_import.friction.slides import Slide
-from frictus_service.data_import.friction.stick_slip import LEAST_RATE_HZ, StickSlip, stick_slip
+from frictus_service.data_import.friction.stick_slip import (
+    LEAST_RATE_HZ,
+    StickSlipStatistics,
+    stick_slip,
+)
 from frictus_service.data_import.friction.texture import (
     ForceSpectrum,
     TextureLine,
@@ -31,7 +35,7 @@ class FrictionReport:
         Against speed and load.
     texture : TextureLine or None
         Lines of the spectrum.
-    stick_slip : StickSlip or None
+    stick_slip : StickSlipStatistics or None
         Whether friction sticks and slips.
     spectra : tuple of ForceSpectrum
         Of the tangential force, else of the normal force, by speed.
@@ -43,7 +47,7 @@ class FrictionReport:
     driven: int
     coefficient: FrictionCoefficient | None
     texture: TextureLine | None
-    stick_slip: StickSlip | None
+    stick_slip: StickSlipStatistics | None
     spectra: tuple[ForceSpectrum, ...]
     notes: tuple[str, ...]
 

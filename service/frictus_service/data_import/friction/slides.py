@@ -8,7 +8,7 @@ import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.data_import.motion import find_strokes
-from frictus_service.data_import.recording import Recording
+from frictus_service.data_import.recording import MappedRecording
 from frictus_service.errors import Exclusion
 from frictus_service.identification.observation.observe import course_of
 from frictus_service.identification.observation.response import drive_fraction
@@ -77,12 +77,12 @@ def whole(values: FloatArray) -> FloatArray:
     return flat
 
 
-def slides_of_recording(recording: Recording, screen_peak_v: float) -> list[Slide]:
+def slides_of_recording(recording: MappedRecording, screen_peak_v: float) -> list[Slide]:
     """Return the slides of a recording.
 
     Parameters
     ----------
-    recording : Recording
+    recording : MappedRecording
         Of any length.
     screen_peak_v : float
         Screen volts at full drive.

@@ -12,7 +12,7 @@ from typing import Final, Literal
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
-from frictus_service.data_import.friction.coefficient import Interval, mean_of
+from frictus_service.data_import.friction.coefficient import StudentInterval, mean_of
 from frictus_service.data_import.friction.slides import Slide
 
 SMOOTHED_S: Final = 1e-3
@@ -26,16 +26,16 @@ MAD_TO_SIGMA: Final = 1.4826
 
 
 @dataclass(frozen=True, slots=True)
-class StickSlip:
+class StickSlipStatistics:
     """Of slides without a drive.
 
     Attributes
     ----------
     slides : int
         Looked at.
-    skewness : Interval
+    skewness : StudentInterval
         Of the rate of friction, mean over slides.
-    slips_per_s : Interval
+    slips_per_s : StudentInterval
         Exact interval of a Poisson rate.
     drop_share : float or None
         Median fall of a slip over the mean friction; None where there are none.
@@ -45,13 +45,13 @@ class StickSlip:
     """
 
     slides: int
-    skewness: Interval
-    slips_per_s: Interval
+    skewness: StudentInterval
+    slips_per_s: StudentInterval
     drop_share: float | None
     verdict: Literal["stick-slip", "none", "cannot tell"]
 
 
-def stick_slip(slides: Sequence[Slide]) -> StickSlip | None:
+def stick_slip(slides: Sequence[Slide]) -> StickSlipStatistics | None:
     """Return whether slides stick and slip; None where fewer than three can show it.
 
     Parameters
@@ -75,7 +75,7 @@ def stick_slip(slides: Sequence[Slide]) -> StickSlip | None:
         verdict: Literal["stick-slip", "none", "cannot tell"] = "stick-slip"
     else:
         verdict = "none" if skewness.low > SKEWED else "cannot tell"
-    return StickSlip(
+    return StickSlipStatistics(
         slides=len(kept),
         skewness=skewness,
         slips_per_s=_poisson(drops.size, seconds),
@@ -104,9 +104,9 @@ def _slips(friction: FloatArray, rate_hz: float) -> tuple[float, FloatArray]:
     return skewness, np.asarray(totals, dtype=np.float64)
 
 
-def _poisson(count: int, seconds: float) -> Interval:
+def _poisson(count: int, seconds: float) -> StudentInterval:
     from scipy import stats
 
     low = float(stats.chi2.ppf(0.025, 2 * count)) / 2.0 if count else 0.0
     high = float(stats.chi2.ppf(0.975, 2 * count + 2)) / 2.0
-    return Interval(count / seconds, low / seconds, high / seconds)
+    return StudentInterval(count / seconds, low / seconds, high / seconds)

@@ -22,7 +22,11 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.data_import.drive_tones import line_hz
-from frictus_service.data_import.friction.coefficient import Interval, mean_of, regression
+from frictus_service.data_import.friction.coefficient import (
+    StudentInterval,
+    mean_of,
+    regression,
+)
 from frictus_service.data_import.friction.slides import Slide, force_of, whole
 from frictus_service.data_import.motion import conditions_of
 
@@ -44,7 +48,7 @@ class ForceSpectrum:
         Middle of their speeds.
     slides : int
         So many.
-    mean : Interval
+    mean : StudentInterval
         Of the force itself; of no width where fewer than three slides are there, as below.
     centre_hz : tuple of float
         Of the third-octave bands.
@@ -56,7 +60,7 @@ class ForceSpectrum:
 
     speed_mm_s: float
     slides: int
-    mean: Interval
+    mean: StudentInterval
     centre_hz: tuple[float, ...]
     rms: tuple[float, ...]
     rms_low: tuple[float, ...]
@@ -97,7 +101,7 @@ def _spectra(slides: Sequence[Slide]) -> Iterator[ForceSpectrum]:
         yield ForceSpectrum(
             speed_mm_s=speed,
             slides=len(own),
-            mean=mean_of(level) or Interval(*[float(level.mean())] * 3),
+            mean=mean_of(level) or StudentInterval(*[float(level.mean())] * 3),
             centre_hz=tuple(centres.tolist()),
             rms=tuple(means.tolist()),
             rms_low=_ends(found, means, "low"),
@@ -105,7 +109,9 @@ def _spectra(slides: Sequence[Slide]) -> Iterator[ForceSpectrum]:
         )
 
 
-def _ends(found: list[Interval | None], means: FloatArray, end: str) -> tuple[float, ...]:
+def _ends(
+    found: list[StudentInterval | None], means: FloatArray, end: str
+) -> tuple[float, ...]:
     return tuple(
         float(mean) if each is None else max(float(getattr(each, end)), 0.0)
         for each, mean in zip(found, means, strict=True)
@@ -157,26 +163,26 @@ class TextureLine:
         Looked at, and of these with a line.
     force : {'tangential', 'normal'}
         Whose spectrum.
-    rms : Interval or None
+    rms : StudentInterval or None
         Of the force within a slide, its straight line left out; in its unit.
-    slope : Interval or None
+    slope : StudentInterval or None
         Of log frequency over log speed; None where speeds differ too little, or lines are few.
     origin : {'texture', 'fixed frequency', 'cannot tell', 'none'}
         What the slope says.
-    period_mm : Interval or None
+    period_mm : StudentInterval or None
         Of a texture.
-    frequency_hz : Interval or None
+    frequency_hz : StudentInterval or None
         Of a line at a fixed frequency.
     """
 
     slides: int
     lines: int
     force: Literal["tangential", "normal"]
-    rms: Interval | None
-    slope: Interval | None
+    rms: StudentInterval | None
+    slope: StudentInterval | None
     origin: Literal["texture", "fixed frequency", "cannot tell", "none"]
-    period_mm: Interval | None
-    frequency_hz: Interval | None
+    period_mm: StudentInterval | None
+    frequency_hz: StudentInterval | None
 
 
 def texture_line(slides: Sequence[Slide]) -> TextureLine | None:
@@ -221,7 +227,7 @@ def texture_line(slides: Sequence[Slide]) -> TextureLine | None:
 
 
 def _origin(
-    lines: int, slope: Interval | None
+    lines: int, slope: StudentInterval | None
 ) -> Literal["texture", "fixed frequency", "cannot tell", "none"]:
     if not lines:
         return "none"

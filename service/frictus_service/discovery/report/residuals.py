@@ -130,7 +130,7 @@ def _spread(bins: Sequence[ResidualBin], covariate: Covariate) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Remainder:
+class ToneResidual:
     """What is left at one tone.
 
     Attributes
@@ -162,7 +162,7 @@ CHANCE = 2.0
 """Times the standard error: more than this is pointed at."""
 
 
-def remaining(found: Discovery) -> tuple[str, list[Remainder]] | None:
+def remaining(found: Discovery) -> tuple[str, list[ToneResidual]] | None:
     """Return what is left at each tone, by the covariate that fans out most; None without any.
 
     Parameters
@@ -178,7 +178,7 @@ def remaining(found: Discovery) -> tuple[str, list[Remainder]] | None:
     return names[0], [_at([one for one in own if one.tone_hz == hz]) for hz in tones_hz]
 
 
-def _at(bins: Sequence[ResidualBin]) -> Remainder:
+def _at(bins: Sequence[ResidualBin]) -> ToneResidual:
     def rms(name: str) -> float:
         values: FloatArray = np.array([getattr(one, name) for one in bins])
         return float(np.sqrt(np.mean(np.square(values))))
@@ -186,7 +186,7 @@ def _at(bins: Sequence[ResidualBin]) -> Remainder:
     after_db, noise_db = rms("after_db"), rms("error_db")
     after_deg, noise_deg = rms("after_deg"), rms("error_deg")
     largest = max(bins, key=lambda one: abs(one.after_db))
-    return Remainder(
+    return ToneResidual(
         tone_hz=bins[0].tone_hz,
         before_db=rms("before_db"),
         after_db=after_db,

@@ -33,8 +33,8 @@ from frictus_service.identification.observation.stroke_pieces import (
     MARGIN_S,
     NARROW_S,
     RATE_HZ,
+    SensedStrokes,
     StrokePiece,
-    Strokes,
     pieces_of,
 )
 
@@ -112,12 +112,12 @@ class SensorAlignment:
         return self.off_level_deg is not None and self.off_level_deg > 90.0
 
 
-def align_sensors(strokes: Sequence[Strokes]) -> SensorAlignment:
+def align_sensors(strokes: Sequence[SensedStrokes]) -> SensorAlignment:
     """Return how the accelerometer is mounted and how late the touch sensor is.
 
     Parameters
     ----------
-    strokes : sequence of Strokes
+    strokes : sequence of SensedStrokes
         At changing speeds, with many turns, in both directions; 20 s of free strokes along x
         tell the delay within 2 ms.
 

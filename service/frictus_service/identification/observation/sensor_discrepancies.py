@@ -19,7 +19,7 @@ EXPLAINED: Final = 0.8
 
 
 @dataclass(frozen=True, slots=True)
-class Discrepancy:
+class SensorDiscrepancy:
     """Something that strokes contradict.
 
     Attributes
@@ -39,7 +39,7 @@ class Discrepancy:
 
 def sensor_discrepancies(
     found: SensorAlignment, declared_latency_s: float
-) -> tuple[Discrepancy, ...]:
+) -> tuple[SensorDiscrepancy, ...]:
     """Return what is not as configured, the likeliest slips first.
 
     Parameters
@@ -52,12 +52,12 @@ def sensor_discrepancies(
     if found.mirrored:
         what = "the acceleration of the strokes and gravity form a left-handed frame"
         to_do = "correct the signs or the order of accel.channels"
-        return (Discrepancy(True, what, to_do),)
+        return (SensorDiscrepancy(True, what, to_do),)
     told = []
 
     def tell(size: float, bounds: tuple[float, float], what: str, to_do: str) -> None:
         if not size <= bounds[0]:
-            told.append(Discrepancy(not size <= bounds[1], what, to_do))
+            told.append(SensorDiscrepancy(not size <= bounds[1], what, to_do))
 
     if found.friction_off_deg is not None:
         tell(

@@ -28,7 +28,7 @@ GAP_S: Final = 0.1
 """Touch reports that are further apart are not joined."""
 
 
-class Strokes(NamedTuple):
+class SensedStrokes(NamedTuple):
     """What was sensed while a finger stroked.
 
     Attributes
@@ -60,7 +60,7 @@ class StrokePiece:
     rate_hz : float
         Rows per second.
     time_s : ndarray, shape (n_rows,)
-        By the device's clock, as `Strokes.touch_s`.
+        By the device's clock, as `SensedStrokes.touch_s`.
     accel_m_s2 : ndarray, shape (n_rows, 3)
         In the band.
     force_n_s2, force_n_s3 : ndarray, shape (n_rows, 2)
@@ -99,7 +99,7 @@ def _band(rows: FloatArray, rate_hz: float, order: int = 0) -> FloatArray:
     return band
 
 
-def pieces_of(strokes: Strokes) -> Iterator[StrokePiece]:
+def pieces_of(strokes: SensedStrokes) -> Iterator[StrokePiece]:
     """Yield the stretches in which nothing is missing."""
     touch_s, touch_mm = strokes.touch_s, strokes.touch_mm
     per_row = max(round(strokes.sample_rate_hz / RATE_HZ), 1)

@@ -16,7 +16,7 @@ from frictus_service.identification.observation.sensor_alignment import (
     SensorAlignment,
     align_sensors,
 )
-from frictus_service.identification.observation.stroke_pieces import Strokes
+from frictus_service.identification.observation.stroke_pieces import SensedStrokes
 
 RATE_HZ = 10_000.0
 REPORT_HZ = 60.0
@@ -28,7 +28,7 @@ def moved(
     late_s: float,
     rng: np.random.Generator,
     rate_hz: float = RATE_HZ,
-) -> Strokes:
+) -> SensedStrokes:
     """A point on sums of sinusoids, on a level screen, with rigid skin and exact sensors."""
     tones_hz = np.array([0.6, 1.1, 1.7, 2.6, 3.9])
     size_mm = 20.0 / tones_hz[:, np.newaxis] * axes
@@ -44,10 +44,10 @@ def moved(
     accel = np.column_stack([1e-3 * at(time_s, 2), np.full(time_s.size, -9.80665)])
     force = np.column_stack([np.zeros((time_s.size, 2)), np.full(time_s.size, 0.4)])
     stamped_s = np.arange(0.0, seconds, 1.0 / REPORT_HZ)
-    return Strokes(rate_hz, force, accel, stamped_s, at(stamped_s - late_s, 0))
+    return SensedStrokes(rate_hz, force, accel, stamped_s, at(stamped_s - late_s, 0))
 
 
-def turned(strokes: Strokes, matrix: FloatArray) -> Strokes:
+def turned(strokes: SensedStrokes, matrix: FloatArray) -> SensedStrokes:
     return strokes._replace(accel_m_s2=strokes.accel_m_s2 @ matrix.T)
 
 
@@ -129,7 +129,9 @@ def test_what_is_missing_is_left_out(rng: np.random.Generator) -> None:
     accel, force = strokes.accel_m_s2.copy(), strokes.force_n.copy()
     accel[70_000:70_500] = force[70_000:70_500] = np.nan
     kept = np.abs(strokes.touch_s - 13.0) > 0.2
-    with_gaps = Strokes(RATE_HZ, force, accel, strokes.touch_s[kept], strokes.touch_mm[kept])
+    with_gaps = SensedStrokes(
+        RATE_HZ, force, accel, strokes.touch_s[kept], strokes.touch_mm[kept]
+    )
     found = align_sensors([with_gaps])
     whole = align_sensors([strokes])
     assert found.touch_late_s == pytest.approx(0.01, abs=3e-4)
@@ -180,7 +182,7 @@ def stroked(seed: int, finger: HumanStrokes | SteadyStrokes, late_s: float) -> S
     touched = np.array(reports)
     return align_sensors(
         [
-            Strokes(
+            SensedStrokes(
                 config.sample_rate_hz,
                 np.concatenate(force),
                 np.concatenate(accel),
