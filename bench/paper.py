@@ -111,7 +111,7 @@ own intervals hold their own truth in {{own:.1%}}.
 {{table}}
 The delay is left out: it is the rig's and one value for all people, comes out to 0.05 µs, and
 the twin itself, in steps of 12.5 µs, is 0.1 µs late. `uv run pytest -n 0 -m campaign
-tests/service/reproduction/test_coverage.py` asserts what is asked of these figures.
+tests/laboratory/reproduction/test_coverage.py` asserts what is asked of these figures.
 """
 
 

@@ -1,6 +1,6 @@
 """Over 200 small studies, 95 % intervals hold the truth about as often as they say.
 
-`uv run pytest -n 0 -m campaign tests/service/reproduction/test_coverage.py -s` prints its
+`uv run pytest -n 0 -m campaign tests/laboratory/reproduction/test_coverage.py -s` prints its
 progress.
 """
 
