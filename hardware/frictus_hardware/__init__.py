@@ -107,6 +107,6 @@ def reset_device(config: BackendConfig) -> None:
 
         reset(config)
     elif isinstance(config, NiRigConfig):
-        from frictus_hardware.nidaq.backend import reset as reset_ni
+        from frictus_hardware.nidaq.assembly import reset as reset_ni
 
         reset_ni(config.wiring)

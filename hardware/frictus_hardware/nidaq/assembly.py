@@ -1,9 +1,10 @@
-"""From a configuration to a rig with its sensors."""
+"""From a configuration to a rig with its sensors, and to outputs at 0 V."""
 
 import time
 from collections.abc import Callable
 
-from frictus_hardware.nidaq.backend import NiRig
+from frictus_hardware.nidaq.backend import NiRig, new_session
+from frictus_hardware.nidaq.config import NiConfig
 from frictus_hardware.nidaq.sensing import ForceSensor, SensorConversion
 from frictus_hardware.nidaq.settings import NeonodeSettings, NiRigConfig
 from frictus_hardware.nidaq.touch import PointerSource, TouchSensorSource, TouchSource
@@ -63,3 +64,18 @@ def _touch(config: NiRigConfig) -> TouchSource:
         return TouchLink(pad, HidPort(serial_number=touch.serial_number), time.monotonic, wait)
 
     return TouchSensorSource(make_link, config.sample_rate_hz, latency_s, time.monotonic)
+
+
+def reset(config: NiConfig) -> None:
+    """Put the outputs of a device to 0 V, whoever drives it.
+
+    Raises
+    ------
+    HardwareError
+        If the device cannot be reached; its output may still hold its last value.
+    """
+    session = new_session(config)
+    try:
+        session.reset()
+    finally:
+        session.close()

@@ -1,9 +1,7 @@
 """The rig on an NI device. See `frictus_hardware.base.Backend` for what it promises.
 
-The lead has two parts. What is in the device can no longer be changed: DAQmx has moved it to
-the device's own memory. The reserve is kept here, so that a stop can still ramp it down. The
-margin of an exchange is what the device still had: at 0 the output runs dry, which stops it
-and is a lost stream, so that no exchange ever tells of an underrun.
+The margin of an exchange is what the device still had: at 0 the output runs dry, which stops
+it and is a lost stream, so that no exchange ever tells of an underrun.
 """
 
 from contextlib import suppress
@@ -31,9 +29,9 @@ from frictus_hardware.errors import (
 )
 from frictus_hardware.nidaq.config import NiConfig
 from frictus_hardware.nidaq.devices import INSTALL
+from frictus_hardware.nidaq.output_feed import OutputFeed
 from frictus_hardware.nidaq.sensing import Conversion
 from frictus_hardware.nidaq.touch import PointerSource, TouchSource
-from frictus_hardware.output import RETURN_S, OutputQueue
 
 if TYPE_CHECKING:
     from frictus_hardware.nidaq.session import DeviceSession
@@ -77,32 +75,15 @@ class NiRig(Opened):
         self._max_block = round(MAX_BLOCK_S * config.sample_rate_hz)
         self._session: DeviceSession | None = None
         self._fault: HardwareError | None = None
-        self._lead_samples = config.lead_samples
-        self._begin()
+        self._begin(config.lead_samples)
 
-    def _begin(self) -> None:
+    def _begin(self, lead_samples: int) -> None:
         """Set everything to what holds at sample 0."""
-        config = self.config
         self._armed = False
         self._fault = None
-        self._sensed = 0
         self._delivered = 0
-        self._written = self._device_lead_samples
-        # Zeros beyond the lead, with which the clock starts; what is sensed then is dropped.
-        self._ahead = max(config.start_samples - self._device_lead_samples, 0)
-        self._to_drop = self._ahead
         self._turn: _Turn | None = None
-        self._queue = OutputQueue(
-            config.max_lead_samples + 2 * self._max_block,
-            holds=False,
-            return_samples=ramp_samples(RETURN_S, config.sample_rate_hz),
-        )
-        self._queue.write(0, np.zeros(self._lead_samples), 0)
-
-    @property
-    def _device_lead_samples(self) -> int:
-        """The part of the lead that is in the device and can no longer be changed."""
-        return self._lead_samples - self.config.reserve_samples
+        self._feed = OutputFeed(self.config, lead_samples)
 
     @property
     def info(self) -> RigInfo:
@@ -113,7 +94,7 @@ class NiRig(Opened):
             simulated=False,
             finger_source=self._touch.finger_source,
             sample_rate_hz=config.sample_rate_hz,
-            lead_samples=self._lead_samples,
+            lead_samples=self._feed.lead_samples,
             max_lead_samples=config.max_lead_samples,
             screen_peak_v=config.screen_peak_v,
             screen_mm=config.screen_mm,
@@ -124,8 +105,8 @@ class NiRig(Opened):
     @property
     def next_play_sample(self) -> int:
         """Device index at which the next drive handed over will start to play."""
-        first = self._sensed if self._turn is None else self._turn.first_sample
-        return first + self._lead_samples
+        first = self._feed.sensed_samples if self._turn is None else self._turn.first_sample
+        return first + self._feed.lead_samples
 
     def open(self) -> None:
         """Reset the device and start its clock with the lead prefilled with zeros; disarmed.
@@ -154,11 +135,12 @@ class NiRig(Opened):
 
     def _started(self) -> "DeviceSession":
         """Return a session whose clock runs, with the lead prefilled with zeros."""
-        session = _new_session(self.config)
-        self._begin()
+        session = new_session(self.config)
+        self._begin(self._feed.lead_samples)
         try:
-            session.device_lead_samples = self._device_lead_samples
-            session.set_up(self._device_lead_samples + self._ahead)
+            feed = self._feed
+            session.device_lead_samples = feed.device_lead_samples
+            session.set_up(feed.device_lead_samples + feed.ahead_samples)
             self._convert.start(session.conversion_rate_hz)
             session.start()
             if self._convert.delay_samples:
@@ -185,11 +167,12 @@ class NiRig(Opened):
         """Let the force sensor have the volts of a while without load; zeros are played."""
         wanted = self._convert.tare_samples
         session = self._started()
-        self._ahead = self._to_drop = 0  # no block is late here
+        feed = self._feed
+        feed.ahead_samples = feed.to_drop_samples = 0  # no block is late here
         try:
             pieces = []
-            while self._sensed < wanted:
-                pieces.append(self._move(session, wanted - self._sensed))
+            while feed.sensed_samples < wanted:
+                pieces.append(feed.move(session, wanted - feed.sensed_samples))
             self._convert.tare(np.concatenate(pieces))
         finally:
             session.close()
@@ -250,12 +233,14 @@ class NiRig(Opened):
         if self._turn is not None:
             raise ConfigError("an exchange is under way: offer its drive again first")
         more = require_longer_lead(
-            lead_samples, self._lead_samples, self.config.max_lead_samples, armed=self._armed
+            lead_samples,
+            self._feed.lead_samples,
+            self.config.max_lead_samples,
+            armed=self._armed,
         )
         if more:
-            self._queue.write(self.next_play_sample, np.zeros(more), 0)
-            self._lead_samples = lead_samples
-            session.device_lead_samples = self._device_lead_samples
+            self._feed.lengthen_lead(lead_samples, self.next_play_sample)
+            session.device_lead_samples = self._feed.device_lead_samples
 
     def exchange(self, drive_v: FloatArray) -> Exchange:
         """Hand over the next block of output; wait for as many sensed samples.
@@ -285,7 +270,7 @@ class NiRig(Opened):
         """
         ramp = ramp_samples(ramp_s, self.config.sample_rate_hz)
         if self._armed:
-            self._queue.ramp(self._written, ramp)
+            self._feed.ramp(ramp)
         self._armed = False
 
     def health(self) -> str | None:
@@ -330,83 +315,40 @@ class NiRig(Opened):
             with suppress(SensorError):  # the block is lost anyhow; the next one says it again
                 self._convert(under_way.input_v)
             self._turn = None
-        self._drop_start(session)
+        self._feed.drop_start(session, self._convert)
         config = self.config
         output_v = np.clip(
             drive_v / config.amplifier_gain, -config.peak_output_v, config.peak_output_v
         )
         # Asked before anything is queued: what fails here is tried again as a whole.
-        margin_samples = max(self._written + self._ahead - session.acquired(), 0)
-        self._queue.write(self.next_play_sample, output_v, 0)
+        margin_samples = self._feed.margin_samples(session)
+        self._feed.queue(self.next_play_sample, output_v)
         self._turn = _Turn(
             drive_v=drive_v.copy(),
             applied_v=output_v * config.amplifier_gain,
-            first_sample=self._sensed,
+            first_sample=self._feed.sensed_samples,
             margin_samples=margin_samples,
             clipped_samples=int(np.count_nonzero(np.abs(drive_v) > config.screen_peak_v)),
             input_v=np.empty((drive_v.size, len(config.channels))),
         )
         return self._turn
 
-    def _drop_start(self, session: "DeviceSession") -> None:
-        """Drop what was sensed before all that is in the device is the lead, no more.
-
-        Raises
-        ------
-        TransientError
-            If nothing came in time; it may be tried again.
-        """
-        while self._to_drop:
-            n_samples = min(self._to_drop, self.config.block_samples)
-            input_v = session.read(n_samples).T
-            if not len(input_v):
-                raise TransientError("no sample came in time after the clock's start")
-            self._to_drop -= len(input_v)
-            with suppress(SensorError):  # it has a memory, which must not miss a sample
-                self._convert(input_v)
-
     def _follow(self, session: "DeviceSession", turn: _Turn) -> None:
         """Move blocks until an exchange has been sensed to its end."""
         n_samples = turn.drive_v.size
         while turn.sensed_samples < n_samples:
             done = turn.sensed_samples
-            input_v = self._move(session, n_samples - done)
+            input_v = self._feed.move(session, n_samples - done)
             turn.input_v[done : done + len(input_v)] = input_v
             turn.sensed_samples += len(input_v)
-
-    def _move(self, session: "DeviceSession", n_samples: int) -> FloatArray:
-        """Feed the output for one block at most, and return the inputs of the same time.
-
-        Raises
-        ------
-        TransientError
-            If nothing came in time, or the output found no room; it may be tried again.
-        """
-        config = self.config
-        n_samples = min(n_samples, config.block_samples)
-        until = self._sensed + n_samples + self._device_lead_samples
-        if until > self._written:
-            output_v = self._queue.read(self._written, until - self._written)
-            self._written += session.write(output_v)
-            if self._written < until:
-                raise TransientError(
-                    f"the output had no room for {until - self._written} of "
-                    f"{output_v.size} samples at sample {self._sensed}"
-                )
-        input_v = session.read(n_samples).T
-        if not len(input_v):
-            raise TransientError(
-                f"none of {n_samples} samples came in time at sample {self._sensed}"
-            )
-        self._sensed += len(input_v)
-        return input_v
 
     def _sense(self, turn: _Turn) -> Exchange:
         """Return what an exchange has sensed, with all touches since the one before."""
         since, self._turn = self._delivered, None
+        until = self._feed.sensed_samples
         sensed = self._convert(turn.input_v)
-        touches: tuple[TouchReport, ...] = self._touch.arrived(since, self._sensed - since)
-        self._delivered = self._sensed
+        touches: tuple[TouchReport, ...] = self._touch.arrived(since, until - since)
+        self._delivered = until
         return Exchange(
             first_sample=turn.first_sample,
             force_n=sensed.force_n,
@@ -414,7 +356,7 @@ class NiRig(Opened):
             voltage_v=sensed.voltage_v,
             touches=touches,
             applied_v=turn.applied_v,
-            play_sample=turn.first_sample + self._lead_samples,
+            play_sample=turn.first_sample + self._feed.lead_samples,
             clipped_samples=turn.clipped_samples,
             margin_samples=turn.margin_samples,
             overrun_samples=turn.first_sample - since,
@@ -431,36 +373,14 @@ class NiRig(Opened):
 
     def _play_out(self, session: "DeviceSession") -> None:
         """Play what the device has, then zeros; stop once zeros are out, and make sure."""
-        self._queue.ramp(self._written, 0)
-        until = self._written + 1
-        trouble: HardwareError | None = None
-        try:
-            while self._sensed < until:
-                self._move(session, until - self._sensed)
-            session.stop()
-        except HardwareError as error:
-            trouble = error
+        trouble = self._feed.play_out(session)
         failure = session.make_safe()
         if failure is not None:
             raise _with_outcome(trouble or failure, failure) from failure
 
 
-def reset(config: NiConfig) -> None:
-    """Put the outputs of a device to 0 V, whoever drives it.
-
-    Raises
-    ------
-    HardwareError
-        If the device cannot be reached; its output may still hold its last value.
-    """
-    session = _new_session(config)
-    try:
-        session.reset()
-    finally:
-        session.close()
-
-
-def _new_session(config: NiConfig) -> "DeviceSession":
+def new_session(config: NiConfig) -> "DeviceSession":
+    """Return the tasks of a device; `DriverMissingError` without NI's package."""
     try:
         from frictus_hardware.nidaq.session import DeviceSession
     except ModuleNotFoundError as error:

@@ -12,7 +12,8 @@ from tests.hardware.nidaq.fake_server import FakeServer
 from tests.service.security.conftest import DAY, Authority
 
 from frictus_hardware.errors import ConfigError, HardwareError
-from frictus_hardware.nidaq.backend import NiRig, reset
+from frictus_hardware.nidaq.assembly import reset
+from frictus_hardware.nidaq.backend import NiRig
 from frictus_hardware.nidaq.config import NiConfig, ServerTls
 from frictus_hardware.simulated.config import SimulatedConfig
 

@@ -22,7 +22,8 @@ from frictus_hardware.errors import (
     TransientError,
     UnderrunError,
 )
-from frictus_hardware.nidaq.backend import NiRig, reset
+from frictus_hardware.nidaq.assembly import reset
+from frictus_hardware.nidaq.backend import NiRig
 from frictus_hardware.nidaq.config import Inputs
 from frictus_hardware.nidaq.driver import UnlistedFaultError
 
