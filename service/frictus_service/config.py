@@ -31,6 +31,7 @@ Scope = Literal["read", "render", "calibrate", "admin"]
 LOCAL: Final = "local"
 """Who asks the API where nobody needs a token."""
 Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9._-]+$")]
+DEFAULT_FILE = Path("frictus.toml")
 _SQLITE = "sqlite:///"
 Place = tuple[str | int, ...]
 """Of a key in the file: tables, and numbers in arrays of tables."""

@@ -10,12 +10,11 @@ from typing import Any
 from pydantic import ValidationError
 
 from frictus_hardware import located
-from frictus_service.config import Config, Place
+from frictus_service.config import DEFAULT_FILE, Config, Place
 from frictus_service.errors import ConfigurationError
 
 _HEADER = re.compile(r"^\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
 _KEY = re.compile(r"^\s*([A-Za-z0-9_.\"'\s-]+?)\s*=")
-DEFAULT_FILE = Path("frictus.toml")
 
 
 def load(path: Path | None = None, *, runs_rig: bool = False) -> Config:

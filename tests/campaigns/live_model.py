@@ -21,7 +21,9 @@ from frictus_laboratory.live_model.closed_loop import (
     PIECE_SAMPLES,
     ClosedLoop,
     Moment,
+    SessionPlan,
     model_of,
+    motion_of,
 )
 from frictus_laboratory.live_model.disturbances import (
     FAULTS,
@@ -36,7 +38,7 @@ from frictus_laboratory.live_model.disturbances import (
     gain_step,
     scaled,
 )
-from frictus_laboratory.live_model.motion import Motion, SessionPlan, motion_of, rendered_rows
+from frictus_laboratory.live_model.motion import Motion, rendered_rows
 from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.tracking.windows import SPEEDS_MM_S

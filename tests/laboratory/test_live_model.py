@@ -9,32 +9,32 @@ from frictus.aligned import AlignedSamples
 from frictus.block import Flag
 from frictus.recordings import texture_of
 from frictus_hardware.simulated.config import Participant
-from frictus_laboratory.live_model.closed_loop import ClosedLoop, error_db, model_of
+from frictus_laboratory.live_model.closed_loop import (
+    ClosedLoop,
+    SessionPlan,
+    config_of,
+    error_db,
+    model_of,
+    motion_of,
+)
 from frictus_laboratory.live_model.disturbances import (
     Disturbance,
     Faulty,
     NewFinger,
-    SessionPiece,
+    Slide,
     WithinPerson,
     drift,
     gain_step,
     scaled,
 )
-from frictus_laboratory.live_model.motion import (
-    KnownMotion,
-    PredictedPath,
-    SessionPlan,
-    config_of,
-    motion_of,
-    rendered_rows,
-)
+from frictus_laboratory.live_model.motion import KnownMotion, PredictedPath, rendered_rows
 from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensability import placeholder_model
 
 FLAT = texture_of((SHIPPED / "flat.json").read_text(encoding="utf-8"))
 PERSON = scaled(Participant(), 1.4, 1.5)
 PLAN = SessionPlan(PERSON, FLAT, 12.0, 5, placeholder_model(), "adapt", known_motion=True)
-SLIDE = SessionPiece(10.0, 1, 1, 60.0, 0.4)
+SLIDE = Slide(10.0, 1, 1, 60.0, 0.4)
 
 
 @pytest.mark.compiled

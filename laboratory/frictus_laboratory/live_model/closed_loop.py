@@ -9,15 +9,16 @@ go on from piece to piece, so that nothing restarts at their edges.
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
 from frictus.aligned import AlignedSamples
 from frictus.block import Flag
-from frictus.messages import TouchState
+from frictus.messages import AdaptationPolicy, TouchState
 from frictus.model import FirstOrderSpeedLaw, Model
+from frictus.textures import Texture
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.compiled import compiled
 from frictus_hardware.physics.friction import FrictionLaw
@@ -26,14 +27,14 @@ from frictus_hardware.physics.screen import Screen
 from frictus_hardware.physics.simulator import Simulator
 from frictus_hardware.physics.stages import Quantisation, SensorNoise
 from frictus_hardware.physics.twin import Signals, States, Twin
-from frictus_hardware.simulated.config import Participant
-from frictus_laboratory.live_model.disturbances import SessionPiece
+from frictus_hardware.simulated.config import Participant, SimulatedConfig
+from frictus_hardware.simulated.human import HumanStrokes
+from frictus_laboratory.live_model.disturbances import Disturbance, Slide
 from frictus_laboratory.live_model.motion import (
+    KnownMotion,
     Motion,
     MotionPiece,
-    SessionPlan,
-    config_of,
-    motion_of,
+    PredictedPath,
     rendered_rows,
 )
 from frictus_service.calibration import coordinates
@@ -79,6 +80,67 @@ class Moment:
     first_db: float
     changed: bool
     updated: bool
+
+
+@dataclass(frozen=True, slots=True)
+class SessionPlan:
+    """What a session is made of.
+
+    Attributes
+    ----------
+    person : Participant
+        Whose finger explores.
+    texture : Texture
+        Played as strongly as the drive allows.
+    seconds : float
+        How long.
+    seed : int
+        Of strokes and noise.
+    first : Model
+        In force at the beginning.
+    policy : {'observe', 'suggest', 'adapt'}
+        What becomes of the estimate.
+    disturbance : Disturbance
+        What is not as the tracker takes it to be.
+    known_motion : bool
+        Whether the rig knows the finger's motion, or predicts it from its sensors.
+    lift_probability : float
+        How often the finger leaves the screen between two strokes.
+    """
+
+    person: Participant
+    texture: Texture
+    seconds: float
+    seed: int
+    first: Model
+    policy: AdaptationPolicy = "observe"
+    disturbance: Disturbance = field(default_factory=Disturbance)
+    known_motion: bool = False
+    lift_probability: float = 0.0
+
+
+def config_of(plan: SessionPlan) -> SimulatedConfig:
+    """Return the rig and the finger of a session.
+
+    Parameters
+    ----------
+    plan : SessionPlan
+        What it is made of.
+    """
+    finger = HumanStrokes(lift_probability=plan.lift_probability)
+    return SimulatedConfig(seed=plan.seed, finger=finger, participant=plan.person)
+
+
+def motion_of(plan: SessionPlan) -> Motion:
+    """Return the finger's motion, and what the rig takes it to be.
+
+    Parameters
+    ----------
+    plan : SessionPlan
+        What the session is made of.
+    """
+    config = config_of(plan)
+    return KnownMotion(config) if plan.known_motion else PredictedPath(config, plan.seconds)
 
 
 class ClosedLoop:
@@ -127,7 +189,7 @@ class ClosedLoop:
         self._twin_key: tuple[Simulator, float] | None = None
         self._twin = Twin(())
         self._states: States = ()
-        self._slide = SessionPiece(0.0, 0, 0, 60.0, 0.4)
+        self._slide = Slide(0.0, 0, 0, 60.0, 0.4)
         self._direction = self._touched = 0.0
         self.true = coordinates.from_law(*_values(plan.person.law), 0.0)
         self.named: dict[str, float] = {}
@@ -202,7 +264,7 @@ class ClosedLoop:
         touched = float(piece.in_contact[0])
         direction = float(np.sign(piece.velocity_mm_s[:, 0].mean()))
         before = self._slide
-        self._slide = SessionPiece(
+        self._slide = Slide(
             sample / self._rate_hz,
             before.contact + (touched > self._touched),
             before.stroke + (direction != self._direction),

@@ -25,7 +25,7 @@ from frictus_service.synthesis.estimator import PredictedMotion
 from frictus_service.synthesis.kernel import BlockMotion
 
 
-class SessionPiece(NamedTuple):
+class Slide(NamedTuple):
     """Where in its session a piece of a motion lies.
 
     Attributes
@@ -48,27 +48,27 @@ class SessionPiece(NamedTuple):
 class Disturbance:
     """Nothing is disturbed; what is overrides a method."""
 
-    def person(self, person: Participant, slide: SessionPiece) -> Participant:
+    def person(self, person: Participant, slide: Slide) -> Participant:
         """Return whose finger it is now."""
         return person
 
-    def simulator(self, person: Participant, slide: SessionPiece) -> Simulator:
+    def simulator(self, person: Participant, slide: Slide) -> Simulator:
         """Return the finger and the rig under it."""
         return Simulator(law=person.law, mobility=person.mobility)
 
-    def predicted(self, course: PredictedMotion, slide: SessionPiece) -> PredictedMotion:
+    def predicted(self, course: PredictedMotion, slide: Slide) -> PredictedMotion:
         """Return the motion that the rig takes for the finger's."""
         return course
 
-    def touched(self, report: TouchReport, slide: SessionPiece) -> TouchReport:
+    def touched(self, report: TouchReport, slide: Slide) -> TouchReport:
         """Return what the touch sensor says."""
         return report
 
-    def sensed(self, part: AlignedSamples, slide: SessionPiece) -> AlignedSamples:
+    def sensed(self, part: AlignedSamples, slide: Slide) -> AlignedSamples:
         """Return what the tracker is given."""
         return part
 
-    def speed_scale(self, slide: SessionPiece) -> float:
+    def speed_scale(self, slide: Slide) -> float:
         """Return the speed that the rig takes for the finger's, over the true one."""
         return 1.0
 
@@ -104,7 +104,7 @@ class WithinPerson(Disturbance):
 
     seed: int
 
-    def person(self, person: Participant, slide: SessionPiece) -> Participant:
+    def person(self, person: Participant, slide: Slide) -> Participant:
         """Return the person in this contact and stroke."""
         scatter = WithinPersonScatter()
         drawn = (
@@ -120,7 +120,7 @@ class WithinPerson(Disturbance):
 
 
 @dataclass(frozen=True, slots=True)
-class TimeCourse(Disturbance):
+class Course(Disturbance):
     """Gain and cutoff follow the time.
 
     Attributes
@@ -132,12 +132,12 @@ class TimeCourse(Disturbance):
     gain: Callable[[float], float]
     cutoff: Callable[[float], float]
 
-    def person(self, person: Participant, slide: SessionPiece) -> Participant:
+    def person(self, person: Participant, slide: Slide) -> Participant:
         """Return the person at this time."""
         return scaled(person, self.gain(slide.at_s), self.cutoff(slide.at_s))
 
 
-def drift(per_minute: float) -> TimeCourse:
+def drift(per_minute: float) -> Course:
     """Return gain and cutoff that rise steadily, in steps of a second.
 
     Parameters
@@ -149,10 +149,10 @@ def drift(per_minute: float) -> TimeCourse:
     def factor(at_s: float) -> float:
         return math.exp(per_minute * math.floor(at_s) / 60.0)
 
-    return TimeCourse(factor, factor)
+    return Course(factor, factor)
 
 
-def gain_step(factor: float, at_s: float, within_s: float) -> TimeCourse:
+def gain_step(factor: float, at_s: float, within_s: float) -> Course:
     """Return a gain that becomes another within some time.
 
     Parameters
@@ -167,7 +167,7 @@ def gain_step(factor: float, at_s: float, within_s: float) -> TimeCourse:
         share = min(max((now_s - at_s) / max(within_s, 1e-9), 0.0), 1.0)
         return float(factor**share)
 
-    return TimeCourse(gain, lambda now_s: 1.0)
+    return Course(gain, lambda now_s: 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +185,7 @@ class NewFinger(Disturbance):
     other: Participant
     at_s: float
 
-    def person(self, person: Participant, slide: SessionPiece) -> Participant:
+    def person(self, person: Participant, slide: Slide) -> Participant:
         """Return whose finger it is now."""
         return person if slide.at_s < self.at_s else self.other
 
@@ -205,7 +205,7 @@ class WithEffect(Disturbance):
     id: str
     parameters: Mapping[str, float]
 
-    def simulator(self, person: Participant, slide: SessionPiece) -> Simulator:
+    def simulator(self, person: Participant, slide: Slide) -> Simulator:
         """Return the simulator with the effect."""
         bare = Simulator(law=person.law, mobility=person.mobility)
         return extended(bare, [(self.id, self.parameters)])
@@ -237,7 +237,7 @@ class SpeedTimesForce(Disturbance):
 
     exponent: float
 
-    def simulator(self, person: Participant, slide: SessionPiece) -> Simulator:
+    def simulator(self, person: Participant, slide: Slide) -> Simulator:
         """Return the simulator with it."""
         bare = Simulator(law=person.law, mobility=person.mobility)
         terms = (_SpeedTimesForce(self.exponent),)
@@ -263,7 +263,7 @@ class Section(Disturbance):
     quality: float
     fast_only: bool = False
 
-    def simulator(self, person: Participant, slide: SessionPiece) -> Simulator:
+    def simulator(self, person: Participant, slide: Slide) -> Simulator:
         """Return the simulator with it."""
         depth = self.depth
         if self.fast_only:
@@ -303,11 +303,11 @@ class Faulty(Disturbance):
     fault: str
     at_s: float
 
-    def speed_scale(self, slide: SessionPiece) -> float:
+    def speed_scale(self, slide: Slide) -> float:
         """Return the speed that the rig takes for the finger's, over the true one."""
         return SCALED if self.fault == "touch scaled" and slide.at_s >= self.at_s else 1.0
 
-    def predicted(self, course: PredictedMotion, slide: SessionPiece) -> PredictedMotion:
+    def predicted(self, course: PredictedMotion, slide: Slide) -> PredictedMotion:
         """Return the motion as a lying touch sensor has it."""
         if slide.at_s < self.at_s:
             return course
@@ -320,7 +320,7 @@ class Faulty(Disturbance):
             )
         return course
 
-    def touched(self, report: TouchReport, slide: SessionPiece) -> TouchReport:
+    def touched(self, report: TouchReport, slide: Slide) -> TouchReport:
         """Return what a lying touch sensor says."""
         if slide.at_s < self.at_s:
             return report
@@ -330,7 +330,7 @@ class Faulty(Disturbance):
             return replace(report, x_mm=35.0, y_mm=17.0)
         return report
 
-    def sensed(self, part: AlignedSamples, slide: SessionPiece) -> AlignedSamples:
+    def sensed(self, part: AlignedSamples, slide: Slide) -> AlignedSamples:
         """Return what the tracker is given of it."""
         if slide.at_s < self.at_s:
             return part
