@@ -1,7 +1,5 @@
 """`model/1`: how a finger-screen model is stored and carried, and in which mode it is inverted.
 
-`model/1`: how a finger-screen model is stored and carried.
-
 The client validates and carries a model; the equations stand once, in
 `frictus_hardware.physics`.
 """

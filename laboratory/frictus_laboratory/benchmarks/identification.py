@@ -1,10 +1,9 @@
 """Trials per second through identification, beside a bare read and the obvious pipeline.
 
-Identification as one writes it down first, to be timed: FFTs of each trial, `curve_fit`.
-
-It follows the paper's data processing: axes reduced by DFT321, acceleration integrated, sweeps
-where friction is above its mean, 4000 samples in the middle of each, the nearest bin of their
-spectra, magnitudes fitted. Its answers are biased; nothing else uses it.
+The obvious pipeline is identification as one writes it down first, FFTs of each trial and
+`curve_fit`. It follows the paper's data processing: axes reduced by DFT321, acceleration
+integrated, sweeps where friction is above its mean, 4000 samples in the middle of each, the
+nearest bin of their spectra, magnitudes fitted. Its answers are biased; nothing else uses it.
 """
 
 import os

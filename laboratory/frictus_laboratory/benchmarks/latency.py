@@ -1,10 +1,8 @@
 """How old a block is when a subscriber has it, and a texture when it is at the DAC.
 
-From a client's `send` to the first changed sample at the DAC, beside a bare round trip.
-
-Between updates the rig plays a stream whose texture is next to nothing: its drive is the bias
-alone, so that every sample of the screen voltage is known in advance and the first changed one
-is seen at once.
+A texture is timed from `send` to the first changed sample at the DAC. Between updates the rig
+plays a stream whose texture is next to nothing: its drive is the bias alone, so that every
+sample of the screen voltage is known in advance and the first changed one is seen at once.
 """
 
 import itertools

@@ -1,10 +1,9 @@
 """How late the block loop wakes: alone, with subscribers and a busy API, beside busy processes.
 
-What is lost, where, and how late the loop is, beside processes that compute without pause.
-
-A block passes three queues that drop rather than wait: the hand-over from the loop to the
-publisher, Zenoh's on the way (the rig's and the router's), and the reader's own. Each tells of
-itself: the rig counts the first, and a gap in the reader's stream names the other two.
+Beside processes that compute without pause, also what is lost, and where. A block passes three
+queues that drop rather than wait: the hand-over from the loop to the publisher, Zenoh's on the
+way (the rig's and the router's), and the reader's own. Each tells of itself: the rig counts the
+first, and a gap in the reader's stream names the other two.
 """
 
 import contextlib

@@ -1,9 +1,8 @@
 """What a measurement starts: the service at free ports, and a process beside this one.
 
-A process beside this one, for what must not share an interpreter with the measurement.
-
-How long it takes hangs on the machine and on what else it does: it is waited for as long as it
-gets on, which its processor time tells.
+What must not share an interpreter with the measurement runs beside it. How long that takes
+hangs on the machine and on what else it does: it is waited for as long as it gets on, which its
+processor time tells.
 """
 
 import contextlib

@@ -1,10 +1,8 @@
 """Blocks per second through the publishing path, and into a recording, beside bare bytes.
 
-Blocks per second through the publishing path, beside bare puts of the same bytes.
-
-Both send to one subscriber in another process through one router, and both wait where the
-network is full instead of dropping, so that every block arrives: what is compared is the
-highest rate without loss.
+Publishing is set beside bare puts of the same bytes. Both send to one subscriber in another
+process through one router, and both wait where the network is full instead of dropping, so that
+every block arrives: what is compared is the highest rate without loss.
 """
 
 import os

@@ -1,9 +1,8 @@
 """People drawn with the paper's values, and its spread between participants.
 
-How much people differ: residual and between-participant spread from likelihoods.
-
-The paper gives no standard deviations, but -2 log-likelihoods of models with and without a
-random intercept of the participant (Sections 3.1 and 3.2). For J participants with n conditions
+How much people differ follows from likelihoods. The paper gives no standard
+deviations, but -2 log-likelihoods of models with and without a random intercept of the
+participant (Sections 3.1 and 3.2). For J participants with n conditions
 each, N = n J, both follow from the two variances alone::
 
     reduced = N ln(s^2)                                  + N (1 + ln 2 pi)

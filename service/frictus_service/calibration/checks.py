@@ -1,10 +1,8 @@
 """What a calibration checks besides: sensors that lie as configured, a finger that is linear.
 
-Whether the finger answered linearly: lines between the tones of an odd multisine.
-
-A linear response answers at the tones alone. A remaining square answers at even multiples of
-the base frequency, a cube at odd ones where no tone is played (Pintelon and Schoukens, System
-Identification, chapter 4).
+A linear response answers at the tones of an odd multisine alone. A remaining square answers at
+even multiples of the base frequency, a cube at odd ones where no tone is played (Pintelon and
+Schoukens, System Identification, chapter 4).
 """
 
 from collections import deque

@@ -1,9 +1,8 @@
 """What is installed and configured, and whether router, rigs and device answer.
 
-What a lead costs in rendering, from the table of `docs/lead.md`.
-
-It is of the simulated rig: free strokes, every sensor used, compensated. `bench/lead.py`
-measures it anew; a test holds these figures to the document.
+What a lead costs in rendering is from the table of `docs/lead.md`, of the simulated rig: free
+strokes, every sensor used, compensated. `bench/lead.py` measures it anew; a test holds these
+figures to the document.
 """
 
 import importlib.metadata

@@ -1,10 +1,8 @@
 """The lead of the output: transient errors are retried within it, underruns make it longer.
 
-How the lead grows after underruns: at the next arming, never while there is output.
-
-A lead that is too short for the machine interrupts the texture again and again; one that is
-longer than needed renders the finger where it no longer is. So it begins short, and grows by
-what was missing.
+It grows at the next arming, never while there is output. A lead that is too short for the
+machine interrupts the texture again and again; one that is longer than needed renders the
+finger where it no longer is. So it begins short, and grows by what was missing.
 """
 
 from collections.abc import Callable

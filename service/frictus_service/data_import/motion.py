@@ -1,15 +1,13 @@
 """What the finger's motion in a recording settles: where strokes are, and axes and signs.
 
-Long recordings cut into strokes: sections of one direction, steady enough.
+Strokes are sections of one direction that are steady enough. Unlike the sweeps of a trial,
+those of a recording may have any mix of speeds: a stretch in one direction is found first, and
+what is steady of it is judged by its own speed.
 
-Unlike the sweeps of a trial, those of a recording may have any mix of speeds: a stretch in one
-direction is found first, and what is steady of it is judged by its own speed.
-
-Axes and signs that physics settles: friction opposes the slide, a finger presses.
-
-The sensor under the screen reports the force of the finger on it, so that along the slide it
-has the sign of the velocity. A force that is clearly against the velocity has the other sign;
-one that is neither is a question.
+Friction opposes the slide, and a finger presses: that settles axes and signs. The sensor under
+the screen reports the force of the finger on it, so that along the slide it has the sign of the
+velocity. A force that is clearly against the velocity has the other sign; one that is neither
+is a question.
 """
 
 from collections.abc import Iterator

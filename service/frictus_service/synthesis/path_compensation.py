@@ -1,9 +1,8 @@
 """Undoes parallel paths of the drive, and tells what that demands of it.
 
-Undoes parallel paths of the drive: what comes along them is not played once more.
-
-A path makes ``y = x + d B[x]`` of a drive x; so ``x = y - d B[x]``, in which all of B[x] is
-known but what it has of the present x. Where that is stable: `path_demand`.
+What comes along them is not played once more. A path makes ``y = x + d B[x]`` of a drive x; so
+``x = y - d B[x]``, in which all of B[x] is known but what it has of the present x. Where that
+is stable: `can_be_undone`.
 """
 
 from collections.abc import Sequence

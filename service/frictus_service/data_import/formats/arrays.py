@@ -1,15 +1,12 @@
 """Named arrays in a tree: HDF5, and MATLAB of levels 5 and 7.3.
 
-HDF5 and MATLAB v7.3: every data set of numbers, by its path.
+Of HDF5, which MATLAB 7.3 is too, every data set of numbers is read by its path. Data that lie
+in another file (external storage, virtual data sets, links) are not followed.
 
-Data that lie in another file (external storage, virtual data sets, links) are not followed.
-
-MATLAB level 5: variables and fields of structs; level 7.3 is HDF5.
-
-The file is walked before scipy reads it: how much it unfolds to, how deeply it nests and how
-many elements its arrays declare is bounded first, since a few bytes may declare any number of
-gigabytes or levels.
-Layout: MathWorks, MAT-File Format, level 5.
+Of MATLAB level 5, variables and fields of structs are read. The file is walked before scipy
+reads it: how much it unfolds to, how deeply it nests and how many elements its arrays declare
+is bounded first, since a few bytes may declare any number of gigabytes or levels. Layout:
+MathWorks, MAT-File Format, level 5.
 """
 
 import math

@@ -1,9 +1,8 @@
 """Tables of columns: text (CSV, TSV and others), and Parquet.
 
-CSV, TSV and other text: the delimiter, names and units are found in its first lines.
-
-Lines before the numbers may be comments, names and units; a decimal comma is understood where
-the delimiter is another character.
+Of text, the delimiter, names and units are found in the first lines. Lines before the numbers
+may be comments, names and units; a decimal comma is understood where the delimiter is another
+character.
 """
 
 import re

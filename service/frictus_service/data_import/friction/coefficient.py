@@ -1,10 +1,8 @@
 """Friction coefficient against speed and load, with intervals over slides.
 
-Friction coefficient against speed and load: ``F_t = c · F_n^k · v^b``, one row per slide.
-
-Fitted as logarithms. k below 1 is the contact of a soft finger, whose coefficient falls with
-load (k near 2/3 by Hertz and adhesion: Wolfram 1983; Adams et al. 2013,
-doi 10.1098/rsif.2012.0467).
+``F_t = c · F_n^k · v^b`` is fitted as logarithms, one row per slide. k below 1 is the contact
+of a soft finger, whose coefficient falls with load (k near 2/3 by Hertz and adhesion: Wolfram
+1983; Adams et al. 2013, doi 10.1098/rsif.2012.0467).
 """
 
 from collections.abc import Sequence

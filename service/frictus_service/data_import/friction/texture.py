@@ -1,12 +1,8 @@
 """Texture in the force of a slide: levels by band and speed, and lines that follow the speed.
 
-Spectra of the force by speed: third-octave levels, as a texture drives it.
-
-Welch's method within each slide; a level is the root mean square of what lies in a band, its
-interval that of the mean over slides of one speed. Centres of bands are 1000 · 10^(n/10) Hz, by
-IEC 61260-1.
-
-Lines in the spectrum of the force, and whether they follow the speed as a texture's do.
+Levels are of third octaves, by Welch's method within each slide: a level is the root mean
+square of what lies in a band, its interval that of the mean over slides of one speed. Centres
+of bands are 1000 · 10^(n/10) Hz, by IEC 61260-1.
 
 A texture of period p makes a line at v / p: its frequency rises as the speed. A resonance, or
 the mains, stays where it is. Each slide gives its strongest line; the slope of log frequency

@@ -1,10 +1,9 @@
 """What is said of what no cause explains: a form, or a smooth discrepancy, or nothing.
 
-A smooth discrepancy for what no cause explains: octave bands, by the covariate it follows.
-
-The factor ``1 + x sum a_k B_k(f)`` of the response is linear in its weights, so that they
-follow from normal equations; a normal prior holds those that the data do not show near 0
-(Kennedy and O'Hagan 2001: a discrepancy beside a physical model).
+A smooth discrepancy has octave bands, by the covariate that it follows. The factor ``1 + x sum
+a_k B_k(f)`` of the response is linear in its weights, so that they follow from normal
+equations; a normal prior holds those that the data do not show near 0 (Kennedy and O'Hagan
+2001: a discrepancy beside a physical model).
 """
 
 from collections.abc import Mapping, Sequence

@@ -276,9 +276,6 @@ class Tried:
     ability: Ability | None
 
 
-Judge = Callable[[Programme], Ability | None]
-
-
 def remedies(
     programme: Programme,
     setup: Setup,

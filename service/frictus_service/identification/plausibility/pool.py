@@ -1,8 +1,7 @@
 """The statistics that the checks judge, each of all trials of one participant.
 
-A mass, spring and damper of either sign behind a mobility, and a delay.
-
-A fingertip takes energy up: the real part of its mobility is positive at every frequency. The
+Behind a mobility, a mass, spring and damper of either sign and a delay are looked for. A
+fingertip takes energy up: the real part of its mobility is positive at every frequency. The
 likeliest slip of all is a sign, and a delay between the channels turns phases too; so both are
 searched together. With ``Y = ± exp(-jωτ) / (b + jωm + k / jω)``, `b`, `m` and `k` follow from
 non-negative least squares on the relative error for each sign and delay.
