@@ -1,8 +1,8 @@
 """Transfer functions fitted: friction and mobility of every condition, and a ready response.
 
-The friction response is ``g w0 / (s + w0) exp(-s tau)`` (paper, Equation 4), the mobility ``s /
-(m s^2 + b s + k) exp(-s tau)`` (paper, Section 2.6). The delay is what the channels add beyond
-hold and declared skew. Without it 100 µs of delay bias the cutoff by -32 to -53 %.
+The friction response is ``g w0 / (s + w0) exp(-s tau)`` (paper, Equation 4), the mobility
+``s / (m s^2 + b s + k) exp(-s tau)`` (paper, Section 2.6). The delay is what the channels add
+beyond hold and declared skew. Without it 100 µs of delay bias the cutoff by -32 to -53 %.
 
 Where only a table of responses is left of a measurement there are no trials, and no people: the
 intervals hold for this table, by what it scatters around the fit (Student's t). Errors are

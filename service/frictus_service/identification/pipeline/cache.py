@@ -34,9 +34,9 @@ _ESTIMATOR: Final = (
     "frictus_service.identification.observation.observe",
     "frictus_service.identification.observation.response",
     "frictus_service.identification.observation.sweeps",
-    "frictus_service.identification.pipeline.workers",
     "frictus_service.identification.observation.tones",
     "frictus_service.identification.observation.validity",
+    "frictus_service.identification.pipeline.workers",
 )
 
 
