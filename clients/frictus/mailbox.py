@@ -202,5 +202,11 @@ def _resolve(future: "asyncio.Future[None]") -> None:
 
 
 def silence(timeout_s: float | None) -> SilenceError:
-    """Return the error of having waited in vain."""
+    """Return the error of having waited in vain.
+
+    Parameters
+    ----------
+    timeout_s : float or None
+        How long.
+    """
     return SilenceError(f"nothing arrived within {timeout_s:g} s")
