@@ -197,6 +197,10 @@ class Experiment:
         self.schedule = resumed(self.protocol, log.rows, str(self._path))
         self._seed = self.schedule.seed
 
+    def require_lease(self) -> None:
+        """Raise `LeaseLostError` if the rig no longer obeys, also between trials."""
+        self._opened()[0].require_lease()
+
     def next(self) -> Trial | None:
         """Return the next trial, the same until it is answered; None after the last."""
         return self.schedule.next()

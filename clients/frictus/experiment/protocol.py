@@ -60,15 +60,7 @@ class QuestPlusPlan(_Part):
     slopes: Annotated[
         list[Annotated[FiniteFloat, Field(ge=0.1, le=100.0)]],
         Field(min_length=1, max_length=30),
-    ] = [
-        1.0,
-        1.4,
-        2.0,
-        2.8,
-        4.0,
-        5.7,
-        8.0,
-    ]
+    ] = [1.0, 1.4, 2.0, 2.8, 4.0, 5.7, 8.0]
     guesses: Annotated[list[FiniteFloat], Field(min_length=1, max_length=10)] = [0.02, 0.1, 0.2]
     """Of tasks whose guess rate is the participant's own; at least 0.005, or one false alarm
     would rule out every high threshold."""
