@@ -21,7 +21,7 @@ from frictus_service.experiments.phrasing import result_lines
 
 CURVE_POINTS: Final = 60
 BEYOND: Final = 2.0
-"""Factor beyond the levels presented, over which a curve is drawn."""
+"""Factor beyond levels presented and threshold, over which a curve is drawn."""
 
 
 class _Strict(BaseModel):
@@ -144,13 +144,13 @@ def _condition(found: ConditionResult, rows: list[dict[str, Any]]) -> ConditionR
         lines=result_lines(found)[1:],  # the first is the name
         threshold=Interval.of(found.setting if fit is None else fit.threshold),
         points=points,
-        curve=[] if fit is None else _curve(fit, levels[0] / BEYOND, levels[-1] * BEYOND),
+        curve=[] if fit is None else _curve(fit, [*levels, fit.threshold.value]),
     )
 
 
-def _curve(fit: PsychometricFit, low: float, high: float) -> list[tuple[float, float]]:
-    """Return levels with the probability that the fit gives them."""
-    level = np.geomspace(low, high, CURVE_POINTS)
+def _curve(fit: PsychometricFit, levels: list[float]) -> list[tuple[float, float]]:
+    """Return levels around some with the probability that the fit gives them."""
+    level = np.geomspace(min(levels) / BEYOND, max(levels) * BEYOND, CURVE_POINTS)
     scale = threshold_of(fit.threshold.value, fit.slope.value)
     p = probability(level, scale, fit.slope.value, fit.guess, fit.lapse)
     return [(float(x), float(y)) for x, y in zip(level, p, strict=True)]

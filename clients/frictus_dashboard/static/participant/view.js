@@ -25,7 +25,7 @@ export class View {
     this.shown = screenOf(null, { connected: false, may: false });
     /** The question that was answered; until another is asked no other answer is sent. */
     this.answered = "";
-    this.title = element("h2", { role: "status" });
+    this.title = element("h2", { "aria-live": "polite" });
     this.text = element("p", { class: "how", role: "status" });
     this.answers = element("div", { class: "answers" });
     this.progress = element("progress", { max: "1", "aria-label": "How much is done" });

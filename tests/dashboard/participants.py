@@ -1,0 +1,107 @@
+"""A virtual participant before the page: feels the simulated rig's friction, and clicks."""
+
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from typing import Any, Final
+
+import numpy as np
+from playwright.sync_api import Page, expect
+from tests.dashboard.lab import Lab
+
+from frictus import Block
+from frictus.experiment import SimulatedObserver, TwoAlternatives
+from frictus.experiment.participant import FRICTION_ROW, felt_amplitude
+
+TRIAL_MS: Final = 60_000
+MARGIN_MS: Final = 450.0
+"""The page is late by less: so much of the end of what it says was felt is left out."""
+RECORD: Final = """() => {
+  window.seen = [];
+  const asked = document.querySelector("#view-participant .asked");
+  const note = () => {
+    const [kind, title] = [asked.dataset.kind, asked.querySelector("h2").textContent];
+    const last = window.seen.at(-1);
+    if (last?.kind === kind && last.title === title) return;
+    window.seen.push({ kind, title, utcMs: performance.timeOrigin + performance.now() });
+  };
+  new MutationObserver(note).observe(asked, {
+    attributes: true, childList: true, characterData: true, subtree: true,
+  });
+  note();
+}"""
+LAST_TRIAL: Final = """() => {
+  const at = (kind, title) => window.seen.findLast(
+    (each) => each.kind === kind && (title === null || each.title === title)).utcMs;
+  return [at("interval", "1"), at("interval", "2"), at("question", null)];
+}"""
+
+
+def asked(page: Page) -> Any:
+    """What the participant is shown."""
+    return page.locator("#view-participant .asked")
+
+
+def expect_kind(page: Page, *kinds: str) -> str:
+    """Wait until the page shows one of these, and return which."""
+    found = page.wait_for_function(
+        """(kinds) => {
+          const { kind } = document.querySelector("#view-participant .asked").dataset;
+          return kinds.includes(kind) ? kind : null;
+        }""",
+        arg=list(kinds),
+        timeout=TRIAL_MS,
+    )
+    return str(found.json_value())
+
+
+class ClickingParticipant:
+    """Answers a task of two intervals by what the finger felt while the page showed each.
+
+    Knows what a person knows: what the page says, and the friction at the finger.
+    """
+
+    def __init__(
+        self, page: Page, lab: Lab, blocks: Any, observer: SimulatedObserver, rng: Any
+    ) -> None:
+        self.page, self.lab, self.blocks = page, lab, blocks
+        self.observer, self.rng = observer, rng
+        page.evaluate(RECORD)
+
+    def answer(self) -> str:
+        """Answer the question that is shown; return the answer."""
+        expect_kind(self.page, "question")
+        felt = self._felt_n()
+        answer = self.observer.answer(TwoAlternatives(), felt, self.rng)
+        question = len(self.page.evaluate("window.seen"))
+        name = {"1": "First", "2": "Second"}[answer]
+        asked(self.page).get_by_role("button", name=name).click()
+        # Else the same question would be answered again.
+        self.page.wait_for_function(f"window.seen.length > {question}", timeout=TRIAL_MS)
+        return answer
+
+    def _felt_n(self) -> list[float]:
+        first, second, question = self.page.evaluate(LAST_TRIAL)
+        blocks = [block for block in self.blocks.drain() if isinstance(block, Block)]
+        fit = self.lab.rig.time()
+        utc_ms = np.array([1e-6 * fit.utc_of(block.first_sample) for block in blocks])
+        felt = []
+        for begin, end in ((first, second), (second, question)):
+            within = np.flatnonzero((utc_ms >= begin) & (utc_ms < end - MARGIN_MS))
+            assert within.size > 0
+            friction = np.concatenate([blocks[i].data[FRICTION_ROW] for i in within])
+            felt.append(felt_amplitude(friction.astype(float), blocks[0].sample_rate_hz))
+        return felt
+
+
+@contextmanager
+def participant(
+    page: Page, lab: Lab, observer: SimulatedObserver, rng: Any
+) -> Iterator[ClickingParticipant]:
+    """Put a virtual participant before a page of `#/participant/rig1`."""
+    with closing(lab.rig.blocks("truth", capacity=65_536)) as blocks:
+        yield ClickingParticipant(page, lab, blocks, observer, rng)
+
+
+def expect_waiting(page: Page) -> None:
+    """Wait until the page says that the experiment will begin by itself."""
+    expect(asked(page).get_by_role("heading")).to_have_text("Please wait")
