@@ -11,7 +11,7 @@ import re
 import secrets
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final, Generic, Literal, TypeVar
 
@@ -98,7 +98,7 @@ class JobFolder(Generic[Job]):
         now_ns = self._clock_ns()
         began = time.strftime("%Y%m%d-%H%M%S", time.gmtime(now_ns / 1e9))
         job = self._document(
-            id=f"{began}-{secrets.token_hex(4)}",
+            id=f"{began}-{now_ns // 1_000 % 1_000_000:06d}{secrets.token_hex(2)}",
             state="queued",
             created_utc_ns=now_ns,
             created_by=by,
@@ -120,14 +120,17 @@ class JobFolder(Generic[Job]):
         with self._lock:
             return self._read(job)
 
+    def newest(self) -> Iterator[Job]:
+        """Yield all jobs, newest first, each read as it is asked for."""
+        # Their names begin with the time.
+        names = sorted((path.parent.name for path in self._root.glob(f"*/{JOB}")), reverse=True)
+        for name in names:
+            with contextlib.suppress(UnknownJobError):  # set aside, and said
+                yield self.get(name)
+
     def all(self) -> list[Job]:
         """Return all jobs, newest first."""
-        with self._lock:
-            jobs = []
-            for path in list(self._root.glob(f"*/{JOB}")):
-                with contextlib.suppress(UnknownJobError):  # set aside, and said
-                    jobs.append(self._read(path.parent.name))
-        return sorted(jobs, key=lambda job: (job.created_utc_ns, job.id), reverse=True)
+        return list(self.newest())
 
     def change(self, job: str, to: State, *, of: tuple[State, ...], **fields: Any) -> Job:
         """Put a job into another state, and return it.

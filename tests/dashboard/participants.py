@@ -6,9 +6,8 @@ from typing import Any, Final
 
 import numpy as np
 from playwright.sync_api import Page, expect
-from tests.dashboard.lab import Lab
 
-from frictus import Block
+from frictus import Block, Rig
 from frictus.experiment import SimulatedObserver, TwoAlternatives
 from frictus.experiment.participant import FRICTION_ROW, felt_amplitude
 
@@ -45,13 +44,30 @@ def expect_kind(page: Page, *kinds: str) -> str:
     """Wait until the page shows one of these, and return which."""
     found = page.wait_for_function(
         """(kinds) => {
-          const { kind } = document.querySelector("#view-participant .asked").dataset;
+          const kind = document.querySelector("#view-participant .asked")?.dataset.kind;
           return kinds.includes(kind) ? kind : null;
         }""",
         arg=list(kinds),
         timeout=TRIAL_MS,
     )
     return str(found.json_value())
+
+
+@contextmanager
+def answering(page: Page) -> Iterator[None]:
+    """Wait for a question; within the block it is answered, and then another thing is shown."""
+    expect_kind(page, "question")
+    before = asked(page).get_attribute("data-question")
+    yield
+    page.wait_for_function(
+        """(before) => {
+          const { kind, question } =
+            document.querySelector("#view-participant .asked").dataset;
+          return kind !== "question" || question !== before;
+        }""",
+        arg=before,
+        timeout=TRIAL_MS,
+    )
 
 
 class ClickingParticipant:
@@ -61,9 +77,9 @@ class ClickingParticipant:
     """
 
     def __init__(
-        self, page: Page, lab: Lab, blocks: Any, observer: SimulatedObserver, rng: Any
+        self, page: Page, rig: Rig, blocks: Any, observer: SimulatedObserver, rng: Any
     ) -> None:
-        self.page, self.lab, self.blocks = page, lab, blocks
+        self.page, self.rig, self.blocks = page, rig, blocks
         self.observer, self.rng = observer, rng
         page.evaluate(RECORD)
 
@@ -72,17 +88,15 @@ class ClickingParticipant:
         expect_kind(self.page, "question")
         felt = self._felt_n()
         answer = self.observer.answer(TwoAlternatives(), felt, self.rng)
-        question = len(self.page.evaluate("window.seen"))
         name = {"1": "First", "2": "Second"}[answer]
-        asked(self.page).get_by_role("button", name=name).click()
-        # Else the same question would be answered again.
-        self.page.wait_for_function(f"window.seen.length > {question}", timeout=TRIAL_MS)
+        with answering(self.page):
+            asked(self.page).get_by_role("button", name=name).click()
         return answer
 
     def _felt_n(self) -> list[float]:
         first, second, question = self.page.evaluate(LAST_TRIAL)
         blocks = [block for block in self.blocks.drain() if isinstance(block, Block)]
-        fit = self.lab.rig.time()
+        fit = self.rig.time()
         utc_ms = np.array([1e-6 * fit.utc_of(block.first_sample) for block in blocks])
         felt = []
         for begin, end in ((first, second), (second, question)):
@@ -95,11 +109,11 @@ class ClickingParticipant:
 
 @contextmanager
 def participant(
-    page: Page, lab: Lab, observer: SimulatedObserver, rng: Any
+    page: Page, rig: Rig, observer: SimulatedObserver, rng: Any
 ) -> Iterator[ClickingParticipant]:
     """Put a virtual participant before a page of `#/participant/rig1`."""
-    with closing(lab.rig.blocks("truth", capacity=65_536)) as blocks:
-        yield ClickingParticipant(page, lab, blocks, observer, rng)
+    with closing(rig.blocks("truth", capacity=65_536)) as blocks:
+        yield ClickingParticipant(page, rig, blocks, observer, rng)
 
 
 def expect_waiting(page: Page) -> None:

@@ -1,6 +1,7 @@
 """Paths of experiments: started, followed, answered, paused, resumed, and what they say."""
 
 from collections.abc import AsyncIterator
+from itertools import islice
 from typing import Annotated, Final
 
 import anyio
@@ -88,9 +89,9 @@ def list_experiments(
 ) -> ExperimentList:
     """List the experiments of this machine, newest first, and the protocols that are ready."""
     experiments = given.experiments
-    found = [job for job in experiments.shelf.all() if rig in (None, job.rig)]
+    found = (job for job in experiments.shelf.newest() if rig in (None, job.rig))
     return ExperimentList(
-        experiments=[experiments.with_screen(job) for job in found[:limit]],
+        experiments=[experiments.with_screen(job) for job in islice(found, limit)],
         ready=ready_list(),
     )
 

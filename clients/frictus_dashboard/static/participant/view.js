@@ -23,8 +23,11 @@ export class View {
     this.rig = null;
     this.job = null;
     this.shown = screenOf(null, { connected: false, may: false });
-    /** The question that was answered; until another is asked no other answer is sent. */
-    this.answered = "";
+    /** The experiment that was followed here; the end of another is nobody's here. */
+    this.followed = null;
+    /** The question that is asked, and whether it was answered: it takes one answer. */
+    this.question = "";
+    this.answered = false;
     this.title = element("h2", { "aria-live": "polite" });
     this.text = element("p", { class: "how", role: "status" });
     this.answers = element("div", { class: "answers" });
@@ -88,6 +91,7 @@ export class View {
     this.#unfollow();
     this.#stands(job);
     if (!running) return;
+    this.followed = job.id;
     this.#following = new Following(job.id, {
       stands: (now) => this.#stands(now),
       broke: () => this.#draw(),
@@ -103,7 +107,8 @@ export class View {
   #draw() {
     const { page, job } = this;
     const connected = page.link.state === "open" && !page.link.quiet;
-    const screen = screenOf(job, { connected, may: page.can("render") });
+    const mine = job !== null && (active(job) || job.id === this.followed) ? job : null;
+    const screen = screenOf(mine, { connected, may: page.can("render") });
     const guided = !this.guidance.root.hidden;
     this.asked.hidden = guided;
     this.full.hidden = document.fullscreenElement !== null || screen.kind === "interval";
@@ -112,10 +117,13 @@ export class View {
     this.asked.dataset.kind = screen.kind;
     say(this.title, screen.title);
     say(this.text, screen.text);
-    const before = JSON.stringify([this.shown.buttons, this.shown.number, this.asking]);
-    this.shown = screen;
-    this.asking = this.#question();
-    if (before === JSON.stringify([screen.buttons, screen.number, this.asking])) return;
+    const question = questionOf(job);
+    const same = question === this.question;
+    if (!same) this.answered = false;
+    const before = this.shown;
+    Object.assign(this, { shown: screen, question });
+    this.asked.dataset.question = question;
+    if (same && JSON.stringify(before) === JSON.stringify(screen)) return;
     const buttons = screen.buttons.map(({ answer, label, keys }) => {
       const made = button(label, () => this.#answer(answer));
       made.setAttribute("aria-keyshortcuts", keys.join(" "));
@@ -137,11 +145,6 @@ export class View {
     return form;
   }
 
-  #question() {
-    const { job } = this;
-    return job?.screen == null ? "" : [job.id, job.screen.trial, job.screen.step].join(" ");
-  }
-
   #press(event) {
     if (event.repeat || event.ctrlKey || event.altKey || event.metaKey) return;
     if (event.target instanceof HTMLInputElement) return;
@@ -154,10 +157,15 @@ export class View {
   }
 
   async #answer(answer) {
-    const question = this.#question();
-    if (this.answered === question) return;
-    this.answered = question;
+    const { question } = this;
+    if (this.answered) return;
+    this.answered = true;
     const done = await this.outcome.of(send(this.job, answer), "Not taken");
-    if (done === null && this.answered === question) this.answered = ""; // it may be tried again
+    if (done === null && question === this.question) this.answered = false; // it may be tried again
   }
+}
+
+/** What tells one question from all others; empty where nothing is asked. */
+function questionOf(job) {
+  return job?.screen == null ? "" : [job.id, job.screen.trial, job.screen.step].join(" ");
 }
