@@ -11,7 +11,7 @@ import re
 import secrets
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, Generic, Literal, TypeVar
 
@@ -85,7 +85,9 @@ class JobFolder(Generic[Job]):
         """Return the absolute path of a job's folder."""
         return self._root.absolute() / job
 
-    def add(self, by: str, fields: dict[str, Any]) -> Job:
+    def add(
+        self, by: str, fields: dict[str, Any], files: Mapping[str, bytes] | None = None
+    ) -> Job:
         """Queue a job, and return it.
 
         Parameters
@@ -94,6 +96,8 @@ class JobFolder(Generic[Job]):
             Who asks.
         fields : dict
             Of the document, beyond those of every job.
+        files : mapping of str to bytes or None
+            What else its folder holds, by name.
         """
         now_ns = self._clock_ns()
         began = time.strftime("%Y%m%d-%H%M%S", time.gmtime(now_ns / 1e9))
@@ -107,6 +111,8 @@ class JobFolder(Generic[Job]):
         )
         with self._lock:
             self.folder(job.id).mkdir(parents=True)
+            for name, content in (files or {}).items():
+                replace_file(self.folder(job.id) / name, content)
             self._keep(job)
         return job
 

@@ -1,5 +1,6 @@
 """What an experiment is: a document that a TOML file holds and every log begins with."""
 
+import re
 import tomllib
 from pathlib import Path
 from typing import Annotated, Final, Literal, Self, TypeAlias
@@ -23,6 +24,9 @@ MAX_TABLE: Final = 10_000_000
 MAX_LEVEL: Final = 1e6
 MAX_TRIALS: Final = 10_000
 """Of one condition."""
+_LONG_KEY: Final = re.compile(
+    rb"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){20}"""
+)
 Level = Annotated[FiniteFloat, Field(gt=0.0, le=MAX_LEVEL)]
 Trials = Annotated[int, Field(ge=1, le=MAX_TRIALS)]
 AnyProcedure: TypeAlias = QuestPlus | Staircase | ConstantStimuli
@@ -358,6 +362,8 @@ def parse_protocol(toml: bytes, source: str) -> Protocol:
     ArgumentError
         If it is no protocol; the text says where.
     """
+    if _LONG_KEY.search(toml):  # it would be read for minutes
+        raise ArgumentError(f"{source}: a key of more than 20 parts; no protocol has one")
     try:
         return Protocol.model_validate(tomllib.loads(toml.decode("utf-8-sig")))
     except ValidationError as error:

@@ -145,7 +145,7 @@ async def follow_experiment(
 @router.get(
     "/{experiment}/report",
     dependencies=[Depends(needs("read"))],
-    responses=problems.documented(*_READ),
+    responses=problems.documented(*_WRITE),
 )
 def get_report(
     found: Existing,

@@ -7,17 +7,17 @@ whole of its protocol; and `trials.jsonl`, the log, from which it goes on.
 import secrets
 import time
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
 from frictus.errors import ArgumentError
 from frictus.experiment import Protocol, load_protocol, parse_protocol, ready_protocols
 from frictus.experiment.protocol import ConstantPlan, StaircasePlan
 from frictus.experiment.tasks import Task
-from frictus_service.durable import replace_file
-from frictus_service.errors import UnknownExperimentError
+from frictus_service.errors import JobStateError, UnknownExperimentError
 from frictus_service.job_folder import ACTIVE, FolderJob, JobFolder
 
 FOLDER: Final = "experiments"
@@ -157,6 +157,7 @@ def planned_trials(protocol: Protocol) -> int | None:
     return total
 
 
+@cache
 def ready_list() -> list[ReadyProtocol]:
     """Return the protocols that come with the service."""
     loaded = {name: load_protocol(path) for name, path in ready_protocols().items()}
@@ -202,15 +203,23 @@ class ExperimentStore(JobFolder[ExperimentJob]):
             "task": protocol.task,
             "planned": planned_trials(protocol),
         }
-        job = self.add(by, asked | described)
-        content = protocol.model_dump_json(indent=2).encode()
-        replace_file(self.folder(job.id) / PROTOCOL, content)
-        return job
+        document = protocol.model_dump_json(indent=2).encode()
+        return self.add(by, asked | described, {PROTOCOL: document})
 
     def active_on(self, rig: str) -> ExperimentJob | None:
         """Return the experiment that is queued or runs on a rig; None where there is none."""
         return next((job for job in self.all() if job.rig == rig and job.state in ACTIVE), None)
 
     def protocol(self, experiment: str) -> Protocol:
-        """Return the protocol of an experiment."""
-        return Protocol.model_validate_json((self.folder(experiment) / PROTOCOL).read_bytes())
+        """Return the protocol of an experiment.
+
+        Raises
+        ------
+        JobStateError
+            If its file cannot be read.
+        """
+        path = self.folder(experiment) / PROTOCOL
+        try:
+            return Protocol.model_validate_json(path.read_bytes())
+        except (OSError, ValidationError) as error:
+            raise JobStateError(f"{path} cannot be read: it is torn or no protocol") from error

@@ -124,7 +124,7 @@ def _condition(found: ConditionResult, rows: list[dict[str, Any]]) -> ConditionR
         if row.get("phase") == "main"
         and row.get("status") == "answered"
         and row["condition"] == found.condition
-        and row["positive"] is not None
+        and row.get("positive") is not None
         and row["level_rendered"] > 0.0
     ]
     levels = sorted({level for level, _ in counted})

@@ -170,6 +170,7 @@ def test_a_question_takes_one_answer_that_the_task_has(api: TestClient, rig: Fak
         {"protocol": "../../etc/passwd"},
         {"toml": "name = "},
         {"toml": "[" * 100_000},
+        {"toml": "a." * 90_000 + "a = 1"},
         {"toml": "x" * 200_001},
         {"toml": TOML.replace("0.5 }", "nan }")},
         {"toml": TOML.replace("trials = 6", "trials = 1e400")},
@@ -265,6 +266,28 @@ def test_an_end_says_why_and_it_can_go_on(
     broken = begun(api, rig, who="broken", toml=TOML)
     assert until_end(api, broken) == "failed"
     assert "ZeroDivisionError: in the middle" in api.get(broken).json()["failure"]
+
+
+def test_what_is_damaged_is_said(api: TestClient, rig: FakeRig, tmp_path: Path) -> None:
+    job = begun(api, rig)
+    answer(api, job)
+    screen(api, job, "question")
+    api.delete(job)
+    assert until_end(api, job) == "cancelled"
+    folder = tmp_path / "studies" / "experiments" / job.rpartition("/")[2]
+    log, protocol = folder / "trials.jsonl", folder / "protocol.json"
+    whole = log.read_bytes()
+    log.write_bytes(b"{}\n" + whole)
+    assert api.get(f"{job}/report").json()["code"] == "bad_request"
+    api.post(f"{job}/resume")
+    assert until_end(api, job) == "failed"
+    assert "no header" in api.get(job).json()["failure"]
+    log.write_bytes(whole)
+    protocol.write_bytes(b"{")
+    assert api.get(f"{job}/report").json()["code"] == "wrong_state"
+    api.post(f"{job}/resume")
+    assert until_end(api, job) == "failed"
+    assert "protocol.json cannot be read" in api.get(job).json()["failure"]
 
 
 def test_an_adjustment_has_a_question_for_each_step(api: TestClient, rig: FakeRig) -> None:
