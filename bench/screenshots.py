@@ -223,7 +223,7 @@ def take_experiment(looking: Looking, rig: frictus.Rig) -> None:
         looking.at("participant", rig.name, tall=640, wide=1024) as tablet,
         looking.at("experiment", rig.name, tall=1250) as page,
     ):
-        experiment(page, tablet, rig, trials=30)
+        experiment(page, tablet, rig, trials=24)
         looking.take(tablet, "dashboard_participant.png")
         page.evaluate("scrollTo(0, 0)")
         looking.take(page, "dashboard_experiment.png")

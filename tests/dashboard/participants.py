@@ -18,10 +18,12 @@ RECORD: Final = """() => {
   window.seen = [];
   const asked = document.querySelector("#view-participant .asked");
   const note = () => {
-    const [kind, title] = [asked.dataset.kind, asked.querySelector("h2").textContent];
+    const { kind, question } = asked.dataset;
+    const title = asked.querySelector("h2").textContent;
+    const shown = { kind, title, trial: question.split(" ")[1] };
     const last = window.seen.at(-1);
-    if (last?.kind === kind && last.title === title) return;
-    window.seen.push({ kind, title, utcMs: performance.timeOrigin + performance.now() });
+    if (["kind", "trial", "title"].every((name) => last?.[name] === shown[name])) return;
+    window.seen.push({ ...shown, utcMs: performance.timeOrigin + performance.now() });
   };
   new MutationObserver(note).observe(asked, {
     attributes: true, childList: true, characterData: true, subtree: true,
@@ -29,10 +31,12 @@ RECORD: Final = """() => {
   note();
 }"""
 LAST_TRIAL: Final = """() => {
-  const at = (kind, title) => window.seen.findLast(
-    (each) => each.kind === kind && (title === null || each.title === title)).utcMs;
-  return [at("interval", "1"), at("interval", "2"), at("question", null)];
+  const { trial, utcMs } = window.seen.findLast(({ kind }) => kind === "question");
+  const interval = (number) => window.seen.findLast((each) =>
+    each.trial === trial && each.kind === "interval" && each.title === number)?.utcMs ?? utcMs;
+  return [interval("1"), interval("2"), utcMs];
 }"""
+"""When the page began to show each interval, and the question; at once what it left out."""
 
 
 def asked(page: Page) -> Any:
@@ -73,7 +77,8 @@ def answering(page: Page) -> Iterator[None]:
 class ClickingParticipant:
     """Answers a task of two intervals by what the finger felt while the page showed each.
 
-    Knows what a person knows: what the page says, and the friction at the finger.
+    Knows what a person knows: what the page says, and the friction at the finger. On a machine
+    too busy to show an interval in time it has felt nothing in it; `missed` names such answers.
     """
 
     def __init__(
@@ -81,6 +86,8 @@ class ClickingParticipant:
     ) -> None:
         self.page, self.rig, self.blocks = page, rig, blocks
         self.observer, self.rng = observer, rng
+        self.answers: list[str] = []
+        self.missed: set[int] = set()
         page.evaluate(RECORD)
 
     def answer(self) -> str:
@@ -91,6 +98,7 @@ class ClickingParticipant:
         name = {"1": "First", "2": "Second"}[answer]
         with answering(self.page):
             asked(self.page).get_by_role("button", name=name).click()
+        self.answers.append(answer)
         return answer
 
     def _felt_n(self) -> list[float]:
@@ -101,7 +109,10 @@ class ClickingParticipant:
         felt = []
         for begin, end in ((first, second), (second, question)):
             within = np.flatnonzero((utc_ms >= begin) & (utc_ms < end - MARGIN_MS))
-            assert within.size > 0
+            if within.size == 0:
+                self.missed.add(len(self.answers))
+                felt.append(0.0)
+                continue
             friction = np.concatenate([blocks[i].data[FRICTION_ROW] for i in within])
             felt.append(felt_amplitude(friction.astype(float), blocks[0].sample_rate_hz))
         return felt

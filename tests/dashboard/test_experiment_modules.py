@@ -9,7 +9,7 @@ from tests.dashboard.conftest import OpenPage
 
 from frictus.experiment.tasks import KEYS, Adjustment, Magnitude, SameDifferent, TwoAlternatives
 from frictus.experiment.tasks import YesNo as YesNoTask
-from frictus_service.experiments.job import GO_ON, ExperimentJob, Phase, Screen
+from frictus_service.experiments.job import GO_ON, ExperimentJob, ParticipantScreen, Phase
 from frictus_service.job_folder import State
 
 pytestmark = pytest.mark.browser
@@ -31,10 +31,12 @@ def page(open_page: OpenPage, folder_url: str) -> Iterator[Page]:
 
 def job(state: str = "running", task: Any = TASKS[0], **screen: Any) -> Any:
     """An experiment as the service sends it."""
-    shown = Screen(**{"phase": "question", "trial": 3, "step": 1, "intervals": 2} | screen)
+    shown = ParticipantScreen(
+        **{"phase": "question", "trial": 3, "step": 1, "intervals": 2} | screen
+    )
     made = ExperimentJob(
         id="1-2",
-        state=state,  # type: ignore[arg-type]
+        state=state,
         created_utc_ns=1,
         created_by="local",
         updated_utc_ns=1,

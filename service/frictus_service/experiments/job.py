@@ -71,7 +71,7 @@ class ExperimentSpec(_Strict):
         return load_protocol(ready[self.protocol])
 
 
-class Screen(_Strict):
+class ParticipantScreen(_Strict):
     """What the participant's page shows, and what the experimenter's says of the trial."""
 
     phase: Phase
@@ -101,7 +101,9 @@ class ExperimentJob(FolderJob):
     description: str
     task: Task
     planned: Annotated[int | None, Field(description="Trials that count; null: it depends")]
-    screen: Annotated[Screen | None, Field(description="null: it does not run")] = None
+    screen: Annotated[ParticipantScreen | None, Field(description="null: it does not run")] = (
+        None
+    )
 
 
 class ReadyProtocol(_Strict):

@@ -28,7 +28,7 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Interval(_Strict):
+class IntervalEstimate(_Strict):
     """A value and its 95 % interval."""
 
     value: float
@@ -36,7 +36,7 @@ class Interval(_Strict):
     high: float
 
     @classmethod
-    def of(cls, found: Estimate | None) -> "Interval | None":
+    def of(cls, found: Estimate | None) -> "IntervalEstimate | None":
         """Return an estimate as a page reads it.
 
         Parameters
@@ -47,7 +47,7 @@ class Interval(_Strict):
         return None if found is None else cls(value=found.value, low=found.low, high=found.high)
 
 
-class Point(_Strict):
+class LevelAnswers(_Strict):
     """The answers at a level."""
 
     level: float
@@ -63,9 +63,9 @@ class ConditionReport(_Strict):
     unit: str
     lines: list[str]
     """All of it in words."""
-    threshold: Interval | None
+    threshold: IntervalEstimate | None
     """By the posterior; of adjustments the setting."""
-    points: list[Point]
+    points: list[LevelAnswers]
     curve: list[tuple[float, float]]
     """Levels and probabilities of the fit."""
 
@@ -129,7 +129,7 @@ def _condition(found: ConditionResult, rows: list[dict[str, Any]]) -> ConditionR
     ]
     levels = sorted({level for level, _ in counted})
     points = [
-        Point(
+        LevelAnswers(
             level=level,
             trials=sum(each == level for each, _ in counted),
             positive=sum(bool(yes) for each, yes in counted if each == level),
@@ -142,7 +142,7 @@ def _condition(found: ConditionResult, rows: list[dict[str, Any]]) -> ConditionR
         trials=found.trials,
         unit=found.unit,
         lines=result_lines(found)[1:],  # the first is the name
-        threshold=Interval.of(found.setting if fit is None else fit.threshold),
+        threshold=IntervalEstimate.of(found.setting if fit is None else fit.threshold),
         points=points,
         curve=[] if fit is None else _curve(fit, [*levels, fit.threshold.value]),
     )

@@ -14,8 +14,8 @@ from frictus_service.experiments.job import (
     Answer,
     ExperimentJob,
     Input,
+    ParticipantScreen,
     Phase,
-    Screen,
 )
 
 LOOK_S: Final = 0.05
@@ -31,7 +31,7 @@ def run_experiment(
     client: frictus.Client,
     site: str,
     inputs: "queue.SimpleQueue[Input]",
-    tell: Callable[[Screen], None],
+    tell: Callable[[ParticipantScreen], None],
     cancelled: Callable[[], bool],
 ) -> None:
     """Carry out an experiment to its last trial; what its log holds already is gone on with.
@@ -93,7 +93,7 @@ class PageParticipant:
         self,
         experiment: Experiment,
         inputs: "queue.SimpleQueue[Input]",
-        tell: Callable[[Screen], None],
+        tell: Callable[[ParticipantScreen], None],
         cancelled: Callable[[], bool],
     ) -> None:
         self._experiment, self._inputs = experiment, inputs
@@ -186,7 +186,7 @@ class PageParticipant:
         rows = self._experiment.rows
         counted = [row for row in rows if row.get("phase") == "main" and not row["catch"]]
         self._tell(
-            Screen(
+            ParticipantScreen(
                 phase=phase,
                 trial=trial.number,
                 step=self._step,

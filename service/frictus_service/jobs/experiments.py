@@ -13,12 +13,12 @@ from frictus_service.experiments.job import (
     ExperimentJob,
     ExperimentSpec,
     ExperimentStore,
+    ParticipantScreen,
     Pause,
-    Screen,
 )
 from frictus_service.job_folder import State
 from frictus_service.jobs.folder_jobs import FolderJobs
-from frictus_service.jobs.process import Completed, ExperimentOrder, Said, Shown
+from frictus_service.jobs.process import Completed, ExperimentOrder, Said, ScreenChanged
 
 PRESENT: Final = "frictus_service.experiments.run:run_experiment"
 AT_ONCE: Final = 16
@@ -40,7 +40,7 @@ class Experiments(FolderJobs[ExperimentJob]):
     def __init__(self, config: Config, run: str = PRESENT) -> None:
         self.shelf = ExperimentStore(config.studies)
         self._config, self._run = config, run
-        self._screens: dict[str, Screen] = {}
+        self._screens: dict[str, ParticipantScreen] = {}
         self._shown = 0
         self._starting = threading.Lock()
         super().__init__(self.shelf, AT_ONCE)
@@ -191,13 +191,13 @@ class Experiments(FolderJobs[ExperimentJob]):
         )
 
     def _hear(self, job: str, word: Said) -> None:
-        if isinstance(word, Shown):
+        if isinstance(word, ScreenChanged):
             with self._lock:
                 self._show(job, word.screen)
 
     def _outcome(self, last: Said | None) -> dict[str, Any] | None:
         return {} if isinstance(last, Completed) else None
 
-    def _show(self, experiment: str, screen: Screen) -> None:
+    def _show(self, experiment: str, screen: ParticipantScreen) -> None:
         self._screens[experiment] = screen
         self._shown += 1

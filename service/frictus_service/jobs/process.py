@@ -18,7 +18,7 @@ from frictus_service.discovery.jobs import (
     DiscoveryResult,
     DiscoverySpec,
 )
-from frictus_service.experiments.job import ExperimentJob, Input, Screen
+from frictus_service.experiments.job import ExperimentJob, Input, ParticipantScreen
 
 
 class _Word(BaseModel):
@@ -103,11 +103,11 @@ class Found(_Word):
     result: DiscoveryResult
 
 
-class Shown(_Word):
+class ScreenChanged(_Word):
     """An experiment shows something else."""
 
     kind: Literal["shown"] = "shown"
-    screen: Screen
+    screen: ParticipantScreen
 
 
 class Completed(_Word):
@@ -130,7 +130,7 @@ class Stopped(_Word):
 
 
 Said = Annotated[
-    Moved | Done | Looked | Found | Shown | Completed | Failed | Stopped,
+    Moved | Done | Looked | Found | ScreenChanged | Completed | Failed | Stopped,
     Field(discriminator="kind"),
 ]
 SAID: Final[TypeAdapter[Said]] = TypeAdapter(Said)

@@ -25,7 +25,7 @@ from frictus_service.errors import (
     ExperimentCancelledError,
     ServiceError,
 )
-from frictus_service.experiments.job import Input, Screen
+from frictus_service.experiments.job import Input, ParticipantScreen
 from frictus_service.jobs.process import (
     INPUT,
     ORDER,
@@ -40,7 +40,7 @@ from frictus_service.jobs.process import (
     Moved,
     Order,
     Said,
-    Shown,
+    ScreenChanged,
     Stopped,
 )
 from frictus_service.processes import quiet_numerics
@@ -127,8 +127,8 @@ def _experiment(
     say: Callable[[Said], None],
     cancelled: Callable[[], bool],
 ) -> Said:
-    def tell(screen: Screen) -> None:
-        say(Shown(screen=screen))
+    def tell(screen: ParticipantScreen) -> None:
+        say(ScreenChanged(screen=screen))
 
     with frictus.connect(order.router, order.client, tls=order.tls) as client:
         given = (order.job, order.protocol, order.folder, client, order.site)

@@ -15,7 +15,7 @@ from frictus.experiment import Protocol, Trial
 from frictus.experiment.schedule import Schedule, resumed
 from frictus.experiment.tasks import is_positive
 from frictus.experiment.trial_log import FORMAT, TrialLog
-from frictus_service.experiments.job import LOG, ExperimentJob, Input, Screen
+from frictus_service.experiments.job import LOG, ExperimentJob, Input, ParticipantScreen
 from frictus_service.experiments.run import PageParticipant
 
 EFFECT = {"gain": 1.0}
@@ -43,7 +43,7 @@ def run(
     client: frictus.Client,
     site: str,
     inputs: "queue.SimpleQueue[Input]",
-    tell: Callable[[Screen], None],
+    tell: Callable[[ParticipantScreen], None],
     cancelled: Callable[[], bool],
 ) -> None:
     """Ask what is left of the trials."""
