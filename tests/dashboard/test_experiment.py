@@ -155,7 +155,7 @@ def test_a_threshold_by_clicks_of_who_feels_the_friction(
     )
     lab.status(lambda status: status.state == "armed")
     expect(state(experimenter)).to_have_text("Running")
-    expect(experimenter.locator("#owner")).to_contain_text("experiment-")
+    expect(experimenter.locator("#owner")).to_have_text("Held by an experiment")
     with participant(tablet, lab.rig, OBSERVER, rng) as person:
         press(tablet, "Begin")
         person.answer()  # of practice
