@@ -49,6 +49,8 @@ export class View {
       this.guidance.lose();
     }
     this.rig = rig;
+    const { status } = this.page.state;
+    if (status !== null) this.guidance.setScreen(status.screen_mm);
     if (this.#timers.length === 0) {
       this.#timers.push(setInterval(() => this.#look(), LOOK_MS));
       this.#timers.push(setInterval(() => (this.guidance.look(), this.#draw()), GUIDANCE_MS));
