@@ -34,7 +34,7 @@ from frictus_service.api import (
     studies,
     textures,
 )
-from frictus_service.api.dashboard import conversation, pages
+from frictus_service.api.dashboard import asyncapi, conversation, pages
 from frictus_service.api.dashboard.hub import Hub
 from frictus_service.api.dashboard.messages import MAX_BYTES
 from frictus_service.api.event_stream import Departures
@@ -149,6 +149,7 @@ _PARTS: Final = (
     monitoring,
     pages,
     conversation,
+    asyncapi,
 )
 
 
@@ -213,7 +214,9 @@ def build_app(config: Config, run: str = RUN, discover: str = DISCOVER) -> FastA
     app.mount(pages.PAGE, pages.DashboardFiles(), name="dashboard")
     problems.install(app)
     app.add_middleware(Departures)
-    app.add_middleware(OriginCheck, loopback_only=config.api.loopback)
+    app.add_middleware(
+        OriginCheck, loopback_only=config.api.loopback, allowed=config.api.origins
+    )
     app.add_middleware(Rate, per_s=config.api.max_requests_per_s)
     app.add_middleware(monitoring.CountRequests, metrics=app.state.metrics)
     install(app)

@@ -25,7 +25,9 @@ SECRETS = {name: f"the-{name}-token-of-a-test" for name in TOKENS}
 PATIENCE_S = 20.0
 
 
-def configuration(router: str, folder: Path, tokens: bool) -> Config:
+def configuration(
+    router: str, folder: Path, tokens: bool, origins: tuple[str, ...] = ()
+) -> Config:
     named = tuple(
         Token(name=name, scopes=scopes, value=SECRETS[name]) for name, scopes in TOKENS.items()
     )
@@ -34,7 +36,7 @@ def configuration(router: str, folder: Path, tokens: bool) -> Config:
         textures=folder / "textures",
         studies=folder / "studies",
         registry=RegistryConfig(url=f"sqlite:///{folder / 'registry.db'}"),
-        api=ApiConfig(port=free_port(), tokens=named if tokens else ()),
+        api=ApiConfig(port=free_port(), tokens=named if tokens else (), origins=origins),
     )
 
 

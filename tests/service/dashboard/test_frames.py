@@ -17,7 +17,7 @@ U32, U64 = st.integers(0, 2**32 - 1), st.integers(0, 2**64 - 1)
 def frames(draw: st.DrawFn) -> Frame:
     kind = draw(st.sampled_from(Kind))
     channels, columns = draw(st.integers(1, 5)), draw(st.integers(0, 30))
-    shape = (channels, columns) if kind == Kind.RAW else (channels, 2, columns)
+    shape = (channels, 2, columns) if kind == Kind.EXTREMES else (channels, columns)
     data = np.random.default_rng(draw(U32)).normal(size=shape).astype(np.float32)
     return Frame(
         stream=draw(st.integers(1, 5)),
