@@ -5,13 +5,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pytest
-from tests.service.dashboard.page import configuration, serving
-
-from frictus_hardware import SimulatedConfig
-from frictus_hardware.simulated.guided import ClientFinger
-from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
-from frictus_service.daemon.supervisor import Supervisor
-from frictus_service.processes import free_endpoint
+from tests.service.dashboard.page import configuration, rig_that_follows_pages, serving
 
 Serve = Callable[..., AbstractContextManager[int]]
 
@@ -31,15 +25,7 @@ def serve(tmp_path: Path) -> Serve:
 @pytest.fixture(scope="module")
 def router() -> Iterator[str]:
     """A rig whose finger follows pages."""
-    endpoint = free_endpoint()
-    config = Config(
-        backend=SimulatedConfig(finger=ClientFinger(smoothing_hz=50.0)),
-        router=RouterConfig(endpoint=endpoint),
-        api=ApiConfig(enabled=False),
-        limits=Limits(freeze_ms=5_000, missed_deadlines=1_000),  # for busy machines
-    )
-    with Supervisor(config, ("rig",)) as supervisor:
-        supervisor.wait_ready(100.0)
+    with rig_that_follows_pages() as endpoint:
         yield endpoint
 
 

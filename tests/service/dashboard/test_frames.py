@@ -81,7 +81,7 @@ def test_what_does_not_fit_is_refused() -> None:
 
 
 def test_the_frame_in_the_docs() -> None:
-    docs = (Path(__file__).parents[3] / "docs" / "live.md").read_text(encoding="utf-8")
+    docs = (Path(__file__).parents[3] / "docs" / "websocket.md").read_text(encoding="utf-8")
     worked = next(part for part in docs.split("```") if part.startswith("\n01 00"))
     frame = Frame.unpack(bytes.fromhex(worked))
     assert (frame.stream, frame.run, frame.first_sample, frame.next_sample) == (1, 7, 400, 480)

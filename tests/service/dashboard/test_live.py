@@ -20,7 +20,7 @@ from frictus.messages import EstimateState
 from frictus.session import declare_latest_publisher
 from frictus_service.api.dashboard.frames import Frame, Kind
 
-DOCS = Path(__file__).parents[3] / "docs" / "live.md"
+DOCS = Path(__file__).parents[3] / "docs" / "websocket.md"
 NAMES = {topic.suffix.removeprefix("stream/"): number for number, topic in STREAMS.items()}
 
 

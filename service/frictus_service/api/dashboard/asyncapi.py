@@ -5,6 +5,7 @@ https://www.asyncapi.com/docs/reference/specification/v3.0.0.
 """
 
 import json
+import re
 import sys
 from collections.abc import Iterable
 from typing import Any, Final, get_args
@@ -79,11 +80,14 @@ def _schemas() -> dict[str, Any]:
         ref_template="#/components/schemas/{model}",
     )
     schemas: dict[str, Any] = page["$defs"]
-    for kind in TOLD:
-        schemas[kind.__name__]["required"] = list(schemas[kind.__name__]["properties"])
-    for kind in get_args(Asked):
-        required = schemas[kind.__name__].setdefault("required", [])
-        required += ["op"] * ("op" not in required)
+    read = _reachable([kind.__name__ for kind in get_args(Asked)], schemas)
+    for name, schema in schemas.items():
+        properties, required = schema["properties"], schema.get("required", [])
+        if name in read:  # tags have a default in the code, none on the wire
+            required += [tag for tag, part in properties.items() if "const" in part]
+        else:  # the service leaves nothing out
+            required += properties
+        schema["required"] = list(dict.fromkeys(required))
     for op, topic in VALUES.items():
         schemas[_of_rig(op)] = {
             "title": _of_rig(op),
@@ -97,6 +101,16 @@ def _schemas() -> dict[str, Any]:
             "required": ["op", "rig", op],
         }
     return {name: _in_draft_07(schema) for name, schema in schemas.items()}
+
+
+def _reachable(names: list[str], schemas: dict[str, Any]) -> set[str]:
+    """Return the names of schemas, and of those that they refer to."""
+    found: set[str] = set()
+    while names:
+        if (name := names.pop()) not in found:
+            found.add(name)
+            names += re.findall(r'"#/components/schemas/(\w+)"', json.dumps(schemas[name]))
+    return found
 
 
 def _in_draft_07(schema: Any) -> Any:

@@ -1,4 +1,4 @@
-"""One stream for one viewer: blocks in, decimated, binary frames out; `docs/live.md`."""
+"""One stream for one viewer: blocks in, decimated, binary frames out; `docs/websocket.md`."""
 
 import math
 import struct
