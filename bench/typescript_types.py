@@ -32,7 +32,7 @@ def type_of(schema: dict[str, Any]) -> str:
         case "integer" | "number":
             return "number"
         case "string" | "boolean" | "null" as simple:
-            return simple
+            return str(simple)
         case "array" if isinstance(schema.get("items"), list):
             return f"[{', '.join(type_of(item) for item in schema['items'])}]"
         case "array":

@@ -2,11 +2,14 @@
 
 import importlib.util
 import json
+import re
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+import websockets.sync.server
 from tests.service.dashboard.page import (
     SECRETS,
     configuration,
@@ -14,6 +17,7 @@ from tests.service.dashboard.page import (
     serving,
 )
 from tests.typescript.package import SOURCE, package, run
+from websockets.sync.server import ServerConnection
 
 from frictus.protocol import EXAMPLE_FRAME
 
@@ -97,3 +101,45 @@ def test_its_figures_can_be_measured(port: int) -> None:
     figures = json.loads(told)
     assert figures["samples"] > 2 * 2 * 10_000
     assert figures["states"] > 200
+
+
+WELCOME = json.dumps({"op": "welcome", "protocol": "1.1", "client": "x", "utc_us": 1})
+LISTEN = """
+import { connect } from "./build/src/index.js";
+try {
+  const client = await connect(process.argv[2]);
+  console.log("closed:", await client.closed);
+} catch (error) {
+  console.log(`${error.constructor.name}:`, error.message);
+}
+"""
+
+
+@pytest.mark.parametrize(
+    ("sent", "why"),
+    [
+        (["{"], "ClosedError: .* sent no JSON"),
+        ([b"binary"], "ClosedError: .* sent no JSON"),
+        (['{"op": "rigs"}'], "ClosedError: .* does not welcome"),
+        (['{"op": "welcome"}'], "ClosedError: .* speaks 1.0"),
+        ([WELCOME, "{"], "closed: .* cannot be read"),
+        ([WELCOME, b"short"], "closed: .* cannot be read: 5 bytes"),
+        ([WELCOME, b"\x02" + bytes(55)], "closed: .* frame version 2"),
+        ([WELCOME], "closed: "),
+    ],
+)
+def test_a_service_that_sends_nonsense_is_left(sent: list[str | bytes], why: str) -> None:
+    def serve(connection: ServerConnection) -> None:
+        connection.recv()
+        for message in sent:
+            connection.send(message)
+
+    (package() / "listen.mjs").write_text(LISTEN, encoding="utf-8")
+    with websockets.sync.server.serve(serve, "127.0.0.1", 0) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        url = f"ws://127.0.0.1:{server.socket.getsockname()[1]}"
+        told = run("node", "--experimental-websocket", "listen.mjs", url, folder=package())
+        server.shutdown()
+        thread.join()
+    assert re.match(why, told), told

@@ -119,12 +119,17 @@ export class Connection {
 
   #hear(data: string | ArrayBuffer): void {
     this.#heardMs = performance.now();
-    if (typeof data !== "string") {
-      const frame = decode(data);
-      if (frame !== null) this.#emit("states" in frame ? "fingers" : "samples", frame as never);
+    let heard: ReturnType<typeof read>;
+    try {
+      heard = read(data);
+    } catch (error) {
+      this.#lose(`the service sent what cannot be read: ${(error as Error).message}`);
       return;
     }
-    const told = JSON.parse(data) as Told;
+    if (heard === null) return;
+    if ("states" in heard) return this.#emit("fingers", heard);
+    if ("samplesPerColumn" in heard) return this.#emit("samples", heard);
+    const told = heard;
     if (told.op === "pong") this.#readClock(told.utc_us);
     const waiting = "id" in told && told.id !== null ? this.#waiting.get(told.id) : undefined;
     if (told.op === "refused") {
@@ -185,24 +190,38 @@ export async function open(url: string, options: ConnectOptions = {}): Promise<C
   }
 }
 
-function welcomed(socket: WebSocket, token: string | null): Promise<Welcome> {
-  return new Promise((resolve, reject) => {
+async function welcomed(socket: WebSocket, token: string | null): Promise<Welcome> {
+  let due: ReturnType<typeof setTimeout> | undefined;
+  const welcome = new Promise<Welcome>((resolve, reject) => {
     const fail = (reason: string) => reject(new ClosedError(reason));
-    const due = setTimeout(() => fail(`no welcome from ${socket.url}`), WELCOME_MS);
+    due = setTimeout(() => fail(`no welcome from ${socket.url}`), WELCOME_MS);
     socket.onopen = () => socket.send(JSON.stringify({ op: "hello", version: 1, token }));
     socket.onerror = () => fail(`no connection to ${socket.url}: is the service there?`);
     socket.onclose = (event) => fail(event.reason || `${socket.url} has closed the connection`);
     socket.onmessage = (event) => {
-      const told = JSON.parse(event.data as string) as Told;
-      if (told.op === "refused") reject(new RefusedError(told.code, told.message));
-      if (told.op !== "welcome") return;
-      clearTimeout(due);
+      let told: Told;
+      try {
+        told = JSON.parse(event.data as string) as Told;
+      } catch {
+        return fail(`${socket.url} sent no JSON: is it frictus?`);
+      }
+      if (told.op === "refused") return reject(new RefusedError(told.code, told.message));
+      if (told.op !== "welcome") return fail(`${socket.url} does not welcome: it sent ${told.op}`);
       socket.onerror = null; // a close follows each error
       const [major, minor] = (told.protocol ?? "1.0").split(".").map(Number);
       if (major === 1 && minor! >= PROTOCOL_MINOR) resolve(told);
       else fail(`the service speaks ${told.protocol ?? "1.0"}, this client 1.1: update it`);
     };
   });
+  try {
+    return await welcome;
+  } finally {
+    clearTimeout(due);
+  }
+}
+
+function read(data: string | ArrayBuffer): Told | ReturnType<typeof decode> {
+  return typeof data === "string" ? (JSON.parse(data) as Told) : decode(data);
 }
 
 function ownUs(): number {

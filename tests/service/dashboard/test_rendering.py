@@ -32,7 +32,7 @@ PEAK_N = 0.05
 
 
 def update(ticket: int, sequence: int = 0, *, age_ms: float = 0.0, **fields: Any) -> bytes:
-    values = {
+    values: dict[str, Any] = {
         "ttl_ms": 500,
         "period": 2.0,
         "spatial": True,

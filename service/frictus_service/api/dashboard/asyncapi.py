@@ -4,6 +4,7 @@
 https://www.asyncapi.com/docs/reference/specification/v3.0.0.
 """
 
+import functools
 import json
 import re
 import sys
@@ -189,8 +190,9 @@ def document() -> dict[str, Any]:
     }
 
 
+@functools.cache
 def text() -> str:
-    """Return the document as the docs keep it."""
+    """Return the document as the docs keep it; made once."""
     return json.dumps(document(), indent=1, ensure_ascii=False) + "\n"
 
 

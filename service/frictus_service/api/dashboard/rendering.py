@@ -264,5 +264,6 @@ class Rendering:
             if self._opened is opened:
                 await self._tell((await self._end(str(error))).model_dump_json())
         except FAULTS as error:
-            refused = Refused(what="update", code=code_of(error), message=str(error))
-            await self._tell(refused.model_dump_json())
+            if self._opened is opened:  # else it was closed meanwhile
+                refused = Refused(what="update", code=code_of(error), message=str(error))
+                await self._tell(refused.model_dump_json())
