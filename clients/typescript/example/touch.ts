@@ -13,6 +13,7 @@ function element<T extends HTMLElement>(id: string): T {
 const screen = element<HTMLCanvasElement>("screen");
 const felt = element<HTMLCanvasElement>("felt");
 const ridge = element<HTMLInputElement>("ridge");
+const ridges = document.createElement("canvas");
 let client: Client | null = null;
 let rig: Rig | null = null;
 let stream: TextureStream | null = null;
@@ -54,6 +55,7 @@ async function play(): Promise<void> {
   void opened.closed.then((reason) => opened === client && say(`Closed: ${reason}.`));
   rig.watch({ streams: ["force"], samplesPerColumn: 100, fingers: true });
   sizeMm = (await rig.status()).screen_mm;
+  paintRidges();
   const lease = await rig.arm();
   void lease.ended.then((reason) => reason && say(`Stopped: ${reason}.`));
   stream = await rig.openStream(PEAK_N);
@@ -61,16 +63,23 @@ async function play(): Promise<void> {
   say("Playing: move the pointer over the ridges.");
 }
 
+/** Paint one row of ridges, which is stretched over the screen: only when they have changed. */
+function paintRidges(): void {
+  ridges.width = screen.width;
+  ridges.height = 1;
+  const row = ridges.getContext("2d")!;
+  const periodPixels = (Number(ridge.value) * screen.width) / sizeMm[0];
+  for (let x = 0; x < screen.width; x++) {
+    const grey = Math.round(170 + 60 * Math.cos((2 * Math.PI * x) / periodPixels));
+    row.fillStyle = `rgb(${grey} ${grey} ${grey})`;
+    row.fillRect(x, 0, 1, 1);
+  }
+}
+
 function draw(): void {
   const picture = screen.getContext("2d")!;
   const pixelsPerMm = screen.width / sizeMm[0];
-  const periodMm = Number(ridge.value);
-  for (let x = 0; x < screen.width; x++) {
-    const phase = (2 * Math.PI * x) / pixelsPerMm / periodMm;
-    const grey = Math.round(170 + 60 * Math.cos(phase));
-    picture.fillStyle = `rgb(${grey} ${grey} ${grey})`;
-    picture.fillRect(x, 0, 1, screen.height);
-  }
+  picture.drawImage(ridges, 0, 0, screen.width, screen.height);
   if (finger?.inContact) {
     picture.fillStyle = "#b00";
     picture.beginPath();
@@ -92,7 +101,10 @@ element<HTMLFormElement>("form").addEventListener("submit", (event) => {
   event.preventDefault();
   play().catch((error: Error) => say(`It does not play: ${error.message}.`));
 });
-ridge.addEventListener("input", sendTexture);
+ridge.addEventListener("input", () => {
+  paintRidges();
+  sendTexture();
+});
 screen.addEventListener("pointermove", (event) => {
   const box = screen.getBoundingClientRect();
   const mmPerPixel = sizeMm[0] / box.width;
@@ -100,4 +112,5 @@ screen.addEventListener("pointermove", (event) => {
 });
 screen.addEventListener("pointerleave", () => rig?.point(0, 0, { inContact: false }));
 window.addEventListener("pagehide", () => client?.close());
+paintRidges();
 draw();
