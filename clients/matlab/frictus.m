@@ -1,20 +1,20 @@
 classdef frictus < handle
   % FRICTUS  Rigs from MATLAB and Octave, over the WebSocket /v1/live and HTTP.
   %
-  %   f = frictus("127.0.0.1", 8420);           % a token as third argument, where one is needed
-  %   f.watch("rig1", {"force", "accel"});      % raw samples, and every state of the finger
-  %   f.arm("rig1");
-  %   f.open_stream("rig1", 0.05);              % N: the largest friction that will be sent
+  %   f = frictus('127.0.0.1', 8420);           % a token as third argument, where one is needed
+  %   f.watch('rig1', {'force', 'accel'});      % raw samples, and every state of the finger
+  %   f.arm('rig1');
+  %   f.open_stream('rig1', 0.05);              % N: the largest friction that will be sent
   %   f.send(0.04 * cos(2 * pi * (0:63) / 64), 2.0);   % one period, over 2 mm
   %   got = f.read(1.0);                        % got.force.data: channels x samples; got.finger
-  %   f.disarm("rig1");
+  %   f.disarm('rig1');
   %   status = f.newest.status;                 % of every message the newest
-  %   rigs = f.http("GET", "/v1/rigs");
+  %   rigs = f.http('GET', '/v1/rigs');
   %   f.close();                                % disarms
   %
   % While a rig is armed call `read` at least every 3 s, or as often as `arm` was told: the rig is
   % given back when nothing is sent for so long, and `read` pings. Errors have the identifier
-  % "frictus:CODE", such as "frictus:not_owner". Octave needs the package instrument-control.
+  % 'frictus:CODE', such as 'frictus:not_owner'. Octave needs the package instrument-control.
   % What messages mean: docs/websocket.md.
 
   properties (SetAccess = private)

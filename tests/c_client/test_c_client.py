@@ -23,6 +23,7 @@ from tests.service.dashboard.page import (
 
 from frictus_service.api.dashboard.frames import Frame, Kind
 
+pytestmark = pytest.mark.timeout(300)
 SOURCE = Path(__file__).parents[2] / "clients" / "c"
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Werror")
 WELCOME = {"op": "welcome", "protocol": "1.1", "client": "x.page-1", "utc_us": 1.7e15}

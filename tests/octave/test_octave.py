@@ -18,6 +18,7 @@ from tests.service.dashboard.page import (
     serving,
 )
 
+pytestmark = pytest.mark.timeout(300)
 SOURCE = Path(__file__).parents[2] / "clients" / "matlab"
 HOW = "`apt-get install octave octave-instrument-control` brings it"
 

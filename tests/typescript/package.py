@@ -24,7 +24,7 @@ def run(*command: str, folder: Path, **env: str) -> str:
         capture_output=True,
         text=True,
         encoding="utf-8",
-        timeout=110.0,
+        timeout=200.0,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout

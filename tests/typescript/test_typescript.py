@@ -21,6 +21,7 @@ from websockets.sync.server import ServerConnection
 
 from frictus.protocol import EXAMPLE_FRAME
 
+pytestmark = pytest.mark.timeout(300)  # the first installs, and compiles
 ROOT = Path(__file__).parents[2]
 
 

@@ -3,7 +3,7 @@
 import { connect, type Client, type FingerState, type Rig, type TextureStream } from "../src/index.js";
 
 const PEAK_N = 0.06;
-const SPAN_N = 0.5;
+const SPAN_N = 0.8;
 const COLUMNS = 400;
 
 function element<T extends HTMLElement>(id: string): T {

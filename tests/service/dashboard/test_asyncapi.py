@@ -13,6 +13,7 @@ from tests.typescript.package import node_modules
 from frictus_service.api.dashboard.asyncapi import ANSWERS, TOLD, document, text
 from frictus_service.api.dashboard.messages import Asked, Watch
 
+pytestmark = pytest.mark.timeout(300)  # the first installs what AsyncAPI's schema is in
 DOCS = Path(__file__).parents[3] / "docs" / "asyncapi.json"
 
 
