@@ -153,7 +153,8 @@ def test_a_stream_is_felt_and_its_updates_are_counted(port: int) -> None:
         assert closed["expired"] + closed["superseded"] == 2
         assert closed["id"] == 4
         told = page.wait("status", lambda told: not told["status"]["stream_open"])
-        assert told["status"]["counters"]["stream_updates"] == before + 20
+        # Of two that reach a busy rig at once the newer wins there, too.
+        assert before < told["status"]["counters"]["stream_updates"] <= before + 20
         page.connection.send(update(ticket, 22))  # of a stream that has ended: no fault
         page.say("ping", id=1)
         page.wait("pong")
