@@ -27,12 +27,18 @@ def page(open_page: OpenPage, folder_url: str) -> Iterator[Page]:
 
 
 def packed(
-    data: np.ndarray[Any, Any], lost: int = 0, per_column: int = 80, run: int = 7
+    data: np.ndarray[Any, Any],
+    lost: int = 0,
+    per_column: int = 80,
+    run: int = 7,
+    first_sample: int = 1_000,
 ) -> Any:
     """Return a min/max frame of `force`; data of shape (channels, 2, columns)."""
     channels, _, columns = data.shape
     header = struct.pack(
-        "<HHHHIIQQdII8x", 1, 1, channels, 64, run, columns, 1_000, lost, RATE_HZ, per_column, 1
+        "<HHHHIIQQdII8x",
+        *(1, 1, channels, 64, run, columns),
+        *(first_sample, lost, RATE_HZ, per_column, 1),
     )
     return list(header + data.astype("<f4").tobytes())
 
@@ -321,37 +327,115 @@ def test_losses_are_news_only_where_a_counter_grew(page: Page) -> None:
     assert got == [[], [{"name": "underruns", "grown": 2}], ["underruns"], [], [], []]
 
 
-WINDOW = """async (frames) => {
+HISTORY = """async ([frames, capacity, from, merged, pairs]) => {
   const { decode } = await import("/frames.js");
-  const { ColumnWindow } = await import("/window.js");
-  const kept = new ColumnWindow(6, 2);
+  const { History } = await import("/history.js");
+  const kept = new History(capacity);
   for (const bytes of frames) kept.push(decode(new Uint8Array(bytes).buffer));
-  const { values, samples, lost } = kept;
-  return { values, samples, lost, extent: kept.extent(0) };
+  const line = new Array(2 * pairs).fill(0);
+  kept.fill(line, 0, from, merged);
+  const { samples, lost, end, endS } = kept;
+  return { line, samples, lost, end, endS };
 }"""
 
 
-def test_window_keeps_the_newest_columns_and_shows_gaps(
-    page: Page, rng: np.random.Generator
-) -> None:
-    first, second = rng.normal(size=(2, 1, 2, 3)).astype(np.float32)
-    got = page.evaluate(WINDOW, [packed(first), packed(second, lost=160)])
-    # Two columns are lost: of the first frame only its last one is left.
-    expected = [*first[0, :, 2], None, None, None, None, *second[0].T.ravel()]
-    assert got["values"][0] == [None if v is None else float(v) for v in expected]
-    assert (got["samples"], got["lost"]) == (480, 160)
-    left = np.concatenate((first[0, :, 2], second.ravel()))
-    assert got["extent"] == [float(left.min()), float(left.max())]
+def columns(rng: np.random.Generator, count: int) -> np.ndarray[Any, Any]:
+    """Return least and greatest values of one channel, shape (1, 2, count)."""
+    return np.sort(rng.normal(size=(1, 2, count)).astype(np.float32), axis=1)
 
 
-def test_window_takes_frames_longer_than_itself_and_forgets_a_former_run(
+def test_history_keeps_each_column_at_its_own_time(
     page: Page, rng: np.random.Generator
 ) -> None:
-    former, long = rng.normal(size=(1, 2, 3)), rng.normal(size=(1, 2, 10)).astype(np.float32)
-    got = page.evaluate(WINDOW, [packed(former, run=1), packed(long, run=2)])
-    assert got["values"][0] == [float(v) for v in long[0, :, 4:].T.ravel()]
-    got = page.evaluate(WINDOW, [packed(long, run=1), packed(former, run=2)])
-    assert got["values"][0][:6] == [None] * 6
+    first, second = columns(rng, 3), columns(rng, 3)
+    later = packed(second, lost=160, first_sample=1_000 + (3 + 2) * 80)  # two columns are lost
+    got = page.evaluate(HISTORY, [[packed(first), later], 6, 12, 1, 8])
+    # Column 12 begins before sample 1000; six columns are kept, of them one of the first frame.
+    expected = [None] * 4 + [*first[0, :, 2]] + [None] * 4 + [*second[0].T.ravel()]
+    assert got["line"] == [None if v is None else float(v) for v in expected]
+    assert (got["samples"], got["lost"], got["end"]) == (480, 160, 20)
+    assert got["endS"] == pytest.approx(20 * 80 / RATE_HZ)
+
+
+def test_history_merges_columns_without_losing_an_extreme(
+    page: Page, rng: np.random.Generator
+) -> None:
+    long = columns(rng, 40)
+    got = page.evaluate(HISTORY, [[packed(long)], 100, 12, 8, 6])
+    low, high = (row.reshape(5, 8) for row in long[0])
+    expected = np.ravel((low.min(axis=1), high.max(axis=1)), "F")
+    assert got["line"] == [*(float(v) for v in expected), None, None]
+
+
+def test_history_takes_frames_longer_than_itself_and_forgets_a_former_run(
+    page: Page, rng: np.random.Generator
+) -> None:
+    former, long = columns(rng, 3), columns(rng, 10)
+    got = page.evaluate(HISTORY, [[packed(former, run=1), packed(long, run=2)], 6, 16, 1, 6])
+    assert got["line"] == [float(v) for v in long[0, :, 4:].T.ravel()]
+    got = page.evaluate(HISTORY, [[packed(long, run=1), packed(former, run=2)], 6, 12, 1, 6])
+    assert got["line"][6:] == [None] * 6
+
+
+def test_history_is_not_spoilt_by_what_is_too_late_for_it(
+    page: Page, rng: np.random.Generator
+) -> None:
+    late, long = columns(rng, 3), columns(rng, 6)
+    newest = packed(long, first_sample=80_000)
+    got = page.evaluate(HISTORY, [[newest, packed(late)], 6, 1_000, 1, 6])
+    assert got["line"] == [float(v) for v in long[0].T.ravel()]
+
+
+def test_the_axis_of_time_moves_stands_and_stays_within_what_is_kept(page: Page) -> None:
+    got = page.evaluate(
+        """async () => {
+          const { TimeAxis } = await import("/time_axis.js");
+          const axis = new TimeAxis();
+          const seen = [];
+          const note = () => seen.push([axis.live, ...axis.range.map((s) => +s.toFixed(6))]);
+          axis.advance(1000); note();
+          axis.show(10); note();
+          axis.look([-4, -3.5]); note();
+          axis.advance(1003); note();        // time goes on, what is shown stands
+          axis.show(1); note();              // around the same middle
+          axis.look([5, 900]); note();       // no more than there is
+          axis.look([-900, -899]); note();
+          axis.look([-7, -7]); note();       // never nothing
+          axis.resume(); note();
+          axis.pause(); note();
+          axis.advance(5); note();           // another run of the rig
+          return seen;
+        }"""
+    )
+    assert got == [
+        [True, -2, 0],
+        [True, -10, 0],
+        [False, -4, -3.5],
+        [False, -4, -3.5],
+        [False, -4.25, -3.25],
+        [False, -600, 0],
+        [False, -600, -599],
+        [False, -7.02, -7],
+        [True, -2, 0],
+        [False, -2, 0],
+        [True, -2, 0],
+    ]
+
+
+def test_spectrogram_has_a_tone_where_and_as_strong_as_it_is(page: Page) -> None:
+    time_s = np.arange(1_024) / RATE_HZ
+    bin_hz = RATE_HZ / 1_024
+    tone = 0.4 + 0.03 * np.sqrt(2.0) * np.sin(2.0 * np.pi * 12.0 * bin_hz * time_s)
+    got = page.evaluate(
+        """async (samples) => {
+          const { levels } = await import("/spectrogram.js");
+          return [...levels(Float64Array.from(samples))];
+        }""",
+        tone.tolist(),
+    )
+    assert int(np.argmax(got)) == 12
+    assert got[12] == pytest.approx(20.0 * np.log10(0.03), abs=0.01)
+    assert max(got[:10] + got[15:]) < -100.0  # neither its mean nor its ends are there
 
 
 def test_envelope_paints_from_the_least_to_the_greatest_value_and_leaves_gaps(

@@ -1,4 +1,4 @@
-/** Save what the service serves as a file: a link could not present the token. */
+/** Save as a file what the service serves, since a link could not present the token, or the page has. */
 
 import { send } from "./api.js";
 import { element } from "./element.js";
@@ -15,7 +15,15 @@ const KEPT_MS = 60_000;
  */
 export async function save(path, name, options = {}) {
   const answer = await send("GET", path, options);
-  const url = URL.createObjectURL(await answer.blob());
+  saveBlob(await answer.blob(), name);
+}
+
+/**
+ * @param {Blob} blob
+ * @param {string} name of the file
+ */
+export function saveBlob(blob, name) {
+  const url = URL.createObjectURL(blob);
   element("a", { href: url, download: name }).click();
   setTimeout(() => URL.revokeObjectURL(url), KEPT_MS);
 }

@@ -4,9 +4,13 @@ import { at, element, say } from "./element.js";
 import { clock } from "./strip_state.js";
 
 export class EventList {
-  /** @param {import("./event_log.js").EventLog} log */
-  constructor(log) {
+  /**
+   * @param {import("./event_log.js").EventLog} log
+   * @param {(ns: number) => void} look shows what was measured then
+   */
+  constructor(log, look) {
     this.log = log;
+    this.look = look;
     this.shown = -1;
     this.of = null;
   }
@@ -19,11 +23,14 @@ export class EventList {
     const { entries } = this.log;
     const none = "Nothing yet: events are kept from when this page shows the rig, while it is open.";
     say(at("events-note"), entries.length === 0 ? none : "The newest first");
-    at("events-list").replaceChildren(...entries.map(line));
+    at("events-list").replaceChildren(...entries.map((entry) => this.#line(entry)));
   }
-}
 
-function line({ ns, what, who, kind, more = "" }) {
-  const by = who === "" ? [] : [element("span", { class: "by" }, ` by ${who}`)];
-  return element("li", { "data-kind": kind }, element("time", {}, clock(ns)), ` ${what}`, ...by, more);
+  #line({ ns, what, who, kind, more = "" }) {
+    const by = who === "" ? [] : [element("span", { class: "by" }, ` by ${who}`)];
+    const time = element("time", {}, clock(ns));
+    const show = element("button", { type: "button", title: "What was measured then" }, time);
+    show.addEventListener("click", () => this.look(ns));
+    return element("li", { "data-kind": kind }, show, ` ${what}`, ...by, more);
+  }
 }

@@ -6,6 +6,7 @@ import { decode } from "./frames.js";
 import { Hearing } from "./hearing.js";
 import { Levels } from "./levels.js";
 import { Link } from "./link.js";
+import { Spectrogram } from "./spectrogram.js";
 import { untold } from "./target.js";
 import { token } from "./token.js";
 
@@ -18,6 +19,7 @@ export class Listening {
     this.state = state;
     this.felt = new Felt();
     this.levels = new Levels(root);
+    this.spectrogram = new Spectrogram(at("spectrogram"));
     this.hearing = new Hearing();
     this.link = null;
     this.rig = null;
@@ -34,22 +36,29 @@ export class Listening {
   open(rig) {
     this.rig = rig;
     this.felt.clear();
+    this.spectrogram.clear();
     this.link?.end();
     this.link = null;
   }
 
   redraw() {
     this.levels.redraw();
+    this.spectrogram.redraw();
+  }
+
+  draw() {
+    this.spectrogram.draw();
   }
 
   /** Bring chart and words up to date; connect and disconnect as need be. */
   tell() {
     const { status, scene, model } = this.state();
     const known = status !== null && status.simulated;
-    at("hearing").hidden = !known;
+    at("hearing").hidden = at("spectrogram").hidden = !known;
     const looked = this.shown && (this.visible || this.followed) && !document.hidden;
     this.#connect(known && (this.hearing.on || looked));
     say(at("spectrum-note"), this.#note(status, scene));
+    this.spectrogram.tell();
     this.levels.show(known ? this.felt.spectra : null, model?.model.base ?? null);
   }
 
@@ -77,6 +86,7 @@ export class Listening {
 
   #take(frame) {
     this.hearing.push(frame);
+    this.spectrogram.push(frame);
     const { status, scene } = this.state();
     if (status?.state !== "armed" || scene === null) return;
     const { mode, speed_mm_s } = status.compensation;

@@ -18,9 +18,11 @@ import { Recorder } from "./recordings/recorder.js";
 import { Strip } from "./strip.js";
 import { stripStateOf } from "./strip_state.js";
 import { Surface } from "./surface.js";
-import { COLUMNS, STREAMS, Traces, WINDOW_S } from "./traces.js";
+import { STREAMS, Traces } from "./traces.js";
 
 const WORDS_MS = 1_000;
+/** Columns of 4 ms, as the traces keep them. */
+const COLUMNS = { columns: 500, window_s: 2.0 };
 /** A rig tells its status every second: longer without any word, it is silent. */
 const SILENT_MS = 1_700;
 const CALM = matchMedia("(prefers-reduced-motion: reduce)");
@@ -33,7 +35,7 @@ export class Live {
   constructor(link) {
     this.link = link;
     this.surface = new Surface(at("surface"));
-    this.traces = new Traces(at("traces"));
+    this.traces = new Traces(at("traces"), () => this.#happened());
     this.flags = new HeldFlags();
     this.losses = new LoopLosses();
     this.strip = new Strip();
@@ -43,7 +45,7 @@ export class Live {
     this.compensation = new Compensation();
     this.estimates = new EstimateLog();
     this.events = new EventLog();
-    this.eventList = new EventList(this.events);
+    this.eventList = new EventList(this.events, (ns) => this.#lookAt(ns));
     this.pointing = new Pointing(this.surface, (message) => link.send(message));
     this.listening = new Listening(at("spectrum"), () => this.state);
     this.drawnMs = this.toldMs = this.stripMs = -Infinity;
@@ -64,9 +66,13 @@ export class Live {
     this.recordingMs = -Infinity;
     /** UTC since when the rig is held by its owner; null: since before this page came. */
     this.heldNs = null;
+    /** A sample and when it was taken: the newest finger's. */
+    this.timed = { sample: NaN, utc_ns: NaN };
+    this.rateHz = NaN;
     this.estimates.clear();
     this.losses.clear();
     this.events.clear();
+    this.traces.open(rig);
     this.heardMs = -Infinity;
     this.present = false;
     this.#watch();
@@ -88,8 +94,7 @@ export class Live {
       rig: this.rig,
       streams: this.rig === null || !this.shown ? [] : STREAMS,
       rate_hz: 60,
-      columns: COLUMNS,
-      window_s: WINDOW_S,
+      ...COLUMNS,
       raw: false,
     });
   }
@@ -139,6 +144,7 @@ export class Live {
   take(buffer) {
     const frame = decode(buffer);
     this.heardMs = performance.now();
+    this.rateHz = frame.sampleRateHz;
     this.traces.push(frame);
     this.flags.note(frame.flags, this.heardMs);
   }
@@ -157,6 +163,25 @@ export class Live {
       if (before?.utc_ns !== after.utc_ns) this.recordingMs = nowMs;
       this.events.takeRecording(before, after);
     }
+  }
+
+  /** When something was, s since the device's first sample; NaN while that is not known. */
+  #deviceS(ns) {
+    const { sample, utc_ns: then } = this.timed;
+    return sample / this.rateHz + (ns - then) / 1e9;
+  }
+
+  #happened() {
+    return this.events.entries.map(({ ns, kind }) => ({ atS: this.#deviceS(ns), kind }));
+  }
+
+  /** Show the traces as they were. */
+  #lookAt(ns) {
+    if (this.rig === null) return;
+    location.hash = `#/live/${encodeURIComponent(this.rig)}`;
+    const atS = this.#deviceS(ns);
+    if (Number.isFinite(atS)) this.traces.lookAt(atS); // else nothing was measured yet
+    at("traces").scrollIntoView();
   }
 
   #showStatus() {
@@ -215,6 +240,7 @@ export class Live {
   }
 
   #showFinger() {
+    this.timed = this.state.finger;
     this.surface.setFinger(this.state.finger, performance.now());
   }
 
@@ -226,7 +252,8 @@ export class Live {
     if (nowMs - this.stripMs >= READ_MS) this.#showStrip();
     if (this.shown) {
       this.surface.draw(nowMs);
-      this.traces.draw();
+      this.traces.draw(nowMs);
+      this.listening.draw();
     }
     if (nowMs - this.toldMs < WORDS_MS) return;
     this.toldMs = nowMs;

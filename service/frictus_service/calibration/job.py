@@ -1,6 +1,6 @@
 """What a calibration is asked to do, how it tells its progress, and what comes of it."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
@@ -32,6 +32,17 @@ class PaperProtocol(_Strict):
     break_s: Annotated[FiniteFloat, Field(ge=0.0, le=3600.0)] = 10.0
     max_repeats: Annotated[int, Field(ge=0, le=100)] = 5
     """How often a rejected trial is asked for again; it is then left out, and listed."""
+
+
+FOR_DISCOVERY: Final = PaperProtocol(
+    tones_hz=(35.0, 80.0, 180.0, 400.0, 850.0, 1700.0),
+    speeds_mm_s=(20.0, 45.0, 75.0, 100.0),
+    forces_n=(0.2, 0.4, 0.6),
+    approach_s=2.0,
+    record_s=2.0,
+    trials_per_block=36,
+)
+"""One person's 72 trials in 5 minutes, of which `frictus discover` makes 8 blocks."""
 
 
 class QuickProtocol(_Strict):

@@ -36,9 +36,18 @@ def calibrate(
         str, typer.Option("--participant", metavar="P", help="Pseudonym, such as P01.")
     ],
     protocol: Annotated[
-        ProtocolName,
-        typer.Option("--protocol", help="A minute with a prior, or 375 trials in sessions."),
-    ] = "quick",
+        ProtocolName | None,
+        typer.Option(
+            "--protocol",
+            help="A minute with a prior, or 375 trials in sessions.  [default: quick]",
+        ),
+    ] = None,
+    purpose: Annotated[
+        Literal["discovery"] | None,
+        typer.Option(
+            "--for", help="In place of a protocol: 72 trials, 5 minutes, to discover in."
+        ),
+    ] = None,
     precision: Annotated[
         float | None,
         typer.Option(
@@ -87,11 +96,12 @@ def calibrate(
     with frictus.connect(target.router, tls=target.tls) as client:
         found = target.choose(client)
         before = found.model().model
-        folder = out or target.config.studies / f"{found.name}-{participant}-{protocol}"
+        named = purpose or protocol or "quick"
+        folder = out or target.config.studies / f"{found.name}-{participant}-{named}"
         spec = _spec(
             found.name,
             participant,
-            _protocol(protocol, precision, no_prior),
+            _protocol(protocol, purpose, precision, no_prior),
             session,
             seed,
             folder,
@@ -113,20 +123,24 @@ def calibrate(
         write_line(event="result", published=reference, folder=str(folder), **told)
     else:
         _show(result, before, document, reference)
+        if purpose is not None:
+            typer.echo(f"what its model gets wrong: frictus discover {result.study}")
 
 
 def _protocol(
-    name: ProtocolName, precision: float | None, no_prior: bool
+    name: ProtocolName | None, purpose: str | None, precision: float | None, no_prior: bool
 ) -> "PaperProtocol | QuickProtocol":
     from frictus.errors import ArgumentError
-    from frictus_service.calibration.job import PaperProtocol, QuickProtocol
+    from frictus_service.calibration.job import FOR_DISCOVERY, PaperProtocol, QuickProtocol
 
-    if name == "quick":
+    if purpose is not None and name is not None:
+        raise ArgumentError("--for has a protocol of its own; accepted: --for or --protocol")
+    if purpose is None and name != "paper":
         asked = {} if precision is None else {"precision": precision}
         return QuickProtocol.model_validate({**asked, "use_prior": not no_prior})
     if precision is not None or no_prior:
         raise ArgumentError("--precision and --no-prior belong to the quick protocol")
-    return PaperProtocol()
+    return PaperProtocol() if purpose is None else FOR_DISCOVERY
 
 
 def _spec(

@@ -9,13 +9,19 @@ from hypothesis import strategies as st
 
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_service.calibration.coordinates import Prior
-from frictus_service.calibration.job import PaperProtocol, QuickProtocol
+from frictus_service.calibration.job import FOR_DISCOVERY, PaperProtocol, QuickProtocol
 from frictus_service.calibration.plan import (
     Ask,
     CalibrationProtocol,
     PaperPlan,
     QuickPlan,
     RecordedTrial,
+)
+from frictus_service.discovery.evidence.observation_table import (
+    BLOCKS,
+    LEAST_TRIALS,
+    LEAST_UNITS,
+    blocks_of,
 )
 from frictus_service.synthesis.scene import compile_excitation
 
@@ -52,6 +58,18 @@ def test_the_papers_protocol_has_375_trials_in_random_order(rng: np.random.Gener
     assert abs(np.corrcoef(speeds, np.arange(375))[0, 1]) < 0.3
     assert plan.order != PaperPlan(PaperProtocol(), plan.seed + 1).order
     assert plan.order == PaperPlan(PaperProtocol(), plan.seed).order
+
+
+def test_what_is_recorded_for_discovery_makes_enough_blocks_in_five_minutes() -> None:
+    plan = PaperPlan(FOR_DISCOVERY, 7)
+    done = work_off(plan, [])
+    asked = FOR_DISCOVERY.approach_s + FOR_DISCOVERY.record_s
+    breaks = sum(plan.break_s(done[:count]) for count in range(len(done)))
+    assert len(done) * asked + breaks <= 5 * 60
+    assert blocks_of([len(done)]) == [BLOCKS]
+    # A third of the trials may fail, and there is a test still.
+    assert blocks_of([2 * len(done) // 3])[0] >= LEAST_UNITS
+    assert 2 * len(done) // 3 >= LEAST_UNITS * LEAST_TRIALS
 
 
 def test_a_tone_of_the_paper_uses_all_of_the_drive() -> None:
