@@ -35,7 +35,7 @@ from frictus_service.api import (
     studies,
     textures,
 )
-from frictus_service.api.dashboard import conversation, pages
+from frictus_service.api.dashboard import asyncapi, conversation, pages
 from frictus_service.api.dashboard.hub import Hub
 from frictus_service.api.dashboard.messages import MAX_BYTES
 from frictus_service.api.event_stream import Departures
@@ -152,6 +152,7 @@ _PARTS: Final = (
     monitoring,
     pages,
     conversation,
+    asyncapi,
 )
 
 
@@ -223,7 +224,9 @@ def build_app(
     app.mount(pages.PAGE, pages.DashboardFiles(), name="dashboard")
     problems.install(app)
     app.add_middleware(Departures)
-    app.add_middleware(OriginCheck, loopback_only=config.api.loopback)
+    app.add_middleware(
+        OriginCheck, loopback_only=config.api.loopback, allowed=config.api.origins
+    )
     app.add_middleware(Rate, per_s=config.api.max_requests_per_s)
     app.add_middleware(monitoring.CountRequests, metrics=app.state.metrics)
     install(app)
