@@ -10,7 +10,7 @@ from bench import live_model_verdicts as verdicts
 from scipy import stats
 from tests.blind.cases import REALISTIC
 from tests.campaigns.lines import Line, read
-from tests.campaigns.live_model import SIZES, STARTS, TEXTURES, UNKNOWN
+from tests.campaigns.live_model import RIG_STARTS, SIZES, TEXTURES, UNKNOWN
 
 from frictus_service.tracking.evidence import signatures
 from frictus_service.tracking.evidence.watch import MAINS
@@ -272,7 +272,7 @@ def harm(lines: list[Line], kind: str, ids: Iterable[str]) -> str:
     """Return what becomes of the model in force where the rig is wrong."""
     rows = []
     for id_ in ids:
-        for start in STARTS:
+        for start in RIG_STARTS:
             found = Sessions(lines, f"{kind}/{id_}/{start}/")
             if not len(found):
                 continue

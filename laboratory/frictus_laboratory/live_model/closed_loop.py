@@ -8,7 +8,7 @@ go on from piece to piece, so that nothing restarts at their edges.
 
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -152,6 +152,8 @@ class ClosedLoop:
         What it is made of.
     motion : Motion, optional
         Of the finger, where two sessions share one; made from the plan if not given.
+    keep : callable, optional
+        Given what the tracker is given, piece by piece.
 
     Attributes
     ----------
@@ -171,21 +173,27 @@ class ClosedLoop:
         Processor time of tracker and policy so far.
     """
 
-    def __init__(self, plan: SessionPlan, motion: Motion | None = None) -> None:
+    def __init__(
+        self,
+        plan: SessionPlan,
+        motion: Motion | None = None,
+        keep: Callable[[AlignedSamples], None] = lambda part: None,
+    ) -> None:
         self._plan = plan
+        self._keep = keep
         self._config = config_of(plan)
         self._motion = motion or motion_of(plan)
         self._rate_hz = self._config.sample_rate_hz
         self._prior = Prior.weak()
         mount = Mount().lateral
-        cutter = WindowCutter(self._rate_hz, self._screen.peak_v, mount)
+        cutter = WindowCutter(self._rate_hz, self.screen.peak_v, mount)
         self.tracker = Tracker(cutter, self._prior)
         self._afterwards = TouchedSamples()
         self._model = plan.first
         self._put_in_force("first")
         law = _law_of(plan.first)
-        scene = full_gain(plan.texture, law, self._screen, self._rate_hz)
-        self._renderer = Renderer(law, self._screen, self._rate_hz, BLOCK_SAMPLES, scene)
+        scene = full_gain(plan.texture, law, self.screen, self._rate_hz)
+        self._renderer = Renderer(law, self.screen, self._rate_hz, BLOCK_SAMPLES, scene)
         self._twin_key: tuple[Simulator, float] | None = None
         self._twin = Twin(())
         self._states: States = ()
@@ -193,13 +201,15 @@ class ClosedLoop:
         self._direction = self._touched = 0.0
         self.true = coordinates.from_law(*_values(plan.person.law), 0.0)
         self.named: dict[str, float] = {}
+        self._alarms: tuple[str, ...] = ()
         self.held: Counter[str] = Counter()
         self.changes: list[float] = []
         self.new_fingers: list[float] = []
         self.arithmetic_s = 0.0
 
     @property
-    def _screen(self) -> Screen:
+    def screen(self) -> Screen:
+        """That is touched."""
         return self._config.screen
 
     def __iter__(self) -> Iterator[Moment]:
@@ -230,6 +240,7 @@ class ClosedLoop:
             )
             end_s = (sample + PIECE_SAMPLES) / self._rate_hz
             sensed = plan.disturbance.sensed(part, self._slide)
+            self._keep(sensed)
             updated, changed = self._learn(tuple(self._moved(sensed, piece)), end_s)
             yield Moment(
                 end_s,
@@ -301,14 +312,16 @@ class ClosedLoop:
             )
             self._twin = compiled(
                 simulator.twin(
-                    self._screen,
+                    self.screen,
                     person.friction_coefficient,
                     (noise, Quantisation()),
                     minutes=minutes,
                     seed=plan.seed,
                 )
             )
-        self._states = self._states or self._twin.initial()
+            begun = self._twin.initial()
+            if list(map(type, begun)) != list(map(type, self._states)):  # of other stages
+                self._states = begun
         # What is to be undone at the speed that the rig takes for the finger's.
         gain, cutoff, slope = _values(person.law)
         slope /= plan.disturbance.speed_scale(slide)
@@ -327,25 +340,26 @@ class ClosedLoop:
     def _learn(self, parts: Sequence[AlignedSamples], end_s: float) -> tuple[bool, bool]:
         """Return whether the estimate became another, and whether the model in force did."""
         began = time.process_time()
-        updated = [self.tracker.take(part) for part in parts]
-        if not any(updated):
-            self.arithmetic_s += time.process_time() - began
-            return False, False
-        alarms = self.tracker.state(0).alarms
+        updated = any([self.tracker.take(part) for part in parts])
+        if updated:
+            self._alarms = self.tracker.state(0).alarms
+            for cause in self._alarms:
+                self.named.setdefault(cause, end_s)
         if self.tracker.new_fingers > len(self.new_fingers):
             self.new_fingers.append(end_s)
-        for cause in alarms:
-            self.named.setdefault(cause, end_s)
-        changed = self._plan.policy == "adapt" and self._adapt(alarms, end_s)
+        asked = self._plan.policy == "adapt" and (updated or self.tracker.lifted)
+        changed = asked and self._adapt(end_s)
         self.arithmetic_s += time.process_time() - began
         if changed:
             self._render_anew()
-        return True, changed
+        return updated, changed
 
-    def _adapt(self, alarms: tuple[str, ...], end_s: float) -> bool:
-        estimate = self.tracker.estimate
+    def _adapt(self, end_s: float) -> bool:
+        estimate = self.tracker.expected
         now = Circumstances(
             since_change_s=end_s - self.changes[-1] if self.changes else np.inf,
+            returning=self.tracker.lifted and bool(self.changes),
+            watched_before=self.tracker.watched_before,
         )
         try:
             why = held_back(
@@ -353,7 +367,7 @@ class ClosedLoop:
                 self.in_force,
                 self._prior,
                 self.tracker.speeds_mm_s,
-                INSTRUMENT & set(alarms),
+                INSTRUMENT & set(self._alarms),
                 now,
             )
             model = self._model if why else adapted(self._model, estimate, {})
@@ -375,7 +389,7 @@ class ClosedLoop:
 
     def _render_anew(self) -> None:
         law = _law_of(self._model)
-        scene = full_gain(self._plan.texture, law, self._screen, self._rate_hz)
+        scene = full_gain(self._plan.texture, law, self.screen, self._rate_hz)
         self._renderer.set_scene(scene)
         self._renderer.set_inverse(as_inverse(law))
 
