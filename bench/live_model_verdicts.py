@@ -72,10 +72,10 @@ def coverage(lines: list[Line]) -> str:
         not parts,
         f"outside of 92 to 98 % are, {'; '.join(parts)}." if parts else "all are within.",
         " Where more hold: even the filters that allow for least allow for strokes that differ "
-        "by 1 % and for a little drift, and the people of this table do neither. The cutoff at "
+        "by 0.4 % and for windows that differ by 1 %, and the people of this table do neither. The cutoff at "
         "100 mm/s is estimated 0.3 % too low: responses are known within 0.15 % "
-        "(`RESPONSE_WITHIN`). The gain's become too wide by the filters that are far behind "
-        "and still count (`FURTHEST_BEHIND`). What the rig renders by is a predicted speed"
+        "(`RESPONSE_WITHIN`). The gain's become too wide by the filters that wander "
+        "and still count (`UNSTEADY`). What the rig renders by is a predicted speed"
         f"{_speed_error(lines)}; the tracker takes the one that touch reports tell afterwards.",
     )
 
@@ -119,8 +119,9 @@ def nulls(lines: list[Line]) -> str:
             "leaves the screen): "
             f"following is {'better' if mean < 0 else 'worse'} than the person's mean law by "
             f"{abs(mean):.2f} dB in the mean over time, and worse by up to {most:.1f} dB at "
-            "the beginning of a contact: the gain of the last contact is in force until that "
-            "of the new one is known."
+            "the beginning of a contact. Where a contact ends, the model goes back to the "
+            "person's law: that is known as the mean of so many contacts as were felt, within "
+            "10 % over the square root of their number."
         )
     observed = _of(lines, "null/scatter_observe/")
     if observed:
@@ -150,8 +151,8 @@ def followed(lines: list[Line]) -> str:
         f"{len(fingers)} new fingers are noticed within 10 s.",
         f" The others differ from the finger before by {steps} dB.",
     ) + (
-        " A new finger is not put in force before the watch has had 50 windows to tell a rig "
-        "that is wrong from a finger: that is the time from the estimate to the model in force."
+        " A new finger is not put in force before the watch has had 20 windows of it, 50 where "
+        "the rig was not watched before, to tell a rig that is wrong from a finger."
     )
 
 

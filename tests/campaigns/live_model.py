@@ -26,7 +26,6 @@ from frictus_laboratory.live_model.closed_loop import (
     ClosedLoop,
     Moment,
     SessionPlan,
-    model_of,
     motion_of,
 )
 from frictus_laboratory.live_model.discovered import discovered
@@ -44,6 +43,7 @@ from frictus_laboratory.live_model.disturbances import (
     gain_step,
     scaled,
 )
+from frictus_laboratory.live_model.laws import model_of
 from frictus_laboratory.live_model.motion import Motion, rendered_rows
 from frictus_service import tracking
 from frictus_service.library import SHIPPED

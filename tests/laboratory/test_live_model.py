@@ -13,8 +13,6 @@ from frictus_laboratory.live_model.closed_loop import (
     ClosedLoop,
     SessionPlan,
     config_of,
-    error_db,
-    model_of,
     motion_of,
 )
 from frictus_laboratory.live_model.disturbances import (
@@ -27,6 +25,7 @@ from frictus_laboratory.live_model.disturbances import (
     gain_step,
     scaled,
 )
+from frictus_laboratory.live_model.laws import error_db, model_of
 from frictus_laboratory.live_model.motion import KnownMotion, PredictedPath, rendered_rows
 from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensability import placeholder_model

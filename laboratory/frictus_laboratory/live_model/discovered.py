@@ -1,4 +1,4 @@
-"""What `frictus discover` finds in a session after the fact, from what the tracker was given."""
+"""What `frictus discover` finds in a session afterwards, from what the tracker was given."""
 
 from collections.abc import Sequence
 from typing import Final

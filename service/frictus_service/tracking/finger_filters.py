@@ -33,15 +33,16 @@ STROKES: Final = np.array([[0.001, 0.004], [0.05, 0.05]])
 """By which ln gain and ln cutoff of a stroke lie about those of the contact, shape (2, 2): the
 gain may depend on the direction, and the cutoff does as simulated participants' does."""
 COMMON: Final = np.array([0.1, 0.9])
-"""Share of people with each size of `CONTACTS`, and of `STROKES`, before anything was felt: most
-scatter. With equal shares 78 % of a person's 95 % intervals of gain held after one contact."""
+"""Share of people with each size of `CONTACTS`, and of `STROKES`, before anything was felt:
+most scatter. With equal shares 78 % of 95 % intervals of a person's gain held after one
+contact."""
 UNSTEADY: Final = 6.0
 """No size of the walk is less probable than the best one by more, in nats, for the same sizes
 of the others: a finger that begins to drift is followed as soon as it has shown so much."""
 UNUSUAL: Final = 25.0
-"""Likewise sizes of contacts and strokes, which are a person's: with 12 they forgot strokes that
-differed by 5 % after two that happened to be alike, and 80 % of 95 % intervals of a cutoff held
-after six; with 100 the law that a finger jumped to was believed after twenty."""
+"""Likewise sizes of contacts and strokes, which are a person's. With 12, strokes that differed
+were forgotten after two that happened to be alike: 80 % of 95 % intervals of a cutoff held
+after six. With 100, a law to which a finger had jumped was half believed after eight."""
 LAW: Final = coordinates.SIZE
 STATE: Final = LAW + 4
 """The person's law in `calibration.coordinates`, and how far off it are now: the contact's
@@ -202,4 +203,5 @@ def _remembered(log_evidence: FloatArray) -> FloatArray:
     by_walk = log_evidence.reshape(len(WALKS), -1)
     best = by_walk.max(axis=0)
     by_walk = np.maximum(by_walk - best, -UNSTEADY)
-    return (by_walk + np.maximum(best - best.max(), -UNUSUAL)).ravel()
+    kept: FloatArray = by_walk + np.maximum(best - best.max(), -UNUSUAL)
+    return kept.ravel()

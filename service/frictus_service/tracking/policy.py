@@ -85,9 +85,9 @@ def held_back(
     """Return why the model in force stays; empty: the estimate is to be put in force.
 
     Between contacts the estimate is of the next one, whose gain is the person's, at best. Where
-    contacts differ by S (of ln gain), the gain of the last one is off the next by S sqrt(2) and
-    the mean of n contacts by S sqrt(1 + 1/n): so a model that was adapted to a contact goes back
-    to the person's, however well that is known.
+    ln gains of contacts differ by a standard deviation S, that of the last is off the next by
+    S sqrt(2), and the mean of n contacts by S sqrt(1 + 1/n): so a model that was adapted to a
+    contact goes back to the person's law, however well that is known.
 
     Parameters
     ----------
