@@ -121,7 +121,8 @@ def nulls(lines: list[Line]) -> str:
             f"{abs(mean):.2f} dB in the mean over time, and worse by up to {most:.1f} dB at "
             "the beginning of a contact. Where a contact ends, the model goes back to the "
             "person's law: that is known as the mean of so many contacts as were felt, within "
-            "10 % over the square root of their number."
+            "10 % over the square root of their number. The worst are contacts that begin "
+            "within 2 s of a change (`ADAPT_EVERY_S`), until these have passed."
         )
     observed = _of(lines, "null/scatter_observe/")
     if observed:
