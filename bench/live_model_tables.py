@@ -82,8 +82,10 @@ def sources(lines: list[Line]) -> str:
     rows = []
     for kind in dict.fromkeys(line["name"].split("/")[0] for line in lines):
         found = Sessions(lines, f"{kind}/")
-        present = found.count(lambda line: line.get("code") == code())
-        rows.append([kind, str(present), str(len(found) - present)])
+        present = [line["name"] for line in found.lines if line.get("code") == code()]
+        which = sorted({name.rpartition("/")[0].partition("/")[2] for name in present})
+        mixed = f" ({', '.join(which)})" if 0 < len(present) < len(found) else ""
+        rows.append([kind, f"{len(present)}{mixed}", str(len(found) - len(present))])
     return table(("sessions of", "present code", "earlier code"), rows)
 
 

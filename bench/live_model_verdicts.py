@@ -107,7 +107,7 @@ def nulls(lines: list[Line]) -> str:
     bound = 100.0 * (1.0 - 0.05 ** (1.0 / max(len(exact), 1)))
     text += (
         f" Alarms, **not shown**: {alarms} of {len(exact)} sessions have one. 500 are asked, "
-        "of which one takes about 40 s of a core"
+        "of which one takes about a minute of a core"
     )
     text += f"; no alarm in so few only says: below {bound:.0f} %." if not alarms else "."
     if scatter:
