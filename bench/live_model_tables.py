@@ -10,7 +10,7 @@ from bench import live_model_verdicts as verdicts
 from scipy import stats
 from tests.blind.cases import REALISTIC
 from tests.campaigns.lines import Line, read
-from tests.campaigns.live_model import SIZES, STARTS, TEXTURES, UNKNOWN
+from tests.campaigns.live_model import RIG_STARTS, SIZES, TEXTURES, UNKNOWN, code
 
 from frictus_service.tracking.evidence import signatures
 from frictus_service.tracking.evidence.watch import MAINS
@@ -75,6 +75,18 @@ def worst(values: Sequence[float]) -> str:
     if not values:
         return "-"
     return f"{np.median(values):.3f} ({np.quantile(values, 0.95):.3f}, {max(values):.3f})"
+
+
+def sources(lines: list[Line]) -> str:
+    """Return how many sessions of each kind are of the present code."""
+    rows = []
+    for kind in dict.fromkeys(line["name"].split("/")[0] for line in lines):
+        found = Sessions(lines, f"{kind}/")
+        present = [line["name"] for line in found.lines if line.get("code") == code()]
+        which = sorted({name.rpartition("/")[0].partition("/")[2] for name in present})
+        mixed = f" ({', '.join(which)})" if 0 < len(present) < len(found) else ""
+        rows.append([kind, f"{len(present)}{mixed}", str(len(found) - len(present))])
+    return table(("sessions of", "present code", "earlier code"), rows)
 
 
 def learned(lines: list[Line]) -> str:
@@ -231,14 +243,26 @@ def causes(lines: list[Line]) -> str:
         row = [f"{id_}, {realistic:g} ({_tolerated(id_)})"]
         for size in SIZES:
             row += _named(Sessions(lines, f"cause/{id_}/{size}/"), WATCHED_AS.get(id_, id_))
-        rows.append([*row, f"{by_discover[id_]} of 10"])
+        found = Sessions(lines, f"cause/{id_}/")
+        rows.append([*row, *_discovered(found, id_), f"{by_discover[id_]} of 10"])
     for id_ in UNKNOWN:
         row = [f"{id_} (unknown)", *_named(Sessions(lines, f"unknown/{id_}/"), "unknown")]
-        rows.append([*row, "", "", "", f"{by_discover[id_]} of 10"])
+        after = _discovered(Sessions(lines, f"unknown/{id_}/"), id_)
+        rows.append([*row, "", "", "", *after, f"{by_discover[id_]} of 10"])
     header = ["cause, its size 1 (and what is tolerated)"]
     for size in SIZES:
         header += [f"size {size}: named", "median time", "other alarms"]
+    header += ["`discover` on the same sessions: named", "other causes"]
     return table([*header, "`discover`, a study of 12 people at size 1"], rows)
+
+
+def _discovered(found: Sessions, id_: str) -> list[str]:
+    """Return in how many sessions a cause ranks first afterwards, and what else does."""
+    ranked = [line["discovered"] for line in found.lines if "discovered" in line]
+    others = Counter(name for names in ranked for name in names if name != id_)
+    told = ", ".join(f"{name} {count}" for name, count in others.most_common(3))
+    named = sum(id_ in names for names in ranked)
+    return [f"{named} of {len(ranked)}" if ranked else "-", told or "-"]
 
 
 WATCHED_AS: Final = {"channel_delay": "delay"}
@@ -272,7 +296,7 @@ def harm(lines: list[Line], kind: str, ids: Iterable[str]) -> str:
     """Return what becomes of the model in force where the rig is wrong."""
     rows = []
     for id_ in ids:
-        for start in STARTS:
+        for start in RIG_STARTS:
             found = Sessions(lines, f"{kind}/{id_}/{start}/")
             if not len(found):
                 continue

@@ -72,10 +72,10 @@ def coverage(lines: list[Line]) -> str:
         not parts,
         f"outside of 92 to 98 % are, {'; '.join(parts)}." if parts else "all are within.",
         " Where more hold: even the filters that allow for least allow for strokes that differ "
-        "by 1 % and for a little drift, and the people of this table do neither. The cutoff at "
-        "100 mm/s is estimated 0.3 % too low: responses are known within 0.15 % "
-        "(`RESPONSE_WITHIN`). The gain's become too wide by the filters that are far behind "
-        "and still count (`FURTHEST_BEHIND`). What the rig renders by is a predicted speed"
+        "by 0.4 % and for windows that differ by 1 %, and the people of this table do neither. "
+        "The cutoff at 100 mm/s is estimated 0.3 % too low: responses are known within 0.15 % "
+        "(`RESPONSE_WITHIN`). The gain's become too wide by the filters that wander and still "
+        "count (`UNSTEADY`). What the rig renders by is a predicted speed"
         f"{_speed_error(lines)}; the tracker takes the one that touch reports tell afterwards.",
     )
 
@@ -107,7 +107,7 @@ def nulls(lines: list[Line]) -> str:
     bound = 100.0 * (1.0 - 0.05 ** (1.0 / max(len(exact), 1)))
     text += (
         f" Alarms, **not shown**: {alarms} of {len(exact)} sessions have one. 500 are asked, "
-        "of which one takes about 40 s of a core"
+        "of which one takes about a minute of a core"
     )
     text += f"; no alarm in so few only says: below {bound:.0f} %." if not alarms else "."
     if scatter:
@@ -119,8 +119,10 @@ def nulls(lines: list[Line]) -> str:
             "leaves the screen): "
             f"following is {'better' if mean < 0 else 'worse'} than the person's mean law by "
             f"{abs(mean):.2f} dB in the mean over time, and worse by up to {most:.1f} dB at "
-            "the beginning of a contact: the gain of the last contact is in force until that "
-            "of the new one is known."
+            "the beginning of a contact. Where a contact ends, the model goes back to the "
+            "person's law: that is known as the mean of so many contacts as were felt, within "
+            "10 % over the square root of their number. The worst are contacts that begin "
+            "within 2 s of a change (`ADAPT_EVERY_S`), until these have passed."
         )
     observed = _of(lines, "null/scatter_observe/")
     if observed:
@@ -150,8 +152,8 @@ def followed(lines: list[Line]) -> str:
         f"{len(fingers)} new fingers are noticed within 10 s.",
         f" The others differ from the finger before by {steps} dB.",
     ) + (
-        " A new finger is not put in force before the watch has had 50 windows to tell a rig "
-        "that is wrong from a finger: that is the time from the estimate to the model in force."
+        " A new finger is not put in force before the watch has had 20 windows of it, 50 where "
+        "the rig was not watched before, to tell a rig that is wrong from a finger."
     )
 
 

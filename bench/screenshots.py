@@ -1,8 +1,9 @@
 """The pictures of the dashboard in `docs/`: `uv run python bench/screenshots.py`.
 
 A site of its own: on one rig a virtual finger strokes two fabrics, on the other one follows
-guidance and is calibrated twice; in a study something is hidden that a discovery finds. All
-that the pictures show is done by clicks in Chromium.
+guidance and is calibrated twice; in a study something is hidden that a discovery finds; a
+virtual participant feels a threshold experiment. All that the pictures show is done by clicks
+in Chromium.
 """
 
 import re
@@ -18,9 +19,12 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # so that a script finds the tests
 
+import numpy as np
 from tests.blind.generator import Case, Design, Hidden, Seeds, make_study
+from tests.dashboard.participants import asked, participant
 
 import frictus
+from frictus.experiment import SimulatedObserver
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.config import Participant
 from frictus_hardware.simulated.guided import GuidedStrokes
@@ -165,6 +169,18 @@ def discovery(page: Page) -> None:
     expect(view.locator("[data-verdict]")).to_be_visible()
 
 
+def experiment(page: Page, tablet: Page, rig: frictus.Rig, trials: int) -> None:
+    """Run the first trials of a ready protocol, answered by what the finger feels."""
+    page.get_by_label("Protocol").select_option("detection")
+    page.get_by_label("Participant").fill("P07")
+    page.get_by_role("button", name="Arm the rig and start").click()
+    asked(tablet).get_by_role("button", name="Begin").click()
+    with participant(tablet, rig, SimulatedObserver(), np.random.default_rng(7)) as person:
+        for _ in range(trials):
+            person.answer()
+    expect(asked(tablet).get_by_role("button", name="Second")).to_be_visible()
+
+
 class Looking:
     """Takes pictures of a site.
 
@@ -199,6 +215,20 @@ class Looking:
         """Keep what is on screen."""
         page.screenshot(path=DOCS / name)
         sys.stdout.write(f"{DOCS / name}\n")
+
+
+def take_experiment(looking: Looking, rig: frictus.Rig) -> None:
+    """Take pictures of both pages of an experiment, in the middle of it."""
+    with (
+        looking.at("participant", rig.name, tall=640, wide=1024) as tablet,
+        looking.at("experiment", rig.name, tall=1250) as page,
+    ):
+        experiment(page, tablet, rig, trials=24)
+        looking.take(tablet, "dashboard_participant.png")
+        page.evaluate("scrollTo(0, 0)")
+        looking.take(page, "dashboard_experiment.png")
+        page.get_by_role("button", name="Stop the experiment").click()
+        expect(page.get_by_text("Stopped: it can go on").first).to_be_visible()
 
 
 def take_all(looking: Looking) -> None:
@@ -246,8 +276,10 @@ def main() -> None:
         rig = client.rig(STROKED)
         rig.set_scene(scene())
         browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        looking = Looking(browser, f"http://127.0.0.1:{config.api.port}/dashboard/")
         with rig.arm():
-            take_all(Looking(browser, f"http://127.0.0.1:{config.api.port}/dashboard/"))
+            take_all(looking)
+        take_experiment(looking, rig)
         browser.close()
 
 

@@ -32,6 +32,7 @@ def main() -> None:
     lines = read(given.lines)
     template = (ROOT / "bench" / "live_model.md").read_text(encoding="utf-8")
     text = template.format(
+        sources=tables.sources(lines),
         learned=tables.learned(lines),
         coverage=tables.coverage(lines),
         nulls=tables.nulls(lines),

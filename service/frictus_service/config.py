@@ -31,6 +31,10 @@ Scope = Literal["read", "render", "calibrate", "admin"]
 LOCAL: Final = "local"
 """Who asks the API where nobody needs a token."""
 Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9._-]+$")]
+Origin = Annotated[
+    str, Field(max_length=300, pattern=r"^https?://([a-z0-9.-]+|\[[0-9a-f:]+\])(:[0-9]{1,5})?$")
+]
+"""As browsers send it: lower case, without a path, and without the port that is usual."""
 DEFAULT_FILE = Path("frictus.toml")
 _SQLITE = "sqlite:///"
 Place = tuple[str | int, ...]
@@ -173,6 +177,8 @@ class ApiConfig(_Section):
     """Beyond, requests are answered with 503; the descriptors of the process bound it, too."""
     max_requests_per_s: Annotated[float, Field(ge=1.0, le=100_000.0)] = 500.0
     """Of one address, in the long run; twice as many may come at once."""
+    origins: Annotated[tuple[Origin, ...], Field(max_length=32)] = ()
+    """Of pages elsewhere that may open the WebSocket, such as ``https://lab.example.org``."""
     tokens: tuple[Token, ...] = ()
     """Without any, the API is open to this machine and must stay on loopback."""
 

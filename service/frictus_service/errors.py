@@ -149,20 +149,36 @@ class DiscoveryCancelledError(ServiceError, RuntimeError):
     """Somebody ended the discovery."""
 
 
-class DiscoveryJobError(ServiceError):
-    """Base of what is wrong with a request about discoveries."""
+class ExperimentCancelledError(ServiceError, RuntimeError):
+    """Somebody ended the experiment; its answered trials are kept."""
 
 
-class UnknownStudyError(DiscoveryJobError, LookupError):
+class JobError(ServiceError):
+    """Base of what is wrong with a request about discoveries or experiments."""
+
+
+class UnknownStudyError(JobError, LookupError):
     """The folder of studies has no such file; the text lists some it has."""
 
 
-class UnknownDiscoveryError(DiscoveryJobError, LookupError):
+class UnknownJobError(JobError, LookupError):
+    """There is no job of this id."""
+
+
+class UnknownDiscoveryError(UnknownJobError):
     """There is no discovery of this id."""
 
 
-class DiscoveryStateError(DiscoveryJobError, RuntimeError):
-    """The discovery is in a state that does not allow this; the text names it."""
+class UnknownExperimentError(UnknownJobError):
+    """There is no experiment of this id."""
+
+
+class JobStateError(JobError, RuntimeError):
+    """The job is in a state that does not allow this; the text names it."""
+
+
+class RigInExperimentError(JobError, RuntimeError):
+    """An experiment is under way on this rig."""
 
 
 class RegistryError(ServiceError):

@@ -178,17 +178,40 @@ def event_streams(api: Api) -> Iterator[Outcomes]:
             read_all(one)
 
 
+def hello(api: Api) -> bytes:
+    """Return the first message of a page."""
+    return json.dumps({"op": "hello", "version": 1, "token": api.token}).encode()
+
+
+@contextmanager
+def floods(api: Api) -> Iterator[Outcomes]:
+    """Pages that send pings and texture updates as fast as they are taken, and read nothing."""
+    ping = frame(1, b'{"op":"ping","id":1}') * 2_000
+    update = frame(2, b"FRTX" + bytes(16_000)) * 20  # of no stream
+    with ExitStack() as stack:
+        opened = [stack.enter_context(api.shaken()) for _ in range(50)]
+        for one in opened:
+            one.sendall(frame(1, hello(api)))
+            one.setblocking(False)
+        due = threading.Event()  # never set: a pause
+        for _ in range(50):
+            for number, one in enumerate(opened):
+                with contextlib.suppress(OSError):
+                    one.send(ping if number % 2 else update)
+            due.wait(0.1)
+        yield Counter(flooded=len(opened))
+
+
 @contextmanager
 def unread_sockets(api: Api) -> Iterator[Outcomes]:
     """Pages that watch every stream and read nothing; the API serves 64, and ends them."""
-    hello = json.dumps({"op": "hello", "version": 1, "token": api.token}).encode()
     streams = ["force", "accel", "voltage"]
     watch = json.dumps({"op": "watch", "rig": "rig1", "streams": streams}).encode()
     with ExitStack() as stack:
         for _ in range(200):
             opened = stack.enter_context(api.shaken())
             with contextlib.suppress(OSError):
-                opened.sendall(frame(1, hello) + frame(1, watch))
+                opened.sendall(frame(1, hello(api)) + frame(1, watch))
         yield Counter(unread=200)
 
 
@@ -212,6 +235,16 @@ def malformed_frames(api: Api) -> Iterator[Outcomes]:
         "close code": frame(8, struct.pack(">H", 999)),
         "depth": frame(1, b"[" * 60_000),
         "noise": os.urandom(4_096),
+    }
+    greeted = frame(1, hello(api))
+    wrong |= {
+        f"update: {what}": greeted + frame(2, sent)
+        for what, sent in {
+            "cut": b"FRTX" + bytes(20),
+            "empty": b"",
+            "too long": bytes(20_000),
+            "noise": os.urandom(20_000),
+        }.items()
     }
     with ExitStack() as stack:
         opened = []
@@ -252,6 +285,7 @@ KINDS: Final[
     "unread answers": (unread_answers, frozenset({"unread"})),
     "event streams": (event_streams, frozenset({"200", "503"})),
     "unread sockets": (unread_sockets, frozenset({"unread"})),
+    "floods": (floods, frozenset({"flooded"})),
     "malformed frames": (malformed_frames, frozenset({"ended"})),
     "compressed bombs": (compressed_bombs, frozenset({"413", "422", "ended"})),
 }

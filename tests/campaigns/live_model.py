@@ -4,16 +4,20 @@ One line of JSON a session, with its seed. What is asked of them is in `bench/tr
 which writes the document from the lines.
 """
 
+import ast
+import hashlib
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from tests.blind.cases import REALISTIC, cause
 from tests.campaigns.lines import Line, asked, go_on
 
+from frictus.aligned import AlignedSamples
 from frictus.recordings import texture_of
 from frictus.textures import Texture
 from frictus_hardware.simulated.config import draw_participant
@@ -22,13 +26,14 @@ from frictus_laboratory.live_model.closed_loop import (
     ClosedLoop,
     Moment,
     SessionPlan,
-    model_of,
     motion_of,
 )
+from frictus_laboratory.live_model.discovered import discovered
 from frictus_laboratory.live_model.disturbances import (
     FAULTS,
     Disturbance,
     Faulty,
+    Later,
     NewFinger,
     Section,
     SpeedTimesForce,
@@ -38,7 +43,9 @@ from frictus_laboratory.live_model.disturbances import (
     gain_step,
     scaled,
 )
+from frictus_laboratory.live_model.laws import model_of
 from frictus_laboratory.live_model.motion import Motion, rendered_rows
+from frictus_service import tracking
 from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.tracking.windows import SPEEDS_MM_S
@@ -66,6 +73,8 @@ RIG: Final = {
 }
 STARTS: Final = ("right", "placeholder")
 """The model in force at the beginning: the person's own, or that of nobody."""
+RIG_STARTS: Final = (*STARTS, "later")
+"""And the person's own where the rig becomes wrong after `STEP_S`."""
 
 
 def names(times: int) -> list[str]:
@@ -80,7 +89,7 @@ def names(times: int) -> list[str]:
         ("learn", [f"{texture}/{factor}" for texture in TEXTURES for factor in FACTORS]),
         ("moisture", [""] * 3),
         ("new_finger", [""] * 5),
-        ("rig", [f"{id_}/{start}" for id_ in RIG for start in STARTS]),
+        ("rig", [f"{id_}/{start}" for id_ in RIG for start in RIG_STARTS]),
         ("fault", [f"{id_}/{start}" for id_ in FAULTS for start in STARTS]),
         ("drift", [""]),
         ("null", NULLS),
@@ -139,8 +148,10 @@ def plan_of(name: str, seed: int) -> SessionPlan:
         id_, start = which
         if start == "placeholder":
             plan = replace(plan, first=placeholder_model())
-        begins_s = 0.0 if start == "placeholder" else 20.0
-        return replace(plan, disturbance=RIG[id_] if kind == "rig" else Faulty(id_, begins_s))
+        if kind == "fault":
+            return replace(plan, disturbance=Faulty(id_, 20.0 * (start == "right")))
+        wrong = RIG[id_]
+        return replace(plan, disturbance=Later(wrong, STEP_S) if start == "later" else wrong)
     if kind == "cause":
         hidden = cause(which[0], float(which[1]), rng)
         effect = WithEffect(hidden.name, hidden.parameters)
@@ -198,13 +209,36 @@ def run(name: str, seed: int, seconds: float | None = None) -> Line:
     if name.startswith(("learn/", "known/")):
         line["observe"] = _summary(name, replace(plan, policy="observe"), motion)
         line["speed_error_mm_s"] = _speed_error(motion, plan.seconds)
-    return line | {"failures": []}
+    return line | {"code": code(), "failures": []}
+
+
+@cache
+def code() -> str:
+    """Return a mark of the code that tracks, the same whatever its comments and docstrings."""
+    mark = hashlib.sha256()
+    for path in sorted(Path(tracking.__file__).parent.rglob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            body = getattr(node, "body", None)
+            if isinstance(body, list):
+                node.body = [each for each in body if not _says_only(each)]  # type: ignore[attr-defined]
+        mark.update(ast.dump(tree).encode())
+    return mark.hexdigest()[:8]
+
+
+def _says_only(node: ast.AST) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
 
 
 def _summary(name: str, plan: SessionPlan, motion: Motion) -> Line:
-    loop = ClosedLoop(plan, motion)
+    kept: list[AlignedSamples] = []
+    hidden = name.startswith(("cause/", "unknown/"))
+    loop = ClosedLoop(plan, motion, kept.append if hidden else lambda part: None)
     moments = list(loop)
+    ranked = discovered(kept, plan.first, loop.screen.peak_v) if hidden else None
+    first = ranked.models[0].causes if ranked and ranked.beyond_threshold else ()
     return {
+        "discovered": list(first),
         "seconds": plan.seconds,
         "begins_db": _brief(moments[0].first_db),
         "newest_db": _brief(moments[-1].newest_db),

@@ -31,7 +31,9 @@ def test_what_is_answered_is_documented(bench: Bench, scope: str) -> None:
     assert bench.faults() == []
 
 
-@pytest.mark.parametrize("kind", ["half bodies", "malformed frames", "compressed bombs"])
+@pytest.mark.parametrize(
+    "kind", ["half bodies", "floods", "malformed frames", "compressed bombs"]
+)
 def test_clients_that_harm_leave_nothing(bench: Bench, kind: str) -> None:
     config = bench.config
     line = hostile_clients.run(kind, config.api.port, bench.said.pid("api"), token_of("all"))

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -71,13 +72,20 @@ class _Quiet(SimpleHTTPRequestHandler):
         """Say nothing."""
 
 
-@pytest.fixture(scope="session")
-def folder_url() -> Iterator[str]:
-    """The page's files, without a service."""
-    handler = functools.partial(_Quiet, directory=str(FOLDER))
+@contextmanager
+def served(folder: Path) -> Iterator[str]:
+    """Serve the files of a folder."""
+    handler = functools.partial(_Quiet, directory=str(folder))
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         yield f"http://127.0.0.1:{server.server_address[1]}"
         server.shutdown()
         thread.join()
+
+
+@pytest.fixture(scope="session")
+def folder_url() -> Iterator[str]:
+    """The page's files, without a service."""
+    with served(FOLDER) as url:
+        yield url

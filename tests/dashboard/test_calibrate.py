@@ -279,3 +279,20 @@ def test_what_is_under_way_is_found_and_seen_by_who_may_not_calibrate(
         for name in ("Start", "Cancel", "Publish", "Activate"):
             expect(reader.get_by_role("button", name=name)).to_be_hidden()
     cancel(page)
+
+
+def test_the_participants_page_has_the_guidance_alone(
+    page: Page, lab: Lab, open_page: OpenPage
+) -> None:
+    start(page, "P06", ENDLESS)
+    with open_page() as tablet:
+        tablet.goto(f"{lab.url}/dashboard/#/participant/rig1")
+        guidance = tablet.locator("#view-participant .guidance")
+        expect(guidance).to_contain_text("Slide at", timeout=BEGUN_MS)
+        expect(tablet.locator("#view-participant .asked")).to_be_hidden()
+        expect(tablet.get_by_role("button", name="STOP")).to_be_visible()
+        expect(tablet.get_by_role("link")).to_have_count(0)
+        expect_no_violations(tablet)
+        cancel(page)
+        expect(guidance).to_be_hidden(timeout=60_000)  # half a minute after its last word
+        expect(tablet.locator("#view-participant .asked")).to_contain_text("Please wait")

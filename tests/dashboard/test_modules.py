@@ -114,6 +114,9 @@ def test_a_badge_says_that_the_model_was_adapted(
         ("local.page-0a1b2c", "another page"),
         ("lab-pc-7-4711-0a1b2c", "a program"),
         ("linen-study", "linen-study"),
+        ("ben.experiment-0a1b2c3d", "ben's experiment"),
+        ("local.experiment-0a1b2c3d", "an experiment"),
+        ("local.calibration-0a1b2c3d", "a calibration"),
     ],
 )
 def test_a_holder_has_a_name_that_people_know(page: Page, owner: str | None, name: str) -> None:

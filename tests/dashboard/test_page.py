@@ -226,7 +226,7 @@ def test_armed_has_a_colour_of_its_own_kind(page: Page, lab: Lab) -> None:
     lab.status(lambda status: status.state == "disarmed")
 
 
-@pytest.mark.parametrize("width", [390, 1024, 1440])
+@pytest.mark.parametrize("width", [390, 1024, 1280, 1440])
 def test_the_strip_is_low_on_every_view_and_nothing_overflows(
     width: int, lab: Lab, open_page: OpenPage
 ) -> None:
@@ -241,6 +241,8 @@ def test_the_strip_is_low_on_every_view_and_nothing_overflows(
             assert boxes[0] is not None
             assert boxes[0]["height"] <= 64
             assert largest > arm
+            assert boxes[1] is not None
+            assert boxes[1]["x"] + boxes[1]["width"] <= width  # all of the stop
             assert low > 0
             assert page.evaluate("document.documentElement.scrollWidth") <= width
         # Each control has a name of its own.

@@ -13,20 +13,22 @@ from frictus_laboratory.live_model.closed_loop import (
     ClosedLoop,
     SessionPlan,
     config_of,
-    error_db,
-    model_of,
     motion_of,
 )
+from frictus_laboratory.live_model.discovered import discovered
 from frictus_laboratory.live_model.disturbances import (
     Disturbance,
     Faulty,
+    Later,
     NewFinger,
     Slide,
+    WithEffect,
     WithinPerson,
     drift,
     gain_step,
     scaled,
 )
+from frictus_laboratory.live_model.laws import error_db, model_of
 from frictus_laboratory.live_model.motion import KnownMotion, PredictedPath, rendered_rows
 from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensability import placeholder_model
@@ -103,6 +105,21 @@ def test_gain_and_cutoff_change_as_asked() -> None:
     assert touched.gain_n != scatter.person(PERSON, SLIDE).gain_n
     assert touched.cutoff_0_hz == scatter.person(PERSON, SLIDE).cutoff_0_hz
     assert Disturbance().person(PERSON, SLIDE) == PERSON
+
+
+def test_a_rig_becomes_wrong_later() -> None:
+    wrong = WithEffect("channel_delay", {"delay_s": 1e-4})
+    later = Later(wrong, 12.0)
+    assert later.simulator(PERSON, SLIDE) == Disturbance().simulator(PERSON, SLIDE)
+    after = SLIDE._replace(at_s=12.0)
+    assert later.simulator(PERSON, after) == wrong.simulator(PERSON, after)
+
+
+def test_a_moment_of_sliding_is_too_little_for_discover() -> None:
+    kept: list[AlignedSamples] = []
+    loop = ClosedLoop(replace(PLAN, seconds=1.0), keep=kept.append)
+    assert len(list(loop)) == len(kept) == 10
+    assert discovered(kept, model_of(PERSON), loop.screen.peak_v) is None
 
 
 @pytest.mark.parametrize(

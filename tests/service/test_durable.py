@@ -59,5 +59,5 @@ def test_nothing_replaces_files_another_way() -> None:
     }
     assert found == {
         "durable.py",
-        "discovery/jobs.py",  # sets a damaged file aside
+        "job_folder.py",  # sets a damaged file aside
     }

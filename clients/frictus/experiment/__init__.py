@@ -11,7 +11,7 @@
 ...         experiment.run(participant)
 """
 
-from frictus.experiment.events import write_events
+from frictus.experiment.events import events_table, write_events
 from frictus.experiment.experiment import Experiment
 from frictus.experiment.fitting import Estimate, PsychometricFit, fit
 from frictus.experiment.observers import SimulatedObserver
@@ -27,6 +27,8 @@ from frictus.experiment.protocol import (
     QuestPlusPlan,
     StaircasePlan,
     load_protocol,
+    parse_protocol,
+    ready_protocols,
 )
 from frictus.experiment.psychometric import ParameterGrid, probability
 from frictus.experiment.quest_plus import QuestPlus
@@ -73,11 +75,14 @@ __all__ = [
     "TwoAlternatives",
     "VirtualParticipant",
     "YesNo",
+    "events_table",
     "fit",
     "latin_square",
     "load_protocol",
+    "parse_protocol",
     "probability",
     "read_log",
+    "ready_protocols",
     "results",
     "write_events",
 ]

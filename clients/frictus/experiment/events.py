@@ -101,6 +101,24 @@ def _event(row: dict[str, Any], start_ns: int) -> dict[str, Any]:
     }
 
 
+def events_table(rows: list[dict[str, Any]]) -> str:
+    """Return the answered trials of a log as tab-separated text, columns named first.
+
+    Parameters
+    ----------
+    rows : list of dict
+        Of a log.
+
+    Raises
+    ------
+    ArgumentError
+        If a row lacks what a trial has.
+    """
+    lines = ["\t".join(COLUMNS)]
+    lines += ["\t".join(_cell(row[name]) for name in COLUMNS) for row in event_rows(rows)]
+    return "\n".join(lines) + "\n"
+
+
 def write_events(rows: list[dict[str, Any]], folder: str | Path) -> tuple[Path, Path]:
     """Write ``sub-P_task-NAME_events.tsv`` and its JSON sidecar; what stands there is replaced.
 
@@ -128,13 +146,11 @@ def write_events(rows: list[dict[str, Any]], folder: str | Path) -> tuple[Path, 
         "".join(letter for letter in str(value)[:60] if letter.isascii() and letter.isalnum())
         for value in (rows[0].get("participant"), protocol.get("name"))
     ]
-    events = event_rows(rows)
+    content = events_table(rows)
     path = Path(folder)
     path.mkdir(parents=True, exist_ok=True)
     table = path / f"sub-{labels[0]}_task-{labels[1]}_events.tsv"
-    lines = ["\t".join(COLUMNS)]
-    lines += ["\t".join(_cell(event[name]) for name in COLUMNS) for event in events]
-    table.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+    table.write_text(content, encoding="utf-8", newline="\n")
     sidecar = table.with_suffix(".json")
     described = {**COLUMNS, "StimulusPresentation": {"SoftwareName": "frictus"}}
     sidecar.write_text(json.dumps(described, indent=2) + "\n", encoding="utf-8")

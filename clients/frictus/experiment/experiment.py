@@ -18,7 +18,7 @@ from frictus.experiment.schedule import Schedule, Trial, resumed
 from frictus.experiment.stimuli import Stimulus
 from frictus.experiment.tasks import Adjustment, Task, checked, is_positive
 from frictus.experiment.trial_log import FORMAT, TrialLog
-from frictus.experiment.trial_row import flags_of, trial_row
+from frictus.experiment.trial_row import flags_of, start_row, trial_row
 from frictus.rig import Rig
 
 LEASE_MS: Final = 2_000
@@ -152,24 +152,8 @@ class Experiment:
             self._presenter = undo.enter_context(contextlib.closing(presenter))
             if self.protocol.record:
                 self._recording = self._begin_recording(undo)
-            status = self._rig.status()
-            self._log.append(
-                {
-                    "event": "start",
-                    "utc_ns": time.time_ns(),
-                    "trials_before": self.schedule.recorded,
-                    "rig": self._rig.name,
-                    "site": self._rig.site,
-                    "run": status.run,
-                    "simulated": status.simulated,
-                    "version": status.version,
-                    "sample_rate_hz": status.sample_rate_hz,
-                    "model_etag": status.model_etag,
-                    "model_placeholder": status.model_placeholder,
-                    "compensation": str(status.compensation),
-                    "recording": self._recording,
-                }
-            )
+            begun = start_row(self._rig, self.schedule.recorded, time.time_ns())
+            self._log.append(begun | {"recording": self._recording})
             self._open = undo.pop_all()
         return self
 
@@ -212,6 +196,10 @@ class Experiment:
             )
         self.schedule = resumed(self.protocol, log.rows, str(self._path))
         self._seed = self.schedule.seed
+
+    def require_lease(self) -> None:
+        """Raise `LeaseLostError` if the rig no longer obeys, also between trials."""
+        self._opened()[0].require_lease()
 
     def next(self) -> Trial | None:
         """Return the next trial, the same until it is answered; None after the last."""
@@ -352,27 +340,39 @@ class Experiment:
             Whoever answers; an answer that the task does not have is asked for again.
         """
         while (trial := self.next()) is not None:
-            if trial.pause:
-                participant.rest(trial)
-            shown = self.present(trial, participant=participant)
-            if shown is None:
-                continue
-            response, response_s = self._ask(participant, trial, shown)
-            settings: list[float] | None = None
-            if isinstance(self.protocol.task, Adjustment):
-                settings = [trial.level]
-                while response != "=" and len(settings) < self.protocol.task.steps:
-                    wanted = self.protocol.task.moved(settings[-1], response)
-                    try:
-                        shown = self.present_at(trial, wanted, participant=participant)
-                    except ScaledError:  # no further up than the rig can
-                        wanted = settings[-1]
-                        shown = self.present_at(trial, wanted, participant=participant)
-                    settings.append(wanted)
-                    response, response_s = self._ask(participant, trial, shown)
-            row = self.answer(trial, shown, response, response_s, settings=settings)
-            if trial.feedback and row["correct"] is not None:
-                participant.learn(trial, row["correct"])
+            self.run_trial(trial, participant)
+
+    def run_trial(self, trial: Trial, participant: Participant) -> None:
+        """Present a trial and ask, the break before it included.
+
+        Parameters
+        ----------
+        trial : Trial
+            What `next` returned.
+        participant : Participant
+            Whoever answers.
+        """
+        if trial.pause:
+            participant.rest(trial)
+        shown = self.present(trial, participant=participant)
+        if shown is None:
+            return
+        response, response_s = self._ask(participant, trial, shown)
+        settings: list[float] | None = None
+        if isinstance(self.protocol.task, Adjustment):
+            settings = [trial.level]
+            while response != "=" and len(settings) < self.protocol.task.steps:
+                wanted = self.protocol.task.moved(settings[-1], response)
+                try:
+                    shown = self.present_at(trial, wanted, participant=participant)
+                except ScaledError:  # no further up than the rig can
+                    wanted = settings[-1]
+                    shown = self.present_at(trial, wanted, participant=participant)
+                settings.append(wanted)
+                response, response_s = self._ask(participant, trial, shown)
+        row = self.answer(trial, shown, response, response_s, settings=settings)
+        if trial.feedback and row["correct"] is not None:
+            participant.learn(trial, row["correct"])
 
     def _ask(
         self, participant: Participant, trial: Trial, shown: list[PresentedInterval]

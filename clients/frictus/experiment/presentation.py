@@ -107,6 +107,11 @@ class Presenter:
         self._rig.set_scene(self._between)
         self._wait(time.monotonic() + self._how.gap_s)
 
+    def require_lease(self) -> None:
+        """Raise `LeaseLostError` if the rig no longer obeys."""
+        if self._lease.lost:
+            raise self._lease.loss or LeaseLostError("the lease is lost")
+
     def smooth(self) -> None:
         """Have the finger feel a smooth screen from now on."""
         self._rig.set_scene(Scene())
@@ -172,8 +177,8 @@ class Presenter:
         while True:
             self._collect()
             left_s = until_s - time.monotonic()
-            if self._lease.wait_lost(min(max(left_s, 0.0), DRAIN_S)):
-                raise self._lease.loss or LeaseLostError("the lease is lost")
+            self._lease.wait_lost(min(max(left_s, 0.0), DRAIN_S))
+            self.require_lease()
             if left_s <= DRAIN_S:
                 return
 

@@ -1,8 +1,9 @@
 """What an experiment is: a document that a TOML file holds and every log begins with."""
 
+import re
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, Self, TypeAlias
+from typing import Annotated, Final, Literal, Self, TypeAlias
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
@@ -23,6 +24,9 @@ MAX_TABLE: Final = 10_000_000
 MAX_LEVEL: Final = 1e6
 MAX_TRIALS: Final = 10_000
 """Of one condition."""
+_LONG_KEY: Final = re.compile(
+    rb"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){20}"""
+)
 Level = Annotated[FiniteFloat, Field(gt=0.0, le=MAX_LEVEL)]
 Trials = Annotated[int, Field(ge=1, le=MAX_TRIALS)]
 AnyProcedure: TypeAlias = QuestPlus | Staircase | ConstantStimuli
@@ -60,15 +64,7 @@ class QuestPlusPlan(_Part):
     slopes: Annotated[
         list[Annotated[FiniteFloat, Field(ge=0.1, le=100.0)]],
         Field(min_length=1, max_length=30),
-    ] = [
-        1.0,
-        1.4,
-        2.0,
-        2.8,
-        4.0,
-        5.7,
-        8.0,
-    ]
+    ] = [1.0, 1.4, 2.0, 2.8, 4.0, 5.7, 8.0]
     guesses: Annotated[list[FiniteFloat], Field(min_length=1, max_length=10)] = [0.02, 0.1, 0.2]
     """Of tasks whose guess rate is the participant's own; at least 0.005, or one false alarm
     would rule out every high threshold."""
@@ -345,6 +341,37 @@ class Protocol(_Part):
         return self.plan_of(condition).begin(guess_rate(self.task), rng)
 
 
+def ready_protocols() -> dict[str, Path]:
+    """Return the files of the protocols that come with the package, by name."""
+    folder = Path(__file__).parent / "protocols"
+    return {each.stem: each for each in sorted(folder.glob("*.toml"))}
+
+
+def parse_protocol(toml: bytes, source: str) -> Protocol:
+    """Read a protocol.
+
+    Parameters
+    ----------
+    toml : bytes
+        The document.
+    source : str
+        Where it is from, for messages.
+
+    Raises
+    ------
+    ArgumentError
+        If it is no protocol; the text says where.
+    """
+    if _LONG_KEY.search(toml):  # it would be read for minutes
+        raise ArgumentError(f"{source}: a key of more than 20 parts; no protocol has one")
+    try:
+        return Protocol.model_validate(tomllib.loads(toml.decode("utf-8-sig")))
+    except ValidationError as error:
+        raise ArgumentError(f"{source}: {explain(error)}") from error
+    except (ValueError, RecursionError) as error:  # integers of 4300 digits: no TOMLDecodeError
+        raise ArgumentError(f"{source} is not TOML: {error}") from error
+
+
 def load_protocol(source: str | Path) -> Protocol:
     """Read a protocol from a TOML file, or one that comes with the package.
 
@@ -360,21 +387,13 @@ def load_protocol(source: str | Path) -> Protocol:
     FileNotFoundError
         If there is no such file.
     """
-    path = Path(source)
+    path, ready = Path(source), ready_protocols()
     if not path.is_file():
-        ready = Path(__file__).parent / "protocols"
-        names = sorted(each.stem for each in ready.glob("*.toml"))
-        if str(source) not in names:
+        if str(source) not in ready:
             raise FileNotFoundError(
-                f"there is no file {str(source)!r}; ready protocols: {', '.join(names)}"
+                f"there is no file {str(source)!r}; ready protocols: {', '.join(ready)}"
             )
-        path = ready / f"{source}.toml"
+        path = ready[str(source)]
     if path.stat().st_size > MAX_TOML_BYTES:
         raise ArgumentError(f"{path.name}: more than {MAX_TOML_BYTES} bytes")
-    try:
-        document: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-        return Protocol.model_validate(document)
-    except ValidationError as error:
-        raise ArgumentError(f"{path.name}: {explain(error)}") from error
-    except (ValueError, RecursionError) as error:  # integers of 4300 digits: no TOMLDecodeError
-        raise ArgumentError(f"{path.name} is not TOML: {error}") from error
+    return parse_protocol(path.read_bytes(), path.name)

@@ -1,13 +1,43 @@
-"""A trial as a row of the log: as asked for, and as rendered."""
+"""Starts and trials as rows of the log: as asked for, and as rendered."""
 
 from typing import Any, Final
 
 from frictus.experiment.presentation import WHOLE, PresentedInterval
 from frictus.experiment.schedule import Trial
 from frictus.experiment.stimuli import Stimulus
+from frictus.rig import Rig
 
 EXTRAPOLATED_SHARE: Final = 0.2
 """Of an interval at speeds beyond the model's: less is the turn of a stroke."""
+
+
+def start_row(rig: Rig, trials_before: int, utc_ns: int) -> dict[str, Any]:
+    """Return what a log holds of a start, but for its recording.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig.
+    trials_before : int
+        Recorded before.
+    utc_ns : int
+        Now.
+    """
+    status = rig.status()
+    return {
+        "event": "start",
+        "utc_ns": utc_ns,
+        "trials_before": trials_before,
+        "rig": rig.name,
+        "site": rig.site,
+        "run": status.run,
+        "simulated": status.simulated,
+        "version": status.version,
+        "sample_rate_hz": status.sample_rate_hz,
+        "model_etag": status.model_etag,
+        "model_placeholder": status.model_placeholder,
+        "compensation": str(status.compensation),
+    }
 
 
 def trial_row(

@@ -6,9 +6,13 @@ export const VIEWS = {
   "live-model": "Live model",
   textures: "Textures",
   calibrate: "Calibrate",
+  experiment: "Experiment",
   models: "Models",
   discovery: "Discovery",
+  participant: "Participant",
 };
+/** What is in front of a participant leads nowhere else, and nothing leads to it by chance. */
+export const ALONE = "participant";
 
 /** The address of a view of a rig; null: of the first that is present. */
 export function address(view, rig, ...rest) {

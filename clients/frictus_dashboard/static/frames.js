@@ -1,4 +1,4 @@
-/** A binary frame of /v1/live to typed arrays. Pure; docs/live.md has the layout. */
+/** A binary frame of /v1/live to typed arrays. Pure; docs/websocket.md has the layout. */
 
 export const HEADER_BYTES = 56;
 export const STREAMS = { 1: "force", 2: "accel", 3: "voltage", 4: "truth", 5: "aux", 6: "render" };

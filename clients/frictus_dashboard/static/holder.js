@@ -1,10 +1,12 @@
 /** Who holds a rig, by a name that people know, and whom that keeps from changing what is felt. */
 
-/** Pages and programs go by names that the service makes: PERSON.page-1a2b3c, HOST-PID-1a2b3c. */
+/** Names that the service makes: PERSON.page-1a2b3c, PERSON.experiment-1a2b3c4d, HOST-PID-1a2b3c. */
 const PAGE = /^(.+)\.page-[0-9a-f]{6}$/;
+const JOB = /^(.+)\.(calibration|experiment)-[0-9a-f]+$/;
 const PROGRAM = /^.+-\d+-[0-9a-f]{6}$/;
 /** Whom everybody acts for where the service asks for no tokens. */
 const ANYBODY = "local";
+const ARTICLES = { calibration: "a calibration", experiment: "an experiment" };
 
 /**
  * A client as people know it.
@@ -15,6 +17,8 @@ const ANYBODY = "local";
 export function nameOf(owner, client) {
   if (owner === null) return "nobody";
   if (owner === client) return "you";
+  const [, begunBy, job] = JOB.exec(owner) ?? [];
+  if (job !== undefined) return begunBy === ANYBODY ? ARTICLES[job] : `${begunBy}'s ${job}`;
   const person = PAGE.exec(owner)?.[1];
   if (person === undefined) return PROGRAM.test(owner) ? "a program" : owner;
   if (person === ANYBODY) return "another page";

@@ -1,6 +1,6 @@
 /** The views beside the live one: made when they are first shown, and kept. */
 
-import { address, VIEWS } from "./address.js";
+import { address, ALONE, VIEWS } from "./address.js";
 import { outcomeUnknown } from "./api.js";
 import { at, element } from "./element.js";
 import { keptOut } from "./holder.js";
@@ -12,8 +12,10 @@ const MAKERS = {
   "live-model": () => import("./live_model/view.js"),
   textures: () => import("./textures/view.js"),
   calibrate: () => import("./calibrate/view.js"),
+  experiment: () => import("./experiment/view.js"),
   models: () => import("./models/view.js"),
   discovery: () => import("./discovery/view.js"),
+  participant: () => import("./participant/view.js"),
 };
 
 /**
@@ -137,7 +139,7 @@ export class Views {
 
 /** Links to all views, for a rig. */
 export function linksTo(current, rig) {
-  return Object.entries(VIEWS).map(([name, title]) => {
+  return Object.entries(VIEWS).filter(([name]) => name !== ALONE).map(([name, title]) => {
     const anchor = element("a", { href: address(name, rig) }, title);
     if (name === current) anchor.setAttribute("aria-current", "page");
     return element("li", {}, anchor);

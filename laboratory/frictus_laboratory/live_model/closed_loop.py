@@ -8,7 +8,7 @@ go on from piece to piece, so that nothing restarts at their edges.
 
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -17,11 +17,10 @@ import numpy as np
 from frictus.aligned import AlignedSamples
 from frictus.block import Flag
 from frictus.messages import AdaptationPolicy, TouchState
-from frictus.model import FirstOrderSpeedLaw, Model
+from frictus.model import Model
 from frictus.textures import Texture
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.compiled import compiled
-from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import Mount
 from frictus_hardware.physics.screen import Screen
 from frictus_hardware.physics.simulator import Simulator
@@ -30,6 +29,7 @@ from frictus_hardware.physics.twin import Signals, States, Twin
 from frictus_hardware.simulated.config import Participant, SimulatedConfig
 from frictus_hardware.simulated.human import HumanStrokes
 from frictus_laboratory.live_model.disturbances import Disturbance, Slide
+from frictus_laboratory.live_model.laws import error_db, law_of, values_of
 from frictus_laboratory.live_model.motion import (
     KnownMotion,
     Motion,
@@ -42,7 +42,6 @@ from frictus_service.calibration.coordinates import Prior
 from frictus_service.errors import EstimateError
 from frictus_service.fidelity.measure import full_gain
 from frictus_service.fidelity.path import BLOCK_SAMPLES
-from frictus_service.fidelity.preview import NOMINAL_HZ
 from frictus_service.synthesis.compensation import as_inverse
 from frictus_service.synthesis.estimator import PredictedMotion
 from frictus_service.synthesis.renderer import Renderer
@@ -54,7 +53,6 @@ from frictus_service.tracking.windows import WindowCutter
 
 PIECE_SAMPLES: Final = 2_000
 """A tenth of a second: a change of model is played so much after it was decided, at most."""
-SPEEDS_MM_S: Final = np.array([20.0, 40.0, 60.0, 80.0, 100.0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,6 +150,8 @@ class ClosedLoop:
         What it is made of.
     motion : Motion, optional
         Of the finger, where two sessions share one; made from the plan if not given.
+    keep : callable, optional
+        Given what the tracker is given, piece by piece.
 
     Attributes
     ----------
@@ -171,35 +171,43 @@ class ClosedLoop:
         Processor time of tracker and policy so far.
     """
 
-    def __init__(self, plan: SessionPlan, motion: Motion | None = None) -> None:
+    def __init__(
+        self,
+        plan: SessionPlan,
+        motion: Motion | None = None,
+        keep: Callable[[AlignedSamples], None] = lambda part: None,
+    ) -> None:
         self._plan = plan
+        self._keep = keep
         self._config = config_of(plan)
         self._motion = motion or motion_of(plan)
         self._rate_hz = self._config.sample_rate_hz
         self._prior = Prior.weak()
         mount = Mount().lateral
-        cutter = WindowCutter(self._rate_hz, self._screen.peak_v, mount)
+        cutter = WindowCutter(self._rate_hz, self.screen.peak_v, mount)
         self.tracker = Tracker(cutter, self._prior)
         self._afterwards = TouchedSamples()
         self._model = plan.first
         self._put_in_force("first")
-        law = _law_of(plan.first)
-        scene = full_gain(plan.texture, law, self._screen, self._rate_hz)
-        self._renderer = Renderer(law, self._screen, self._rate_hz, BLOCK_SAMPLES, scene)
+        law = law_of(plan.first)
+        scene = full_gain(plan.texture, law, self.screen, self._rate_hz)
+        self._renderer = Renderer(law, self.screen, self._rate_hz, BLOCK_SAMPLES, scene)
         self._twin_key: tuple[Simulator, float] | None = None
         self._twin = Twin(())
         self._states: States = ()
         self._slide = Slide(0.0, 0, 0, 60.0, 0.4)
         self._direction = self._touched = 0.0
-        self.true = coordinates.from_law(*_values(plan.person.law), 0.0)
+        self.true = coordinates.from_law(*values_of(plan.person.law), 0.0)
         self.named: dict[str, float] = {}
+        self._alarms: tuple[str, ...] = ()
         self.held: Counter[str] = Counter()
         self.changes: list[float] = []
         self.new_fingers: list[float] = []
         self.arithmetic_s = 0.0
 
     @property
-    def _screen(self) -> Screen:
+    def screen(self) -> Screen:
+        """That is touched."""
         return self._config.screen
 
     def __iter__(self) -> Iterator[Moment]:
@@ -230,6 +238,7 @@ class ClosedLoop:
             )
             end_s = (sample + PIECE_SAMPLES) / self._rate_hz
             sensed = plan.disturbance.sensed(part, self._slide)
+            self._keep(sensed)
             updated, changed = self._learn(tuple(self._moved(sensed, piece)), end_s)
             yield Moment(
                 end_s,
@@ -301,16 +310,18 @@ class ClosedLoop:
             )
             self._twin = compiled(
                 simulator.twin(
-                    self._screen,
+                    self.screen,
                     person.friction_coefficient,
                     (noise, Quantisation()),
                     minutes=minutes,
                     seed=plan.seed,
                 )
             )
-        self._states = self._states or self._twin.initial()
+            begun = self._twin.initial()
+            if list(map(type, begun)) != list(map(type, self._states)):  # of other stages
+                self._states = begun
         # What is to be undone at the speed that the rig takes for the finger's.
-        gain, cutoff, slope = _values(person.law)
+        gain, cutoff, slope = values_of(person.law)
         slope /= plan.disturbance.speed_scale(slide)
         self.true = coordinates.from_law(gain, cutoff, slope, simulator.delay_s)
         signals = Signals.driven(
@@ -327,25 +338,26 @@ class ClosedLoop:
     def _learn(self, parts: Sequence[AlignedSamples], end_s: float) -> tuple[bool, bool]:
         """Return whether the estimate became another, and whether the model in force did."""
         began = time.process_time()
-        updated = [self.tracker.take(part) for part in parts]
-        if not any(updated):
-            self.arithmetic_s += time.process_time() - began
-            return False, False
-        alarms = self.tracker.state(0).alarms
+        updated = any([self.tracker.take(part) for part in parts])
+        if updated:
+            self._alarms = self.tracker.state(0).alarms
+            for cause in self._alarms:
+                self.named.setdefault(cause, end_s)
         if self.tracker.new_fingers > len(self.new_fingers):
             self.new_fingers.append(end_s)
-        for cause in alarms:
-            self.named.setdefault(cause, end_s)
-        changed = self._plan.policy == "adapt" and self._adapt(alarms, end_s)
+        asked = self._plan.policy == "adapt" and (updated or self.tracker.lifted)
+        changed = asked and self._adapt(end_s)
         self.arithmetic_s += time.process_time() - began
         if changed:
             self._render_anew()
-        return True, changed
+        return updated, changed
 
-    def _adapt(self, alarms: tuple[str, ...], end_s: float) -> bool:
-        estimate = self.tracker.estimate
+    def _adapt(self, end_s: float) -> bool:
+        estimate = self.tracker.expected
         now = Circumstances(
             since_change_s=end_s - self.changes[-1] if self.changes else np.inf,
+            returning=self.tracker.lifted and bool(self.changes),
+            watched_before=self.tracker.watched_before,
         )
         try:
             why = held_back(
@@ -353,7 +365,7 @@ class ClosedLoop:
                 self.in_force,
                 self._prior,
                 self.tracker.speeds_mm_s,
-                INSTRUMENT & set(alarms),
+                INSTRUMENT & set(self._alarms),
                 now,
             )
             model = self._model if why else adapted(self._model, estimate, {})
@@ -374,55 +386,10 @@ class ClosedLoop:
         self.tracker.put_in_force(model)
 
     def _render_anew(self) -> None:
-        law = _law_of(self._model)
-        scene = full_gain(self._plan.texture, law, self._screen, self._rate_hz)
+        law = law_of(self._model)
+        scene = full_gain(self._plan.texture, law, self.screen, self._rate_hz)
         self._renderer.set_scene(scene)
         self._renderer.set_inverse(as_inverse(law))
-
-
-def error_db(at: FloatArray, true: FloatArray) -> float:
-    """Return the error of a rendering that undoes a law which is not the true one.
-
-    Parameters
-    ----------
-    at, true : ndarray, shape (4,)
-        In `calibration.coordinates`; their delays do not count.
-
-    Returns
-    -------
-    float
-        dB rms over third octaves at 20 to 100 mm/s.
-    """
-    frequency = np.array(NOMINAL_HZ)
-    ratio = 0.0
-    for one, sign in ((true, 1.0), (at, -1.0)):
-        cutoff = coordinates.cutoff_hz(one, SPEEDS_MM_S)[:, np.newaxis]
-        size = np.exp(one[2]) * cutoff / np.hypot(cutoff, frequency)
-        ratio = ratio + sign * 20.0 * np.log10(size)
-    return float(np.sqrt(np.mean(np.square(ratio))))
-
-
-def model_of(person: Participant) -> Model:
-    """Return a person's true law as a model.
-
-    Parameters
-    ----------
-    person : Participant
-        Of the simulated population.
-    """
-    gain, cutoff, slope = _values(person.law)
-    law = FirstOrderSpeedLaw(gain_n=gain, cutoff_0_hz=cutoff, slope_hz_per_mm_s=slope)
-    return Model(base=law, provenance={"source": "the twin's own"})
-
-
-def _law_of(model: Model) -> FrictionLaw:
-    base = model.base
-    assert isinstance(base, FirstOrderSpeedLaw)
-    return FrictionLaw(base.gain_n, base.cutoff_0_hz, base.slope_hz_per_mm_s)
-
-
-def _values(law: FrictionLaw) -> tuple[float, float, float]:
-    return law.gain_n, law.cutoff_0_hz, law.slope_hz_per_mm_s
 
 
 def _kind_of(reason: str) -> str:

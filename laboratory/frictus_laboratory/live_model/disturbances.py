@@ -212,6 +212,27 @@ class WithEffect(Disturbance):
 
 
 @dataclass(frozen=True, slots=True)
+class Later(Disturbance):
+    """What disturbs the simulator begins during the session.
+
+    Attributes
+    ----------
+    what : Disturbance
+        Of the simulator.
+    at_s : float
+        From when on.
+    """
+
+    what: Disturbance
+    at_s: float
+
+    def simulator(self, person: Participant, slide: Slide) -> Simulator:
+        """Return the simulator, later with the effect."""
+        now = self.what if slide.at_s >= self.at_s else Disturbance()
+        return now.simulator(person, slide)
+
+
+@dataclass(frozen=True, slots=True)
 class _SpeedTimesForce:
     """``exp(a ln(v / v0) ln(F / F0))``."""
 

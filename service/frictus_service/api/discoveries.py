@@ -16,13 +16,13 @@ from frictus_service.api.requests import JSON, parse_json, raw_body, require_med
 from frictus_service.api.services import Services, services
 from frictus_service.discovery.document import Discovery
 from frictus_service.discovery.jobs import (
-    ACTIVE,
     DiscoveryEvent,
     DiscoveryJob,
     DiscoveryJobs,
     DiscoverySpec,
 )
 from frictus_service.discovery.report.page import DOCUMENT, REPORT
+from frictus_service.job_folder import ACTIVE
 
 Given = Annotated[Services, Depends(services)]
 Id = Annotated[

@@ -15,7 +15,7 @@ a WebSocket, which browsers let any page open and read.
 
 import asyncio
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 from urllib.parse import urlsplit
@@ -132,6 +132,40 @@ class Rate:
         return True
 
 
+class Pace:
+    """How fast one connection is read: whoever sends more waits for it, and nobody else.
+
+    Parameters
+    ----------
+    per_s : float
+        What may come per second in the long run.
+    burst : float
+        What may come at once.
+    now_s : callable
+        Clock.
+    """
+
+    def __init__(
+        self, per_s: float, burst: float, now_s: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._per_s = per_s
+        self._burst_s = burst / per_s
+        self._now_s = now_s
+        self._idle_s = now_s()
+
+    def wait_s(self, cost: float) -> float:
+        """Return for how long no more is to be read.
+
+        Parameters
+        ----------
+        cost : float
+            Of what has come.
+        """
+        now_s = self._now_s()
+        self._idle_s = max(self._idle_s, now_s) + cost / self._per_s
+        return max(0.0, self._idle_s - now_s - self._burst_s)
+
+
 HEAD_S: Final = 10.0
 """For the head of a request: since the connection began, or since the answer before."""
 TAKE_S: Final = 30.0
@@ -218,11 +252,16 @@ class OriginCheck:
         What is behind it.
     loopback_only : bool
         The server is bound to loopback: check the Host header.
+    allowed : collection of str
+        Other origins whose pages may open a WebSocket; requests they may not make.
     """
 
-    def __init__(self, app: ASGIApp, loopback_only: bool) -> None:
+    def __init__(
+        self, app: ASGIApp, loopback_only: bool, allowed: Collection[str] = ()
+    ) -> None:
         self._app = app
         self._loopback_only = loopback_only
+        self._allowed = frozenset(allowed)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on, or answer it with the reason why not."""
@@ -240,6 +279,8 @@ class OriginCheck:
             )
         origin = headers.get("origin")
         does = "connect" if scope["type"] == "websocket" else scope["method"]
+        if does == "connect" and origin in self._allowed:
+            return None
         if origin is not None and does not in _SAFE and _netloc(origin) != host:
             return CrossOriginError(
                 f"Origin {origin[:100]!r} is not this server: pages of other origins may not "

@@ -170,6 +170,12 @@ class DiscoveryNotFoundError(ApiError):
     status, code, title = 404, "no_discovery", "No such discovery"
 
 
+class ExperimentNotFoundError(ApiError):
+    """There is no experiment of this id."""
+
+    status, code, title = 404, "no_experiment", "No such experiment"
+
+
 class MethodNotAllowedError(ApiError):
     """The path knows other methods."""
 
@@ -207,13 +213,13 @@ class RecordingConflictError(ApiError):
 
 
 class RigCalibratingError(ApiError):
-    """A calibration is under way on the rig."""
+    """A calibration or an experiment is under way on the rig."""
 
-    status, code, title = 409, "rig_busy", "The rig is being calibrated"
+    status, code, title = 409, "rig_busy", "The rig is being used"
 
 
 class WrongStateError(ApiError):
-    """The calibration or discovery is not in a state that allows this."""
+    """The calibration, discovery or experiment is not in a state that allows this."""
 
     status, code, title = 409, "wrong_state", "It is in another state"
 
@@ -369,7 +375,9 @@ _FOREIGN: Final[dict[type[Exception], type[ApiError]]] = {
     DamagedTextureError: DamagedFileError,
     service.UnknownStudyError: StudyNotFoundError,
     service.UnknownDiscoveryError: DiscoveryNotFoundError,
-    service.DiscoveryStateError: WrongStateError,
+    service.UnknownExperimentError: ExperimentNotFoundError,
+    service.JobStateError: WrongStateError,
+    service.RigInExperimentError: RigCalibratingError,
     service.UnknownModelError: ModelNotFoundError,
     service.UnknownCalibrationError: CalibrationNotFoundError,
     service.AliasConflictError: ConflictError,

@@ -25,6 +25,7 @@ from frictus_service.api import (
     calibrations,
     discoveries,
     estimates,
+    experiments,
     models,
     monitoring,
     previews,
@@ -34,7 +35,7 @@ from frictus_service.api import (
     studies,
     textures,
 )
-from frictus_service.api.dashboard import conversation, pages
+from frictus_service.api.dashboard import asyncapi, conversation, pages
 from frictus_service.api.dashboard.hub import Hub
 from frictus_service.api.dashboard.messages import MAX_BYTES
 from frictus_service.api.event_stream import Departures
@@ -49,6 +50,7 @@ from frictus_service.api.services import ConnectedPages, RigConnection, Services
 from frictus_service.config import Config
 from frictus_service.errors import RegistryUnavailableError, StartError
 from frictus_service.jobs.discoveries import DISCOVER, Discoveries
+from frictus_service.jobs.experiments import PRESENT, Experiments
 from frictus_service.jobs.jobs import RUN, Jobs
 from frictus_service.library import TextureLibrary
 from frictus_service.processes import ReadySignal, StopSignal, existing_objects_frozen
@@ -144,15 +146,19 @@ _PARTS: Final = (
     models,
     calibrations,
     discoveries,
+    experiments,
     estimates,
     studies,
     monitoring,
     pages,
     conversation,
+    asyncapi,
 )
 
 
-def build_app(config: Config, run: str = RUN, discover: str = DISCOVER) -> FastAPI:
+def build_app(
+    config: Config, run: str = RUN, discover: str = DISCOVER, present: str = PRESENT
+) -> FastAPI:
     """Return the API of one site.
 
     It connects to the router when it is started, or later, when the router is there.
@@ -165,15 +171,19 @@ def build_app(config: Config, run: str = RUN, discover: str = DISCOVER) -> FastA
         ``module:function`` that carries out a calibration in a process of its own.
     discover : str
         The same for a discovery.
+    present : str
+        The same for an experiment.
     """
     link = RigConnection(config.router.endpoint, config.site, tls_of_client(config))
     hub = Hub(link)
     registry = Registry(config.registry.url)
     jobs = Jobs(config, registry, run)
     analyses = Discoveries(config, discover)
+    trials = Experiments(config, present)
 
     def recover() -> None:
         analyses.shelf.interrupt()
+        trials.shelf.interrupt()
         try:
             if registry.database.exists:  # or nothing was ever calibrated
                 jobs.recover()
@@ -182,6 +192,7 @@ def build_app(config: Config, run: str = RUN, discover: str = DISCOVER) -> FastA
             _LOG.warning("%s", error)
 
     def close() -> None:
+        trials.close()
         analyses.close()
         jobs.close()
         registry.close()
@@ -203,7 +214,7 @@ def build_app(config: Config, run: str = RUN, discover: str = DISCOVER) -> FastA
     )
     library = TextureLibrary(config.textures)
     app.state.services = Services(
-        config, link, library, registry, jobs, analyses, ConnectedPages()
+        config, link, library, registry, jobs, analyses, trials, ConnectedPages()
     )
     app.state.hub = hub
     app.state.limits = RequestLimits()
@@ -213,7 +224,9 @@ def build_app(config: Config, run: str = RUN, discover: str = DISCOVER) -> FastA
     app.mount(pages.PAGE, pages.DashboardFiles(), name="dashboard")
     problems.install(app)
     app.add_middleware(Departures)
-    app.add_middleware(OriginCheck, loopback_only=config.api.loopback)
+    app.add_middleware(
+        OriginCheck, loopback_only=config.api.loopback, allowed=config.api.origins
+    )
     app.add_middleware(Rate, per_s=config.api.max_requests_per_s)
     app.add_middleware(monitoring.CountRequests, metrics=app.state.metrics)
     install(app)
@@ -310,6 +323,6 @@ def run_api(config: Config, stop: StopSignal, ready: ReadySignal) -> None:
             ws_max_size=MAX_BYTES,
             ws_per_message_deflate=False,  # samples hardly shrink, and it costs a core
         )
-        server = _Server(settings, stop, ready, app.state.services.jobs.stop)
+        server = _Server(settings, stop, ready, app.state.services.stop_jobs)
         with existing_objects_frozen():
             server.run(sockets=[listener])

@@ -22,6 +22,7 @@ from frictus.errors import LinkError
 from frictus.keys import RigKeys
 from frictus_service.config import Config
 from frictus_service.jobs.discoveries import Discoveries
+from frictus_service.jobs.experiments import Experiments
 from frictus_service.jobs.jobs import Jobs
 from frictus_service.library import TextureLibrary
 from frictus_service.registry.store import Registry
@@ -179,7 +180,7 @@ class RigConnection:
 
 @dataclass(frozen=True, slots=True)
 class Services:
-    """Configuration, rigs, texture library, registry, calibrations, discoveries, pages."""
+    """Configuration, rigs, texture library, registry, jobs of each kind, pages."""
 
     config: Config
     link: RigConnection
@@ -187,7 +188,13 @@ class Services:
     registry: Registry
     jobs: Jobs
     discoveries: Discoveries
+    experiments: Experiments
     pages: ConnectedPages
+
+    def stop_jobs(self) -> None:
+        """Tell all jobs to stop: streams of their events end, too."""
+        for each in (self.jobs, self.discoveries, self.experiments):
+            each.stop()
 
 
 def services(request: Request) -> Services:

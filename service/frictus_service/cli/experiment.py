@@ -21,7 +21,6 @@ from frictus_service.cli.options import (
 
 if TYPE_CHECKING:
     from frictus.experiment import (
-        ConditionResult,
         Participant,
         PresentedInterval,
         Protocol,
@@ -82,6 +81,7 @@ def experiment(
         write_events,
     )
     from frictus.experiment.schedule import begun
+    from frictus_service.experiments.phrasing import result_lines
 
     chosen = load_protocol(protocol)
     path = log or Path(f"{chosen.name}-{participant}.jsonl")
@@ -208,41 +208,3 @@ def _read() -> str:
     if not line:  # the end of input is no answer: the log waits for another day
         raise KeyboardInterrupt
     return line.strip()
-
-
-def result_lines(result: "ConditionResult") -> list[str]:
-    """Return what to say of a condition.
-
-    Parameters
-    ----------
-    result : ConditionResult
-        Of its trials.
-    """
-    lines = [f"{result.condition}: {result.trials} trials"]
-    if result.refused:
-        lines.append(f"  {result.refused} not presented: the rig could not render them whole")
-    if result.flagged:
-        lines.append(
-            f"  {result.flagged} with a flag, such as scaled or no contact: see the log"
-        )
-    if result.catch_right is not None:
-        lines.append(
-            f"  catch trials: {result.catch_right[0]} of {result.catch_right[1]} right"
-        )
-    if (fit := result.fit) is not None:
-        for name, value in (("threshold", fit.threshold), ("by likelihood", fit.threshold_ml)):
-            lines.append(
-                f"  {name}: {value.value:.3g} {result.unit} "
-                f"(95 %: {value.low:.3g} to {value.high:.3g})"
-            )
-        lines.append(f"  slope {fit.slope.value:.2g}, lapses {100.0 * fit.lapse:.1f} %")
-        if fit.open_ended:
-            lines.append("  the trials do not bound the threshold: use other levels, or more")
-    for name, found in (("exponent", result.exponent), ("setting", result.setting)):
-        if found is not None:
-            lines.append(
-                f"  {name}: {found.value:.3g} (95 %: {found.low:.3g} to {found.high:.3g})"
-            )
-    ratings = result.ratings or {}
-    lines += [f"  {pair.replace('|', ' and ')}: {mean:.3g}" for pair, mean in ratings.items()]
-    return lines

@@ -1,38 +1,29 @@
 """Discoveries as jobs: what is asked, how far it is, and the folder that keeps each.
 
-The discoveries of a folder of studies: one folder each, with job, events and report.
-
 ``studies/discoveries/ID/`` holds `job.json`, where the discovery stands; `events.jsonl`, what
-it told; and, once it is done, what `report.page` writes. A `job.json` that cannot be read
-is set aside as `job.json.damaged`, with a warning in the log, and the others are served.
+it told; and, once it is done, what `report.page` writes.
 """
 
-import contextlib
 import json
-import logging
 import os
 import re
-import secrets
-import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from frictus.model import Model
 from frictus_service.discovery.document import Response, Verdict
 from frictus_service.durable import replace_file
 from frictus_service.errors import (
     DiscoveryCancelledError,
-    DiscoveryStateError,
     UnknownDiscoveryError,
     UnknownStudyError,
 )
+from frictus_service.job_folder import FolderJob, JobFolder
 
-State = Literal["queued", "running", "interrupted", "cancelled", "failed", "done"]
-ACTIVE: tuple[State, ...] = ("queued", "running")
 STUDY_NAME: Final = r"^\w[\w.-]*(/\w[\w.-]*)*$"
 
 
@@ -75,18 +66,12 @@ class DiscoveryResult(_Strict):
     """Named."""
 
 
-class DiscoveryJob(_Strict):
+class DiscoveryJob(FolderJob):
     """A discovery and where it stands."""
 
-    id: str
-    state: State
-    created_utc_ns: int
-    created_by: str
-    updated_utc_ns: int
     spec: DiscoverySpec
     progress: DiscoveryProgress | None = None
     result: DiscoveryResult | None = None
-    failure: str | None = None
 
 
 class DiscoveryJobs(_Strict):
@@ -170,16 +155,12 @@ def _base(spec: DiscoverySpec, folder: Path) -> str:
 
 
 FOLDER: Final = "discoveries"
-JOB: Final = "job.json"
 EVENTS: Final = "events.jsonl"
-DAMAGED: Final = ".damaged"
-_ID: Final = re.compile(r"[0-9a-f-]{1,64}")
 _NAME: Final = re.compile(STUDY_NAME)
 _MOST_LISTED: Final = 20
-_LOG: Final = logging.getLogger(__name__)
 
 
-class DiscoveryStore:
+class DiscoveryStore(JobFolder[DiscoveryJob]):
     """Keeps discoveries; one process per folder writes it, from any of its threads.
 
     Parameters
@@ -191,9 +172,9 @@ class DiscoveryStore:
     """
 
     def __init__(self, studies: Path, clock_ns: Callable[[], int] = time.time_ns) -> None:
+        root, unknown = studies / FOLDER, UnknownDiscoveryError
+        super().__init__(root, DiscoveryJob, "discovery", unknown, clock_ns)
         self._studies = studies
-        self._clock_ns = clock_ns
-        self._lock = threading.Lock()
 
     def study(self, name: str) -> Path:
         """Return the absolute path of a study.
@@ -223,10 +204,6 @@ class DiscoveryStore:
                 found[name] = path
         return found
 
-    def folder(self, discovery: str) -> Path:
-        """Return the absolute path of a discovery's folder."""
-        return self._studies.absolute() / FOLDER / discovery
-
     def create(self, spec: DiscoverySpec, by: str) -> DiscoveryJob:
         """Queue a discovery.
 
@@ -235,103 +212,15 @@ class DiscoveryStore:
         UnknownStudyError
         """
         self.study(spec.study)
-        now_ns = self._clock_ns()
-        began = time.strftime("%Y%m%d-%H%M%S", time.gmtime(now_ns / 1e9))
-        job = DiscoveryJob(
-            id=f"{began}-{secrets.token_hex(4)}",
-            state="queued",
-            created_utc_ns=now_ns,
-            created_by=by,
-            updated_utc_ns=now_ns,
-            spec=spec,
-        )
-        with self._lock:
-            self.folder(job.id).mkdir(parents=True)
-            self._tell(job, "state", json.dumps(job.state))
-        return job
-
-    def get(self, discovery: str) -> DiscoveryJob:
-        """Return where a discovery stands.
-
-        Raises
-        ------
-        UnknownDiscoveryError
-        """
-        with self._lock:
-            return self._read(discovery)
-
-    def all(self) -> list[DiscoveryJob]:
-        """Return all discoveries, newest first."""
-        with self._lock:
-            kept = (self._studies / FOLDER).glob(f"*/{JOB}")
-            jobs = []
-            for path in list(kept):
-                with contextlib.suppress(UnknownDiscoveryError):  # set aside, and said
-                    jobs.append(self._read(path.parent.name))
-        return sorted(jobs, key=lambda job: (job.created_utc_ns, job.id), reverse=True)
-
-    def change(
-        self,
-        discovery: str,
-        to: State,
-        *,
-        of: tuple[State, ...],
-        result: DiscoveryResult | None = None,
-        failure: str | None = None,
-    ) -> DiscoveryJob:
-        """Put a discovery into another state, and return it.
-
-        Parameters
-        ----------
-        discovery : str
-            Its id.
-        to : str
-            The new state.
-        of : tuple of str
-            States that it may be in now.
-        result : DiscoveryResult or None
-            With ``done``.
-        failure : str or None
-            With ``failed``.
-
-        Raises
-        ------
-        UnknownDiscoveryError, DiscoveryStateError
-        """
-        with self._lock:
-            job = self._read(discovery)
-            if job.state not in of:
-                raise DiscoveryStateError(
-                    f"discovery {discovery} is {job.state}: this is for one that is "
-                    f"{' or '.join(of)}"
-                )
-            changed = job.model_copy(
-                update={
-                    "state": to,
-                    "updated_utc_ns": self._clock_ns(),
-                    "result": result,
-                    "failure": failure,
-                }
-            )
-            self._tell(changed, "state", json.dumps(to))
-        return changed
+        return self.add(by, {"spec": spec})
 
     def progress(self, discovery: str, progress: DiscoveryProgress) -> None:
         """Keep what a running discovery is at."""
         with self._lock:
             job = self._read(discovery)
             update = {"progress": progress, "updated_utc_ns": self._clock_ns()}
-            moved = job.model_copy(update=update)
-            self._tell(moved, "progress", progress.model_dump_json())
-
-    def interrupt(self) -> None:
-        """Note that whatever ran, or waited, does so no more."""
-        for job in self.all():
-            if job.state in ACTIVE:
-                try:
-                    self.change(job.id, "interrupted", of=ACTIVE)
-                except OSError as error:  # what can be read is served nevertheless
-                    _LOG.warning("discovery %s cannot be kept: %s", job.id, error)
+            self._tell(job.id, "progress", progress.model_dump_json())
+            super()._keep(job.model_copy(update=update))
 
     def events(self, discovery: str, after: int) -> list[DiscoveryEvent]:
         """Return what a discovery told after an event, in order.
@@ -347,25 +236,13 @@ class DiscoveryStore:
             told = _whole_lines(self.folder(discovery) / EVENTS).splitlines()
         return [DiscoveryEvent.model_validate_json(line) for line in told[after:]]
 
-    def _read(self, discovery: str) -> DiscoveryJob:
-        path = self.folder(discovery) / JOB
-        if not _ID.fullmatch(discovery) or not path.is_file():
-            raise UnknownDiscoveryError(f"no discovery {discovery[:80]!r}")
-        try:
-            return DiscoveryJob.model_validate_json(path.read_bytes())
-        except (ValidationError, OSError) as error:
-            reason = error.strerror if isinstance(error, OSError) else "it is torn or not a job"
-            told = f"{path} cannot be read ({reason})"
-            if isinstance(error, ValidationError):
-                with contextlib.suppress(OSError):  # of a folder that is read-only
-                    os.replace(path, path.with_name(path.name + DAMAGED))
-                    told += f" and was set aside as {path.name}{DAMAGED}"
-            _LOG.warning("%s: the other discoveries are served", told)
-            raise UnknownDiscoveryError(told) from error
-
-    def _tell(self, job: DiscoveryJob, kind: str, data: str) -> None:
+    def _keep(self, job: DiscoveryJob) -> None:
         # The event first: whoever sees that a job has ended finds its last event.
-        folder = self.folder(job.id)
+        self._tell(job.id, "state", json.dumps(job.state))
+        super()._keep(job)
+
+    def _tell(self, discovery: str, kind: str, data: str) -> None:
+        folder = self.folder(discovery)
         before = _whole_lines(folder / EVENTS)
         event = {"number": 1 + before.count(b"\n"), "kind": kind, "data": data}
         with (folder / EVENTS).open("ab") as told:
@@ -373,7 +250,6 @@ class DiscoveryStore:
             told.write(json.dumps(event).encode() + b"\n")
             told.flush()
             os.fsync(told.fileno())
-        replace_file(folder / JOB, job.model_dump_json(by_alias=True, indent=2).encode())
 
 
 def _whole_lines(path: Path) -> bytes:

@@ -1,1 +1,1 @@
-"""Calibrations and discoveries as jobs: each in a process of its own, followed by the API."""
+"""Calibrations, discoveries, experiments: each in a process of its own, followed by the API."""

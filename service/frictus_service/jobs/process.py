@@ -10,6 +10,7 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
+from frictus.experiment import Protocol
 from frictus.tls import Tls
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Progress
 from frictus_service.discovery.jobs import (
@@ -17,6 +18,7 @@ from frictus_service.discovery.jobs import (
     DiscoveryResult,
     DiscoverySpec,
 )
+from frictus_service.experiments.job import ExperimentJob, Input, ParticipantScreen
 
 
 class _Word(BaseModel):
@@ -50,9 +52,27 @@ class DiscoveryOrder(_Word):
     """Of this discovery alone."""
 
 
-AnyOrder = Annotated[Order | DiscoveryOrder, Field(discriminator="kind")]
+class ExperimentOrder(_Word):
+    """What the process of an experiment is given; a line for each `Input` follows."""
+
+    kind: Literal["experiment"] = "experiment"
+    run: str
+    """``module:function``, called as `experiments.run.run_experiment` is."""
+    client: str
+    """Its name to the rigs."""
+    router: str
+    tls: Tls | None = None
+    site: str
+    job: ExperimentJob
+    protocol: Protocol
+    folder: Path
+    """Of this experiment alone."""
+
+
+AnyOrder = Annotated[Order | DiscoveryOrder | ExperimentOrder, Field(discriminator="kind")]
 """When the input of a process ends behind it, it shall stop."""
 ORDER: Final[TypeAdapter[AnyOrder]] = TypeAdapter(AnyOrder)
+INPUT: Final[TypeAdapter[Input]] = TypeAdapter(Input)
 
 
 class Moved(_Word):
@@ -83,6 +103,19 @@ class Found(_Word):
     result: DiscoveryResult
 
 
+class ScreenChanged(_Word):
+    """An experiment shows something else."""
+
+    kind: Literal["shown"] = "shown"
+    screen: ParticipantScreen
+
+
+class Completed(_Word):
+    """An experiment has had its last trial."""
+
+    kind: Literal["completed"] = "completed"
+
+
 class Failed(_Word):
     """It cannot go on."""
 
@@ -96,7 +129,10 @@ class Stopped(_Word):
     kind: Literal["stopped"] = "stopped"
 
 
-Said = Annotated[Moved | Done | Looked | Found | Failed | Stopped, Field(discriminator="kind")]
+Said = Annotated[
+    Moved | Done | Looked | Found | ScreenChanged | Completed | Failed | Stopped,
+    Field(discriminator="kind"),
+]
 SAID: Final[TypeAdapter[Said]] = TypeAdapter(Said)
 
 
@@ -105,7 +141,7 @@ class JobProcess:
 
     Parameters
     ----------
-    order : Order or DiscoveryOrder
+    order : Order, DiscoveryOrder or ExperimentOrder
         What the process is told.
     """
 
@@ -127,13 +163,7 @@ class JobProcess:
 
     def __enter__(self) -> Self:
         """Give the order."""
-        assert self._process.stdin is not None
-        try:
-            self._process.stdin.write(self._order.model_dump_json(by_alias=True).encode())
-            self._process.stdin.write(b"\n")
-            self._process.stdin.flush()
-        except OSError:
-            pass  # it has ended already: nothing will be said
+        self.tell(self._order)
         return self
 
     def __exit__(
@@ -147,6 +177,22 @@ class JobProcess:
         assert self._process.stdout is not None
         self._process.stdout.close()
         self._process.wait()
+
+    def tell(self, word: BaseModel) -> None:
+        """Give it a line; from any thread. One that has ended, or was told to stop, gets none.
+
+        Parameters
+        ----------
+        word : BaseModel
+            Its order, or what it waits for.
+        """
+        assert self._process.stdin is not None
+        with self._closing:
+            try:
+                self._process.stdin.write(word.model_dump_json(by_alias=True).encode() + b"\n")
+                self._process.stdin.flush()
+            except (OSError, ValueError):
+                pass  # it has ended already: nothing will be said
 
     def said(self) -> Iterator[Said]:
         """Yield what it says, until it ends."""

@@ -9,6 +9,7 @@ Bell and Cathey 1993, The iterated Kalman filter update as a Gauss-Newton method
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final, Self
 
 import numpy as np
@@ -41,7 +42,7 @@ _FURTHEST: Final = np.array([0.5, 0.5, 0.5, 50e-6])
 """Longest step of Gauss-Newton."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class LawEstimate:
     """What is known of the law.
 
@@ -85,14 +86,18 @@ class LawEstimate:
     @property
     def mean(self) -> FloatArray:
         """The law of this contact in `calibration.coordinates`, shape (4,)."""
-        return self.filters.of(NOW)[0]
+        return self._now[0]
 
     @property
     def covariance(self) -> FloatArray:
         """Covariance of `mean`, shape (4, 4)."""
-        return self._known(NOW)[1]
+        return self._now[1]
 
-    @property
+    @cached_property
+    def _now(self) -> tuple[FloatArray, FloatArray]:
+        return self._known(NOW)
+
+    @cached_property
     def person(self) -> tuple[FloatArray, FloatArray]:
         """The person's law, about which contacts lie: mean (4,) and covariance (4, 4)."""
         return self._known(PERSON)

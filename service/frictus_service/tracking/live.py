@@ -260,7 +260,7 @@ class LiveTracker:
             return self._unaudited
         tracker, now_s = self.tracker, self._monotonic_s()
         return held_back(
-            tracker.estimate,
+            tracker.expected,
             tracker.in_force,
             self._population,
             tracker.speeds_mm_s,
@@ -271,12 +271,14 @@ class LiveTracker:
                 guided=now_s - self._guided_s < 1.0,
                 since_change_s=now_s - self._changed_s,
                 since_felt_s=now_s - self._felt_s,
+                returning=tracker.lifted and self._model.etag != self._as_set,
+                watched_before=tracker.watched_before,
             ),
         )
 
     def _adapt(self) -> str:
         """Ask the rig to follow; return why it does not."""
-        estimate, old = self.tracker.estimate, self._model
+        estimate, old = self.tracker.expected, self._model
         assert old is not None
         try:
             model = adapted(old.model, estimate, self.tracker.provenance)
@@ -294,8 +296,10 @@ class LiveTracker:
         """Return why the estimate takes the place of the model in force."""
         tracker = self.tracker
         assert tracker.in_force is not None
-        off_db = difference_db(tracker.estimate.mean, tracker.in_force, tracker.speeds_mm_s)
-        return f"{off_db:.2f} dB off, as {tracker.estimate.windows} windows say"
+        expected = tracker.expected
+        off_db = difference_db(expected.mean, tracker.in_force, tracker.speeds_mm_s)
+        said = f"{off_db:.2f} dB off, as {expected.windows} windows say"
+        return f"{said}; the contact has ended" if tracker.lifted else said
 
 
 def _change(old: ModelState, new: ModelState) -> ModelChange | None:

@@ -25,6 +25,9 @@ KNOWN_WITHIN: Final = 0.05
 WATCHED_WINDOWS: Final = 50
 """So long the watch has to tell a rig that is wrong from a finger: delay, mount and mains were
 named within 6 s of free strokes, of which a third is used."""
+WATCHED_AGAIN: Final = 20
+"""Of another finger without notice, on a rig that was watched before: it may be the rig that
+became another."""
 WITHIN_SD: Final = 3.0
 """Standard deviations of the population within which a finger is believed."""
 DIFFERENT: Final = 16.0
@@ -56,6 +59,10 @@ class Circumstances:
         Since the model last became another.
     since_felt_s : float
         Since the newest window ended.
+    returning : bool
+        Whether the model in force was adapted to a contact that has ended.
+    watched_before : bool
+        Whether the rig was watched for `WATCHED_WINDOWS` with the finger before.
     """
 
     source: str = "scene"
@@ -63,6 +70,8 @@ class Circumstances:
     guided: bool = False
     since_change_s: float = np.inf
     since_felt_s: float = 0.0
+    returning: bool = False
+    watched_before: bool = False
 
 
 def held_back(
@@ -75,10 +84,15 @@ def held_back(
 ) -> str:
     """Return why the model in force stays; empty: the estimate is to be put in force.
 
+    Between contacts the estimate is of the next one, whose gain is the person's, at best. Where
+    ln gains of contacts differ by a standard deviation S, that of the last is off the next by
+    S sqrt(2), and the mean of n contacts by S sqrt(1 + 1/n): so a model that was adapted to a
+    contact goes back to the person's law, however well that is known.
+
     Parameters
     ----------
     estimate : LawEstimate
-        The newest.
+        The newest; of the next contact, where the last has ended (`Tracker.expected`).
     in_force : ndarray, shape (4,), or None
         In `calibration.coordinates`; None where the model is not a law without effects.
     prior : Prior
@@ -99,15 +113,16 @@ def held_back(
     if now.since_felt_s > FRESH_S:
         return f"the finger was last felt {now.since_felt_s:.0f} s ago"
     loosest = loosest_half_width(estimate, speeds_mm_s)
-    if loosest > KNOWN_WITHIN:
+    if loosest > KNOWN_WITHIN and not now.returning:
         return (
             f"gain and cutoff are known within {100.0 * loosest:.1f} % where the finger went; "
             f"{100.0 * KNOWN_WITHIN:.0f} % is asked"
         )
-    if estimate.windows < WATCHED_WINDOWS:
+    watched = WATCHED_AGAIN if now.watched_before else WATCHED_WINDOWS
+    if estimate.windows < watched:
         return (
             f"{estimate.windows} windows were felt; a rig that is wrong shows itself in "
-            f"{WATCHED_WINDOWS}"
+            f"{watched}"
         )
     sd = np.sqrt(np.diag(prior.covariance))
     away = np.abs(estimate.mean - prior.mean)[LAW] / sd[LAW]
@@ -119,7 +134,8 @@ def held_back(
         )
     gap = (estimate.mean - in_force)[LAW]
     distance = gap @ coordinates.inverse(estimate.covariance[LAW, LAW]) @ gap
-    if distance < DIFFERENT or difference_db(estimate.mean, in_force, speeds_mm_s) < LEAST_DB:
+    alike = distance < DIFFERENT and not now.returning
+    if alike or difference_db(estimate.mean, in_force, speeds_mm_s) < LEAST_DB:
         return "the model in force fits as well"
     return _spoilt(now)
 

@@ -18,10 +18,11 @@ from frictus_service.errors import EstimateError
 from frictus_service.tracking.adaptation import law_values
 from frictus_service.tracking.evidence.advice import advice_of
 from frictus_service.tracking.evidence.naming import NamedAlarm, named_alarms
-from frictus_service.tracking.evidence.watch import ALARM, CAUSES, Watch
+from frictus_service.tracking.evidence.watch import ALARM, CAUSES, INSTRUMENT, Watch
 from frictus_service.tracking.finger_filters import NOW
 from frictus_service.tracking.law_estimate import Batch, LawEstimate, advanced, updated
 from frictus_service.tracking.measured_points import MeasuredPoints
+from frictus_service.tracking.policy import WATCHED_WINDOWS
 from frictus_service.tracking.predictive_density import PrequentialGain
 from frictus_service.tracking.prequential import PrequentialError
 from frictus_service.tracking.windows import LawWindow, WindowCutter
@@ -118,7 +119,7 @@ class Tracker:
         n_bands = cutter.bands.centre_hz.size
         self.estimate = LawEstimate.begin(prior, n_bands)
         self.new_fingers = 0
-        self._run = 0
+        self._run = self._watched = 0
         self._waiting: list[LawWindow] = []
         self._last: LawWindow | None = None
         self._rate_hz = 0.0
@@ -147,6 +148,24 @@ class Tracker:
             return coordinates.LOW_MM_S, coordinates.HIGH_MM_S
         low, high = np.quantile(self._lately_mm_s, (0.1, 0.9)).tolist()
         return low, high
+
+    @property
+    def lifted(self) -> bool:
+        """Whether the finger left the screen since the newest window that was used."""
+        return self._last is not None and self._last.contact != self._cutter.contact
+
+    @property
+    def expected(self) -> LawEstimate:
+        """What is known of the contact that is or, where it has ended, of the next one.
+
+        The gain of the next one is the person's, and no better known than contacts are alike.
+        """
+        return advanced(self.estimate, 0.0, new_contact=True) if self.lifted else self.estimate
+
+    @property
+    def watched_before(self) -> bool:
+        """Whether the watch had long enough to find this rig wrong, on the finger before."""
+        return self._watched - self.estimate.windows >= WATCHED_WINDOWS
 
     @property
     def provenance(self) -> dict[str, Any]:
@@ -209,15 +228,20 @@ class Tracker:
         part : AlignedSamples
             Of the streams `tracking.windows.STREAMS`.
         """
+        if part.run != self._run:
+            self._watched = 0
         self._run, self._rate_hz = part.run, part.sample_rate_hz
         changed = False
         for window in self._cutter.take(part):
-            if self._waiting and self._waiting[0].contact != window.contact:
-                changed |= self._update()
+            changed |= self._complete(window.contact)
             self._waiting.append(window)
             if len(self._waiting) == BATCH:
                 changed |= self._update()
-        return changed
+        return changed | self._complete(self._cutter.contact)
+
+    def _complete(self, contact: int) -> bool:
+        """Use the windows that wait, if they are of another contact."""
+        return bool(self._waiting and self._waiting[0].contact != contact and self._update())
 
     def _update(self) -> bool:
         windows, self._waiting = self._waiting, []
@@ -238,10 +262,13 @@ class Tracker:
                 self._cutter.refused["unlike what was felt before"] += len(windows)
                 return False
             self.new_fingers += 1
+            if INSTRUMENT.intersection(self._watch.raised):
+                self._watched = 0
             found, _ = updated(_of_a_new_finger(self._prior, known), batch)
             self._watch = Watch.begin(self._cutter.mount, self._watch.begun)
         self._strange = 0
         self._last, self.estimate = windows[-1], found
+        self._watched += len(windows)
         speeds, forces = (
             [getattr(window, name) for window in windows]
             for name in ("speed_mm_s", "normal_force_n")

@@ -119,6 +119,8 @@ class WindowCutter:
         In which every window speaks.
     mount : TransferFunction or None
         As given.
+    contact : int
+        Number of the contact at the newest sample, rising with each touch.
     refused : Counter of str
         Windows left out, by the reason.
     """
@@ -144,7 +146,7 @@ class WindowCutter:
         self._used = 0  # samples of the first part
         self._held = 0
         self._run: int | None = None
-        self._contact = 0
+        self.contact = 0
         self.refused: Counter[str] = Counter()
 
     def take(self, part: AlignedSamples) -> list[LawWindow]:
@@ -159,7 +161,7 @@ class WindowCutter:
             if part.run == self._run:
                 self.refused["samples are missing"] += 1
             else:
-                self._contact += 1
+                self.contact += 1
             self._run, self._parts, self._used, self._held = part.run, [], 0, 0
         self._parts.append(part)
         self._held += part.data["force"].shape[1]
@@ -206,7 +208,7 @@ class WindowCutter:
         if not all(np.isfinite(rows).all() for rows in used):
             return "samples are not numbers"
         if data["force"][2].mean() < PRESSED_N:
-            self._contact += 1
+            self.contact += 1
             return "no finger presses"
         return ""
 
@@ -242,7 +244,7 @@ class WindowCutter:
         faster /= np.maximum(power, np.finfo(float).tiny)
         return LawWindow(
             first_sample,
-            self._contact,
+            self.contact,
             float(within.mean()),
             float(data["force"][2].mean()),
             power,

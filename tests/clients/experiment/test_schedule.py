@@ -29,6 +29,8 @@ from frictus.experiment import (
     YesNo,
     latin_square,
     load_protocol,
+    parse_protocol,
+    ready_protocols,
     results,
 )
 from frictus.experiment.schedule import Schedule, resumed
@@ -359,3 +361,16 @@ def test_answers_are_checked(task: Any, good: str, bad: str) -> None:
     assert checked(task, good)
     with pytest.raises(ArgumentError, match="accepted"):
         checked(task, bad)
+
+
+@pytest.mark.parametrize("key", ["a." * 90_000 + "a = 1", "[" + "'a' . " * 30 + "a]", "a" * 9])
+def test_what_is_no_protocol_is_refused_at_once(key: str) -> None:
+    with pytest.raises(ArgumentError, match=r"a key of more than 20 parts|is not TOML"):
+        parse_protocol(key.encode(), "it")
+
+
+def test_ready_protocols_are_read_by_name_and_by_file() -> None:
+    for name, path in ready_protocols().items():
+        assert (
+            load_protocol(name) == load_protocol(path) == parse_protocol(path.read_bytes(), "")
+        )

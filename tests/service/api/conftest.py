@@ -38,6 +38,7 @@ from frictus.textures import Component, Region, Scene, Spectrum
 from frictus_service.api.server import build_app
 from frictus_service.config import ApiConfig, Config, RegistryConfig, RouterConfig, Token
 from frictus_service.jobs.discoveries import DISCOVER
+from frictus_service.jobs.experiments import PRESENT
 from frictus_service.jobs.jobs import RUN
 from frictus_service.processes import free_endpoint
 
@@ -246,6 +247,7 @@ def serve(router: str, tmp_path: Path) -> Iterator[Serve]:
         endpoint: str = router,
         run: str = RUN,
         discover: str = DISCOVER,
+        present: str = PRESENT,
         **changes: Any,
     ) -> TestClient:
         given: dict[str, Any] = {}
@@ -255,7 +257,7 @@ def serve(router: str, tmp_path: Path) -> Iterator[Serve]:
                 for scope, value in TOKENS.items()
             )
         config = configuration(endpoint, tmp_path / "textures", **given)
-        app = build_app(config.model_copy(update=changes), run, discover)
+        app = build_app(config.model_copy(update=changes), run, discover, present)
         client = TestClient(
             app, base_url="http://127.0.0.1:8420", raise_server_exceptions=False
         )

@@ -63,6 +63,16 @@ NEEDS = [
     ("GET", "/v1/discoveries/{discovery}/report", "read"),
     ("GET", "/v1/discoveries/{discovery}/report.html", "read"),
     ("DELETE", "/v1/discoveries/{discovery}", "calibrate"),
+    ("GET", "/v1/experiments", "read"),
+    ("POST", "/v1/experiments", "calibrate"),
+    ("GET", "/v1/experiments/{experiment}", "read"),
+    ("GET", "/v1/experiments/{experiment}/events", "read"),
+    ("GET", "/v1/experiments/{experiment}/report", "read"),
+    ("GET", "/v1/experiments/{experiment}/events.tsv", "read"),
+    ("POST", "/v1/experiments/{experiment}/answers", "render"),
+    ("POST", "/v1/experiments/{experiment}/pause", "calibrate"),
+    ("POST", "/v1/experiments/{experiment}/resume", "calibrate"),
+    ("DELETE", "/v1/experiments/{experiment}", "calibrate"),
     ("GET", "/metrics", "read"),
 ]
 OPEN = {"/v1/health", "/v1/ready"}
@@ -83,7 +93,8 @@ def test_the_table_has_every_path(guarded: TestClient) -> None:
 @pytest.mark.parametrize(("method", "path", "scope"), NEEDS)
 def test_scopes(guarded: TestClient, rig: Any, method: str, path: str, scope: str) -> None:
     names = {"reference": "x", "name": "x", "alias": "production"}
-    url = path.format(rig=rig.name, calibration="0", discovery="0", **names)
+    jobs = dict.fromkeys(("calibration", "discovery", "experiment"), "0")
+    url = path.format(rig=rig.name, **jobs, **names)
     missing = guarded.request(method, url)
     assert missing.status_code == 401
     assert missing.headers["www-authenticate"].startswith("Bearer")

@@ -317,3 +317,15 @@ def test_a_client_asks_as_often_as_it_may() -> None:
     assert ask("a", 50) == 10
     now_s += 100.0
     assert ask("a", 50) == 20
+
+
+def test_one_connection_is_read_at_its_pace() -> None:
+    now_s = 100.0
+    pace = limits.Pace(10.0, 20.0, lambda: now_s)
+    assert [pace.wait_s(1.0) for _ in range(20)] == [0.0] * 20
+    assert pace.wait_s(5.0) == pytest.approx(0.5)
+    now_s += 0.5
+    assert pace.wait_s(1.0) == pytest.approx(0.1)
+    now_s += 1_000.0
+    assert pace.wait_s(20.0) == 0.0  # no more than a burst is saved up
+    assert pace.wait_s(1.0) == pytest.approx(0.1)

@@ -10,10 +10,20 @@ from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
 
+from frictus_hardware import SimulatedConfig
+from frictus_hardware.simulated.guided import ClientFinger
 from frictus_service.api.dashboard.frames import Frame
 from frictus_service.api.server import run_api
-from frictus_service.config import ApiConfig, Config, RegistryConfig, RouterConfig, Token
-from frictus_service.processes import free_port
+from frictus_service.config import (
+    ApiConfig,
+    Config,
+    Limits,
+    RegistryConfig,
+    RouterConfig,
+    Token,
+)
+from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.processes import free_endpoint, free_port
 
 TOKENS = {
     "read": ("read",),
@@ -25,7 +35,9 @@ SECRETS = {name: f"the-{name}-token-of-a-test" for name in TOKENS}
 PATIENCE_S = 20.0
 
 
-def configuration(router: str, folder: Path, tokens: bool) -> Config:
+def configuration(
+    router: str, folder: Path, tokens: bool, origins: tuple[str, ...] = ()
+) -> Config:
     named = tuple(
         Token(name=name, scopes=scopes, value=SECRETS[name]) for name, scopes in TOKENS.items()
     )
@@ -34,7 +46,7 @@ def configuration(router: str, folder: Path, tokens: bool) -> Config:
         textures=folder / "textures",
         studies=folder / "studies",
         registry=RegistryConfig(url=f"sqlite:///{folder / 'registry.db'}"),
-        api=ApiConfig(port=free_port(), tokens=named if tokens else ()),
+        api=ApiConfig(port=free_port(), tokens=named if tokens else (), origins=origins),
     )
 
 
@@ -105,3 +117,18 @@ def serving(config: Config) -> Iterator[int]:
         stop.set()
         thread.join(PATIENCE_S)
     assert not thread.is_alive()
+
+
+@contextmanager
+def rig_that_follows_pages() -> Iterator[str]:
+    """Run a simulated rig whose finger follows pages; yield its router."""
+    endpoint = free_endpoint()
+    config = Config(
+        backend=SimulatedConfig(finger=ClientFinger(smoothing_hz=50.0)),
+        router=RouterConfig(endpoint=endpoint),
+        api=ApiConfig(enabled=False),
+        limits=Limits(freeze_ms=5_000, missed_deadlines=1_000),  # for busy machines
+    )
+    with Supervisor(config, ("rig",)) as supervisor:
+        supervisor.wait_ready(100.0)
+        yield endpoint

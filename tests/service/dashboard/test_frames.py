@@ -17,7 +17,7 @@ U32, U64 = st.integers(0, 2**32 - 1), st.integers(0, 2**64 - 1)
 def frames(draw: st.DrawFn) -> Frame:
     kind = draw(st.sampled_from(Kind))
     channels, columns = draw(st.integers(1, 5)), draw(st.integers(0, 30))
-    shape = (channels, columns) if kind == Kind.RAW else (channels, 2, columns)
+    shape = (channels, 2, columns) if kind == Kind.EXTREMES else (channels, columns)
     data = np.random.default_rng(draw(U32)).normal(size=shape).astype(np.float32)
     return Frame(
         stream=draw(st.integers(1, 5)),
@@ -81,7 +81,7 @@ def test_what_does_not_fit_is_refused() -> None:
 
 
 def test_the_frame_in_the_docs() -> None:
-    docs = (Path(__file__).parents[3] / "docs" / "live.md").read_text(encoding="utf-8")
+    docs = (Path(__file__).parents[3] / "docs" / "websocket.md").read_text(encoding="utf-8")
     worked = next(part for part in docs.split("```") if part.startswith("\n01 00"))
     frame = Frame.unpack(bytes.fromhex(worked))
     assert (frame.stream, frame.run, frame.first_sample, frame.next_sample) == (1, 7, 400, 480)

@@ -48,13 +48,14 @@ def explored(
     off: FloatArray,
     asymmetry: float = 0.0,
     lifts: float = LIFTS,
+    scatter: WithinPersonScatter | None = None,
 ) -> Iterator[Felt]:
     """Yield batches of strokes back and forth.
 
     By `off` the law is off PAPER's in `coordinates`; the gain of strokes to the right is more
     by `asymmetry`, that of the others less.
     """
-    scatter = WithinPersonScatter()
+    scatter = scatter or WithinPersonScatter()
     at_window, direction, again, lifted = 0, 1.0, True, True
     gain = 0.0
     rows: list[FloatArray] = []

@@ -11,6 +11,7 @@ from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.calibration.posterior import ENDS
 from frictus_service.tracking.finger_filters import (
+    COMMON,
     CONTACTS,
     FELT,
     LAW,
@@ -57,8 +58,14 @@ def test_the_evidence_is_the_density_of_what_was_felt() -> None:
         multivariate_normal(PAPER, FELT @ covariance @ FELT.T + NOISE).logpdf(law)
         for covariance in begun.covariances
     ]
-    found = felt(begun, law)
-    np.testing.assert_allclose(found.log_evidence, np.array(density) - max(density), rtol=1e-6)
+    before = begun.log_evidence
+    evidence = before + np.array(density)
+    np.testing.assert_allclose(
+        felt(begun, law).log_evidence, evidence - evidence.max(), rtol=1e-6, atol=1e-9
+    )
+    weights = begun.weights.reshape(len(WALKS), len(CONTACTS), len(STROKES))
+    np.testing.assert_allclose(weights.sum(axis=(0, 1)), COMMON, rtol=1e-12)
+    np.testing.assert_allclose(weights.sum(axis=(0, 2)), COMMON, rtol=1e-12)
 
 
 @pytest.mark.parametrize("varies", [False, True])
@@ -93,15 +100,28 @@ def test_a_stroke_leaves_the_law_and_a_contact_all_but_its_gain() -> None:
 
 
 def test_a_filter_that_was_wrong_for_long_comes_back_at_once() -> None:
-    filters, low = FingerFilters.begin(PRIOR), np.arange(8) < 4
+    filters = FingerFilters.begin(PRIOR)
+    steady = np.array([walk[0] < WALKS[-1, 0] for walk, _, _ in SIZES])
     for _ in range(200):
         filters = felt(filters.advanced(0.5, new_contact=False).of_another_stroke(), PAPER)
-    assert filters.weights[~low].sum() < 0.05
+    assert filters.weights[~steady].sum() < 0.05
     moved = PAPER + np.array([0.3, 0.3, 0.0, 0.0])
     for _ in range(8):
         filters = felt(filters.advanced(0.5, new_contact=False).of_another_stroke(), moved)
     mean, covariance = filters.of(PERSON)
     assert abs(mean[0] - moved[0]) < 3.0 * np.sqrt(covariance[0, 0])
+
+
+def test_a_finger_that_scatters_is_not_forgotten_for_strokes_that_are_alike(
+    rng: np.random.Generator,
+) -> None:
+    filters = FingerFilters.begin(PRIOR)
+    alike = np.array([stroke[1] < STROKES[-1, 1] for _, _, stroke in SIZES])
+    for cutoff in (0.0, 0.08, 0.0, 0.0, 0.0):
+        noise = rng.multivariate_normal(np.zeros(LAW), 0.01 * NOISE)
+        law = PAPER + np.array([cutoff, cutoff, 0.0, 0.0]) + noise
+        filters = felt(filters.advanced(0.5, new_contact=False).of_another_stroke(), law)
+    assert filters.weights[alike].sum() < 0.01
 
 
 def test_nothing_that_is_felt_makes_a_covariance_negative(rng: np.random.Generator) -> None:

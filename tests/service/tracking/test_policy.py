@@ -15,6 +15,7 @@ from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.tracking.law_estimate import HIGHEST_HZ, RESPONSE_WITHIN, LawEstimate
 from frictus_service.tracking.policy import (
     KNOWN_WITHIN,
+    WATCHED_AGAIN,
     WATCHED_WINDOWS,
     Circumstances,
     adapted,
@@ -72,6 +73,10 @@ def test_what_is_not_known_well_holds_it_back() -> None:
     assert "nothing was felt yet" in told(nothing)
     early = replace(estimate(TWICE), windows=WATCHED_WINDOWS - 1)
     assert "a rig that is wrong shows itself" in told(early)
+    # The mount does not change with the finger.
+    again = replace(FREE, watched_before=True)
+    assert told(replace(early, windows=WATCHED_AGAIN), again) == ""
+    assert f"in {WATCHED_AGAIN}" in told(replace(early, windows=WATCHED_AGAIN - 1), again)
 
 
 def test_only_the_speeds_that_were_explored_count() -> None:

@@ -25,7 +25,7 @@ from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.tracking import tracker as tracker_module
 from frictus_service.tracking.evidence.watch import INSTRUMENT
-from frictus_service.tracking.policy import loosest_half_width
+from frictus_service.tracking.policy import WATCHED_WINDOWS, loosest_half_width
 from frictus_service.tracking.tracker import ModelInForce, Tracker
 from frictus_service.tracking.windows import WindowCutter
 
@@ -150,7 +150,7 @@ def test_another_finger_keeps_what_is_known_of_the_delay(felt: Signals) -> None:
     assert new.mean[3] == pytest.approx(known.mean[3], rel=1e-12)
     assert new.covariance[3, 3] == pytest.approx(known.covariance[3, 3], rel=1e-12)
     assert new.mean[:3] == pytest.approx(Prior.weak().mean[:3])
-    assert new.covariance[3, 0] == 0.0
+    assert new.covariance[3, 0] == pytest.approx(0.0, abs=1e-20)
 
 
 def test_who_moves_to_another_rig_brings_the_finger_and_not_the_delay(
@@ -229,6 +229,37 @@ def test_a_gap_a_restart_and_dead_sensors_are_left_out_and_counted(felt: Signals
     true = coordinates.from_law(law.gain_n, law.cutoff_0_hz, law.slope_hz_per_mm_s, 0.0)
     assert np.all(np.abs(found.estimate.mean - true)[:3] < [0.1, 0.1, 0.02])
     assert found.new_fingers == 0
+
+
+def test_where_a_contact_ends_the_next_one_is_expected(felt: Signals) -> None:
+    found = tracker()
+    on_screen = list(parts(felt))
+    for part in on_screen:
+        found.take(part)
+    assert not found.lifted
+    assert found.expected is found.estimate
+    lifted = [
+        replace(part, data={**part.data, "force": np.zeros_like(part.data["force"])})
+        for part in on_screen[-30:]
+    ]
+    for part in lifted:
+        found.take(replace(part, first_sample=part.first_sample + 3_000))
+    assert found.lifted
+    np.testing.assert_allclose(found.expected.mean, found.estimate.person[0])
+    before, after = (each.covariance[2, 2] for each in (found.estimate, found.expected))
+    assert after > 10.0 * before
+
+
+def test_a_rig_that_was_watched_with_one_finger_is_known_with_the_next(felt: Signals) -> None:
+    found = tracker()
+    for part in parts(felt):
+        found.take(part)
+    assert found.estimate.windows > WATCHED_WINDOWS
+    assert not found.watched_before
+    found.begin_anew(Prior.weak())
+    assert found.watched_before
+    found.take(replace(next(parts(felt)), run=2))  # another start of the device, or its mount
+    assert not found.watched_before
 
 
 def test_another_person_begins_from_what_is_known_of_them(felt: Signals) -> None:

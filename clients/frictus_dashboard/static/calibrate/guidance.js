@@ -30,18 +30,21 @@ const FORCES = {
   grey: "",
 };
 
+let made = 0;
+
 export class Guidance {
   /** @param {Element} root */
   constructor(root) {
     this.root = root;
-    this.canvas = element("canvas", { role: "img", "aria-describedby": "guidance-words" });
+    const id = `guidance-words-${++made}`; // two views have one
+    this.canvas = element("canvas", { role: "img", "aria-describedby": id });
     this.canvas.setAttribute("aria-label", "The guidance, to scale; the words have it too");
     this.pen = this.canvas.getContext("2d");
     this.phase = element("p", { class: "phase", role: "status" });
     this.left = element("p", { class: "number" });
     this.words = [1, 2, 3, 4, 5].map(() => element("p"));
     this.told = [this.phase, this.left, ...this.words];
-    root.append(this.canvas, element("div", { id: "guidance-words" }, ...this.told));
+    root.append(this.canvas, element("div", { id }, ...this.told));
     root.classList.add("guidance");
     this.screenMm = [0, 0];
     this.lose();

@@ -1,1 +1,1 @@
-"""The dashboard's server side: its page, and live data over a WebSocket; see `docs/live.md`."""
+"""The server side of pages: the dashboard, and the WebSocket of `docs/websocket.md`."""

@@ -2,18 +2,20 @@
 
 import time
 from collections import deque
-from typing import Final
+from typing import Any, Final, Generic, TypeVar
 
 import frictus
 from frictus.block import Block
 from frictus.keys import Topic, Topics
-from frictus.messages import Message
+from frictus.messages import FingerState, Message
 from frictus.reception import Feed
 from frictus.rig import BLOCKS
 from frictus_service.api.dashboard.messages import told
 
 HISTORY_BLOCKS: Final = 512
 """Kept of a stream for viewers to take: 2.5 s of 5 ms blocks. Who is slower loses."""
+FINGERS: Final = "fingers"
+"""Name of the stream of all states of the finger; `finger` is the newest."""
 VALUES: Final[dict[str, Topic]] = {
     "status": Topics.STATUS,
     "scene": Topics.SCENE,
@@ -29,29 +31,39 @@ ALWAYS_TOLD: Final = frozenset({"status", "scene", "model"})
 ASK_AGAIN_S: Final = 1.0
 
 
-class Stream:
-    """The newest blocks of a stream.
+T = TypeVar("T", Block, FingerState)
 
-    All viewers share the blocks; each has only a cursor, so a viewer that does not read holds
+
+class Stream(Generic[T]):
+    """The newest items of a stream: blocks, or states of the finger.
+
+    All viewers share the items; each has only a cursor, so a viewer that does not read holds
     no memory and no other viewer up.
+
+    Parameters
+    ----------
+    feed : Feed
+        What arrives.
+    kind : type
+        Of the items.
 
     Attributes
     ----------
     count : int
-        Blocks received: the cursor of who wants only what comes next.
+        Items received: the cursor of who wants only what comes next.
     """
 
-    def __init__(self, rig: frictus.Rig, name: str) -> None:
-        assert name in BLOCKS
-        self._feed = rig.blocks(name, capacity=HISTORY_BLOCKS)  # type: ignore[arg-type]
-        self._newest: deque[Block] = deque(maxlen=HISTORY_BLOCKS)
+    def __init__(self, feed: Feed[Any], kind: type[T]) -> None:
+        self._feed = feed
+        self._kind: type[T] = kind
+        self._newest: deque[T] = deque(maxlen=HISTORY_BLOCKS)
         self.count = 0
 
     def pump(self) -> None:
         """Take what has arrived, without waiting."""
         # What is missing shows in the sample counts, so gaps need no place of their own.
         for item in self._feed.drain():
-            if isinstance(item, Block):
+            if isinstance(item, self._kind):
                 self._newest.append(item)
                 self.count += 1
 
@@ -60,8 +72,8 @@ class Stream:
         """Never: a stream holds nothing for who comes late."""
         return False
 
-    def since(self, cursor: int) -> list[Block]:
-        """Return the blocks from a cursor on that are still held.
+    def since(self, cursor: int) -> list[T]:
+        """Return the items from a cursor on that are still held.
 
         Parameters
         ----------
@@ -116,7 +128,7 @@ class Value:
         self._feed.close()
 
 
-Channel = Stream | Value
+Channel = Stream[Block] | Stream[FingerState] | Value
 
 
 def open_channel(rig: frictus.Rig, name: str) -> Channel:
@@ -127,6 +139,11 @@ def open_channel(rig: frictus.Rig, name: str) -> Channel:
     rig : Rig
         Present or not.
     name : str
-        A key of `VALUES`, or the name of a stream.
+        A key of `VALUES`, `FINGERS`, or the name of a stream.
     """
-    return Value(rig, name) if name in VALUES else Stream(rig, name)
+    if name in VALUES:
+        return Value(rig, name)
+    if name == FINGERS:
+        return Stream(rig.watch(Topics.FINGER, capacity=HISTORY_BLOCKS), FingerState)
+    assert name in BLOCKS
+    return Stream(rig.blocks(name, capacity=HISTORY_BLOCKS), Block)  # type: ignore[arg-type]

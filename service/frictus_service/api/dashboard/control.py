@@ -3,22 +3,34 @@
 import asyncio
 import contextlib
 import time
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable
 from typing import Final
 
 import zenoh
 from fastapi.concurrency import run_in_threadpool
 
 import frictus
-from frictus.errors import FrictusError, NoRigError, OutcomeUnknownError, RefusedError
+from frictus.errors import (
+    ArgumentError,
+    FrictusError,
+    NoRigError,
+    OutcomeUnknownError,
+    RefusedError,
+)
 from frictus.lease import Lease
 from frictus_service.api.dashboard.hub import Hub
-from frictus_service.api.dashboard.messages import Armed, Disarmed, Point, RefusedViewerError
+from frictus_service.api.dashboard.messages import (
+    Armed,
+    Disarmed,
+    PageArmRequest,
+    PageDisarmRequest,
+    Point,
+    RefusedViewerError,
+)
 
-SILENT_S: Final = 3.0
-"""A page that says nothing for so long may be frozen: it keeps no screen driven."""
 LOOK_S: Final = 0.1
-_FAULTS: Final = (FrictusError, zenoh.ZError)
+FAULTS: Final = (FrictusError, zenoh.ZError)
+"""What a command to a rig may end with."""
 
 
 class Arming:
@@ -38,7 +50,7 @@ class Arming:
         self._hub = hub
         self._client = client
         self._tell = tell
-        self._rig = ""
+        self._asked: PageArmRequest | None = None
         # A task of its own: what a worker thread has armed is known even if nobody waits.
         self._arming: asyncio.Task[Lease] | None = None
         self._changing = asyncio.Lock()
@@ -48,15 +60,13 @@ class Arming:
         """Take note that the page is there."""
         self._heard_s = time.monotonic()
 
-    async def arm(self, rig: str, share_with: Sequence[str]) -> None:
+    async def arm(self, asked: PageArmRequest) -> None:
         """Arm a rig for the page and tell it.
 
         Parameters
         ----------
-        rig : str
-            Its name.
-        share_with : sequence of str
-            Others who may change what is rendered meanwhile.
+        asked : PageArmRequest
+            Which rig, and how.
 
         Raises
         ------
@@ -64,50 +74,60 @@ class Arming:
             If it has one already, or the rig refuses.
         """
         async with self._changing:
-            if self._arming is not None:
-                message = f"this page holds rig {self._rig!r}: disarm it first"
+            if self._arming is not None and self._asked is not None:
+                message = f"this page holds rig {self._asked.rig!r}: disarm it first"
                 raise RefusedViewerError("arm", "conflict", message, None)
-            self._rig = rig
-            arming = run_in_threadpool(self._hub.arm, rig, self._client, share_with)
-            self._arming = asyncio.create_task(arming)
+            self._asked = asked
+            self._arming = asyncio.create_task(run_in_threadpool(self._armed, asked))
             try:
                 await asyncio.shield(self._arming)
-            except _FAULTS as error:
+            except FAULTS as error:
                 self._arming = None
-                raise RefusedViewerError("arm", _code(error), str(error), None) from error
+                raise RefusedViewerError("arm", code_of(error), str(error), None) from error
             self.hear()
-            await self._tell(Armed(rig=rig).model_dump_json())
+            await self._tell(Armed(rig=asked.rig, id=asked.id).model_dump_json())
 
-    async def disarm(self, rig: str) -> None:
+    def _armed(self, asked: PageArmRequest) -> Lease:
+        rig = self._hub.rig_of(asked.rig, self._client)
+        return rig.arm(share_with=asked.share_with, keep_model=asked.keep_model)
+
+    async def disarm(self, asked: PageDisarmRequest) -> None:
         """Give a rig back and tell the page.
+
+        Parameters
+        ----------
+        asked : PageDisarmRequest
+            Which rig.
 
         Raises
         ------
         RefusedViewerError
             If it does not hold this rig.
         """
-        if self._arming is None or rig != self._rig:
-            message = f"this page does not hold rig {rig!r}"
+        if self._arming is None or self._asked is None or asked.rig != self._asked.rig:
+            message = f"this page does not hold rig {asked.rig!r}"
             raise RefusedViewerError("disarm", "not_owner", message, None)
-        await self._give_back("")
+        await self._give_back("", asked.id)
 
     async def run(self) -> None:
         """Watch the lease and the page, for ever."""
         while True:
             await asyncio.sleep(LOOK_S)
-            lease = self._held()
-            if lease is None:
+            lease, asked = self._held(), self._asked
+            if lease is None or asked is None:
                 continue
+            silence_s = asked.lease_ms / 1_000
             if lease.lost:
                 await self._give_back(lease.reason)
-            elif time.monotonic() - self._heard_s > SILENT_S:
-                await self._give_back(f"the page said nothing for {SILENT_S:g} s")
+            elif time.monotonic() - self._heard_s > silence_s:
+                # It may be frozen: it keeps no screen driven.
+                await self._give_back(f"the page said nothing for {silence_s:g} s")
 
     async def close(self) -> None:
         """Give back what is held, or about to be."""
         if self._arming is not None:
             try:
-                with contextlib.suppress(*_FAULTS):  # then it was never armed
+                with contextlib.suppress(*FAULTS):  # then it was never armed
                     await self._end(await self._arming)
             finally:
                 self._arming = None
@@ -117,27 +137,37 @@ class Arming:
             return None
         return self._arming.result()
 
-    async def _give_back(self, reason: str) -> None:
+    async def _give_back(self, reason: str, request: int | None = None) -> None:
         async with self._changing:
-            lease = self._held()
-            if lease is None:
+            lease, asked = self._held(), self._asked
+            if lease is None or asked is None:
                 return
             await self._end(lease)
             self._arming = None
-            await self._tell(Disarmed(rig=self._rig, reason=reason).model_dump_json())
+            disarmed = Disarmed(rig=asked.rig, reason=reason, id=request)
+            await self._tell(disarmed.model_dump_json())
 
     @staticmethod
     async def _end(lease: Lease) -> None:
         # Renewals end in any case, and with them the output.
-        with contextlib.suppress(*_FAULTS):
+        with contextlib.suppress(*FAULTS):
             await run_in_threadpool(lease.disarm)
 
 
-def _code(error: Exception) -> str:
+def code_of(error: Exception) -> str:
+    """Return the stable word for what a command to a rig ended with.
+
+    Parameters
+    ----------
+    error : Exception
+        One of `FAULTS`.
+    """
     if isinstance(error, RefusedError):
         return error.code
     if isinstance(error, OutcomeUnknownError):
         return "outcome_unknown"
+    if isinstance(error, ArgumentError):
+        return "bad_request"
     return "no_rig" if isinstance(error, NoRigError) else "no_link"
 
 

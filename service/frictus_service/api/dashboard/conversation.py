@@ -1,23 +1,24 @@
-"""The WebSocket `/v1/live`: one viewer, what it watches, and the conversation with its page."""
+"""The WebSocket `/v1/live`: the conversation with one page."""
 
 import asyncio
 import contextlib
 import logging
+import time
 from collections.abc import Collection
 from typing import Final, get_args
 
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
 from frictus_service.api.access import find
-from frictus_service.api.dashboard.channels import VALUES, Channel, Stream, Value
 from frictus_service.api.dashboard.control import Arming, Pointing
-from frictus_service.api.dashboard.frames import LiveFrameError, Trace
 from frictus_service.api.dashboard.hub import Hub
 from frictus_service.api.dashboard.messages import (
     BAD_DATA,
     NOT_ALLOWED,
     Asked,
+    CloseStream,
     Hello,
+    OpenStream,
     PageArmRequest,
     PageDisarmRequest,
     Ping,
@@ -25,139 +26,25 @@ from frictus_service.api.dashboard.messages import (
     Pong,
     Refused,
     RefusedViewerError,
-    RigLost,
-    Rigs,
+    SetScene,
     Watch,
     Welcome,
     read,
 )
+from frictus_service.api.dashboard.page_feed import PageFeed
+from frictus_service.api.dashboard.rendering import Rendering
+from frictus_service.api.limits import Pace
 from frictus_service.api.services import ConnectedPages
 from frictus_service.config import LOCAL, Scope, Token
-
-IDLE_RATE_HZ: Final = 10.0
-_NOTHING: Final = Watch(op="watch", rig=None, rate_hz=IDLE_RATE_HZ)
-
-
-class PageFeed:
-    """Collects what is new since it collected last.
-
-    Nothing is queued for a viewer: it has cursors into what all viewers share. One that
-    collects late gets the newest of every value, and of every stream what is still held; what
-    it lost is counted in its next frame.
-
-    Parameters
-    ----------
-    hub : Hub
-        What all viewers share.
-    scopes : collection of str
-        What its token allows.
-    """
-
-    def __init__(self, hub: Hub, scopes: Collection[Scope]) -> None:
-        self._hub = hub
-        self._scopes = scopes
-        self._told_rigs: Rigs | None = None
-        self._told_present: bool | None = None
-        self._seen: dict[str, tuple[Channel, int]] = {}
-        self._traces: dict[str, Trace] = {}
-        self.watching = _NOTHING
-        self.require("read", "hello")
-
-    def require(self, scope: Scope, what: str) -> None:
-        """Raise `RefusedViewerError` unless the viewer's token has a scope.
-
-        Parameters
-        ----------
-        scope : str
-            What is needed.
-        what : str
-            What for.
-        """
-        if scope not in self._scopes:
-            had = ", ".join(sorted(self._scopes))
-            message = f"this needs the scope {scope!r}; the token has {had}"
-            raise RefusedViewerError(what, "missing_scope", message, NOT_ALLOWED)
-
-    @property
-    def wanted(self) -> frozenset[tuple[str, str]]:
-        """The channels it watches."""
-        if self.watching.rig is None:
-            return frozenset()
-        return frozenset(
-            (self.watching.rig, name) for name in (*VALUES, *self.watching.streams)
-        )
-
-    @property
-    def period_s(self) -> float:
-        """Time from one collection to the next."""
-        return 1.0 / self.watching.rate_hz
-
-    def watch(self, watch: Watch) -> None:
-        """Watch this, in place of what was watched; values are told anew.
-
-        Parameters
-        ----------
-        watch : Watch
-            As the page sent it.
-        """
-        self.watching = _NOTHING if watch.rig is None else watch
-        self._told_present = None
-        self._seen = {}
-        self._traces = {name: Trace(watch) for name in watch.streams}
-        self._hub.poke()
-
-    def collect(self) -> list[str | bytes]:
-        """Return what is new, as text and binary messages; never waits."""
-        self._hub.pump()
-        news: list[str | bytes] = []
-        rigs = Rigs(rigs=self._hub.rigs, link=self._hub.linked)
-        if rigs != self._told_rigs:
-            self._told_rigs = rigs
-            news.append(rigs.model_dump_json())
-        rig = self.watching.rig
-        if rig is None:
-            return news
-        present, before = rig in rigs.rigs, self._told_present
-        self._told_present = present
-        if not present:
-            if before is not False:
-                news.append(RigLost(rig=rig).model_dump_json())
-            return news
-        return news + self._values(rig) + self._frames(rig)
-
-    def _values(self, rig: str) -> list[str | bytes]:
-        news: list[str | bytes] = []
-        for name in VALUES:
-            value = self._hub.channel(rig, name)
-            if isinstance(value, Value) and value.count > self._cursor(name, value, 0):
-                self._seen[name] = (value, value.count)
-                news.append(value.text)
-        return news
-
-    def _frames(self, rig: str) -> list[str | bytes]:
-        news: list[str | bytes] = []
-        for name, trace in list(self._traces.items()):
-            stream = self._hub.channel(rig, name)
-            if isinstance(stream, Stream):
-                blocks = stream.since(self._cursor(name, stream, stream.count))
-                self._seen[name] = (stream, stream.count)
-                try:
-                    news.extend([frame.pack() for frame in trace.push(blocks)])
-                except (LiveFrameError, ArithmeticError) as error:
-                    # Not of a rig: its numbers do not fit a frame. What follows is shown anew.
-                    _LOG.warning("stream %s of rig %s is not shown: %s", name, rig, error)
-                    self._traces[name] = Trace(self.watching)
-        return news
-
-    def _cursor(self, name: str, channel: Channel, start: int) -> int:
-        """Return up to where the viewer has seen a channel; a new one from `start` on."""
-        seen, count = self._seen.get(name, (None, 0))
-        return count if seen is channel else start
-
 
 HELLO_S: Final = 5.0
 SEND_S: Final = 5.0
 """A message that cannot be handed to the network for so long ends the connection."""
+MESSAGES_PER_S: Final = 2_000.0
+"""A page that sends more waits, and no other: what it sends is not read until then."""
+BURST: Final = 1_000
+COST_BYTES: Final = 4_096
+"""So many bytes count as one message more."""
 _LOG: Final = logging.getLogger(__name__)
 router = APIRouter()
 
@@ -199,6 +86,7 @@ class Conversation:
         self._hub = hub
         self._tokens = tokens
         self._pages = pages
+        self._pace = Pace(MESSAGES_PER_S, BURST)
 
     async def serve(self) -> None:
         """Serve the page until it says something malformed, or asks for what it may not.
@@ -213,7 +101,7 @@ class Conversation:
         try:
             await self._converse()
         except RefusedViewerError as refusal:
-            await self._refuse(refusal)
+            await self._refuse(refusal, None)
             async with asyncio.timeout(SEND_S):
                 await self._socket.close(refusal.close or NOT_ALLOWED, refusal.code)
 
@@ -223,18 +111,25 @@ class Conversation:
         viewer = PageFeed(hub, scopes)
         with hub.joined(viewer), self._pages.joined(person) as page:
             welcome = Welcome(
-                scopes=tuple(sorted(scopes)), site=hub.site, client=page.client, key=page.key
+                scopes=tuple(sorted(scopes)),
+                site=hub.site,
+                client=page.client,
+                key=page.key,
+                utc_us=_utc_us(),
             )
             await self._send(welcome.model_dump_json())
             pointing = Pointing(hub, page.client)
             arming = Arming(hub, page.client, self._send)
+            rendering = Rendering(hub, page.client, self._send)
             tasks = [
                 asyncio.create_task(part)
                 for part in (
-                    self._listen(viewer, pointing, arming),
-                    self._tell(viewer),
+                    self._listen(viewer, pointing, arming, rendering),
+                    self._tell(viewer, rendering),
                     pointing.run(),
                     arming.run(),
+                    rendering.run_calls(),
+                    rendering.run_updates(),
                 )
             ]
             try:
@@ -247,10 +142,11 @@ class Conversation:
                     task.cancel()
                 await asyncio.gather(*tasks, return_exceptions=True)
                 await arming.close()
+                await rendering.close()
                 await pointing.lift()
 
-    async def _refuse(self, refusal: RefusedViewerError) -> None:
-        told = Refused(what=refusal.what, code=refusal.code, message=str(refusal))
+    async def _refuse(self, refusal: RefusedViewerError, request: int | None) -> None:
+        told = Refused(what=refusal.what, code=refusal.code, message=str(refusal), id=request)
         await self._send(told.model_dump_json())
 
     async def _greeted(self) -> tuple[str, Collection[Scope]]:
@@ -261,6 +157,9 @@ class Conversation:
         except TimeoutError:
             message = f"hello is to come within {HELLO_S:g} s"
             raise RefusedViewerError("hello", "no_hello", message, NOT_ALLOWED) from None
+        if isinstance(hello, bytes):
+            told = "the first message is to be hello, as text"
+            raise RefusedViewerError("message", "malformed", told, BAD_DATA)
         if not isinstance(hello, Hello):
             message = f"the first message is to be hello, not {hello.op}"
             raise RefusedViewerError("hello", "no_hello", message, BAD_DATA)
@@ -273,19 +172,30 @@ class Conversation:
             raise RefusedViewerError("hello", "unauthenticated", known, NOT_ALLOWED)
         return token.name, token.scopes
 
-    async def _listen(self, viewer: PageFeed, pointing: Pointing, arming: Arming) -> None:
+    async def _listen(
+        self, viewer: PageFeed, pointing: Pointing, arming: Arming, rendering: Rendering
+    ) -> None:
         while True:
             asked = await self._receive()
             arming.hear()
             try:
-                await self._do(asked, viewer, pointing, arming)
+                if isinstance(asked, bytes):
+                    viewer.require("render", "update")
+                    rendering.update(asked)
+                else:
+                    await self._do(asked, viewer, pointing, arming, rendering)
             except RefusedViewerError as refusal:
                 if refusal.close is not None:
                     raise
-                await self._refuse(refusal)
+                await self._refuse(refusal, getattr(asked, "id", None))
 
     async def _do(
-        self, asked: Asked, viewer: PageFeed, pointing: Pointing, arming: Arming
+        self,
+        asked: Asked,
+        viewer: PageFeed,
+        pointing: Pointing,
+        arming: Arming,
+        rendering: Rendering,
     ) -> None:
         match asked:
             case Watch():
@@ -295,34 +205,40 @@ class Conversation:
                 pointing.point(viewer.watching.rig, asked)
             case PageArmRequest():
                 viewer.require("render", "arm")
-                await arming.arm(asked.rig, asked.share_with)
+                await arming.arm(asked)
             case PageDisarmRequest():
-                await arming.disarm(asked.rig)
+                await arming.disarm(asked)
+            case SetScene() | OpenStream() | CloseStream():
+                viewer.require("render", asked.op)
+                rendering.call(asked)
             case Ping():
-                await self._send(Pong(id=asked.id).model_dump_json())
+                await self._send(Pong(id=asked.id, utc_us=_utc_us()).model_dump_json())
             case Hello():
                 message = "hello has been said already"
                 raise RefusedViewerError("hello", "malformed", message, BAD_DATA)
 
-    async def _tell(self, viewer: PageFeed) -> None:
+    async def _tell(self, viewer: PageFeed, rendering: Rendering) -> None:
         """Send what is new, at the viewer's rate: absolute deadlines, none made up for."""
         loop = asyncio.get_running_loop()
         due_s = loop.time()
         while True:
             for message in viewer.collect():
                 await self._send(message)
+            if (progress := rendering.progress()) is not None:
+                await self._send(progress.model_dump_json())
             due_s = max(due_s + viewer.period_s, loop.time())
             await asyncio.sleep(due_s - loop.time())
 
-    async def _receive(self) -> Asked:
+    async def _receive(self) -> Asked | bytes:
+        """Return the next message, at the connection's pace: bytes are a texture update."""
         message = await self._socket.receive()
         if message["type"] == "websocket.disconnect":
             raise WebSocketDisconnect(message["code"])
-        text = message.get("text")
-        if text is None:
-            told = "binary messages are sent by the server only"
-            raise RefusedViewerError("message", "malformed", told, BAD_DATA)
-        return read(text)
+        text: str | None = message.get("text")
+        data: bytes = message.get("bytes") or b""
+        size = len(data if text is None else text)
+        await asyncio.sleep(self._pace.wait_s(1.0 + size / COST_BYTES))
+        return data if text is None else read(text)
 
     async def _send(self, message: str | bytes) -> None:
         async with asyncio.timeout(SEND_S):
@@ -330,3 +246,7 @@ class Conversation:
                 await self._socket.send_bytes(message)
             else:
                 await self._socket.send_text(message)
+
+
+def _utc_us() -> int:
+    return time.time_ns() // 1_000

@@ -1,4 +1,4 @@
-"""One stream for one viewer: blocks in, decimated, binary frames out; `docs/live.md`."""
+"""One stream for one viewer: blocks in, decimated, binary frames out; `docs/websocket.md`."""
 
 import math
 import struct
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frictus.block import FLOAT32, MAX_CHANNELS, Block
-from frictus_service.api.dashboard.messages import Watch
+from frictus_service.api.dashboard.messages import MAX_PER_COLUMN, Watch
 from frictus_service.errors import ServiceError
 
 VERSION: Final = 1
@@ -30,6 +30,8 @@ class Kind(IntEnum):
     """One sample per channel."""
     EXTREMES = 1
     """Minimum and maximum, per channel, of `samples_per_column` samples."""
+    FINGER = 2
+    """One state of the finger; see `finger_frames`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +59,7 @@ class Frame:
     utc_ns : int
         UTC of the first sample, by the rig's clock.
     data : ndarray of float32
-        Raw: (n_channels, n_columns); extremes: (n_channels, 2, n_columns), minima first.
+        Extremes: (n_channels, 2, n_columns), minima first; else (n_channels, n_columns).
     """
 
     stream: int
@@ -141,10 +143,10 @@ class Frame:
         if version != VERSION:
             raise LiveFrameError(f"frame version {version}: this reader knows {VERSION}")
         if kind not in Kind.__members__.values():
-            raise LiveFrameError(f"kind {kind}: 0 (raw) and 1 (extremes) are known")
+            raise LiveFrameError(f"kind {kind}: 0 (raw), 1 (extremes), 2 (finger) are known")
         if not 1 <= channels <= MAX_CHANNELS:
             raise LiveFrameError(f"{channels} channels: 1 to {MAX_CHANNELS} accepted")
-        shape = (channels, columns) if kind == Kind.RAW else (channels, 2, columns)
+        shape = (channels, 2, columns) if kind == Kind.EXTREMES else (channels, columns)
         expected = HEADER_BYTES + 4 * math.prod(shape)
         if len(frame) != expected:
             raise LiveFrameError(f"{len(frame)} bytes: data of shape {shape} take {expected}")
@@ -163,10 +165,6 @@ class Frame:
         )
 
 
-MOST_PER_COLUMN: Final = 1 << 23
-"""Held until a column is complete; 10 minutes in 16 columns take 7,500,000 at 200 kHz."""
-
-
 def samples_per_column(sample_rate_hz: float, window_s: float, columns: int) -> int:
     """Return how many samples a column stands for, so that `columns` span `window_s`.
 
@@ -179,7 +177,7 @@ def samples_per_column(sample_rate_hz: float, window_s: float, columns: int) -> 
     columns : int
         At least 1; never more are needed, but at rates above 200 kHz.
     """
-    return min(max(1, math.ceil(sample_rate_hz * window_s / columns)), MOST_PER_COLUMN)
+    return min(max(1, math.ceil(sample_rate_hz * window_s / columns)), MAX_PER_COLUMN)
 
 
 class Decimator:
@@ -274,7 +272,9 @@ class Trace:
     def _begin(self, block: Block) -> None:
         self._lost = 0
         watch = self._watch
-        per_column = samples_per_column(block.sample_rate_hz, watch.window_s, watch.columns)
+        per_column = watch.samples_per_column or samples_per_column(
+            block.sample_rate_hz, watch.window_s, watch.columns
+        )
         self._decimator = Decimator(1 if watch.raw else per_column)
 
     def _frame(self, stretch: list[Block]) -> Frame | None:

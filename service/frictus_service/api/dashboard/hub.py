@@ -10,16 +10,16 @@ rig that was gone is subscribed to anew, for Zenoh asks for a last value only on
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import Final, Protocol
 
+import anyio
 import zenoh
 from fastapi.concurrency import run_in_threadpool
 
 import frictus
 from frictus.client import Presence
 from frictus.errors import LinkError
-from frictus.lease import Lease
 from frictus.messages import RigStatus
 from frictus.reception import Feed
 from frictus_service.api.dashboard.channels import Channel, Value, open_channel
@@ -29,6 +29,10 @@ from frictus_service.api.services import RigConnection
 TEND_S: Final = 0.25
 """How often the link is looked at."""
 MAX_VIEWERS: Final = 64
+MAX_CALLS: Final = 8
+"""Calls of pages to rigs at once, but arming and disarming; others wait for a thread."""
+MAX_UPDATES: Final = 8
+"""Texture updates of pages that are handed to the network at once."""
 _LOG: Final = logging.getLogger(__name__)
 
 
@@ -55,12 +59,16 @@ class Hub:
         Site of the rigs.
     linked : bool
         Whether the router can be reached, as far as is known.
+    calls, updates : anyio.CapacityLimiter
+        Threads for pages' calls and texture updates: apart from those that disarm and stop.
     """
 
     def __init__(self, link: RigConnection) -> None:
         self._link = link
         self.site = link.site
         self.linked = False
+        self.calls = anyio.CapacityLimiter(MAX_CALLS)
+        self.updates = anyio.CapacityLimiter(MAX_UPDATES)
         self._present: set[str] = set()
         self._vanished: set[str] = set()
         self._presence: Feed[Presence] | None = None
@@ -158,8 +166,8 @@ class Hub:
             raise RefusedViewerError("point", "not_owner", message, None)
         return self._rigs[name]
 
-    def arm(self, rig: str, client: str, share_with: Sequence[str]) -> Lease:
-        """Arm a rig for a page; blocks.
+    def rig_of(self, rig: str, client: str) -> frictus.Rig:
+        """Return a rig as a page commands it; blocks. Whoever takes it closes it.
 
         Parameters
         ----------
@@ -167,16 +175,13 @@ class Hub:
             Its name.
         client : str
             The page, as rigs know it.
-        share_with : sequence of str
-            Others who may change what is rendered meanwhile.
 
         Raises
         ------
-        RefusedError, NoRigError, LinkError
+        NoRigError, LinkError
         """
         # Waits for a rig that seems absent: on a busy machine one that is there may seem so.
-        found = self._link.client().rig(rig, self.site)
-        return found.on_behalf_of(client).arm(share_with=share_with)
+        return self._link.client().rig(rig, self.site).on_behalf_of(client)
 
     async def close(self) -> None:
         """Release everything; before the link is closed."""

@@ -12,14 +12,21 @@ from pydantic import (
     ValidationError,
 )
 
-from frictus.messages import ClientName, Message
+from frictus.messages import Applied, ClientName, Count, Message
 from frictus.rig import StreamName
+from frictus.textures import RmsFriction, Scene
 from frictus_service.errors import ServiceError
 
 VERSION: Final = 1
+PROTOCOL: Final = "1.1"
+"""Version and what was added to it: a newer 1.x only adds fields and messages."""
 MAX_BYTES: Final = 65_536
 MAX_RATE_HZ: Final = 60.0
+MAX_PER_COLUMN: Final = 1 << 23
+"""Held until a column is complete; 10 minutes in 16 columns take 7,500,000 at 200 kHz."""
 RigName = Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]{1,64}$")]
+RequestId = Annotated[int, Field(ge=0, lt=2**53)]
+"""Chosen by the page; the answer, or the refusal, has it."""
 
 
 class _Asked(BaseModel):
@@ -46,8 +53,12 @@ class Watch(_Asked):
     columns: Annotated[int, Field(ge=16, le=8_192)] = 1_200
     window_s: Annotated[FiniteFloat, Field(ge=0.01, le=600.0)] = 2.0
     """What `columns` columns span."""
+    samples_per_column: Annotated[int, Field(ge=1, le=MAX_PER_COLUMN)] | None = None
+    """In place of `columns` and `window_s`."""
     raw: bool = False
     """Samples as they are rather than extremes."""
+    fingers: bool = False
+    """Every state of the finger, in binary frames, besides the newest as JSON."""
 
 
 class Point(_Asked):
@@ -67,6 +78,11 @@ class PageArmRequest(_Asked):
     rig: RigName
     share_with: Annotated[tuple[ClientName, ...], Field(max_length=16)] = ()
     """Clients and people who may change what is rendered meanwhile."""
+    lease_ms: Annotated[int, Field(ge=500, le=10_000)] = 3_000
+    """A page that sends nothing for so long loses the rig."""
+    keep_model: bool = False
+    """Whether no tracker may change the model meanwhile: for trials."""
+    id: RequestId | None = None
 
 
 class PageDisarmRequest(_Asked):
@@ -74,16 +90,55 @@ class PageDisarmRequest(_Asked):
 
     op: Literal["disarm"]
     rig: RigName
+    id: RequestId | None = None
+
+
+class SetScene(_Asked):
+    """Replace what the screen feels like, with a cross-fade."""
+
+    op: Literal["set_scene"]
+    rig: RigName
+    scene: Scene
+    if_match: Annotated[str, Field(max_length=200)] | None = None
+    """Etag that the present scene must have."""
+    id: RequestId | None = None
+
+
+class OpenStream(_Asked):
+    """Announce a streamed texture; the rig is armed by this page, or shared with it."""
+
+    op: Literal["open_stream"]
+    rig: RigName
+    peak_n: RmsFriction
+    """Largest |friction| that will be sent: it fixes bias and gain."""
+    id: RequestId | None = None
+
+
+class CloseStream(_Asked):
+    """End the texture stream; the rig fades to the scene."""
+
+    op: Literal["close_stream"]
+    id: RequestId | None = None
 
 
 class Ping(_Asked):
     """Ask for a pong."""
 
     op: Literal["ping"]
-    id: Annotated[int, Field(ge=0, lt=2**53)]
+    id: RequestId
 
 
-Asked = Hello | Watch | Point | PageArmRequest | PageDisarmRequest | Ping
+Asked = (
+    Hello
+    | Watch
+    | Point
+    | PageArmRequest
+    | PageDisarmRequest
+    | SetScene
+    | OpenStream
+    | CloseStream
+    | Ping
+)
 _ASKED: Final[TypeAdapter[Asked]] = TypeAdapter(Annotated[Asked, Field(discriminator="op")])
 
 
@@ -105,7 +160,7 @@ def read(text: str) -> Asked:
             "message", "too_large", f"a message has at most {MAX_BYTES} bytes", BAD_DATA
         )
     try:
-        return _ASKED.validate_json(text)
+        return _ASKED.validate_json(text, strict=True, extra="forbid")
     except ValidationError as error:
         # Never what was given: it may hold a token.
         faults = error.errors(include_url=False, include_input=False, include_context=False)
@@ -121,12 +176,16 @@ class Welcome(Message):
 
     op: Literal["welcome"] = "welcome"
     version: int = VERSION
+    protocol: str = PROTOCOL
+    """Version and minor version: a client may need a minor that an older service lacks."""
     scopes: tuple[str, ...]
     site: str
     client: str
     """Name under which rigs know this page: the `owner` of what it has armed."""
     key: str
     """A secret: REST requests with it in the header `Frictus-Page` act as this page."""
+    utc_us: Count
+    """The service's clock, which stamps of texture updates are by."""
 
 
 class Rigs(Message):
@@ -149,6 +208,7 @@ class Armed(Message):
 
     op: Literal["armed"] = "armed"
     rig: str
+    id: int | None = None
 
 
 class Disarmed(Message):
@@ -158,6 +218,59 @@ class Disarmed(Message):
     rig: str
     reason: str
     """Why, where the page did not ask for it; else empty."""
+    id: int | None = None
+
+
+class SceneSet(Message):
+    """The scene is in force."""
+
+    op: Literal["scene_set"] = "scene_set"
+    rig: str
+    etag: str
+    applied: Applied
+    id: int | None = None
+
+
+class StreamOpened(Message):
+    """Updates may be sent: binary frames with this ticket."""
+
+    op: Literal["stream_opened"] = "stream_opened"
+    rig: str
+    ticket: Count
+    applied: Applied
+    id: int | None = None
+
+
+class StreamUpdates(Message):
+    """What became of the updates of a texture stream, since it was opened."""
+
+    sent: Count
+    """Passed on to the rig."""
+    superseded: Count
+    """Left out, for a newer one came before they could be passed on."""
+    expired: Count
+    """Left out, for they were older than their time to live, or stamped in the future."""
+    newest: Count | None
+    """Sequence number of the last one passed on."""
+
+
+class StreamProgress(StreamUpdates):
+    """Told after updates came in, at most as often as frames of `watch`."""
+
+    op: Literal["stream"] = "stream"
+    rig: str
+    ticket: Count
+
+
+class StreamClosed(StreamUpdates):
+    """The texture stream has ended."""
+
+    op: Literal["stream_closed"] = "stream_closed"
+    rig: str
+    ticket: Count
+    reason: str
+    """Why, where the page did not ask for it; else empty."""
+    id: int | None = None
 
 
 class Refused(Message):
@@ -167,6 +280,8 @@ class Refused(Message):
     what: str
     code: str
     message: str
+    id: int | None = None
+    """Of the request, where it had one."""
 
 
 class Pong(Message):
@@ -174,6 +289,8 @@ class Pong(Message):
 
     op: Literal["pong"] = "pong"
     id: int
+    utc_us: Count
+    """The service's clock."""
 
 
 def told(op: str, rig: str, message: Message) -> str:

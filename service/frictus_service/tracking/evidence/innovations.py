@@ -26,6 +26,7 @@ from frictus_service.tracking.finger_filters import (
     LAW,
     STATE,
     STROKES,
+    renewed,
 )
 from frictus_service.tracking.law_estimate import CUTOFF_PER_WINDOW, Batch, LawEstimate
 
@@ -46,8 +47,6 @@ SYSTEMATIC: Final = 0.01
 lines, and a window is not infinitely long."""
 TAIL: Final = 5.0
 """Degrees of freedom of the t distribution whose weights tame outlying windows."""
-_CONTACT: Final = slice(LAW, LAW + 1)
-_STROKE: Final = slice(LAW + 1, STATE)
 WANDERING: Final = np.zeros((STATE - LAW, STATE - LAW))
 """Covariance of what is off the law; of the cutoff's ends as `calibration.posterior` has it."""
 WANDERING[0, 0] = CONTACTS[-1] ** 2
@@ -104,19 +103,14 @@ class Nuisance:
         new_stroke : bool
             Whether it turned.
         """
-        kept = np.ones(self.mean.size)
-        kept[_CONTACT] = (
-            0.0 if new_contact else float(np.exp(-max(seconds, 0.0) / GAIN_LASTS_S))
-        )
-        kept[_STROKE] = 0.0 if new_contact or new_stroke else 1.0
-        covariance = self.covariance * np.outer(kept, kept)
-        off = kept[LAW:STATE]
-        covariance[LAW:STATE, LAW:STATE] += WANDERING * (1.0 - np.outer(off, off))
+        kept, drawn = np.ones(self.mean.size), np.zeros_like(self.covariance)
+        drawn[LAW:STATE, LAW:STATE] = WANDERING
+        lasted = float(np.exp(-max(seconds, 0.0) / GAIN_LASTS_S))
+        kept[LAW] = 0.0 if new_contact else lasted
+        kept[LAW + 1 : STATE] = 0.0 if new_contact or new_stroke else 1.0
+        mean, covariance = renewed(self.mean, self.covariance, kept, drawn)
         return replace(
-            self,
-            mean=self.mean * kept,
-            covariance=covariance,
-            absorbed=self.absorbed * kept[:, np.newaxis],
+            self, mean=mean, covariance=covariance, absorbed=self.absorbed * kept[:, np.newaxis]
         )
 
     def seen(

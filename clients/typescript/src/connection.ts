@@ -1,0 +1,229 @@
+/** The connection: hello, requests and their answers, what is told, and silence noticed. */
+
+import { decode, type FingerBatch, type SampleFrame } from "./frames.js";
+import type { Asked, Told, Welcome } from "./messages.js";
+
+const PING_MS = 500;
+const SILENCE_MS = 3_000;
+const WELCOME_MS = 5_000;
+const CLOCK_READINGS = 16;
+const PROTOCOL_MINOR = 1;
+
+/** A request was refused; `code` is a stable word for programs. */
+export class RefusedError extends Error {
+  constructor(
+    readonly code: string,
+    message: string,
+  ) {
+    super(message);
+  }
+}
+
+/** The connection is gone, and with it what was armed over it. */
+export class ClosedError extends Error {}
+
+/** What can be listened to: messages by their `op`, frames, and the end. */
+export type Events = { [T in Told as T["op"]]: T } & {
+  samples: SampleFrame;
+  fingers: FingerBatch;
+  closed: string;
+};
+
+/** How to connect. */
+export interface ConnectOptions {
+  /** Token of the service; none where it has no tokens. */
+  token?: string;
+  /** In place of the global `WebSocket`: Node before 22 has it with `--experimental-websocket`. */
+  WebSocket?: typeof WebSocket;
+}
+
+type Request = Extract<Asked, { id?: number | null }>;
+type Answer<Op extends string> = Extract<Told, { op: Op }>;
+interface Waiting {
+  resolve: (answer: Told) => void;
+  reject: (error: Error) => void;
+}
+
+/** A connection that stands. Made by `connect`; closing it disarms what it holds. */
+export class Connection {
+  /** Why it ended; never rejects. */
+  readonly closed: Promise<string>;
+  #socket: WebSocket;
+  #listeners = new Map<string, Set<(event: never) => void>>();
+  #waiting = new Map<number, Waiting>();
+  #readingsUs: number[] = [];
+  #heardMs = performance.now();
+  #timer: ReturnType<typeof setInterval>;
+  #ids = 0;
+  #end!: (reason: string) => void;
+  #ended = false;
+
+  /** @internal */
+  constructor(
+    socket: WebSocket,
+    /** What the service said of itself and of us. */
+    readonly welcome: Welcome,
+  ) {
+    this.#socket = socket;
+    this.closed = new Promise((resolve) => (this.#end = resolve));
+    this.#readClock(welcome.utc_us);
+    socket.onmessage = (event) => this.#hear(event.data);
+    socket.onclose = (event) => this.#lose(event.reason || "the connection is lost");
+    this.#timer = setInterval(() => this.#ping(), PING_MS);
+  }
+
+  /** Bytes that the network has not taken yet. */
+  get bufferedBytes(): number {
+    return this.#socket.bufferedAmount;
+  }
+
+  /** The service's clock now, µs since 1970; behind it by the fastest trip, never ahead. */
+  get utcUs(): number {
+    return ownUs() + Math.max(...this.#readingsUs);
+  }
+
+  /** Listen; the function that is returned ends it. */
+  on<Name extends keyof Events>(name: Name, listener: (event: Events[Name]) => void): () => void {
+    const listeners = this.#listeners.get(name) ?? new Set();
+    this.#listeners.set(name, listeners.add(listener as (event: never) => void));
+    return () => void listeners.delete(listener as (event: never) => void);
+  }
+
+  /**
+   * Send a message or, as bytes, a texture update.
+   * @throws ClosedError if the connection has ended
+   */
+  send(message: Asked | ArrayBuffer): void {
+    if (this.#ended) throw new ClosedError("the connection has ended: connect again");
+    this.#socket.send(message instanceof ArrayBuffer ? message : JSON.stringify(message));
+  }
+
+  /** Send a request and wait for its answer; `RefusedError` if it is refused. */
+  async ask<Op extends Told["op"]>(request: Request, _answer: Op): Promise<Answer<Op>> {
+    const id = this.#ids++;
+    const answered = new Promise<Told>((resolve, reject) =>
+      this.#waiting.set(id, { resolve, reject }),
+    );
+    try {
+      this.send({ ...request, id });
+      return (await answered) as Answer<Op>;
+    } finally {
+      this.#waiting.delete(id);
+    }
+  }
+
+  /** Close; what is armed is disarmed. */
+  close(): void {
+    this.#lose("closed by this client");
+  }
+
+  #hear(data: string | ArrayBuffer): void {
+    this.#heardMs = performance.now();
+    let heard: ReturnType<typeof read>;
+    try {
+      heard = read(data);
+    } catch (error) {
+      this.#lose(`the service sent what cannot be read: ${(error as Error).message}`);
+      return;
+    }
+    if (heard === null) return;
+    if ("states" in heard) return this.#emit("fingers", heard);
+    if ("samplesPerColumn" in heard) return this.#emit("samples", heard);
+    const told = heard;
+    if (told.op === "pong") this.#readClock(told.utc_us);
+    const waiting = "id" in told && told.id !== null ? this.#waiting.get(told.id) : undefined;
+    if (told.op === "refused") {
+      waiting?.reject(new RefusedError(told.code, told.message));
+    } else if (told.op !== "pong") {
+      waiting?.resolve(told);
+    }
+    this.#emit(told.op, told as never);
+  }
+
+  #emit<Name extends keyof Events>(name: Name, event: Events[Name]): void {
+    for (const listener of [...(this.#listeners.get(name) ?? [])]) listener(event as never);
+  }
+
+  #readClock(utcUs: number): void {
+    this.#readingsUs.push(utcUs - ownUs());
+    if (this.#readingsUs.length > CLOCK_READINGS) this.#readingsUs.shift();
+  }
+
+  #ping(): void {
+    if (performance.now() - this.#heardMs > SILENCE_MS) {
+      this.#lose("the service has fallen silent");
+    } else {
+      this.#socket.send(JSON.stringify({ op: "ping", id: this.#ids++ }));
+    }
+  }
+
+  #lose(reason: string): void {
+    if (this.#ended) return;
+    this.#ended = true;
+    clearInterval(this.#timer);
+    this.#socket.onmessage = this.#socket.onclose = null;
+    this.#socket.close();
+    for (const { reject } of this.#waiting.values()) reject(new ClosedError(reason));
+    this.#emit("closed", reason);
+    this.#end(reason);
+  }
+}
+
+/**
+ * Open a connection and wait until the service has welcomed it.
+ * @param url such as `ws://127.0.0.1:8420`
+ * @throws RefusedError if the token is not accepted, ClosedError if nobody answers
+ */
+export async function open(url: string, options: ConnectOptions = {}): Promise<Connection> {
+  const Socket = options.WebSocket ?? globalThis.WebSocket;
+  if (Socket === undefined) {
+    throw new ClosedError("no WebSocket here: give one, or start node --experimental-websocket");
+  }
+  const socket = new Socket(new URL("/v1/live", url));
+  socket.binaryType = "arraybuffer";
+  try {
+    return new Connection(socket, await welcomed(socket, options.token ?? null));
+  } catch (error) {
+    socket.onopen = socket.onmessage = socket.onclose = null;
+    socket.close();
+    throw error;
+  }
+}
+
+async function welcomed(socket: WebSocket, token: string | null): Promise<Welcome> {
+  let due: ReturnType<typeof setTimeout> | undefined;
+  const welcome = new Promise<Welcome>((resolve, reject) => {
+    const fail = (reason: string) => reject(new ClosedError(reason));
+    due = setTimeout(() => fail(`no welcome from ${socket.url}`), WELCOME_MS);
+    socket.onopen = () => socket.send(JSON.stringify({ op: "hello", version: 1, token }));
+    socket.onerror = () => fail(`no connection to ${socket.url}: is the service there?`);
+    socket.onclose = (event) => fail(event.reason || `${socket.url} has closed the connection`);
+    socket.onmessage = (event) => {
+      let told: Told;
+      try {
+        told = JSON.parse(event.data as string) as Told;
+      } catch {
+        return fail(`${socket.url} sent no JSON: is it frictus?`);
+      }
+      if (told.op === "refused") return reject(new RefusedError(told.code, told.message));
+      if (told.op !== "welcome") return fail(`${socket.url} does not welcome: it sent ${told.op}`);
+      socket.onerror = null; // a close follows each error
+      const [major, minor] = (told.protocol ?? "1.0").split(".").map(Number);
+      if (major === 1 && minor! >= PROTOCOL_MINOR) resolve(told);
+      else fail(`the service speaks ${told.protocol ?? "1.0"}, this client 1.1: update it`);
+    };
+  });
+  try {
+    return await welcome;
+  } finally {
+    clearTimeout(due);
+  }
+}
+
+function read(data: string | ArrayBuffer): Told | ReturnType<typeof decode> {
+  return typeof data === "string" ? (JSON.parse(data) as Told) : decode(data);
+}
+
+function ownUs(): number {
+  return (performance.timeOrigin + performance.now()) * 1_000;
+}

@@ -1,0 +1,156 @@
+"""What the log of an experiment says so far: its trials, thresholds and curves."""
+
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from frictus.experiment import (
+    ConditionResult,
+    Estimate,
+    Protocol,
+    PsychometricFit,
+    probability,
+    read_log,
+    results,
+)
+from frictus.experiment.events import event_rows
+from frictus.experiment.psychometric import threshold_of
+from frictus_service.experiments.phrasing import result_lines
+
+CURVE_POINTS: Final = 60
+BEYOND: Final = 2.0
+"""Factor beyond levels presented and threshold, over which a curve is drawn."""
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class IntervalEstimate(_Strict):
+    """A value and its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, found: Estimate | None) -> "IntervalEstimate | None":
+        """Return an estimate as a page reads it.
+
+        Parameters
+        ----------
+        found : Estimate or None
+            The estimate.
+        """
+        return None if found is None else cls(value=found.value, low=found.low, high=found.high)
+
+
+class LevelAnswers(_Strict):
+    """The answers at a level."""
+
+    level: float
+    trials: int
+    positive: int
+
+
+class ConditionReport(_Strict):
+    """What the trials of a condition say so far; what does not apply is null or empty."""
+
+    condition: str
+    trials: int
+    unit: str
+    lines: list[str]
+    """All of it in words."""
+    threshold: IntervalEstimate | None
+    """By the posterior; of adjustments the setting."""
+    points: list[LevelAnswers]
+    curve: list[tuple[float, float]]
+    """Levels and probabilities of the fit."""
+
+
+class ExperimentReport(_Strict):
+    """What the log of an experiment says so far."""
+
+    trials: list[dict[str, Any]]
+    """Answered ones, the newest first, as the table of events has them."""
+    conditions: list[ConditionReport]
+
+
+def rows_of(log: Path) -> list[dict[str, Any]]:
+    """Return the rows of a log; none where it is not begun.
+
+    Parameters
+    ----------
+    log : Path
+        The file.
+
+    Raises
+    ------
+    ArgumentError
+        If it is no log.
+    """
+    return read_log(log)[0] if log.is_file() else []
+
+
+def report(protocol: Protocol, rows: list[dict[str, Any]], most: int) -> ExperimentReport:
+    """Return what the log of an experiment says.
+
+    Parameters
+    ----------
+    protocol : Protocol
+        The experiment.
+    rows : list of dict
+        Of its log.
+    most : int
+        Trials that are listed, the newest ones; all of them count.
+
+    Raises
+    ------
+    ArgumentError
+        If a row lacks what a trial has.
+    """
+    return ExperimentReport(
+        trials=event_rows(rows)[: -most - 1 : -1],
+        conditions=[_condition(found, rows) for found in results(protocol, rows)],
+    )
+
+
+def _condition(found: ConditionResult, rows: list[dict[str, Any]]) -> ConditionReport:
+    counted = [
+        (row["level_rendered"], row["positive"])
+        for row in rows
+        if row.get("phase") == "main"
+        and row.get("status") == "answered"
+        and row["condition"] == found.condition
+        and row.get("positive") is not None
+        and row["level_rendered"] > 0.0
+    ]
+    levels = sorted({level for level, _ in counted})
+    points = [
+        LevelAnswers(
+            level=level,
+            trials=sum(each == level for each, _ in counted),
+            positive=sum(bool(yes) for each, yes in counted if each == level),
+        )
+        for level in levels
+    ]
+    fit = found.fit
+    return ConditionReport(
+        condition=found.condition,
+        trials=found.trials,
+        unit=found.unit,
+        lines=result_lines(found)[1:],  # the first is the name
+        threshold=IntervalEstimate.of(found.setting if fit is None else fit.threshold),
+        points=points,
+        curve=[] if fit is None else _curve(fit, [*levels, fit.threshold.value]),
+    )
+
+
+def _curve(fit: PsychometricFit, levels: list[float]) -> list[tuple[float, float]]:
+    """Return levels around some with the probability that the fit gives them."""
+    level = np.geomspace(min(levels) / BEYOND, max(levels) * BEYOND, CURVE_POINTS)
+    scale = threshold_of(fit.threshold.value, fit.slope.value)
+    p = probability(level, scale, fit.slope.value, fit.guess, fit.lapse)
+    return [(float(x), float(y)) for x, y in zip(level, p, strict=True)]

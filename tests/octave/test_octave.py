@@ -1,0 +1,179 @@
+"""The class of MATLAB in Octave, at a real rig."""
+
+import json
+import re
+import shutil
+import socket
+import subprocess
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.service.dashboard.page import (
+    SECRETS,
+    configuration,
+    rig_that_follows_pages,
+    serving,
+)
+
+pytestmark = pytest.mark.timeout(300)
+SOURCE = Path(__file__).parents[2] / "clients" / "matlab"
+HOW = "`apt-get install octave octave-instrument-control` brings it"
+
+
+def octave(folder: Path, script: str) -> subprocess.CompletedProcess[str]:
+    """Run a script; what it prints are lines of JSON."""
+    path = folder / "script.m"
+    path.write_text(f"addpath('{SOURCE.as_posix()}');\n{script}", encoding="utf-8")
+    command = ["octave-cli", "--no-gui", "--quiet", "--norc", str(path)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=100.0)
+
+
+@pytest.fixture(scope="module")
+def needs_octave(tmp_path_factory: pytest.TempPathFactory) -> None:
+    if shutil.which("octave-cli") is None:
+        pytest.skip(f"there is no octave-cli here: {HOW}")
+    loaded = octave(tmp_path_factory.mktemp("octave"), "pkg load instrument-control")
+    if loaded.returncode != 0:
+        assert "instrument-control" in loaded.stderr, loaded.stderr
+        pytest.skip(f"Octave has no package instrument-control: {HOW}")
+
+
+@pytest.fixture(scope="module")
+def port(needs_octave: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+    """A rig whose finger follows pages, and the API beside it."""
+    with rig_that_follows_pages() as router:
+        with serving(configuration(router, tmp_path_factory.mktemp("api"), True)) as port:
+            yield port
+
+
+def results(folder: Path, port: int, script: str, who: str = "render") -> list[Any]:
+    opened = f"f = frictus('127.0.0.1', {port}, '{SECRETS[who]}');\n"
+    done = octave(folder, f"{opened}{script}\nf.close();")
+    assert done.returncode == 0, done.stderr
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+def test_two_raw_streams_and_the_finger_without_a_loss(port: int, tmp_path: Path) -> None:
+    script = """
+f.watch('rig1', {'force', 'accel'});
+got = f.read(1.0);
+next = got.force.first_sample + got.force.columns;
+for index = 1:3
+  got = f.read(1.0);
+  disp(jsonencode(struct('continues', got.force.first_sample == next + got.force.lost, ...
+    'columns', got.force.columns, 'lost', got.force.lost + got.accel.lost, ...
+    'channels', size(got.accel.data, 1), 'states', numel(got.finger.sample), ...
+    'lost_states', got.finger.lost, 'rises', all(diff(got.finger.sample) > 0))));
+  next = got.force.first_sample + got.force.columns;
+end
+printf('"%s"\\n', class(got.force.utc_ns));
+disp(jsonencode(abs(double(got.force.utc_ns) / 1e9 - time()) < 60));
+disp(jsonencode(f.newest.status.simulated));
+"""
+    *seconds, kind, near, simulated = results(tmp_path, port, script, "read")
+    assert (kind, near, simulated) == ("uint64", True, True)
+    assert all(second["continues"] and second["rises"] for second in seconds)
+    assert sum(second["lost"] + second["lost_states"] for second in seconds) == 0
+    assert sum(second["columns"] for second in seconds) > 2.5 * 20_000
+    assert sum(second["states"] for second in seconds) > 2.5 * 200
+    assert {second["channels"] for second in seconds} == {3}
+
+
+def test_a_texture_is_streamed_while_the_rig_is_held(port: int, tmp_path: Path) -> None:
+    script = """
+f.watch('rig1');
+f.arm('rig1', 10000);
+applied = f.set_scene('rig1', '{"name": "from Octave"}');
+disp(jsonencode(applied.applied.gain));
+f.open_stream('rig1', 0.05);
+for index = 1:10
+  f.send(0.04 * cos(2 * pi * (0:63) / 64), 2.0, 2000);
+  f.read(0.1);
+end
+disp(jsonencode(f.newest.status.owner));
+disp(jsonencode(f.close_stream()));
+f.disarm('rig1');
+disp(jsonencode(f.client));
+"""
+    gain, owner, closed, client = results(tmp_path, port, script)
+    assert gain == 1.0
+    assert owner == client
+    assert closed["sent"] + closed["superseded"] == 10
+    assert (closed["expired"], closed["newest"]) == (0, 9)
+
+
+def test_extremes_as_asked(port: int, tmp_path: Path) -> None:
+    script = """
+f.watch('rig1', {'force'}, 50);
+got = f.read(1.0);
+disp(jsonencode([got.force.samples_per_column, size(got.force.low, 1), ...
+  all(got.force.low(:) <= got.force.high(:))]));
+"""
+    assert results(tmp_path, port, script, "read") == [[50, 3, 1]]
+
+
+def test_rest_is_asked_and_refusals_are_errors(port: int, tmp_path: Path) -> None:
+    script = """
+disp(jsonencode(f.http('GET', '/v1/rigs')));
+disp(jsonencode(f.http('PUT', '/v1/rigs/rig1/scene', '{"name": "by HTTP"}').gain));
+function attempt(work)
+  try
+    work();
+  catch cause
+    printf('"%s"\\n', cause.identifier);
+  end
+end
+attempt(@() f.http('GET', '/v1/rigs/none'));
+attempt(@() f.arm('none'));
+attempt(@() f.open_stream('rig1', 0.05));
+attempt(@() f.send([0 0], 1.0));
+attempt(@() frictus('127.0.0.1', PORT, 'no token of anybody'));
+attempt(@() frictus('127.0.0.1', 1));
+"""
+    rigs, gain, *errors = results(tmp_path, port, script.replace("PORT", str(port)))
+    assert (rigs["rigs"], gain) == (["rig1"], 1.0)
+    codes = ("no_rig", "no_rig", "not_armed", "no_stream", "unauthenticated", "no_link")
+    assert errors == [f"frictus:{code}" for code in codes]
+
+
+WELCOME = b'{"op":"welcome","protocol":"1.1","client":"x","utc_us":1700000000000000}'
+GREETED = b"HTTP/1.1 101 Switching Protocols\r\n\r\n\x81%c%s" % (len(WELCOME), WELCOME)
+
+
+@pytest.mark.parametrize(
+    ("answer", "code"),
+    [
+        (b"HTTP/1.1 403 Forbidden\r\n\r\n", "no_websocket"),
+        (GREETED + b"\x82\x7f" + b"\x7f" * 8, "frame"),
+        (GREETED + b"\x82\x05short", "frame"),
+        (GREETED + b"\x88\x0f\x03\xf0missing_scope", "closed"),
+        (GREETED, "closed"),
+    ],
+)
+def test_a_service_that_answers_wrongly_is_left(
+    needs_octave: None, tmp_path: Path, answer: bytes, code: str
+) -> None:
+    done = threading.Event()
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def serve() -> None:
+            connection, _ = listener.accept()
+            with connection:
+                connection.recv(4_096)
+                connection.sendall(answer)
+                done.wait(60.0)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        port = listener.getsockname()[1]
+        left = octave(
+            tmp_path,
+            f"try, f = frictus('127.0.0.1', {port}); f.read(10.0);"
+            "catch cause, disp(cause.identifier), end",
+        )
+        done.set()
+        thread.join(10.0)
+    assert re.fullmatch(rf"frictus:{code}\n", left.stdout), left.stdout + left.stderr
