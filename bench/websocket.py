@@ -17,7 +17,7 @@ import psutil
 sys.path.insert(0, str(Path(__file__).parents[1]))  # so that a script finds the tests
 from tests.typescript.package import package, run
 
-from frictus_laboratory.benchmarks.service import config_of, serving
+from frictus_laboratory.benchmarks.processes import config_of, serving
 
 HEAD: Final = "| what | of how many | lost | age p50 / p99 / most, ms |\n|---|---|---|---|\n"
 
