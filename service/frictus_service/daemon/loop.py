@@ -26,7 +26,7 @@ from frictus_service.daemon.block_record import BlockRecord
 from frictus_service.daemon.control import Interlock
 from frictus_service.daemon.inboxes import LoopInbox
 from frictus_service.daemon.lead import LeadGrowth
-from frictus_service.daemon.rendering import Rendering
+from frictus_service.daemon.rendering import LoopRendering
 from frictus_service.daemon.safety import Event, FaultCleared, FaultRaised, OutputQuiet, Safety
 from frictus_service.daemon.timebase import UtcReading
 from frictus_service.processes import Heartbeat
@@ -71,7 +71,7 @@ class BlockLoop:
 
     Attributes
     ----------
-    rendering : Rendering
+    rendering : LoopRendering
         The chain, and what it renders.
     is_read : bool
         Whether somebody waits for what is handed over. Written by the publisher.
@@ -110,7 +110,7 @@ class BlockLoop:
         self._parked: FaultKind | None = None
         self._broken = False
         self._was_stale = True
-        self.rendering = Rendering(backend, config, interlock, inbox, self._now_s)
+        self.rendering = LoopRendering(backend, config, interlock, inbox, self._now_s)
         self.tally = LoopCounters(lead_samples=info.lead_samples)
         self.lateness = Lateness(backend.info.clock_hz)
         self.handover: SimpleQueue[BlockRecord] = SimpleQueue()

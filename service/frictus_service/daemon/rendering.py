@@ -24,7 +24,7 @@ from frictus_service.synthesis.estimator import EstimatorTuning, FingerEstimator
 from frictus_service.synthesis.renderer import Renderer
 
 
-class Rendering:
+class LoopRendering:
     """The chain of a rig, with what it renders in force.
 
     Parameters
