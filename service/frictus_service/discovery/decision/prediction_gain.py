@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from scipy import stats
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.document import Covariate, Gain, UnseenCondition
@@ -19,6 +18,7 @@ from frictus_service.discovery.inference.linear_model import (
     project_out,
 )
 from frictus_service.discovery.inference.linearisation import Linearised, columns_of, linearise
+from frictus_service.discovery.inference.predictive_density import interval_of_another
 from frictus_service.discovery.inference.selection import (
     refit_nuisance,
     select,
@@ -145,18 +145,15 @@ def gain_of(
     problem : DiscoveryProblem
         Data, base model and candidates.
     per_unit : ndarray, shape (n_units,)
-        Held-out log-likelihood.
+        Held-out log-likelihood, from `UnitCoefficients.held_out`.
     before, after : tuple of Linearised and sequence of int
         Models and the effects in them.
     """
-    total, n = float(per_unit.sum()), per_unit.size
-    interval = None
-    if n > 1:
-        half = float(stats.t.ppf(0.975, n - 1)) * float(np.std(per_unit, ddof=1)) * np.sqrt(n)
-        interval = (total - half, total + half)
+    n = per_unit.size
+    interval = interval_of_another(per_unit, n) if n > 1 else None
     less, more = (rms_of(held_out(problem, *model)) for model in (before, after))
     return Gain(
-        heldout_loglik=total,
+        heldout_loglik=float(per_unit.sum()),
         ci95=interval,
         residual_db=(less[0], more[0]),
         residual_deg=(less[1], more[1]),

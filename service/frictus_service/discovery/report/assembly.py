@@ -37,8 +37,9 @@ from frictus_service.discovery.evidence.evidence_rows import EvidenceRows
 from frictus_service.discovery.evidence.observation_table import (
     UnitAssignment,
 )
-from frictus_service.discovery.inference.linear_model import joint_gain, project_out
+from frictus_service.discovery.inference.linear_model import project_out
 from frictus_service.discovery.inference.linearisation import Linearised, linearise
+from frictus_service.discovery.inference.predictive_density import UnitCoefficients
 from frictus_service.discovery.inference.selection import with_refitted_nuisance
 from frictus_service.discovery.problem.base_models import NUISANCE
 from frictus_service.discovery.problem.candidates import Candidate
@@ -108,7 +109,7 @@ class Assembly:
         before, after = rests_of(self._bare, *base), rests_of(problem, *extended)
         gain = None
         if self._chosen:
-            per_unit = joint_gain(model.units, self._chosen)
+            per_unit = UnitCoefficients.of(model.units, self._chosen).held_out
             beside = (with_refitted_nuisance(problem, found.base), ())
             gain = gain_of(problem, per_unit, beside, extended)
         return Discovery(
@@ -169,7 +170,7 @@ class Assembly:
             p_value=each.p_value,
             gain=gain_of(
                 self._problem,
-                each.gain,
+                self._nats(each.candidate),
                 (self._model_of(others), others),
                 (self._model_of([*others, each.candidate]), [*others, each.candidate]),
             )
@@ -189,6 +190,13 @@ class Assembly:
                 self._found.extended.units, self._problem.candidates, each.candidate, others
             ),
         )
+
+    def _nats(self, effect: int) -> FloatArray:
+        """Return the held-out nats of a cause beside all others that were named."""
+        model = self._found.extended
+        others = [other for other in model.chosen if other != effect]
+        beside = [unit.and_own(unit.effects[:, others]) for unit in model.units]
+        return UnitCoefficients.of(beside, [effect]).held_out
 
     def _others(self, near: Sequence[tuple[int, float]]) -> ItemsView[str, float]:
         """Return other causes with their cosines, each once."""
