@@ -1,4 +1,4 @@
-"""Gains that were predicted, and those of other people: `python -m tests.blind.fresh_gain --help`.
+"""Gains predicted, and those of other people: `python -m tests.blind.fresh_gain --help`.
 
 A study is discovered in; its gain in nats comes with the interval in which the gain of another
 study lies. Then other people do the same design, with the same hidden, and the models of the
@@ -147,17 +147,17 @@ def within(line: dict[str, Any]) -> bool:
 def table(lines: Sequence[dict[str, Any]]) -> str:
     """Return what a campaign measured as a table for the docs."""
     told = [line for line in lines if line["predicted"] is not None]
-    kept = sum(map(within, told))
-    low, high = stats.binomtest(kept, max(len(told), 1)).proportion_ci(method="exact")
-    share = f"{100 * kept / max(len(told), 1):.1f} % [{100 * low:.0f}, {100 * high:.0f}]"
+    kept, n = sum(map(within, told)), len(told)
+    low, high = stats.binomtest(kept, n).proportion_ci(method="exact")
+    share = f"{kept} of {n}, {100 * kept / n:.1f} % [{100 * low:.0f}, {100 * high:.0f}]"
     nats, once = (np.array([line[key] for line in told]) for key in ("fresh", "one_scatter"))
     predicted = np.array([line["predicted"][0] for line in told])
     rows = [
         "| | |",
         "|---|---|",
-        f"| studies; of them with a gain | {len(lines)}; {len(told)} |",
-        f"| gain of other people within the interval predicted | {kept} of {len(told)}, {share} |",
-        f"| gain of other people above zero | {int((nats > 0.0).sum())} of {len(told)} |",
+        f"| studies; of them with a gain | {len(lines)}; {n} |",
+        f"| gain of other people within the interval predicted | {share} |",
+        f"| gain of other people above zero | {int((nats > 0.0).sum())} of {n} |",
         f"| predicted gain of 8 people, median (range) | {_spread(predicted)} nats |",
         f"| gain of 8 other people, median (range) | {_spread(nats)} nats |",
         f"| by one scatter for both models, median (range) | {_spread(once)} nats |",

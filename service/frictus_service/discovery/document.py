@@ -78,7 +78,7 @@ class RivalCost(_Document):
     id: str
     nats_per_unit: FiniteFloat
     """What it predicts better than the model without either; mean over held-out units. All
-    rivals are weighed by the extended model's scatter: to compare them, and too large as odds."""
+    are weighed by the extended model's scatter: to compare them, and too large as odds."""
     cost: FiniteFloat
     """By how much the named cause predicts better than it, nats per unit."""
     ci95: Interval
@@ -278,7 +278,7 @@ class RankedModel(_Document):
     """By cause."""
     heldout_loglik: FiniteFloat
     """Over the base model's: nats, all folds together, each predicted from the others. All
-    models are weighed by the scatter that the best leaves: to rank them, and too large as odds."""
+    are weighed by the scatter that the best leaves: to rank them, and too large as odds."""
     explained: FiniteFloat = 0.0
     """Share of what the base model leaves in held-out folds that it takes away."""
     standard_error: FiniteFloat

@@ -5,8 +5,8 @@ what is predicted of another one is Student's t. The base model expects a mean o
 scatter about zero; the extended one the others' mean, and the scatter about that. The rest of a
 unit's readings is as likely under both, so that the ratio of the two densities is that of its
 data (a proper score: Gneiting and Raftery 2007; the density: Gelman et al., Bayesian Data
-Analysis, 3rd ed., section 3.6). With the extended model's scatter for both, the base model would
-be called impossible for every standard error that it is off, by thousands of nats.
+Analysis, 3rd ed., section 3.6). With the extended model's scatter for both, a base model that
+is off by a hundred of its standard errors would be less likely by thousands of nats.
 """
 
 from collections.abc import Sequence

@@ -1,8 +1,8 @@
 """Frequency and quality of a further mode of the skin, fitted beside its share.
 
 A mode is tried at a grid of frequencies and at one quality. What both are off by shows as the
-derivative of its signature, from neighbours a step away; Gauss and Newton's steps move the mode,
-and the interval of its share is that with frequency and quality free.
+derivative of its signature, from neighbours a step away; steps of Gauss and Newton move the
+mode, and the interval of its share is that with frequency and quality free.
 """
 
 from collections.abc import Sequence

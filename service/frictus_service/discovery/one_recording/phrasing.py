@@ -76,8 +76,8 @@ def statement_of(models: Sequence[RankedModel], *, beyond: bool) -> str:
     verb = "explains it" if len(first.causes) == 1 else "explain it together"
     confirmed = " ".join(cause_of(name).next_experiment for name in first.causes)
     return (
-        f"In this recording only, {what} {verb}: of what the base model leaves in folds of time "
-        f"that were held out it takes away {100.0 * first.explained:.3g} %."
+        f"In this recording only, {what} {verb}: {100.0 * first.explained:.3g} % of the mean "
+        "square that the base model leaves in held-out folds of time."
         f"{_rival(models)} It would be confirmed by this: {confirmed}"
     )
 
@@ -89,7 +89,7 @@ def _best_tried(models: Sequence[RankedModel]) -> str:
     best = max(tried, key=lambda model: model.heldout_loglik)
     return (
         f" Best of what was tried: {' with '.join(map(title, best.causes))}, which takes away "
-        f"{100.0 * best.explained:.3g} % of what the base model leaves in held-out folds."
+        f"{100.0 * best.explained:.3g} % of what it leaves in held-out folds of time."
     )
 
 
