@@ -19,8 +19,8 @@ from tests.blind.campaign import analyse
 from tests.blind.cases import REALISTIC, draw_case
 from tests.blind.generator import Case, Design, Seeds, make_study
 
-DESIGN: Final = Design(participants=8, n_tones=3, n_speeds=3, n_forces=2)
-"""18 trials each: small, so that there are many."""
+DESIGN: Final = Design(participants=8, n_tones=3, n_speeds=2, n_forces=2, tones_per_trial=3)
+"""Twelve trials each: small, so that there are many."""
 EVERY_PAIR: Final = 4
 """Every so many-th hides two causes."""
 

@@ -214,18 +214,18 @@ def predict(
         What the estimator divides the measured force by.
     """
     if np.any(probe.spread_hz):
-        below, above = (
+        lower, upper = (
             predict(
                 simulator,
-                replace(probe, tone_hz=probe.tone_hz + side, spread_hz=0.0),
+                replace(probe, tone_hz=probe.tone_hz + side * probe.spread_hz, spread_hz=0.0),
                 nominal_mount,
             )
-            for side in (-probe.spread_hz, probe.spread_hz)
+            for side in (-1.0, 1.0)
         )
         return replace(
-            below,
-            friction=(below.friction + above.friction) / 2.0,
-            mobility=(below.mobility + above.mobility) / 2.0,
+            lower,
+            friction=0.5 * (lower.friction + upper.friction),
+            mobility=0.5 * (lower.mobility + upper.mobility),
         )
     around, tone = probe.circumstances, probe.tone_hz
     gain = simulator.schedule.gain_n(simulator.law, around)

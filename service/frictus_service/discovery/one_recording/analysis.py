@@ -213,13 +213,14 @@ def _model(found: Ranking, fitted: FittedModel) -> RankedModel:
             )
         }
         for name, held in each.held:
-            ends = None
+            estimate = ParameterEstimate(value=held, ci95=None, unit=units[name])
             if fitted.shape is not None and name in SHAPE:
-                error = quantile * float(fitted.shape.standard_errors[SHAPE.index(name)])
-                held *= float(np.exp(fitted.shape.off[SHAPE.index(name)]))
-                ends = (held * float(np.exp(-error)), held * float(np.exp(error)))
-            fixed = ParameterEstimate(value=held, ci95=ends, unit=units[name])
-            parameters[each.effect][name] = fixed
+                at = SHAPE.index(name)
+                error = quantile * float(fitted.shape.standard_errors[at])
+                log = float(np.log(held) + fitted.shape.off[at])
+                low, mean, high = np.exp([log - error, log, log + error]).tolist()
+                estimate = ParameterEstimate(value=mean, ci95=(low, high), unit=units[name])
+            parameters[each.effect][name] = estimate
     return RankedModel(
         causes=tuple(parameters),
         parameters=parameters,

@@ -229,11 +229,11 @@ class _Fitted:
         for chosen in self._tried:
             if chosen in self.models:
                 mode = mode_in(self.problem.candidates, chosen)
-                model = self.models[chosen]
+                fitted = self.models[chosen]
                 units = (
-                    weighted_as(self.problem, model, ruler, chosen)
+                    weighted_as(self.problem, fitted, ruler, chosen)
                     if mode is None
-                    else with_shape(self.problem, model, ruler, mode)
+                    else with_shape(self.problem, fitted, ruler, mode)
                 )
             else:
                 units = tuple(unit.only(list(chosen)) for unit in about)

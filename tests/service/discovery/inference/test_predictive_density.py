@@ -34,8 +34,9 @@ def test_gains_of_other_people_lie_where_they_are_predicted(
         study = people(rng, mean, k)
         low, high = interval_of_another(study.held_out, PEOPLE)
         inside += low <= study.of_fresh(people(rng, mean, k)).sum() <= high
-    low, high = stats.binom.ppf((0.001, 0.999), 300, (0.90, 0.98))
-    assert low <= inside <= high
+    least = stats.binom.ppf(0.001, 300, 0.90)
+    most = stats.binom.ppf(0.999, 300, 0.98)
+    assert least <= inside <= most
 
 
 def test_a_mean_a_hundred_times_as_far_off_gains_its_logarithm(
