@@ -18,7 +18,7 @@ from frictus_service.discovery.inference.linear_model import (
     project_out,
 )
 from frictus_service.discovery.inference.linearisation import Linearised, columns_of, linearise
-from frictus_service.discovery.inference.predictive_density import interval_of_another
+from frictus_service.discovery.inference.predictive_density import UnitCoefficients
 from frictus_service.discovery.inference.selection import (
     refit_nuisance,
     select,
@@ -134,9 +134,10 @@ DEGREES: Final = 180.0 / np.pi
 
 def gain_of(
     problem: DiscoveryProblem,
-    per_unit: FloatArray,
+    found: UnitCoefficients,
     before: tuple[Linearised, Sequence[int]],
     after: tuple[Linearised, Sequence[int]],
+    rng: np.random.Generator,
 ) -> Gain:
     """Return a gain as the document says it.
 
@@ -144,17 +145,17 @@ def gain_of(
     ----------
     problem : DiscoveryProblem
         Data, base model and candidates.
-    per_unit : ndarray, shape (n_units,)
-        Held-out log-likelihood, from `UnitCoefficients.held_out`.
+    found : UnitCoefficients
+        Of the effects whose gain it is.
     before, after : tuple of Linearised and sequence of int
         Models and the effects in them.
+    rng : numpy.random.Generator
+        Of the interval.
     """
-    n = per_unit.size
-    interval = interval_of_another(per_unit, n) if n > 1 else None
     less, more = (rms_of(held_out(problem, *model)) for model in (before, after))
     return Gain(
-        heldout_loglik=float(per_unit.sum()),
-        ci95=interval,
+        heldout_loglik=float(found.held_out.sum()),
+        ci95=found.interval_of_another(len(found.value), rng),
         residual_db=(less[0], more[0]),
         residual_deg=(less[1], more[1]),
     )

@@ -109,9 +109,9 @@ class Assembly:
         before, after = rests_of(self._bare, *base), rests_of(problem, *extended)
         gain = None
         if self._chosen:
-            per_unit = UnitCoefficients.of(model.units, self._chosen).held_out
+            named = UnitCoefficients.of(model.units, self._chosen)
             beside = (with_refitted_nuisance(problem, found.base), ())
-            gain = gain_of(problem, per_unit, beside, extended)
+            gain = gain_of(problem, named, beside, extended, self._rng)
         return Discovery(
             code_version=version("frictus"),
             seed=self._seed,
@@ -170,9 +170,10 @@ class Assembly:
             p_value=each.p_value,
             gain=gain_of(
                 self._problem,
-                self._nats(each.candidate),
+                self._alone(each.candidate),
                 (self._model_of(others), others),
                 (self._model_of([*others, each.candidate]), [*others, each.candidate]),
+                self._rng,
             )
             if each.in_model
             else None,
@@ -191,12 +192,16 @@ class Assembly:
             ),
         )
 
-    def _nats(self, effect: int) -> FloatArray:
-        """Return the held-out nats of a cause beside all others that were named."""
+    @property
+    def _rng(self) -> np.random.Generator:
+        return np.random.default_rng(self._seed)
+
+    def _alone(self, effect: int) -> UnitCoefficients:
+        """Return the coefficients of a cause beside all others that were named."""
         model = self._found.extended
         others = [other for other in model.chosen if other != effect]
         beside = [unit.and_own(unit.effects[:, others]) for unit in model.units]
-        return UnitCoefficients.of(beside, [effect]).held_out
+        return UnitCoefficients.of(beside, [effect])
 
     def _others(self, near: Sequence[tuple[int, float]]) -> ItemsView[str, float]:
         """Return other causes with their cosines, each once."""

@@ -7,13 +7,11 @@ import pytest
 from scipy import stats
 
 from frictus_hardware.arrays import FloatArray
-from frictus_service.discovery.inference.predictive_density import (
-    UnitCoefficients,
-    interval_of_another,
-)
+from frictus_service.discovery.inference.predictive_density import UnitCoefficients
 
 PEOPLE = 12
 NOISE = 0.1
+STUDIES = 100
 
 
 def people(
@@ -28,14 +26,16 @@ def people(
 def test_gains_of_other_people_lie_where_they_are_predicted(
     mean: float, k: int, rng: np.random.Generator
 ) -> None:
-    """Of 300 studies 95 %, within what chance leaves of 90 to 98 %."""
+    """Of 100 studies 95 %, within what chance leaves of 90 to 98 %."""
     inside = 0
-    for _ in range(300):
+    for _ in range(STUDIES):
         study = people(rng, mean, k)
-        low, high = interval_of_another(study.held_out, PEOPLE)
+        interval = study.interval_of_another(PEOPLE, rng)
+        assert interval is not None
+        low, high = interval
         inside += low <= study.of_fresh(people(rng, mean, k)).sum() <= high
-    least = stats.binom.ppf(0.001, 300, 0.90)
-    most = stats.binom.ppf(0.999, 300, 0.98)
+    least = stats.binom.ppf(0.001, STUDIES, 0.90)
+    most = stats.binom.ppf(0.999, STUDIES, 0.98)
     assert least <= inside <= most
 
 
@@ -72,3 +72,13 @@ def test_who_says_nothing_has_no_gain(rng: np.random.Generator) -> None:
     assert nats[3] == 0.0
     assert np.isfinite(nats).all()
     assert np.delete(nats, 3).mean() > 1.0
+
+
+def test_of_one_unit_there_is_no_interval(rng: np.random.Generator) -> None:
+    assert people(rng, 5.0, n=1).interval_of_another(8, rng) is None
+
+
+def test_as_many_effects_as_units_have_an_interval(rng: np.random.Generator) -> None:
+    interval = people(rng, 5.0, k=6, n=6).interval_of_another(6, rng)
+    assert interval is not None
+    assert np.isfinite(interval).all()
