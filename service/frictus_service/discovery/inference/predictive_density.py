@@ -88,7 +88,7 @@ class UnitCoefficients:
         """
         known = np.isfinite(self.value)
         kept = np.flatnonzero(known.any(axis=0))
-        telling: BoolArray = known[:, kept].all(axis=1)
+        telling = np.asarray(known[:, kept].all(axis=1))
         if telling.sum() < LEAST_TELLING:
             return None
         nats = _Scatter.of(self, telling, kept).drawn(n_units, rng)
@@ -99,7 +99,7 @@ class UnitCoefficients:
         """Return the nats of one unit, predicted from those that are used."""
         known = np.isfinite(self.value) & used[:, np.newaxis]
         kept = np.flatnonzero(np.isfinite(value) & known.any(axis=0))
-        telling: BoolArray = known[:, kept].all(axis=1)
+        telling = np.asarray(known[:, kept].all(axis=1))
         if not kept.size or not telling.any():
             return 0.0
         return float(_Scatter.of(self, telling, kept).nats(value[kept]))
