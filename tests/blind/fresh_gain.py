@@ -2,7 +2,8 @@
 
 A study is discovered in; its gain in nats comes with the interval in which the gain of another
 study lies. Then other people do the same design, with the same hidden, and the models of the
-first study are scored on them as they are. Seeds are fresh, one line of JSON each.
+first study are scored on them as they are. Seeds are fresh, one line of JSON each. `--drawn`
+draws people's coefficients instead of samples: many studies in a minute.
 """
 
 import argparse
@@ -21,6 +22,7 @@ from tests.blind.generator import Case, Design, Seeds, make_study
 
 DESIGN: Final = Design(participants=8, n_tones=3, n_speeds=2, n_forces=2, tones_per_trial=3)
 """Twelve trials each: small, so that there are many."""
+LINES: Final = Path("fresh_gain.jsonl")
 EVERY_PAIR: Final = 4
 """Every so many-th hides two causes."""
 
@@ -166,6 +168,55 @@ def table(lines: Sequence[dict[str, Any]]) -> str:
     return "\n".join([*rows, "", f"Numbers and seeds: {seeds}"])
 
 
+DRAWN: Final = (
+    ("8 people, alike but for noise", 8, 20.0, 0.0, 1.0, 0.0, 1),
+    ("8 people, alike but for noise that differs", 8, 20.0, 0.0, 1.0, 0.5, 1),
+    ("8 people who differ", 8, 5.0, 1.0, 0.3, 0.5, 1),
+    ("12 people who differ, a small effect", 12, 3.0, 1.0, 0.1, 0.5, 1),
+    ("12 people who differ, three causes", 12, 5.0, 1.0, 0.1, 0.0, 3),
+    ("6 people, alike but for noise that differs", 6, 20.0, 0.0, 1.0, 0.3, 1),
+)
+"""People; effect; scatter of people, of noise, of its logarithm between people; causes."""
+
+
+def drawn_table(studies: int, rng: np.random.Generator) -> str:
+    """Return how often the gain of other people, drawn, lies in its interval.
+
+    Parameters
+    ----------
+    studies : int
+        Of each kind in `DRAWN`.
+    rng : numpy.random.Generator
+    """
+    rows, every = ["| coefficients drawn | within |", "|---|---|"], 0
+    for what, n, *law in DRAWN:
+        kept = 0
+        for _ in range(studies):
+            first, fresh = (_people(n, *law, rng) for _ in range(2))
+            low, high = first.interval_of_another(n, rng)
+            kept += bool(low <= first.of_fresh(fresh).sum() <= high)
+        every += kept
+        rows.append(f"| {what} | {kept} of {studies} |")
+    return "\n".join([*rows, f"| **all** | {every} of {studies * len(DRAWN)} |"])
+
+
+def _people(
+    n: int,
+    mean: float,
+    differing: float,
+    noise: float,
+    spread: float,
+    k: int,
+    rng: np.random.Generator,
+) -> Any:
+    from frictus_service.discovery.inference.predictive_density import UnitCoefficients
+
+    own = noise * np.exp(spread * rng.standard_normal(n) - spread**2)
+    value = mean + differing * rng.standard_normal((n, k))
+    value += own[:, np.newaxis] * rng.standard_normal((n, k))
+    return UnitCoefficients(value, np.square(own)[:, np.newaxis, np.newaxis] * np.eye(k))
+
+
 def _spread(values: np.ndarray) -> str:
     return f"{np.median(values):.3g} ({values.min():.3g} to {values.max():.3g})"
 
@@ -173,11 +224,19 @@ def _spread(values: np.ndarray) -> str:
 def main() -> None:
     """Run the campaign, or go on with it; print a line each, then the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("lines", type=Path, help="file of lines, which is added to")
+    parser.add_argument(
+        "lines", type=Path, nargs="?", help="file of lines, which is added to", default=LINES
+    )
     parser.add_argument("--first", type=int, default=60, help="so many studies")
     parser.add_argument("--from", dest="begin", type=int, default=0, help="from this number on")
     parser.add_argument("--again", type=int, help="this seed's study, of number --from")
+    parser.add_argument("--drawn", type=int, help="so many of each kind, coefficients drawn")
     arguments = parser.parse_args()
+    if arguments.drawn is not None:
+        seed = secrets.randbits(31)
+        table_of = drawn_table(arguments.drawn, np.random.default_rng(seed))
+        print(f"{table_of}\n\nSeed {seed}")  # noqa: T201
+        return
     if arguments.again is not None:
         print(json.dumps(run(arguments.begin, arguments.again), indent=1))  # noqa: T201
         return

@@ -119,7 +119,7 @@ class _Scatter:
     degrees : float
         Of the sum about the mean; one more about zero.
     covariance : ndarray, shape (k, k)
-        Of units as they are, and in no direction less than the noise makes it.
+        Of units as they are; what the noise alone gives may be too much.
     relative : ndarray, shape (n,)
         Standard deviation of each unit over that of all, from its own noise.
     """
@@ -148,9 +148,7 @@ class _Scatter:
         own = np.einsum("ujj->uj", noise)
         typical = np.maximum(np.diagonal(expected), np.finfo(float).tiny)
         covariance = apart / max(n - 1, 1)
-        seen = np.diagonal(covariance)
-        covariance = covariance + np.diag(np.maximum(typical - seen, 0.0))
-        of_noise = typical / np.diagonal(covariance)
+        of_noise = 1.0 / np.maximum(np.diagonal(covariance) / typical, 1.0)
         relative = 1.0 + np.mean(of_noise * (own / typical - 1.0), axis=1)
         return cls(
             scale,

@@ -55,6 +55,7 @@ def moved(mode: Candidate, by: FloatArray) -> Candidate:
     Parameters
     ----------
     mode : Candidate
+        Of `second_mode`.
     by : ndarray, shape (2,)
         Of the logarithms of frequency and quality.
     """
