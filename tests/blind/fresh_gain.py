@@ -189,10 +189,12 @@ def drawn_table(studies: int, rng: np.random.Generator) -> str:
     rng : numpy.random.Generator
     """
     rows, every = ["| coefficients drawn | within |", "|---|---|"], 0
-    for what, n, *law in DRAWN:
+    for what, n, mean, differing, noise, spread, k in DRAWN:
         kept = 0
         for _ in range(studies):
-            first, fresh = (_people(n, *law, rng) for _ in range(2))
+            first, fresh = (
+                _people(n, mean, differing, noise, spread, k, rng) for _ in range(2)
+            )
             low, high = first.interval_of_another(n, rng)
             kept += bool(low <= first.of_fresh(fresh).sum() <= high)
         every += kept

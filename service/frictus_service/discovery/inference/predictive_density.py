@@ -22,7 +22,7 @@ from frictus_service.discovery.inference.significance import PRIOR_DEGREES
 
 DRAWS: Final = 4000
 """Of other studies."""
-SINGULAR: Final = 1e-9
+SINGULAR: Final = 1e-6
 """Variance, of that of the units, that no direction of a covariance falls below."""
 LEAST_TELLING: Final = 2
 """Units that know of a scatter."""
@@ -186,7 +186,7 @@ class _Scatter:
 def _log_t(off: FloatArray, squares: FloatArray, degrees: float) -> FloatArray:
     """Return the log density of Student's t at (..., k), whose scale is the mean of squares."""
     k = off.shape[-1]
-    inverse = np.linalg.pinv(squares, rcond=1e-12, hermitian=True)
+    inverse = np.linalg.pinv(squares, rcond=1e-14, hermitian=True)
     distance = np.einsum("...i,ij,...j->...", off, inverse, off)
     constant = special.gammaln((degrees + k) / 2.0) - special.gammaln(degrees / 2.0)
     constant -= 0.5 * (k * np.log(np.pi) + float(np.linalg.slogdet(squares)[1]))
