@@ -114,7 +114,7 @@ class Bands:
             Spectra, of which the power is taken.
         """
         power = np.square(np.abs(known))
-        total = self.total(power).real
+        total = np.maximum(self.total(power).real, np.finfo(float).tiny)
         centroid = self.total(power * self.frequency_hz).real / total
         apart = self.frequency_hz - centroid[self.band]
         variance = self.total(power * np.square(apart)).real / total
