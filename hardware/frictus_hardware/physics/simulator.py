@@ -3,7 +3,7 @@
 Effects (`frictus_hardware.physics.effects`) extend a simulator; nothing here knows one of them.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -156,6 +156,8 @@ class Probe:
         Sum over all tones of ``|amplitude|^2 / 2``.
     circumstances : SlidingConditions
         Speed, force, position, direction and time.
+    spread_hz : ndarray, shape (n_rows,), or 0
+        Standard deviation of the power over frequency about the tone: of a band; 0 of a tone.
     """
 
     tone_hz: FloatArray
@@ -163,6 +165,7 @@ class Probe:
     message_mean: FloatArray
     message_power: FloatArray
     circumstances: SlidingConditions
+    spread_hz: FloatArray | float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,6 +201,9 @@ def predict(
 ) -> Prediction:
     """Return what an estimator reports that knows nominal mount, hold and declared skews only.
 
+    Of a band it reports the mean over the band's power: that of two frequencies which have the
+    centroid and the variance of the power (Gauss-Hermite, exact to the third order).
+
     Parameters
     ----------
     simulator : Simulator
@@ -207,6 +213,20 @@ def predict(
     nominal_mount : TransferFunction or None
         What the estimator divides the measured force by.
     """
+    if np.any(probe.spread_hz):
+        lower, upper = (
+            predict(
+                simulator,
+                replace(probe, tone_hz=probe.tone_hz + side * probe.spread_hz, spread_hz=0.0),
+                nominal_mount,
+            )
+            for side in (-1.0, 1.0)
+        )
+        return replace(
+            lower,
+            friction=0.5 * (lower.friction + upper.friction),
+            mobility=0.5 * (lower.mobility + upper.mobility),
+        )
     around, tone = probe.circumstances, probe.tone_hz
     gain = simulator.schedule.gain_n(simulator.law, around)
     pole = simulator.schedule.cutoff_hz(simulator.law, around)

@@ -42,7 +42,7 @@ class SecondMode:
 
     share: float
     frequency_hz: float
-    quality: float = 5.0
+    quality: float
 
     def velocity(self, mobility: Mobility) -> TransferFunction:
         """Return the skin velocity that it adds, m/s/N."""

@@ -344,10 +344,11 @@ def _ranked(one: "OneRecording") -> "Table":
 
     from frictus_service.discovery.report.findings import model_named
 
-    table = Table("this recording only", "held-out gain, nats", "AIC")
+    table = Table("this recording only", "of held-out misfit it takes away", "AIC")
     for model in one.models[:RANKS]:
-        gain = f"{model.heldout_loglik:+.3g} ± {model.standard_error:.2g}"
-        table.add_row(model_named(model), gain, f"{model.aic:+.3g}")
+        table.add_row(
+            model_named(model), f"{100.0 * model.explained:.3g} %", f"{model.aic:+.3g}"
+        )
     return table
 
 

@@ -77,7 +77,8 @@ class RivalCost(_Document):
 
     id: str
     nats_per_unit: FiniteFloat
-    """What it predicts better than the model without either; mean over held-out units."""
+    """What it predicts better than the model without either; mean over held-out units. All
+    are weighed by the extended model's scatter: to compare them, and too large as odds."""
     cost: FiniteFloat
     """By how much the named cause predicts better than it, nats per unit."""
     ci95: Interval
@@ -87,8 +88,10 @@ class Gain(_Document):
     """How much better data are predicted that were not used to fit."""
 
     heldout_loglik: FiniteFloat
-    """Increase of the log-likelihood, nats, all of the held-out data together."""
+    """Increase of the log-likelihood, nats, all held-out units together; each model predicts
+    them with the scatter that it leaves in the others."""
     ci95: Interval | None
+    """Where the same of another study, of as many units and of this one's models, lies."""
     residual_db: tuple[FiniteFloat, FiniteFloat]
     """RMS of what is left in size, dB: before, after."""
     residual_deg: tuple[FiniteFloat, FiniteFloat]
@@ -274,7 +277,10 @@ class RankedModel(_Document):
     parameters: dict[str, dict[str, ParameterEstimate]]
     """By cause."""
     heldout_loglik: FiniteFloat
-    """Over the base model's: nats, all folds together, each predicted from the others."""
+    """Over the base model's: nats, all folds together, each predicted from the others. All
+    are weighed by the scatter that the best leaves: to rank them, and too large as odds."""
+    explained: FiniteFloat = 0.0
+    """Share of what the base model leaves in held-out folds that it takes away."""
     standard_error: FiniteFloat
     """From how folds differ."""
     aic: FiniteFloat

@@ -43,10 +43,13 @@ class Seeds:
         People and design: the same again for fresh data of the same truth.
     trials : int
         Order, contacts, noise.
+    others : int or None
+        Other people, in the same design; None: those that `people` draws.
     """
 
     people: int
     trials: int
+    others: int | None = None
 
 
 def make_study(
@@ -80,6 +83,8 @@ def make_study(
         draw_speeds(design, of_people),
         draw_forces(design, of_people),
     )
+    if seeds.others is not None:
+        of_people = np.random.default_rng(seeds.others)
     people = [
         draw_person(
             f"P{number + 1:02d}", case.hidden, spread, design.base == "paper", of_people

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effects import extended
 from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.screen import Screen, screen_voltage
@@ -103,3 +104,25 @@ def test_the_estimator_reports_what_is_predicted(rng: np.random.Generator) -> No
     assert turn <= 0.2
     without = predict(base, probe_of(rows), nominal).friction
     assert off(rows.friction_response, without)[0] > 10.0
+
+
+def test_a_band_is_predicted_as_its_mean_over_frequency() -> None:
+    """As the mean of many tones of the same centroid and variance, delay and fall included."""
+    simulator = extended(Simulator(), [("channel_delay", {"delay_s": 2e-4})])
+    off_hz = np.linspace(-1.0, 1.0, 201)
+    one = np.ones(1)
+
+    def seen(at_hz: FloatArray, spread_hz: FloatArray | float) -> NDArray[np.complex128]:
+        ones = np.ones(at_hz.size)
+        around = SlidingConditions(60.0 * ones, 0.4 * ones, 35.0 * ones, ones, 0.0 * ones)
+        nothing = np.zeros(at_hz.size)
+        probe = Probe(at_hz, nothing.astype(complex), nothing, nothing, around, spread_hz)
+        return predict(simulator, probe, simulator.mount).friction
+
+    for centre_hz in (60.0, 400.0, 1200.0):
+        half_hz = 0.058 * centre_hz
+        mean = seen(centre_hz + half_hz * off_hz, 0.0).mean()
+        (band,) = seen(centre_hz * one, half_hz * off_hz.std() * one)
+        (middle,) = seen(centre_hz * one, 0.0)
+        assert abs(band / mean - 1.0) < 1e-4
+        assert abs(band - mean) < 0.05 * abs(middle - mean)

@@ -214,6 +214,8 @@ def _harmonics(
         second_variance=variance,
         third=seen.third + noise[2] + 1j * noise[3],
         third_variance=variance,
+        centroid_hz=probe.tone_hz,
+        spread_hz=np.zeros(probe.tone_hz.size),
     )
 
 

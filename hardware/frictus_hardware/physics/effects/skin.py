@@ -9,6 +9,7 @@ from frictus_hardware.physics.simulator import Simulator
 from frictus_hardware.physics.skin import SecondMode
 
 SECOND_MODE_HZ = 300.0
+SECOND_MODE_QUALITY = 5.0
 
 
 def _mass(simulator: Simulator, values: Values) -> Simulator:
@@ -29,7 +30,11 @@ def _damping(simulator: Simulator, values: Values) -> Simulator:
 
 
 def _second_mode(simulator: Simulator, values: Values) -> Simulator:
-    mode = SecondMode(values["share"], values.get("frequency_hz", SECOND_MODE_HZ))
+    mode = SecondMode(
+        values["share"],
+        values.get("frequency_hz", SECOND_MODE_HZ),
+        values.get("quality", SECOND_MODE_QUALITY),
+    )
     modes = (*simulator.skin.further_modes, mode)
     return replace(simulator, skin=replace(simulator.skin, further_modes=modes))
 
@@ -77,6 +82,7 @@ EFFECTS = (
         parameters=(
             Parameter("share", "1", -0.9, 5.0, 0.005),
             Parameter("frequency_hz", "Hz", 50.0, 2000.0, 1.0, default=SECOND_MODE_HZ),
+            Parameter("quality", "1", 0.5, 50.0, 0.05, default=SECOND_MODE_QUALITY),
         ),
         extend=_second_mode,
     ),

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from scipy import stats
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.document import Covariate, Gain, UnseenCondition
@@ -19,6 +18,7 @@ from frictus_service.discovery.inference.linear_model import (
     project_out,
 )
 from frictus_service.discovery.inference.linearisation import Linearised, columns_of, linearise
+from frictus_service.discovery.inference.predictive_density import UnitCoefficients
 from frictus_service.discovery.inference.selection import (
     refit_nuisance,
     select,
@@ -134,9 +134,10 @@ DEGREES: Final = 180.0 / np.pi
 
 def gain_of(
     problem: DiscoveryProblem,
-    per_unit: FloatArray,
+    found: UnitCoefficients,
     before: tuple[Linearised, Sequence[int]],
     after: tuple[Linearised, Sequence[int]],
+    rng: np.random.Generator,
 ) -> Gain:
     """Return a gain as the document says it.
 
@@ -144,20 +145,17 @@ def gain_of(
     ----------
     problem : DiscoveryProblem
         Data, base model and candidates.
-    per_unit : ndarray, shape (n_units,)
-        Held-out log-likelihood.
+    found : UnitCoefficients
+        Of the effects whose gain it is.
     before, after : tuple of Linearised and sequence of int
         Models and the effects in them.
+    rng : numpy.random.Generator
+        Of the interval.
     """
-    total, n = float(per_unit.sum()), per_unit.size
-    interval = None
-    if n > 1:
-        half = float(stats.t.ppf(0.975, n - 1)) * float(np.std(per_unit, ddof=1)) * np.sqrt(n)
-        interval = (total - half, total + half)
     less, more = (rms_of(held_out(problem, *model)) for model in (before, after))
     return Gain(
-        heldout_loglik=total,
-        ci95=interval,
+        heldout_loglik=float(found.held_out.sum()),
+        ci95=found.interval_of_another(len(found.value), rng),
         residual_db=(less[0], more[0]),
         residual_deg=(less[1], more[1]),
     )

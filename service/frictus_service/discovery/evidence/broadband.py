@@ -102,6 +102,24 @@ class Bands:
         summed: ComplexArray = np.add.reduceat(spectra.sum(axis=0), starts).astype(complex)
         return summed
 
+    def place_of(self, known: ComplexArray) -> tuple[FloatArray, FloatArray]:
+        """Return centroid and standard deviation of the frequency over a power, (n_bands,).
+
+        A response that is averaged over a band is weighed by the power at each frequency; and
+        Hann's window of length T mixes frequencies whose variance is ``1 / (3 T^2)``.
+
+        Parameters
+        ----------
+        known : ndarray, shape (n_windows, n_frequencies)
+            Spectra, of which the power is taken.
+        """
+        power = np.square(np.abs(known))
+        total = np.maximum(self.total(power).real, np.finfo(float).tiny)
+        centroid = self.total(power * self.frequency_hz).real / total
+        apart = self.frequency_hz - centroid[self.band]
+        variance = self.total(power * np.square(apart)).real / total
+        return centroid, np.sqrt(variance + 1.0 / (3.0 * WINDOW_S**2))
+
     def averages(self, windows: int) -> FloatArray:
         """Return how many independent averages so many half overlapping windows are.
 
@@ -120,6 +138,11 @@ class _Spectra:
     force: ComplexArray
     skin: ComplexArray | None
     message_mean: float
+
+    @property
+    def known(self) -> ComplexArray:
+        """What a response is seen through: the message, or the force where none drives."""
+        return self.force if self.message is None else self.message
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +212,7 @@ def broadband(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> Broad
             for f in fields(ResponseRows)
         }
     )
-    return Broadband(whole, _message(spectra, rows), notes)
+    return Broadband(whole, _message(spectra, rows, bands, used), notes)
 
 
 def _spectra(
@@ -312,9 +335,8 @@ def _rows(
     count = bands.centre_hz.size
     nothing = _Transfer(np.full(count, NOTHING), np.full(count, np.nan))
     friction, mobility, amplitude = nothing, nothing, np.full(count, NOTHING)
-    known = spectra.force
+    known = spectra.known
     if spectra.message is not None:
-        known = spectra.message
         friction = _transfer(bands, known, known, spectra.force)
         power = bands.total(np.square(np.abs(known))) * 2.0 / known.shape[0] / window
         amplitude = np.sqrt(2.0 * power)
@@ -341,10 +363,13 @@ def _rows(
     )
 
 
-def _message(spectra: Sequence[_Spectra], rows: Sequence[ResponseRows]) -> HarmonicResponse:
+def _message(
+    spectra: Sequence[_Spectra], rows: Sequence[ResponseRows], bands: Bands, used: BoolArray
+) -> HarmonicResponse:
     sizes = [each.tone_hz.size for each in rows]
     power = [np.square(np.abs(each.message)).sum() / 2.0 for each in rows]
     nothing = np.full(sum(sizes), np.nan)
+    places = [bands.place_of(each.known) for each in spectra]
     return HarmonicResponse(
         message_mean=np.repeat([each.message_mean for each in spectra], sizes),
         message_power=np.repeat(power, sizes),
@@ -352,6 +377,8 @@ def _message(spectra: Sequence[_Spectra], rows: Sequence[ResponseRows]) -> Harmo
         second_variance=nothing,
         third=nothing.astype(np.complex128),
         third_variance=nothing,
+        centroid_hz=np.concatenate([centroid[used] for centroid, _ in places]),
+        spread_hz=np.concatenate([spread[used] for _, spread in places]),
     )
 
 

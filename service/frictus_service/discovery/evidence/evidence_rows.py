@@ -354,6 +354,7 @@ def take(probe: Probe, rows: IntArray) -> Probe:
             direction=c.direction[rows],
             minutes=c.minutes[rows],
         ),
+        spread_hz=np.broadcast_to(probe.spread_hz, probe.tone_hz.shape)[rows],
     )
 
 

@@ -218,7 +218,7 @@ def rows_of(
         return _mean_of_known(values[known], group, count)
 
     rows = Probe(
-        tone_hz=tones_hz[keys[1]].astype(np.float64),
+        tone_hz=mean(harmonic("centroid_hz")),
         message=mean(np.abs(column("message"))).astype(np.complex128),
         message_mean=_filled(mean(harmonic("message_mean")), keys[0]),
         message_power=_filled(mean(harmonic("message_power")), keys[0]),
@@ -229,6 +229,7 @@ def rows_of(
             keys[2].astype(np.float64),
             minutes[keys[0]],
         ),
+        spread_hz=mean(harmonic("spread_hz")),
     )
     second, third = mean(harmonic("second")), mean(harmonic("third"))
     if response == "mobility":

@@ -51,6 +51,9 @@ class HarmonicResponse:
         acts at once gives a constant. NaN where it cannot be told from something else.
     second_variance, third_variance : ndarray
         Of real and of imaginary part each, from the noise around the lines.
+    centroid_hz, spread_hz : ndarray
+        Mean and standard deviation of the frequency over the power by which a row is weighed:
+        of a band; of a tone its frequency, and 0.
     """
 
     message_mean: FloatArray
@@ -59,6 +62,8 @@ class HarmonicResponse:
     second_variance: FloatArray
     third: ComplexArray
     third_variance: FloatArray
+    centroid_hz: FloatArray
+    spread_hz: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +143,8 @@ def spectra_of(
     stretch = np.array([place[key] for key in keys])[:: lines.n_tones]
     mean, power = _message(lines, channels, backdrop, [whole[at] for at in stretch], rows)
     ratios = _ratios(trial, study, lines, [fitted[at] for at in stretch])
-    return HarmonicResponse(mean, power, *ratios[0], *ratios[1]), stretches
+    alone = (rows.tone_hz, np.zeros(rows.tone_hz.size))
+    return HarmonicResponse(mean, power, *ratios[0], *ratios[1], *alone), stretches
 
 
 def _later(piece: WholeBlocks, settled: int) -> WholeBlocks:
@@ -290,6 +296,8 @@ NO_HARMONICS: Final = HarmonicResponse(
     second_variance=np.empty(0),
     third=np.empty(0, dtype=np.complex128),
     third_variance=np.empty(0),
+    centroid_hz=np.empty(0),
+    spread_hz=np.empty(0),
 )
 NO_STRETCHES: Final = Stretches(
     sweep=np.empty(0, dtype=np.int64),

@@ -284,16 +284,28 @@ def joint_gain(units: Sequence[Unit], chosen: Sequence[int]) -> FloatArray:
     """
     if not chosen:
         return np.zeros(len(units))
-    parts = [_together(unit, list(chosen)) for unit in units]
+    parts = [fitted_together(unit, list(chosen)) for unit in units]
     value, noise = (np.stack(part) for part in zip(*parts, strict=True))
     known = np.isfinite(value)
     return np.array([_gain_of_one(value, noise, known, unit) for unit in range(len(units))])
 
 
-def _together(unit: Unit, chosen: list[int]) -> tuple[FloatArray, FloatArray]:
+def fitted_together(unit: Unit, chosen: list[int]) -> tuple[FloatArray, FloatArray]:
     """Return the coefficients fitted together, NaN where unknown, and their covariance.
 
     Of parameters, and not of their squares, as in `ProjectedUnits.tested`.
+
+    Parameters
+    ----------
+    unit : Unit
+        Whitened readings and signatures.
+    chosen : list of int
+        Effects; what else is known of the unit is its own.
+
+    Returns
+    -------
+    ndarray, shape (n_chosen,)
+    ndarray, shape (n_chosen, n_chosen)
     """
     effects, readings = _projected(unit, [])
     effects = effects[:, chosen]

@@ -33,6 +33,7 @@ from frictus_service.discovery.one_recording.folds import (
     correlation_time_s,
     folds_of,
 )
+from frictus_service.discovery.one_recording.mode_shape import SHAPE
 from frictus_service.discovery.one_recording.phrasing import statement_of
 from frictus_service.discovery.one_recording.ranking import RULE, FittedModel, Ranking, rank
 from frictus_service.discovery.one_recording.repeats import SeenSamples
@@ -202,9 +203,7 @@ def _model(found: Ranking, fitted: FittedModel) -> RankedModel:
         each = found.candidates[k]
         units = {p.name: p.unit for p in EFFECTS[each.effect].parameters}
         value = fitted.coefficients[place]
-        # What measuring is wrong by is the same in all folds: no mean takes it away.
-        error = quantile * fitted.standard_errors[place]
-        half = float(np.hypot(error, fitted.accuracy[place] / 2.0))
+        half = quantile * fitted.standard_errors[place]
         ends = np.array([value - half, value, value + half])
         ends = np.maximum(ends, 0.0) if each.positive else ends
         low, mean, high = (np.sqrt(ends) if each.squared else ends).tolist()
@@ -214,12 +213,19 @@ def _model(found: Ranking, fitted: FittedModel) -> RankedModel:
             )
         }
         for name, held in each.held:
-            fixed = ParameterEstimate(value=held, ci95=None, unit=units[name])
-            parameters[each.effect][name] = fixed
+            estimate = ParameterEstimate(value=held, ci95=None, unit=units[name])
+            if fitted.shape is not None and name in SHAPE:
+                at = SHAPE.index(name)
+                error = quantile * float(fitted.shape.standard_errors[at])
+                log = float(np.log(held) + fitted.shape.off[at])
+                low, mean, high = np.exp([log - error, log, log + error]).tolist()
+                estimate = ParameterEstimate(value=mean, ci95=(low, high), unit=units[name])
+            parameters[each.effect][name] = estimate
     return RankedModel(
         causes=tuple(parameters),
         parameters=parameters,
         heldout_loglik=fitted.total,
+        explained=fitted.explained,
         standard_error=fitted.standard_error,
         aic=fitted.aic,
     )

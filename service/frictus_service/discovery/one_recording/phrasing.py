@@ -76,8 +76,8 @@ def statement_of(models: Sequence[RankedModel], *, beyond: bool) -> str:
     verb = "explains it" if len(first.causes) == 1 else "explain it together"
     confirmed = " ".join(cause_of(name).next_experiment for name in first.causes)
     return (
-        f"In this recording only, {what} {verb}: held-out log-likelihood "
-        f"{first.heldout_loglik:+.3g} ± {first.standard_error:.2g} nats over the base model."
+        f"In this recording only, {what} {verb}: {100.0 * first.explained:.3g} % of the mean "
+        "square that the base model leaves in held-out folds of time."
         f"{_rival(models)} It would be confirmed by this: {confirmed}"
     )
 
@@ -88,8 +88,8 @@ def _best_tried(models: Sequence[RankedModel]) -> str:
         return ""
     best = max(tried, key=lambda model: model.heldout_loglik)
     return (
-        f" Best of what was tried: {' with '.join(map(title, best.causes))}, held-out "
-        f"log-likelihood {best.heldout_loglik:+.3g} ± {best.standard_error:.2g} nats."
+        f" Best of what was tried: {' with '.join(map(title, best.causes))}, which takes away "
+        f"{100.0 * best.explained:.3g} % of what it leaves in held-out folds of time."
     )
 
 

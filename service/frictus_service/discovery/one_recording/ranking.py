@@ -24,7 +24,15 @@ from frictus_service.discovery.inference.linearisation import (
     linearise,
     weighted_as,
 )
-from frictus_service.discovery.problem.candidates import MODE_HZ, Candidate
+from frictus_service.discovery.one_recording.mode_shape import (
+    MOST_STEP,
+    STEPS,
+    ModeShape,
+    mode_in,
+    moved,
+    with_shape,
+)
+from frictus_service.discovery.problem.candidates import Candidate
 from frictus_service.discovery.problem.problem import DiscoveryProblem, UnwhitenedUnit
 
 BEST: Final = 3
@@ -44,8 +52,6 @@ RULE: Final = (
     "with 2 ln K for the search below the base model's, and a change of the response somewhere "
     f"of {ACCURACIES:g} times its accuracy"
 )
-FINER: Final = (-0.5, -0.25, 0.25, 0.5)
-"""Of the way to the next frequency at which a mode was tried: where it is tried then."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,20 +64,26 @@ class FittedModel:
         Those in it; empty: the base model.
     gain : ndarray, shape (n_folds,)
         Held-out log-likelihood of each fold over that of the base model, nats.
+    explained : float
+        Share of what the base model leaves in held-out folds that it takes away.
     aic : float
         Less the base model's, the search included; smaller is better.
     coefficients, standard_errors : ndarray, shape (n_candidates,)
         Of the candidates in it.
     accuracy : ndarray, shape (n_candidates,)
         Coefficient at which each shows as much as measuring is accurate.
+    shape : ModeShape or None
+        Of the mode in it that was fitted.
     """
 
     candidates: tuple[int, ...]
     gain: FloatArray
+    explained: float
     aic: float
     coefficients: FloatArray
     standard_errors: FloatArray
     accuracy: FloatArray
+    shape: ModeShape | None = None
 
     @property
     def shown(self) -> bool:
@@ -139,9 +151,11 @@ def rank(problem: DiscoveryProblem, variance: Sequence[FloatArray]) -> Ranking:
     fitted = _Fitted(problem, _by_noise(problem, variance))
     for model in fitted.best(fitted.base):
         fitted.add(model.candidates)
-    finer = _finer(problem, fitted.best(fitted.base)[:2])
-    if finer:
-        fitted = fitted.with_more(finer)
+    for _ in range(STEPS):
+        nearer = _nearer(fitted)
+        if not nearer:
+            break
+        fitted = fitted.with_more(nearer)
     first = fitted.best(fitted.base)
     # The scatter about the base model holds what a cause would explain: the best has least.
     ruler = fitted.models.get(first[0].candidates, fitted.base)
@@ -211,10 +225,16 @@ class _Fitted:
         about = weighted_as(self.problem, self.base, ruler, range(len(self.problem.candidates)))
         before = np.array([np.sum(np.square(_beside_own(unit)[1])) for unit in about])
         nothing = np.zeros(0)
-        found = [FittedModel((), np.zeros(before.size), 0.0, nothing, nothing, nothing)]
+        found = [FittedModel((), np.zeros(before.size), 0.0, 0.0, nothing, nothing, nothing)]
         for chosen in self._tried:
             if chosen in self.models:
-                units = weighted_as(self.problem, self.models[chosen], ruler, chosen)
+                mode = mode_in(self.problem.candidates, chosen)
+                fitted = self.models[chosen]
+                units = (
+                    weighted_as(self.problem, fitted, ruler, chosen)
+                    if mode is None
+                    else with_shape(self.problem, fitted, ruler, mode)
+                )
             else:
                 units = tuple(unit.only(list(chosen)) for unit in about)
             found.append(_fitted(self.problem, chosen, units, before, len(self.shown)))
@@ -241,24 +261,14 @@ def _simplest(problem: DiscoveryProblem, models: list[FittedModel]) -> list[Fitt
     return models
 
 
-def _finer(problem: DiscoveryProblem, best: Sequence[FittedModel]) -> list[Candidate]:
-    """Return a mode that is among the best at frequencies between those that were tried."""
-    modes = [
-        problem.candidates[k]
-        for model in best
-        for k in model.candidates
-        if problem.candidates[k].effect == "second_mode"
-    ]
-    if not modes:
-        return []
-    place = dict(modes[0].held)["frequency_hz"]
-    step = np.log(MODE_HZ[1] / MODE_HZ[0])
-    return [
-        replace(
-            modes[0], held=(("frequency_hz", round(float(place * np.exp(step * part)), 1)),)
-        )
-        for part in FINER
-    ]
+def _nearer(fitted: _Fitted) -> list[Candidate]:
+    """Return a mode that is among the two best where its derivatives say that it is."""
+    candidates = fitted.problem.candidates
+    for model in fitted.best(fitted.base)[:2]:
+        mode = mode_in(candidates, model.candidates)
+        if mode is not None and model.shape is not None:
+            return [moved(candidates[mode], np.clip(model.shape.off, -MOST_STEP, MOST_STEP))]
+    return []
 
 
 def _by_noise(problem: DiscoveryProblem, variance: Sequence[FloatArray]) -> Whiten:
@@ -293,6 +303,10 @@ def _fitted(
     along = np.array([effects.T @ rest for effects, rest in parts])
     low, high = problem.limits(chosen)
     low = np.where(problem.positive(chosen), np.maximum(low, 0.0), low)
+    more = grams.shape[1] - len(chosen)  # frequency and quality of a mode
+    low, high = (
+        np.append(ends, np.full(more, end)) for ends, end in ((low, -1.0), (high, 1.0))
+    )
 
     def solved(folds: FloatArray) -> FloatArray:
         gram, sums = np.tensordot(folds, grams, 1), folds @ along
@@ -312,14 +326,18 @@ def _fitted(
     n = len(parts)
     every = solved(np.ones(n))
     others = np.array([solved(1.0 - fold) for fold in np.eye(n)])
-    search = 2.0 * len(chosen) * (1.0 + np.log(searched))
+    search = 2.0 * (len(chosen) * (1.0 + np.log(searched)) + more)
     formal = np.sqrt(np.diagonal(np.linalg.pinv(grams.sum(axis=0), hermitian=True)))
     jackknife = np.sqrt((n - 1) / n * np.square(others - others.mean(axis=0)).sum(axis=0))
+    saved = before - left(others)
+    errors, k = np.maximum(formal, jackknife), len(chosen)
     return FittedModel(
         chosen,
-        (before - left(others)) / 2.0,
+        saved / 2.0,
+        float(saved.sum() / before.sum()),
         float(left(every).sum() - before.sum() + search),
-        every,
-        np.maximum(formal, jackknife),
+        every[:k],
+        errors[:k],
         np.mean([unit.accuracy for unit in units], axis=0),
+        ModeShape(every[k:], errors[k:]) if more else None,
     )

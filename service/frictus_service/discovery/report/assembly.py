@@ -37,8 +37,9 @@ from frictus_service.discovery.evidence.evidence_rows import EvidenceRows
 from frictus_service.discovery.evidence.observation_table import (
     UnitAssignment,
 )
-from frictus_service.discovery.inference.linear_model import joint_gain, project_out
+from frictus_service.discovery.inference.linear_model import project_out
 from frictus_service.discovery.inference.linearisation import Linearised, linearise
+from frictus_service.discovery.inference.predictive_density import UnitCoefficients
 from frictus_service.discovery.inference.selection import with_refitted_nuisance
 from frictus_service.discovery.problem.base_models import NUISANCE
 from frictus_service.discovery.problem.candidates import Candidate
@@ -108,9 +109,9 @@ class Assembly:
         before, after = rests_of(self._bare, *base), rests_of(problem, *extended)
         gain = None
         if self._chosen:
-            per_unit = joint_gain(model.units, self._chosen)
+            named = UnitCoefficients.of(model.units, self._chosen)
             beside = (with_refitted_nuisance(problem, found.base), ())
-            gain = gain_of(problem, per_unit, beside, extended)
+            gain = gain_of(problem, named, beside, extended, self._rng)
         return Discovery(
             code_version=version("frictus"),
             seed=self._seed,
@@ -169,9 +170,10 @@ class Assembly:
             p_value=each.p_value,
             gain=gain_of(
                 self._problem,
-                each.gain,
+                self._alone(each.candidate),
                 (self._model_of(others), others),
                 (self._model_of([*others, each.candidate]), [*others, each.candidate]),
+                self._rng,
             )
             if each.in_model
             else None,
@@ -189,6 +191,17 @@ class Assembly:
                 self._found.extended.units, self._problem.candidates, each.candidate, others
             ),
         )
+
+    @property
+    def _rng(self) -> np.random.Generator:
+        return np.random.default_rng(self._seed)
+
+    def _alone(self, effect: int) -> UnitCoefficients:
+        """Return the coefficients of a cause beside all others that were named."""
+        model = self._found.extended
+        others = [other for other in model.chosen if other != effect]
+        beside = [unit.and_own(unit.effects[:, others]) for unit in model.units]
+        return UnitCoefficients.of(beside, [effect])
 
     def _others(self, near: Sequence[tuple[int, float]]) -> ItemsView[str, float]:
         """Return other causes with their cosines, each once."""

@@ -21,6 +21,7 @@ from frictus_service.discovery.inference.linear_model import (
     project_out,
 )
 from frictus_service.discovery.inference.linearisation import linearise
+from frictus_service.discovery.inference.predictive_density import UnitCoefficients
 from frictus_service.discovery.problem.candidates import candidates_of
 from frictus_service.discovery.problem.problem import DiscoveryProblem
 
@@ -56,8 +57,10 @@ def test_an_effect_gains_and_its_residual_shrinks(rng: np.random.Generator) -> N
     assert after.coefficients.mean() == pytest.approx(SHARE, abs=0.003)
     per_unit = held_out_gain(project_out(after.units))[:, ASYMMETRY]
     assert np.all(per_unit > 0.0)
-    gain = gain_of(problem, per_unit, (before, ()), (after, (ASYMMETRY,)))
-    assert gain.heldout_loglik == pytest.approx(per_unit.sum())
+    named = UnitCoefficients.of(after.units, [ASYMMETRY])
+    gain = gain_of(problem, named, (before, ()), (after, (ASYMMETRY,)), rng)
+    assert gain.heldout_loglik == pytest.approx(named.held_out.sum())
+    assert gain.heldout_loglik < per_unit.sum()  # each model with the scatter that it leaves
     assert gain.ci95 is not None
     assert 0.0 < gain.ci95[0] < gain.heldout_loglik < gain.ci95[1]
     less, more = gain.residual_db

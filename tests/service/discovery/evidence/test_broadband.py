@@ -15,6 +15,7 @@ from tests.service.identification.trials import (
 )
 
 from frictus_hardware.arrays import ComplexArray, FloatArray
+from frictus_service.discovery.evidence.broadband import WINDOW_S, Bands
 from frictus_service.discovery.evidence.evidence_rows import TrialEvidence, evidence_of
 from frictus_service.study.trial import Trial
 
@@ -159,3 +160,19 @@ def test_sweeps_shorter_than_a_window_are_said(rng: np.random.Generator) -> None
     found = evidence_of(trial(Made((), 100.0, seconds=1.0, span_mm=25.0), rng), STUDY).observed
     assert found.rows.tone_hz.size == 0
     assert any("holds 0.1 s without gaps, the longest lasts" in note for note in found.notes)
+
+
+def test_a_band_lies_where_its_power_is(rng: np.random.Generator) -> None:
+    """Power that falls with the square of the frequency has its centroid below the middle."""
+    bands = Bands.of(2000, RATE_HZ, None)
+    white = rng.standard_normal((4000, bands.frequency_hz.size))
+    red = (white / bands.frequency_hz).astype(np.complex128)
+    centroid, spread = bands.place_of(red)
+    wide = bands.lines > 20
+    lines = bands.lines[wide] / WINDOW_S
+    expected = bands.centre_hz - np.divide(2.0 * spread**2, bands.centre_hz)
+    np.testing.assert_allclose(centroid[wide], expected[wide], rtol=1e-3)
+    np.testing.assert_allclose(spread[wide], lines / np.sqrt(12.0), rtol=0.05)
+    alone = bands.lines == 1
+    np.testing.assert_allclose(centroid[alone], bands.centre_hz[alone])
+    np.testing.assert_allclose(spread[alone], 1.0 / np.sqrt(3.0) / WINDOW_S)

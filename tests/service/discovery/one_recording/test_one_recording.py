@@ -48,7 +48,7 @@ def test_a_swipe_says_that_its_channels_are_apart(late: Path, tmp_path: Path) ->
     assert one.beyond_threshold
     assert one.models[0].causes == ("channel_delay",)
     delay = one.models[0].parameters["channel_delay"]["delay_s"]
-    assert delay.value == pytest.approx(DELAY_S, rel=0.02)
+    assert delay.value == pytest.approx(DELAY_S, rel=0.004)
     assert delay.ci95 is not None
     assert delay.ci95[0] < delay.value < delay.ci95[1] < 1.05 * DELAY_S
     assert one.statement.startswith("In this recording only, a delay of 0.2")
@@ -130,3 +130,24 @@ def test_twice_the_delay_is_twice_as_long(tmp_path: Path, rng: np.random.Generat
         assert found is not None
         delays.append(found.models[0].parameters["channel_delay"]["delay_s"].value)
     assert delays[1] == pytest.approx(2.0 * delays[0], rel=0.03)
+
+
+def test_a_mode_is_found_at_its_frequency_and_quality(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    """Between those at which modes are tried; with a quality held, a share is far off."""
+    quality = float(rng.uniform(3.5, 7.0))
+    mode = {"share": 0.3, "frequency_hz": 410.0, "quality": quality}
+    path = tmp_path / "mode.h5"
+    recording = Recording("texture", 2.0, Hidden("second_mode", mode))
+    make_recording(path, recording, int(rng.integers(2**31)))
+    found, _ = ranked(path)
+    assert found is not None
+    assert found.models[0].causes == ("second_mode",)
+    estimates = found.models[0].parameters["second_mode"]
+    assert estimates["frequency_hz"].value == pytest.approx(410.0, rel=0.01)
+    assert estimates["quality"].value == pytest.approx(quality, rel=0.1)
+    assert estimates["share"].value == pytest.approx(0.3, rel=0.06)
+    for each in estimates.values():
+        assert each.ci95 is not None
+        assert each.ci95[0] < each.value < each.ci95[1]
