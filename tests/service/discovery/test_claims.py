@@ -23,6 +23,8 @@ from frictus_service.discovery.problem.base_models import base_model, simulator_
 from frictus_service.discovery.report.findings import verdict_sentence
 from frictus_service.identification.observation.response import ResponseRows
 
+pytestmark = pytest.mark.long
+
 Factor = Callable[[ResponseRows], NDArray[Any]]
 
 

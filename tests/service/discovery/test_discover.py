@@ -130,6 +130,7 @@ def test_the_extended_model_hums_at_the_line_that_was_found(rng: np.random.Gener
     assert not any(each.channel == "line60" for each in again.unexplained)
 
 
+@pytest.mark.long
 class TestFewPeople:
     @pytest.mark.parametrize("people", [1, 5])
     def test_blocks_take_the_role_of_people(
@@ -187,6 +188,7 @@ def says_nothing(found: Discovery, why: str) -> None:
     assert all(test.not_tested and test.p_value is None for test in found.tests)
 
 
+@pytest.mark.long
 class TestPoorDesigns:
     def test_one_speed(self, rng: np.random.Generator) -> None:
         found = found_in(made(rng, ASYMMETRY, Design(speeds_mm_s=(60.0,))))
@@ -270,6 +272,7 @@ def of(
     return {field.name: getattr(part, field.name)[kept] for field in fields(part)}
 
 
+@pytest.mark.long
 class TestSkin:
     def test_nothing_is_seen_in_nothing(self, rng: np.random.Generator) -> None:
         documents = [found_in(made(rng, base=PAPER_SKIN), SKIN) for _ in range(4)]
@@ -310,6 +313,7 @@ OF_FREQUENCY = {
 }
 
 
+@pytest.mark.long
 class TestMount:
     SHARE = 1636.0 / 1714.0 - 1.0
 

@@ -21,6 +21,8 @@ from frictus_service.discovery import discover as engine
 from frictus_service.discovery.evidence.evidence_rows import TrialEvidence
 from frictus_service.discovery.problem.candidates import Candidate, candidates_of
 
+pytestmark = pytest.mark.long
+
 Change = Callable[[FloatArray], FloatArray]
 MIDDLE_MM = 35.0
 

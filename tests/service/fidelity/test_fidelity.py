@@ -34,6 +34,8 @@ from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensation import fixed_at, uncompensated
 from frictus_service.synthesis.scene import CompiledScene
 
+pytestmark = pytest.mark.long
+
 RATE = 20_000.0
 LAW = FrictionLaw()
 SCREEN = Screen()

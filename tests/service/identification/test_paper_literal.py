@@ -1,10 +1,13 @@
 """The paper's processing gives a cutoff, and not the true one."""
 
 import numpy as np
+import pytest
 from tests.service.identification.paper_literal import literal_cutoffs
 from tests.service.identification.trials import LAW, PAPER_TONES_HZ, STUDY, Made, trial
 
 from frictus_hardware.physics.friction import cutoff_hz
+
+pytestmark = pytest.mark.long
 
 STUDIES = 12
 

@@ -16,6 +16,8 @@ from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.recovery import recover
 from frictus_service.recording.summary import summarise
 
+pytestmark = pytest.mark.long
+
 SCRIPT = Path(__file__).with_name("known.py")
 AT_ONCE = 4
 """Recorders that live at the same time."""

@@ -12,6 +12,8 @@ from sqlalchemy import text
 from frictus.model import Model
 from frictus_service.registry.store import Registry
 
+pytestmark = pytest.mark.long
+
 MakeModel = Callable[..., Model]
 WRITER = """
 import sys

@@ -45,6 +45,8 @@ from frictus_service.selftest.suite import (
     run_tests,
 )
 
+pytestmark = pytest.mark.long
+
 
 def spoiled(spoil: Spoil, simulated: bool = True) -> RigUnderTest:
     return RigUnderTest(FaultyRig(quiet_rig(), spoil, simulated), BLOCK)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+import pytest
 from tests.service.tracking.slides import BANDS, PAPER, slide, speeds
 
 from frictus_service.calibration.coordinates import Prior
@@ -15,6 +16,8 @@ from frictus_service.tracking.evidence.innovations import (
 from frictus_service.tracking.evidence.sums import log_ratio
 from frictus_service.tracking.finger_filters import COLUMNS, LAW, STATE
 from frictus_service.tracking.law_estimate import Batch, LawEstimate, updated
+
+pytestmark = pytest.mark.long
 
 BATCHES = 30
 STROKE = 2

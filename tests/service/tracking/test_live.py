@@ -41,6 +41,8 @@ from frictus_service.processes import free_endpoint
 from frictus_service.tracking.audit import Audit
 from frictus_service.tracking.live import LiveTracker
 
+pytestmark = pytest.mark.long
+
 PERSON = Participant(gain_n=0.3, cutoff_0_hz=700.0, slope_hz_per_mm_s=25.0)
 PATIENCE_S = 100.0
 

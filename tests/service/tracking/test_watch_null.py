@@ -10,6 +10,8 @@ from frictus_service.tracking.evidence.naming import named_alarms
 from frictus_service.tracking.evidence.watch import LEVEL
 from frictus_service.tracking.strokes import Strokes
 
+pytestmark = pytest.mark.long
+
 SEED = 20260
 SESSIONS = 200
 BATCHES = 8

@@ -17,7 +17,7 @@ from frictus_service.discovery.report.page import render
 from frictus_service.discovery.report.residuals import discrepancy_figure
 from frictus_service.errors import DraftCauseError
 
-pytestmark = pytest.mark.timeout(600)
+pytestmark = [pytest.mark.long, pytest.mark.timeout(600)]
 """Each analyses a study, or two."""
 
 TONES = tuple(np.round(np.geomspace(31.0, 1888.0, 12), 1).tolist())

@@ -30,6 +30,8 @@ from frictus_service.discovery.plan.search import EXTRAS
 from frictus_service.discovery.problem.base_models import ResponseName, base_model, simulator_of
 from frictus_service.discovery.problem.candidates import candidates_of
 
+pytestmark = pytest.mark.long
+
 SPEED_EFFECTS = {"speed_dependent_cutoff", "speed_dependent_gain"}
 FORCE_EFFECTS = {"force_dependent_cutoff", "force_dependent_gain"}
 

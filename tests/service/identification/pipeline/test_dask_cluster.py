@@ -17,6 +17,8 @@ from frictus_service.identification.pipeline.workers import Crash
 from frictus_service.processes import free_port
 from frictus_service.study.writer import StudyWriter
 
+pytestmark = pytest.mark.long
+
 dask: Any = pytest.importorskip("dask")
 distributed: Any = pytest.importorskip("distributed")
 

@@ -23,6 +23,8 @@ from frictus_service.study.reader import StudyReader
 from frictus_service.study.trial import Trial
 from frictus_service.study.writer import StudyWriter
 
+pytestmark = pytest.mark.long
+
 TRIALS = 6
 
 

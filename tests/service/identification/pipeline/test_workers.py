@@ -25,6 +25,8 @@ from frictus_service.identification.pipeline.workers import (
     work_through,
 )
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).parents[4]
 
 
