@@ -19,7 +19,7 @@ from tests.dashboard.lab import Lab, enter, expect_no_violations, read_only, run
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.config import Participant
 from frictus_hardware.simulated.guided import GuidedStrokes
-from frictus_service.calibration.job import PaperProtocol, QuickProtocol
+from frictus_service.calibration.job import FOR_DISCOVERY, PaperProtocol, QuickProtocol
 from frictus_service.config import (
     RegistryConfig,
 )
@@ -252,6 +252,15 @@ def test_rejections_are_told_over_a_death_of_the_service(lab: Lab, open_page: Op
         told = rejected.all_inner_texts()
         assert len(set(told)) == len(told)
         assert page.evaluate("window.loadedOnce")
+
+
+def test_one_person_is_recorded_for_discovery(page: Page, lab: Lab) -> None:
+    page.get_by_role("combobox", name="Protocol").select_option("discovery")
+    start(page, "P06", {})
+    expect(page.locator(".readings")).to_contain_text("of 72 planned", timeout=BEGUN_MS)
+    (calibration,) = lab.ask("GET", "/calibrations?participant=P06")["calibrations"]
+    assert PaperProtocol.model_validate(calibration["spec"]["protocol"]) == FOR_DISCOVERY
+    cancel(page)
 
 
 def test_what_is_under_way_is_found_and_seen_by_who_may_not_calibrate(

@@ -23,7 +23,7 @@ const LISTS = {
 };
 const SWITCHES = { use_prior: { label: "Learn from earlier people's models" } };
 const LIST = "[,; ]*\\d+(\\.\\d+)?([,; ]+\\d+(\\.\\d+)?)*[,; ]*";
-/** Fields per protocol, as they begin. */
+/** Fields per protocol, as they begin; `kind` where it is another's with other numbers. */
 const PROTOCOLS = {
   quick: {
     title: "Quick: all tones at once, until it is precise",
@@ -47,6 +47,20 @@ const PROTOCOLS = {
       approach_s: "7",
       record_s: "10",
       trials_per_block: "15",
+      break_s: "10",
+      max_repeats: "5",
+    },
+  },
+  discovery: {
+    title: "For discovery: 72 trials, 5 minutes",
+    kind: "paper",
+    fields: {
+      speeds_mm_s: "20, 45, 75, 100",
+      forces_n: "0.2, 0.4, 0.6",
+      tones_hz: "35, 80, 180, 400, 850, 1700",
+      approach_s: "2",
+      record_s: "2",
+      trials_per_block: "36",
       break_s: "10",
       max_repeats: "5",
     },
@@ -149,11 +163,12 @@ export class Setup {
   }
 
   async #send() {
+    const name = this.protocol.value;
     const asked = {
       rig: this.rig,
       participant: this.participant.value,
       session: this.session.valueAsNumber,
-      protocol: { kind: this.protocol.value, ...this.settings[this.protocol.value].values },
+      protocol: { kind: PROTOCOLS[name].kind ?? name, ...this.settings[name].values },
     };
     const same = JSON.stringify(asked);
     if (this.pending?.same !== same) {
