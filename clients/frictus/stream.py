@@ -267,7 +267,8 @@ class TextureStream:
         LinkError
             If the stream is closed or the session is gone.
         """
-        if self._publisher is None:
+        publisher = self._publisher  # another thread may close the stream meanwhile
+        if publisher is None:
             raise LinkError("this stream is closed; open another")
         self._failure = self._failure or stream_end(self._status.newest(), self._opened)
         if self._failure is not None:
@@ -294,7 +295,7 @@ class TextureStream:
             friction,
         )
         try:
-            self._publisher.put(frame.pack())
+            publisher.put(frame.pack())
         except FrameError as error:
             raise ArgumentError(str(error)) from error
         except zenoh.ZError as error:

@@ -149,6 +149,8 @@ export interface UpdateOptions {
 
 const UPDATE_HEADER_BYTES = 64;
 const MAX_SAMPLES = 4096;
+const MAX_FRICTION_N = 10;
+const MAX_TTL_MS = 60_000;
 
 /**
  * Return the bytes of one update: one period of friction, N, 2 to 4096 samples.
@@ -169,6 +171,11 @@ export function encodeUpdate(
   if (count < 2 || count > MAX_SAMPLES) {
     throw new RangeError(`${count} samples: 2 to ${MAX_SAMPLES} are one period`);
   }
+  // The service ends the connection, and with it the lease, over what is out of range.
+  within("periodMm", periodMm ?? 1, 1e-3, 1_000);
+  within("periodS", periodS ?? 1, 1e-4, 10);
+  within("angleDeg", angleDeg, -360, 360);
+  within("ttlMs", ttlMs, 1, MAX_TTL_MS);
   const buffer = new ArrayBuffer(UPDATE_HEADER_BYTES + 4 * count);
   const view = new DataView(buffer);
   [..."FRTX"].forEach((letter, at) => view.setUint8(at, letter.charCodeAt(0)));
@@ -183,8 +190,13 @@ export function encodeUpdate(
   view.setFloat64(48, angleDeg, true);
   for (let index = 0; index < count; index++) {
     const value = frictionN[index]!;
-    if (!Number.isFinite(value)) throw new RangeError(`friction ${value} N: finite is accepted`);
+    within("friction", value, -MAX_FRICTION_N, MAX_FRICTION_N);
     view.setFloat32(UPDATE_HEADER_BYTES + 4 * index, value, true);
   }
   return buffer;
+}
+
+function within(name: string, value: number, low: number, high: number): void {
+  if (value >= low && value <= high) return; // NaN is not
+  throw new RangeError(`${name} ${value}: ${low} to ${high} accepted`);
 }

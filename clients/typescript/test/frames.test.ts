@@ -76,7 +76,18 @@ test("an update is the StreamFrame of the protocol", () => {
   for (const wrong of [{}, { periodMm: 1, periodS: 1 }]) {
     assert.throws(() => encodeUpdate(1, 0, 0, [0, 0], wrong), RangeError);
   }
-  for (const friction of [[], [0], new Float32Array(4097), [0, NaN], [0, Infinity]]) {
+  for (const wrong of [
+    { periodMm: 0 },
+    { periodMm: 1_001 },
+    { periodS: NaN },
+    { periodS: 11 },
+    { periodMm: 1, angleDeg: 361 },
+    { periodMm: 1, ttlMs: 0 },
+    { periodMm: 1, ttlMs: 60_001 },
+  ]) {
+    assert.throws(() => encodeUpdate(1, 0, 0, [0, 0], wrong), RangeError);
+  }
+  for (const friction of [[], [0], new Float32Array(4097), [0, NaN], [0, Infinity], [0, 10.1]]) {
     assert.throws(() => encodeUpdate(1, 0, 0, friction, { periodMm: 1 }), RangeError);
   }
 });

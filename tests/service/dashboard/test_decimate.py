@@ -1,5 +1,7 @@
 """Extremes are exact, however the samples are cut into pieces."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -36,6 +38,19 @@ def test_what_is_kept_is_no_more_than_a_column(rng: np.random.Generator) -> None
     for _ in range(50):
         decimator.push(rng.normal(size=(3, int(rng.integers(0, 1_000)))).astype(np.float32))
         assert decimator.pending < 100
+
+
+def test_a_column_of_millions_of_samples_is_not_kept(rng: np.random.Generator) -> None:
+    # A page may ask for one: it would cost all others the time to copy it, again and again.
+    decimator = Decimator(1 << 23)
+    data = rng.normal(size=(3, 100_000)).astype(np.float32)
+    tracemalloc.start()
+    for _ in range(50):
+        assert decimator.push(data).shape == (3, 2, 0)
+    kept, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert decimator.pending == 5_000_000
+    assert kept < data.nbytes
 
 
 @settings(deadline=None)  # the machine may be busy

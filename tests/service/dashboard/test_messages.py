@@ -58,6 +58,7 @@ def test_what_is_left_out_is_usual() -> None:
         '{"op":"watch","rig":"rig1","also":1}',
         '{"op":"point","x_mm":1}',
         '{"op":"point","x_mm":NaN,"y_mm":1}',
+        '{"op":"point","x_mm":1,"y_mm":-10001}',
         '{"op":"point","x_mm":1,"y_mm":1,"normal_force_n":6}',
         '{"op":"ping","id":-1}',
         '{"op":"ping","id":1.5}',

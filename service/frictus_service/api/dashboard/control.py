@@ -133,9 +133,10 @@ class Arming:
                 self._arming = None
 
     def _held(self) -> Lease | None:
-        if self._arming is None or not self._arming.done():
-            return None
-        return self._arming.result()
+        arming = self._arming
+        if arming is None or not arming.done() or arming.exception() is not None:
+            return None  # why it failed is for who waits for it
+        return arming.result()
 
     async def _give_back(self, reason: str, request: int | None = None) -> None:
         async with self._changing:

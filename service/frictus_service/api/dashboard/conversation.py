@@ -141,9 +141,10 @@ class Conversation:
                 for task in tasks:
                     task.cancel()
                 await asyncio.gather(*tasks, return_exceptions=True)
-                await arming.close()
-                await rendering.close()
-                await pointing.lift()
+                async with contextlib.AsyncExitStack() as ends:  # each, whatever others do
+                    ends.push_async_callback(pointing.lift)
+                    ends.push_async_callback(rendering.close)
+                    ends.push_async_callback(arming.close)
 
     async def _refuse(self, refusal: RefusedViewerError, request: int | None) -> None:
         told = Refused(what=refusal.what, code=refusal.code, message=str(refusal), id=request)

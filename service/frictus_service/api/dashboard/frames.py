@@ -193,12 +193,9 @@ class Decimator:
         if samples_per_column < 1:
             raise ValueError(f"{samples_per_column} samples per column: at least 1")
         self.samples_per_column = samples_per_column
-        self._rest: NDArray[np.float32] | None = None
-
-    @property
-    def pending(self) -> int:
-        """Samples of a column that is not complete."""
-        return 0 if self._rest is None else self._rest.shape[1]
+        self._begun: NDArray[np.float32] | None = None
+        """Extremes of a column that is not complete: its samples may be millions."""
+        self.pending = 0
 
     def push(self, data: NDArray[np.float32]) -> NDArray[np.float32]:
         """Take samples, and return the columns that they complete.
@@ -213,12 +210,33 @@ class Decimator:
         ndarray of float32, shape (n_channels, 2, n_columns)
             Minima, then maxima; perhaps without columns.
         """
-        if self._rest is not None:
-            data = np.concatenate((self._rest, data), axis=1)
-        columns, width = data.shape[1] // self.samples_per_column, self.samples_per_column
-        self._rest = data[:, columns * width :].copy()  # a view would keep all of it alive
-        whole = data[:, : columns * width].reshape(len(data), columns, width)
-        return np.stack((whole.min(axis=2), whole.max(axis=2)), axis=1)
+        width, parts = self.samples_per_column, []
+        if self.pending:
+            taken = min(width - self.pending, data.shape[1])
+            self._add(data[:, :taken])
+            data = data[:, taken:]
+            if self.pending == width and self._begun is not None:
+                parts.append(self._begun)
+                self._begun, self.pending = None, 0
+        columns = data.shape[1] // width
+        parts.append(_extremes(data[:, : columns * width].reshape(len(data), columns, width)))
+        self._add(data[:, columns * width :])
+        return np.concatenate(parts, axis=2)
+
+    def _add(self, data: NDArray[np.float32]) -> None:
+        """Add samples to the column that is not complete."""
+        if data.shape[1] == 0:
+            return
+        found = _extremes(data[:, np.newaxis, :])
+        if self._begun is not None:
+            found = _extremes(np.concatenate((self._begun, found), axis=1).transpose(0, 2, 1))
+        self._begun = found
+        self.pending += data.shape[1]
+
+
+def _extremes(samples: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return minima and maxima over the last axis, shape (n_channels, 2, n_columns)."""
+    return np.stack((samples.min(axis=2), samples.max(axis=2)), axis=1)
 
 
 class Trace:

@@ -14,7 +14,7 @@ from pydantic import (
 
 from frictus.messages import Applied, ClientName, Count, Message
 from frictus.rig import StreamName
-from frictus.textures import RmsFriction, Scene
+from frictus.textures import PositionMm, RmsFriction, Scene
 from frictus_service.errors import ServiceError
 
 VERSION: Final = 1
@@ -65,8 +65,8 @@ class Point(_Asked):
     """Move the virtual finger of the watched rig."""
 
     op: Literal["point"]
-    x_mm: FiniteFloat
-    y_mm: FiniteFloat
+    x_mm: PositionMm
+    y_mm: PositionMm
     in_contact: bool = True
     normal_force_n: Annotated[FiniteFloat, Field(ge=0.0, le=5.0)] = 0.4
 

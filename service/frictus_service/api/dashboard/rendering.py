@@ -17,6 +17,7 @@ import anyio
 
 import frictus
 from frictus.errors import FrameError, LeaseLostError, RefusedError
+from frictus.messages import MAX_COUNT
 from frictus.stream import StreamFrame, TextureStream, ticket_of
 from frictus_service.api.dashboard.control import FAULTS, code_of
 from frictus_service.api.dashboard.hub import Hub
@@ -134,6 +135,8 @@ class Rendering:
                 message = f"no texture stream has the ticket {ticket}: open one first"
                 raise RefusedViewerError("update", "no_stream", message, None)
             frame = StreamFrame.unpack(data)
+            if frame.sequence > MAX_COUNT:
+                raise FrameError(f"sequence {frame.sequence}: 0 to {MAX_COUNT} accepted")
         except FrameError as error:
             raise RefusedViewerError("update", "malformed", str(error), BAD_DATA) from None
         opened.superseded += self._newest is not None
@@ -177,12 +180,9 @@ class Rendering:
 
     async def close(self) -> None:
         """End the stream that is open, or about to be."""
-        if self._calling is not None:
-            with contextlib.suppress(*FAULTS):
-                await self._calling
-        if self._publishing is not None:
-            with contextlib.suppress(*FAULTS):
-                await self._publishing
+        for under_way in (self._calling, self._publishing):
+            if under_way is not None:
+                await asyncio.wait([under_way])  # whatever it ends with
         if self._opened is not None:
             await self._end("")
 

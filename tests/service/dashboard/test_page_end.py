@@ -1,0 +1,144 @@
+"""The end of a page, and what may come between: no fault of one part keeps the others up."""
+
+import asyncio
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from frictus.errors import LinkError, RefusedError
+from frictus.messages import Applied
+from frictus.stream import StreamFrame
+from frictus.textures import Scene
+from frictus_service.api.dashboard import control
+from frictus_service.api.dashboard.control import Arming, Pointing
+from frictus_service.api.dashboard.conversation import Conversation
+from frictus_service.api.dashboard.hub import Hub
+from frictus_service.api.dashboard.messages import (
+    OpenStream,
+    PageArmRequest,
+    RefusedViewerError,
+    SetScene,
+)
+from frictus_service.api.dashboard.rendering import Rendering
+from frictus_service.api.services import ConnectedPages
+
+
+class Link:
+    """A connection without a router; a rig is what a test makes it."""
+
+    site = "lab"
+
+    def __init__(self, rig: Any = None) -> None:
+        self._rig = rig
+
+    def client(self) -> Any:
+        if self._rig is None:
+            raise LinkError("no router")
+        return SimpleNamespace(rig=lambda name, site: self)
+
+    def on_behalf_of(self, client: str) -> Any:
+        return self._rig
+
+
+class Refusing:
+    """A rig that nobody gets."""
+
+    def arm(self, **how: Any) -> Any:
+        raise RefusedError("conflict", "another holds it")
+
+
+class Stream:
+    """A texture stream that closes."""
+
+    applied = Applied(
+        gain=1.0,
+        feasible_gain=1.0,
+        bias=0.5,
+        bias_n=0.1,
+        scaled=False,
+        speed_range_mm_s=(10.0, 100.0),
+    )
+    sent = 0
+    closed = False
+
+    def close(self) -> None:
+        self.closed = True
+
+
+async def ignore(_: str) -> None:
+    pass
+
+
+def test_a_refused_arming_ends_no_watch_over_the_lease(monkeypatch: Any) -> None:
+    monkeypatch.setattr(control, "LOOK_S", 0.0)  # it looks in every turn of the loop
+
+    async def scene() -> None:
+        arming = Arming(Hub(Link(Refusing())), "page", ignore)  # type: ignore[arg-type]
+        watch = asyncio.create_task(arming.run())
+        with pytest.raises(RefusedViewerError, match="another holds it"):
+            await arming.arm(PageArmRequest(op="arm", rig="rig1"))
+        assert not watch.done()
+        watch.cancel()
+        await arming.close()
+
+    asyncio.run(scene())
+
+
+def test_a_fault_at_the_end_keeps_no_other_part_open(monkeypatch: Any) -> None:
+    ended: list[str] = []
+
+    async def fail(_: Arming) -> None:
+        ended.append("arming")
+        raise RuntimeError("unforeseen")
+
+    async def note_stream(_: Rendering) -> None:
+        ended.append("rendering")
+
+    async def note_finger(_: Pointing) -> None:
+        ended.append("pointing")
+
+    monkeypatch.setattr(Arming, "close", fail)
+    monkeypatch.setattr(Rendering, "close", note_stream)
+    monkeypatch.setattr(Pointing, "lift", note_finger)
+    said = [{"type": "websocket.receive", "text": '{"op":"hello","version":1}'}]
+
+    async def receive() -> dict[str, Any]:
+        return said.pop() if said else {"type": "websocket.disconnect", "code": 1001}
+
+    async def scene() -> None:
+        hub = Hub(Link())  # type: ignore[arg-type]
+        socket: Any = SimpleNamespace(receive=receive, send_text=ignore)
+        with pytest.raises(RuntimeError, match="unforeseen"):
+            await Conversation(socket, hub, (), ConnectedPages()).serve()
+        await hub.close()
+
+    asyncio.run(scene())
+    assert ended == ["arming", "rendering", "pointing"]
+
+
+def test_a_stream_ends_whatever_a_call_ended_with() -> None:
+    stream = Stream()
+
+    def fail(*_: Any) -> Any:
+        raise RuntimeError("unforeseen")
+
+    rig = SimpleNamespace(open_stream=lambda peak_n: stream, set_scene=fail, close=lambda: None)
+
+    async def scene() -> None:
+        rendering = Rendering(Hub(Link(rig)), "page", ignore)  # type: ignore[arg-type]
+        calls = asyncio.create_task(rendering.run_calls())
+        rendering.call(OpenStream(op="open_stream", rig="rig1", peak_n=0.1))
+        while rendering.progress() is None:
+            await asyncio.sleep(0.01)
+        frame = StreamFrame(1, 2**63, 0, 500, 2.0, True, 0.0, np.zeros(2, np.float32))
+        with pytest.raises(RefusedViewerError, match="sequence 9223372036854775808"):
+            rendering.update(frame.pack())  # `progress` could not tell it
+        rendering.call(SetScene(op="set_scene", rig="rig1", scene=Scene()))
+        with pytest.raises(RuntimeError, match="unforeseen"):
+            await calls
+        await rendering.close()
+
+    asyncio.run(scene())
+    assert stream.closed
