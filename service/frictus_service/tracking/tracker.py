@@ -189,10 +189,19 @@ class Tracker:
         """
         self._prior, self.participant = prior, participant
         self.estimate = _of_a_new_finger(prior, self.estimate)
-        self._watch = Watch.begin(self._cutter.mount, self._watch.begun)
         self._waiting, self._last, self._strange = [], None, 0
-        self._speeds_mm_s = self._forces_n = (np.inf, -np.inf)
         self._lately_mm_s.clear()
+        self._forget_finger()
+
+    def _forget_finger(self) -> None:
+        """Forget where the finger was felt, and what the watch over it saw.
+
+        A rig that was found wrong does not count as watched: it may be so still.
+        """
+        if INSTRUMENT.intersection(self._watch.raised):
+            self._watched = 0
+        self._watch = Watch.begin(self._cutter.mount, self._watch.begun)
+        self._speeds_mm_s = self._forces_n = (np.inf, -np.inf)
 
     def put_in_force(self, model: ModelInForce) -> None:
         """Compare with another model from now on; the same again changes nothing.
@@ -262,10 +271,8 @@ class Tracker:
                 self._cutter.refused["unlike what was felt before"] += len(windows)
                 return False
             self.new_fingers += 1
-            if INSTRUMENT.intersection(self._watch.raised):
-                self._watched = 0
             found, _ = updated(_of_a_new_finger(self._prior, known), batch)
-            self._watch = Watch.begin(self._cutter.mount, self._watch.begun)
+            self._forget_finger()
         self._strange = 0
         self._last, self.estimate = windows[-1], found
         self._watched += len(windows)

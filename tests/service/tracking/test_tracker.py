@@ -332,3 +332,27 @@ def test_no_window_of_a_sound_sensor_is_taken_for_clipped(felt: Signals) -> None
         steps = np.rint(part.data["force"] / 0.0005) * np.float32(0.0005)
         found.take(replace(part, data={**part.data, "force": steps}))
     assert "the force stands still, or at an end of its range" not in found.state(1).refused
+
+
+def test_a_rig_that_was_found_wrong_was_not_watched(felt: Signals) -> None:
+    found = tracker()
+    for part in parts(felt):
+        found.take(part)
+    found._watch = replace(found._watch, raised=("delay",))
+    found.begin_anew(Prior.weak())
+    assert not found.watched_before
+
+
+def test_a_new_finger_is_known_where_it_was_felt_itself(felt: Signals) -> None:
+    found = tracker()
+    for part in parts(felt):
+        found.take(part)
+    before = found.state(0).model
+    for part in parts(felt):
+        other = 3.0 * part.data["force"]
+        found.take(replace(part, data={**part.data, "force": other}))
+    after = found.state(0).model
+    assert found.new_fingers == 1
+    assert before is not None
+    assert after is not None
+    assert after.validity.normal_force_n[0] > 2.0 * before.validity.normal_force_n[0]
