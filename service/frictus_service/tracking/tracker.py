@@ -275,7 +275,7 @@ class Tracker:
             self._forget_finger()
         self._strange = 0
         self._last, self.estimate = windows[-1], found
-        self._watched += len(windows)
+        self._watched += len(windows) if self._model.at is not None else 0
         speeds, forces = (
             [getattr(window, name) for window in windows]
             for name in ("speed_mm_s", "normal_force_n")

@@ -343,6 +343,16 @@ def test_a_rig_that_was_found_wrong_was_not_watched(felt: Signals) -> None:
     assert not found.watched_before
 
 
+def test_nothing_is_watched_against_a_model_of_another_law(felt: Signals) -> None:
+    found = tracker()
+    found.put_in_force(ModelInForce("skin", None))
+    for part in parts(felt):
+        found.take(part)
+    assert found.estimate.windows > WATCHED_WINDOWS
+    found.begin_anew(Prior.weak())
+    assert not found.watched_before
+
+
 def test_a_new_finger_is_known_where_it_was_felt_itself(felt: Signals) -> None:
     found = tracker()
     for part in parts(felt):
