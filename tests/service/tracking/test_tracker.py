@@ -343,6 +343,25 @@ def test_a_rig_that_was_found_wrong_was_not_watched(felt: Signals) -> None:
     assert not found.watched_before
 
 
+@pytest.mark.parametrize("known", [False, True])
+def test_no_estimate_begins_from_one_window(felt: Signals, known: bool) -> None:
+    """It has no noise beside its own response: what it said would be believed for ever."""
+    found = tracker()
+    cut = WindowCutter(RATE_HZ, 75.0, Mount().lateral)
+    windows = [window for part in parts(felt) for window in cut.take(part)]
+    found.take(next(parts(felt)))
+    if known:
+        found._waiting = windows[:10]
+        assert found._update()
+    before = found.estimate
+    for window in windows[10:20]:
+        other = replace(window, contact=99, cross=3.0 * window.cross)
+        found._waiting = [replace(other, friction_power=9.0 * window.friction_power)]
+        assert not found._update()
+    assert found.estimate is before
+    assert found.new_fingers == 0
+
+
 def test_nothing_is_watched_against_a_model_of_another_law(felt: Signals) -> None:
     found = tracker()
     found.put_in_force(ModelInForce("skin", None))
