@@ -1,6 +1,7 @@
 """What `bench/structure.py` counts, where none is allowed."""
 
 import importlib.util
+import re
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -26,6 +27,17 @@ def test_every_parameter_and_attribute_is_described(structure: ModuleType) -> No
     counts = {str(path): structure.count_file(path)[0].bare for path in files}
     bare = {path: count for path, count in counts.items() if count}
     assert not bare
+
+
+def test_every_source_that_the_docs_name_exists() -> None:
+    names = {path.name for path in ROOT.rglob("*.py") if ".venv" not in path.parts}
+    named = {
+        f"{page.name}: {name}"
+        for page in (ROOT / "docs").glob("*.md")
+        for name in re.findall(r"[\w./-]*\b(\w+\.py)\b", page.read_text(encoding="utf-8"))
+        if name not in names
+    }
+    assert not named
 
 
 def test_a_bare_entry_is_seen(structure: ModuleType) -> None:

@@ -182,7 +182,7 @@ class InterlockSettings(StrictModel):
     Attributes
     ----------
     line, timeout_ms
-        See `frictus_hardware.nidaq.config.Interlock`.
+        See `frictus_hardware.nidaq.config.InterlockLine`.
     """
 
     line: str

@@ -21,8 +21,8 @@ States = tuple[Any, ...]
 class Signals:
     """What the stages read and write; time along axis 0 of every array.
 
-    Between `stages.Hold` and `stages.Decimate` the sample rate is a multiple of the device's,
-    and sample j stands for the instant at the *end* of its step: `screen_v[j]` and
+    Between `stages.ZeroOrderHold` and `stages.Decimate` the sample rate is a multiple of the
+    device's, and sample j stands for the instant at the *end* of its step: `screen_v[j]` and
     `drive_fraction[j]` are what was held during the step that ends there.
 
     Attributes

@@ -29,6 +29,8 @@ from frictus_service.tracking.windows import LawWindow, WindowCutter
 
 BATCH: Final = 10
 """Windows of an update: half a second of sliding."""
+BEGINNING: Final = 3
+"""Windows from which an estimate begins, at least: one has no noise beside its own response."""
 COHERENT: Final = 0.5
 """Least share of the friction in the bands that follows the drive."""
 STATE_S: Final = 0.5
@@ -189,10 +191,16 @@ class Tracker:
         """
         self._prior, self.participant = prior, participant
         self.estimate = _of_a_new_finger(prior, self.estimate)
-        self._watch = Watch.begin(self._cutter.mount, self._watch.begun)
         self._waiting, self._last, self._strange = [], None, 0
-        self._speeds_mm_s = self._forces_n = (np.inf, -np.inf)
         self._lately_mm_s.clear()
+        self._forget_finger()
+
+    def _forget_finger(self) -> None:
+        """Forget ranges and evidence; a rig that was found wrong does not count as watched."""
+        if INSTRUMENT.intersection(self._watch.raised):
+            self._watched = 0
+        self._watch = Watch.begin(self._cutter.mount, self._watch.begun)
+        self._speeds_mm_s = self._forces_n = (np.inf, -np.inf)
 
     def put_in_force(self, model: ModelInForce) -> None:
         """Compare with another model from now on; the same again changes nothing.
@@ -249,6 +257,9 @@ class Tracker:
         if batch.coherence < COHERENT:
             self._cutter.refused["friction does not follow the drive"] += len(windows)
             return False
+        if not self.estimate.updates and len(windows) < BEGINNING:
+            self._cutter.refused["too short to begin with"] += len(windows)
+            return False
         known, since, new_contact = self.estimate, 0.0, False
         if self._last is not None:
             since = abs(windows[-1].first_sample - self._last.first_sample) / self._rate_hz
@@ -258,17 +269,15 @@ class Tracker:
         found, away = updated(known, batch)
         if known.updates and away > STRANGE:
             self._strange += 1
-            if self._strange < ANOTHER:
+            if self._strange < ANOTHER or len(windows) < BEGINNING:
                 self._cutter.refused["unlike what was felt before"] += len(windows)
                 return False
             self.new_fingers += 1
-            if INSTRUMENT.intersection(self._watch.raised):
-                self._watched = 0
             found, _ = updated(_of_a_new_finger(self._prior, known), batch)
-            self._watch = Watch.begin(self._cutter.mount, self._watch.begun)
+            self._forget_finger()
         self._strange = 0
         self._last, self.estimate = windows[-1], found
-        self._watched += len(windows)
+        self._watched += len(windows) if self._model.at is not None else 0
         speeds, forces = (
             [getattr(window, name) for window in windows]
             for name in ("speed_mm_s", "normal_force_n")
@@ -319,8 +328,7 @@ class Tracker:
         )
         evidence = zip(CAUSES, self._watch.log_evidence, strict=True)
         rms = {name: error.rms_db for name, error in self._errors.items()}
-        alarms = self.alarms
-        bands = self._cutter.bands
+        alarms, bands = self.alarms, self._cutter.bands
         return EstimateState(
             utc_ns=utc_ns,
             run=self._run,
@@ -383,16 +391,9 @@ def _of_a_new_finger(prior: Prior, known: LawEstimate) -> LawEstimate:
 
 
 def _law_now(estimate: LawEstimate) -> LawNow:
-    low, high = estimate.mean - estimate.half_width, estimate.mean + estimate.half_width
-    gain, at_20, at_100 = (
-        Interval(
-            value=float(np.exp(estimate.mean[n])),
-            low=float(np.exp(low[n])),
-            high=float(np.exp(high[n])),
-        )
-        for n in (2, 0, 1)
-    )
-    delay = Interval(
-        value=1e6 * float(estimate.mean[3]), low=1e6 * float(low[3]), high=1e6 * float(high[3])
+    ends = estimate.mean + np.multiply.outer([0.0, -1.0, 1.0], estimate.half_width)
+    told = np.vstack([np.exp(ends[:, :3]).T, 1e6 * ends[:, 3]]).tolist()
+    at_20, at_100, gain, delay = (
+        Interval(value=value, low=low, high=high) for value, low, high in told
     )
     return LawNow(gain_n=gain, cutoff_20_hz=at_20, cutoff_100_hz=at_100, delay_us=delay)

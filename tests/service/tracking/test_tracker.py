@@ -332,3 +332,56 @@ def test_no_window_of_a_sound_sensor_is_taken_for_clipped(felt: Signals) -> None
         steps = np.rint(part.data["force"] / 0.0005) * np.float32(0.0005)
         found.take(replace(part, data={**part.data, "force": steps}))
     assert "the force stands still, or at an end of its range" not in found.state(1).refused
+
+
+def test_a_rig_that_was_found_wrong_was_not_watched(felt: Signals) -> None:
+    found = tracker()
+    for part in parts(felt):
+        found.take(part)
+    found._watch = replace(found._watch, raised=("delay",))
+    found.begin_anew(Prior.weak())
+    assert not found.watched_before
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_no_estimate_begins_from_one_window(felt: Signals, known: bool) -> None:
+    """It has no noise beside its own response: what it said would be believed for ever."""
+    found = tracker()
+    cut = WindowCutter(RATE_HZ, 75.0, Mount().lateral)
+    windows = [window for part in parts(felt) for window in cut.take(part)]
+    found.take(next(parts(felt)))
+    if known:
+        found._waiting = windows[:10]
+        assert found._update()
+    before = found.estimate
+    for window in windows[10:20]:
+        other = replace(window, contact=99, cross=3.0 * window.cross)
+        found._waiting = [replace(other, friction_power=9.0 * window.friction_power)]
+        assert not found._update()
+    assert found.estimate is before
+    assert found.new_fingers == 0
+
+
+def test_nothing_is_watched_against_a_model_of_another_law(felt: Signals) -> None:
+    found = tracker()
+    found.put_in_force(ModelInForce("skin", None))
+    for part in parts(felt):
+        found.take(part)
+    assert found.estimate.windows > WATCHED_WINDOWS
+    found.begin_anew(Prior.weak())
+    assert not found.watched_before
+
+
+def test_a_new_finger_is_known_where_it_was_felt_itself(felt: Signals) -> None:
+    found = tracker()
+    for part in parts(felt):
+        found.take(part)
+    before = found.state(0).model
+    for part in parts(felt):
+        other = 3.0 * part.data["force"]
+        found.take(replace(part, data={**part.data, "force": other}))
+    after = found.state(0).model
+    assert found.new_fingers == 1
+    assert before is not None
+    assert after is not None
+    assert after.validity.normal_force_n[0] > 2.0 * before.validity.normal_force_n[0]

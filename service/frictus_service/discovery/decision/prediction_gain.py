@@ -153,9 +153,10 @@ def gain_of(
         Of the interval.
     """
     less, more = (rms_of(held_out(problem, *model)) for model in (before, after))
+    telling = int(np.isfinite(found.value).any(axis=1).sum())  # the others gain nothing
     return Gain(
         heldout_loglik=float(found.held_out.sum()),
-        ci95=found.interval_of_another(len(found.value), rng),
+        ci95=found.interval_of_another(telling, rng),
         residual_db=(less[0], more[0]),
         residual_deg=(less[1], more[1]),
     )

@@ -202,6 +202,7 @@ def _model(found: Ranking, fitted: FittedModel) -> RankedModel:
     for place, k in enumerate(fitted.candidates):
         each = found.candidates[k]
         units = {p.name: p.unit for p in EFFECTS[each.effect].parameters}
+        allowed = {p.name: (p.low, p.high) for p in EFFECTS[each.effect].parameters}
         value = fitted.coefficients[place]
         half = quantile * fitted.standard_errors[place]
         ends = np.array([value - half, value, value + half])
@@ -218,8 +219,11 @@ def _model(found: Ranking, fitted: FittedModel) -> RankedModel:
                 at = SHAPE.index(name)
                 error = quantile * float(fitted.shape.standard_errors[at])
                 log = float(np.log(held) + fitted.shape.off[at])
-                low, mean, high = np.exp([log - error, log, log + error]).tolist()
-                estimate = ParameterEstimate(value=mean, ci95=(low, high), unit=units[name])
+                ends = np.clip([log - error, log, log + error], *np.log(allowed[name]))
+                low, mean, high = np.exp(ends).tolist()
+                # A mode of no share is at no frequency.
+                ci95 = (low, high) if error > 0.0 else None
+                estimate = ParameterEstimate(value=mean, ci95=ci95, unit=units[name])
             parameters[each.effect][name] = estimate
     return RankedModel(
         causes=tuple(parameters),

@@ -107,7 +107,7 @@ def kinds(part: IntArray, tones_hz: FloatArray) -> tuple[IntArray, FloatArray]:
     Parameters
     ----------
     part : ndarray of int
-        As in `readings.Layout`.
+        As in `residuals.Layout`.
     tones_hz : ndarray
         Of the study.
     """

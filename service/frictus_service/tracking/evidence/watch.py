@@ -1,6 +1,6 @@
 """Evidence that the model in force is wrong, valid whenever somebody looks at it.
 
-For each cause an e-process: a likelihood ratio of the innovations (`tracking.innovations`),
+For each cause an e-process: a likelihood ratio of the innovations (`innovations`),
 averaged over both signs and over sizes beyond what is tolerated, against the model at the edge
 of what is tolerated. Under a model within the tolerance its expectation is at most 1 at every
 time, so that it ever exceeds 1/a has a chance of at most a (Ville's inequality). A process

@@ -68,6 +68,22 @@ def test_an_effect_gains_and_its_residual_shrinks(rng: np.random.Generator) -> N
     assert np.sqrt(less**2 - more**2) == pytest.approx(DB * SHARE, rel=0.15)
 
 
+def test_who_says_nothing_is_not_counted_in_the_interval() -> None:
+    problem = ground_of(np.random.default_rng(1), SHARE)
+    model = linearise(problem, (ASYMMETRY,))
+    named = UnitCoefficients.of(model.units, [ASYMMETRY])
+    silent = UnitCoefficients(
+        np.vstack([named.value, np.full((8, 1), np.nan)]),
+        np.vstack([named.noise, np.zeros((8, 1, 1))]),
+    )
+    models = ((model, ()), (model, (ASYMMETRY,)))
+    one, other = (
+        gain_of(problem, found, *models, np.random.default_rng(2)) for found in (named, silent)
+    )
+    assert other.heldout_loglik == pytest.approx(one.heldout_loglik)
+    assert other.ci95 == pytest.approx(one.ci95)
+
+
 def test_held_out_sizes_are_those_of_others(rng: np.random.Generator) -> None:
     """One person without the effect is predicted with it, and not the other way round."""
     problem = ground_of(rng, SHARE)
