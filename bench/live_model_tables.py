@@ -78,15 +78,19 @@ def worst(values: Sequence[float]) -> str:
 
 
 def sources(lines: list[Line]) -> str:
-    """Return how many sessions of each kind are of the present code."""
+    """Return how many sessions of each kind are of which code."""
+    marks = {"present code": code(), "before the last mends": "9960ad97", "eight filters": None}
     rows = []
     for kind in dict.fromkeys(line["name"].split("/")[0] for line in lines):
         found = Sessions(lines, f"{kind}/")
-        present = [line["name"] for line in found.lines if line.get("code") == code()]
-        which = sorted({name.rpartition("/")[0].partition("/")[2] for name in present})
-        mixed = f" ({', '.join(which)})" if 0 < len(present) < len(found) else ""
-        rows.append([kind, f"{len(present)}{mixed}", str(len(found) - len(present))])
-    return table(("sessions of", "present code", "earlier code"), rows)
+        row = [kind]
+        for mark in marks.values():
+            of = [line["name"] for line in found.lines if line.get("code") == mark]
+            which = sorted({name.rpartition("/")[0].partition("/")[2] for name in of})
+            mixed = f" ({', '.join(which)})" if 0 < len(of) < len(found) / 2 else ""
+            row.append(f"{len(of)}{mixed}")
+        rows.append(row)
+    return table(("sessions of", *marks), rows)
 
 
 def learned(lines: list[Line]) -> str:

@@ -164,13 +164,13 @@ def _soon(times: list[float]) -> bool:
 def rig(lines: list[Line]) -> str:
     """Return whether what is the rig's stays out of the finger's law."""
     found = _of(lines, "rig/")
-    adapted = [line for line in found if line["changes"] and line["in_force_db"] > ALIKE_DB]
+    adapted = [line for line in found if line["changes"]]
     by_cause = sorted({line["name"].split("/")[1] for line in adapted})
+    most = max((line["in_force_db"] for line in adapted), default=0.0)
     return _verdict(
         not adapted,
-        f"in {len(found) - len(adapted)} of {len(found)} sessions no change was made, or the "
-        f"law in force is within {ALIKE_DB} dB of the finger's.",
-        f" Beyond are sessions with: {', '.join(by_cause)}.",
+        f"in {len(found) - len(adapted)} of {len(found)} sessions no change was made.",
+        f" Changed, up to {most:.3f} dB from the finger's law: {', '.join(by_cause)}.",
     ) + (
         " With an alarm of a cause of the rig nothing is put in force until it is mended, also "
         "where the placeholder is far off: from the placeholder that costs what the first "
