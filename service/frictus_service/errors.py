@@ -153,6 +153,10 @@ class ExperimentCancelledError(ServiceError, RuntimeError):
     """Somebody ended the experiment; its answered trials are kept."""
 
 
+class UnattendedError(ServiceError, TimeoutError):
+    """Nobody answers an experiment any more; its answered trials are kept."""
+
+
 class JobError(ServiceError):
     """Base of what is wrong with a request about discoveries or experiments."""
 

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import frictus
 from frictus.experiment import Experiment, PresentedInterval, Protocol, Trial
-from frictus_service.errors import ExperimentCancelledError
+from frictus_service.errors import ExperimentCancelledError, UnattendedError
 from frictus_service.experiments.job import (
     LOG,
     Answer,
@@ -22,6 +22,8 @@ LOOK_S: Final = 0.05
 """How often whoever waits for an answer looks whether the rig obeys."""
 FEEDBACK_S: Final = 1.0
 START_S: Final = 10.0
+UNATTENDED_S: Final = 600.0
+"""A rig is not kept armed for longer for somebody who does nothing."""
 
 
 def run_experiment(
@@ -58,6 +60,7 @@ def run_experiment(
     Raises
     ------
     ExperimentCancelledError
+    UnattendedError
     """
     made = Experiment.of(
         client.rig(job.rig, site, wait_s=START_S),
@@ -87,6 +90,8 @@ class PageParticipant:
         Told what the participant's page shows.
     cancelled : callable
         Whether the experiment is to end.
+    now_s : callable
+        Clock.
     """
 
     def __init__(
@@ -95,7 +100,10 @@ class PageParticipant:
         inputs: "queue.SimpleQueue[Input]",
         tell: Callable[[ParticipantScreen], None],
         cancelled: Callable[[], bool],
+        now_s: Callable[[], float] = time.monotonic,
     ) -> None:
+        self._now_s = now_s
+        self._active_s = now_s()
         self._experiment, self._inputs = experiment, inputs
         self._tell, self._cancelled = tell, cancelled
         self._step = 0
@@ -171,8 +179,8 @@ class PageParticipant:
             Whether it was.
         """
         self._show(trial, "feedback", right=right)
-        end_s = time.monotonic() + FEEDBACK_S
-        while time.monotonic() < end_s:
+        end_s = self._now_s() + FEEDBACK_S
+        while self._now_s() < end_s:
             self._look()
             time.sleep(LOOK_S)
 
@@ -184,6 +192,7 @@ class PageParticipant:
     def _show(self, trial: Trial, phase: Phase, **more: Any) -> None:
         stimulus = self._experiment.protocol.conditions[trial.condition]
         rows = self._experiment.rows
+        self._active_s = self._now_s()
         counted = [row for row in rows if row.get("phase") == "main" and not row["catch"]]
         self._tell(
             ParticipantScreen(
@@ -222,6 +231,7 @@ class PageParticipant:
             )
         except queue.Empty:
             return None
+        self._active_s = self._now_s()
         if not isinstance(given, Answer):
             self._pausing = given.pause
         return given
@@ -229,4 +239,9 @@ class PageParticipant:
     def _look(self) -> None:
         if self._cancelled():
             raise ExperimentCancelledError("cancelled; the answered trials are kept")
+        if self._now_s() - self._active_s > UNATTENDED_S:
+            raise UnattendedError(
+                f"nobody answered or went on for {UNATTENDED_S / 60.0:g} minutes: the rig is "
+                "given back. The answered trials are kept; resume to go on with this one"
+            )
         self._experiment.require_lease()

@@ -1,0 +1,80 @@
+"""A participant on a page: asked, waited for, and not for ever."""
+
+import queue
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from frictus.experiment import Experiment, Protocol, Trial
+from frictus.experiment.protocol import parse_protocol, ready_protocols
+from frictus.experiment.schedule import begun
+from frictus.experiment.trial_log import FORMAT
+from frictus_service.errors import UnattendedError
+from frictus_service.experiments import run
+from frictus_service.experiments.job import Answer, Input, Pause
+
+
+class Clock:
+    """Moves by the same step whenever it is read."""
+
+    def __init__(self, step_s: float) -> None:
+        self.now_s, self.step_s = 0.0, step_s
+
+    def __call__(self) -> float:
+        self.now_s += self.step_s
+        return self.now_s
+
+
+@pytest.fixture
+def protocol() -> Protocol:
+    path = ready_protocols()["detection"]
+    return parse_protocol(path.read_bytes(), path.name)
+
+
+def participant(
+    protocol: Protocol, inputs: "queue.SimpleQueue[Input]", clock: Clock
+) -> tuple[run.PageParticipant, Trial, list[str]]:
+    header = {"format": FORMAT, "participant": "P01", "seed": 1, "order_row": 0}
+    trial = begun(protocol, header | {"protocol": protocol.model_dump(mode="json")}).next()
+    assert trial is not None
+    experiment = SimpleNamespace(protocol=protocol, rows=[], require_lease=lambda: None)
+    shown: list[str] = []
+    person = run.PageParticipant(
+        cast(Experiment, experiment),
+        inputs,
+        lambda screen: shown.append(screen.phase),
+        lambda: False,
+        clock,
+    )
+    return person, trial, shown
+
+
+def test_a_rig_is_given_back_where_nobody_answers(
+    protocol: Protocol, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run, "LOOK_S", 1e-3)
+    clock = Clock(60.0)
+    person, trial, shown = participant(protocol, queue.SimpleQueue(), clock)
+    with pytest.raises(UnattendedError, match=r"10 minutes: the rig is given back.*resume"):
+        person.ask(trial, [])
+    assert shown == ["question"]
+    assert clock.now_s == pytest.approx(run.UNATTENDED_S, abs=5 * 60.0)
+
+
+@pytest.mark.parametrize("given", ["an answer to another question", "a pause"])
+def test_who_does_something_is_there(
+    given: str, protocol: Protocol, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run, "LOOK_S", 1e-3)
+    inputs: queue.SimpleQueue[Input] = queue.SimpleQueue()
+    person, trial, _ = participant(protocol, inputs, Clock(200.0))
+    # Six of them, a minute and more apart, last longer than anybody may be away.
+    for _ in range(6):
+        inputs.put(
+            Pause(pause=False)
+            if given == "a pause"
+            else Answer(trial=trial.number, step=99, answer="1")
+        )
+    inputs.put(Answer(trial=trial.number, step=1, answer="2"))
+    assert cast(Any, person).ask(trial, []) == "2"
