@@ -117,6 +117,8 @@ disp(jsonencode([got.force.samples_per_column, size(got.force.low, 1), ...
 
 def test_rest_is_asked_and_refusals_are_errors(port: int, tmp_path: Path) -> None:
     script = """
+f.watch('rig1', {'force'});
+f.read(1.0);  % the rig is known by now
 disp(jsonencode(f.http('GET', '/v1/rigs')));
 disp(jsonencode(f.http('PUT', '/v1/rigs/rig1/scene', '{"name": "by HTTP"}').gain));
 function attempt(work)

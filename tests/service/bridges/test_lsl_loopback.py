@@ -101,6 +101,11 @@ def test_nothing_is_lost_and_time_rises_and_is_right(
                 blocks["force"] += force.drain()
                 blocks["accel"] += accel.drain()
                 time.sleep(0.02)
+            # What came on LSL must be known from the blocks: these may come later.
+            pulled_ns = time.time_ns()
+            for name, feed in (("force", force), ("accel", accel)):
+                while not _newest_ns(blocks[name]) > pulled_ns:
+                    blocks[name] += [next(feed), *feed.drain()]
         after = rig.status().counters
     ahead_s = 1e-9 * time.time_ns() - pylsl.local_clock()
     for name, sent in blocks.items():
@@ -117,6 +122,11 @@ def test_nothing_is_lost_and_time_rises_and_is_right(
     path = tmp_path / "pilot.xdf"
     write_xdf(path, list(came.values()))
     _read_back(path, came)
+
+
+def _newest_ns(items: list[Any]) -> int:
+    """Return when the newest block begins."""
+    return max((item.utc_ns for item in items if isinstance(item, frictus.Block)), default=0)
 
 
 def _set_scene(rig: frictus.Rig) -> str:

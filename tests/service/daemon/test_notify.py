@@ -20,8 +20,8 @@ pytestmark = pytest.mark.skipif(
 WAIT_S = 60.0
 LOOK_S = 1.0
 SERVE = """
-import sys; from pathlib import Path; from frictus_service.config import load
-from frictus_service.daemon.supervisor import serve
+import sys; from pathlib import Path; from frictus_service.config_file import load
+from frictus_service.daemon.serve import serve
 serve(load(Path(sys.argv[1])), ("rig",))
 """
 

@@ -422,8 +422,8 @@ def served(tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
     path = tmp_path / "frictus.toml"
     path.write_text(f'[router]\nendpoint = "{free_endpoint()}"\n', encoding="utf-8")
     code = (
-        "import sys; from pathlib import Path; from frictus_service.config import load;"
-        "from frictus_service.daemon.supervisor import serve;"
+        "import sys; from pathlib import Path; from frictus_service.config_file import load;"
+        "from frictus_service.daemon.serve import serve;"
         "serve(load(Path(sys.argv[1])), ('rig',))"
     )
     new_process_group = 0x200 if sys.platform == "win32" else 0
