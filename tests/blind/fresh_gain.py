@@ -10,7 +10,7 @@ import argparse
 import json
 import secrets
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,6 +19,7 @@ from scipy import stats
 from tests.blind.campaign import analyse
 from tests.blind.cases import REALISTIC, draw_case
 from tests.blind.generator import Case, Design, Seeds, make_study
+from tests.blind.numbered_lines import go_on, read
 
 DESIGN: Final = Design(participants=8, n_tones=3, n_speeds=2, n_forces=2, tones_per_trial=3)
 """Twelve trials each: small, so that there are many."""
@@ -120,24 +121,6 @@ def _problem_of(path: Path) -> Any:
         (),
         base.validity.speed_mm_s,
     )
-
-
-def read(path: Path) -> list[dict[str, Any]]:
-    """Return the lines of a campaign; none where it has not begun."""
-    if not path.exists():
-        return []
-    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-
-
-def go_on(path: Path, numbers: Sequence[int]) -> Iterator[dict[str, Any]]:
-    """Make and analyse what has no line yet; yield each line as it is written."""
-    done = {line["number"] for line in read(path)}
-    for number in numbers:
-        if number not in done:
-            line = run(number, secrets.randbits(31))
-            with path.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(line) + "\n")
-            yield line
 
 
 def within(line: dict[str, Any]) -> bool:
@@ -242,7 +225,7 @@ def main() -> None:
     if arguments.again is not None:
         print(json.dumps(run(arguments.begin, arguments.again), indent=1))  # noqa: T201
         return
-    for line in go_on(arguments.lines, range(arguments.begin, arguments.first)):
+    for line in go_on(arguments.lines, range(arguments.begin, arguments.first), run):
         print(json.dumps(line), flush=True)  # noqa: T201
     print(table(read(arguments.lines)))  # noqa: T201
 

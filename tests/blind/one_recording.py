@@ -10,13 +10,14 @@ import json
 import secrets
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from tests.blind.generator.case import Hidden
 from tests.blind.generator.recording import Recording, Slip, Source, make_recording
+from tests.blind.numbered_lines import go_on, read
 
 SWIPE_S, EXPLORATION_S = 2.0, 120.0
 OF_SOURCE: Final[dict[Source, tuple[str, ...]]] = {
@@ -141,24 +142,6 @@ def _implausible(path: Path) -> list[str]:
     return [each.code for each in found if each.severity == "stop"]
 
 
-def read(path: Path) -> list[dict[str, Any]]:
-    """Return the lines of a campaign; none where it has not begun."""
-    if not path.exists():
-        return []
-    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-
-
-def go_on(path: Path, numbers: Sequence[int]) -> Iterator[dict[str, Any]]:
-    """Make and analyse what has no line yet; yield each line as it is written."""
-    done = {line["number"] for line in read(path)}
-    for number in numbers:
-        if number not in done:
-            line = run(number, secrets.randbits(31))
-            with path.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(line) + "\n")
-            yield line
-
-
 def right(line: dict[str, Any]) -> bool:
     """Return whether what was hidden ranks first, beyond the threshold; nothing for nothing."""
     if line["hidden"] == "none":
@@ -234,7 +217,7 @@ def main() -> None:
     if arguments.again is not None:
         print(json.dumps(run(arguments.begin, arguments.again), indent=1))  # noqa: T201
         return
-    for line in go_on(arguments.lines, range(arguments.begin, arguments.first)):
+    for line in go_on(arguments.lines, range(arguments.begin, arguments.first), run):
         good = bool(line["named"]) if line["slip"] else right(line)
         print(json.dumps(line), "right" if good else "WRONG", flush=True)  # noqa: T201
     print(table(read(arguments.lines)))  # noqa: T201

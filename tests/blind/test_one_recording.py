@@ -5,7 +5,8 @@ It goes on where it was stopped; lines, with their seeds, lie in the cache folde
 
 import pytest
 from scipy import stats
-from tests.blind.one_recording import go_on, rates, read
+from tests.blind.numbered_lines import go_on, read
+from tests.blind.one_recording import rates, run
 
 RECORDINGS = 100
 """Sixty of all kinds, and forty swipes more that hide nothing."""
@@ -17,7 +18,7 @@ def test_what_is_hidden_ranks_first_and_nothing_else(request: pytest.FixtureRequ
     cache = request.config.cache
     assert cache is not None
     path = cache.mkdir("blind") / "one_recording.jsonl"
-    for line in go_on(path, range(RECORDINGS)):
+    for line in go_on(path, range(RECORDINGS), run):
         print(line["number"], line["seed"])  # noqa: T201
     found = rates([line for line in read(path) if line["number"] < RECORDINGS])
     hits, of = found["cause"]

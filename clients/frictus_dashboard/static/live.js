@@ -18,11 +18,10 @@ import { Recorder } from "./recordings/recorder.js";
 import { Strip } from "./strip.js";
 import { stripStateOf } from "./strip_state.js";
 import { Surface } from "./surface.js";
+import { COLUMN_S, COLUMNS } from "./trace.js";
 import { STREAMS, Traces } from "./traces.js";
 
 const WORDS_MS = 1_000;
-/** Columns of 4 ms, as the traces keep them. */
-const COLUMNS = { columns: 500, window_s: 2.0 };
 /** A rig tells its status every second: longer without any word, it is silent. */
 const SILENT_MS = 1_700;
 const CALM = matchMedia("(prefers-reduced-motion: reduce)");
@@ -35,7 +34,6 @@ export class Live {
   constructor(link) {
     this.link = link;
     this.surface = new Surface(at("surface"));
-    this.traces = new Traces(at("traces"), () => this.#happened());
     this.flags = new HeldFlags();
     this.losses = new LoopLosses();
     this.strip = new Strip();
@@ -45,6 +43,7 @@ export class Live {
     this.compensation = new Compensation();
     this.estimates = new EstimateLog();
     this.events = new EventLog();
+    this.traces = new Traces(at("traces"), this.events, (ns) => this.#deviceS(ns));
     this.eventList = new EventList(this.events, (ns) => this.#lookAt(ns));
     this.pointing = new Pointing(this.surface, (message) => link.send(message));
     this.listening = new Listening(at("spectrum"), () => this.state);
@@ -94,7 +93,8 @@ export class Live {
       rig: this.rig,
       streams: this.rig === null || !this.shown ? [] : STREAMS,
       rate_hz: 60,
-      ...COLUMNS,
+      columns: COLUMNS,
+      window_s: COLUMNS * COLUMN_S,
       raw: false,
     });
   }
@@ -171,16 +171,11 @@ export class Live {
     return sample / this.rateHz + (ns - then) / 1e9;
   }
 
-  #happened() {
-    return this.events.entries.map(({ ns, kind }) => ({ atS: this.#deviceS(ns), kind }));
-  }
-
   /** Show the traces as they were. */
   #lookAt(ns) {
     if (this.rig === null) return;
     location.hash = `#/live/${encodeURIComponent(this.rig)}`;
-    const atS = this.#deviceS(ns);
-    if (Number.isFinite(atS)) this.traces.lookAt(atS); // else nothing was measured yet
+    this.traces.lookAt(ns);
     at("traces").scrollIntoView();
   }
 

@@ -7,9 +7,9 @@ import { History } from "./history.js";
 import { KEPT_S } from "./time_axis.js";
 import uPlot from "./vendor/uplot.mjs";
 
-/** Most columns that are drawn; the service makes them of 4 ms. */
+/** Most columns that are drawn, and how long is asked of the service that they are. */
 export const COLUMNS = 500;
-const COLUMN_S = 0.004;
+export const COLUMN_S = 0.004;
 const HEIGHT_PX = 108;
 const INKS = ["--trace-1", "--trace-2", "--trace-3"];
 const MARKS = { bad: "--bad", warn: "--warn" };
@@ -116,8 +116,9 @@ export class Trace {
   #mark(chart) {
     const { ctx, bbox } = chart;
     ctx.save();
-    for (const { atS, kind } of this.all.happened()) {
-      const x = chart.valToPos(atS - this.all.axis.originS, "x", true);
+    const { axis, clock, events } = this.all;
+    for (const { ns, kind } of events.entries) {
+      const x = chart.valToPos(clock(ns) - axis.originS, "x", true);
       if (!(x >= bbox.left && x <= bbox.left + bbox.width)) continue;
       ctx.fillStyle = colour(MARKS[kind] ?? "--ink");
       ctx.fillRect(x - devicePixelRatio, bbox.top, 2 * devicePixelRatio, bbox.height);

@@ -2,6 +2,7 @@
 
 import { saveBlob } from "./download.js";
 import { at, element, say } from "./element.js";
+import { button } from "./fields.js";
 import { KEPT_S, WINDOWS_S } from "./time_axis.js";
 
 // A number and its unit stay on one line.
@@ -66,10 +67,4 @@ export class TraceControls {
     const now = new Date().toISOString().slice(0, 19).replaceAll(":", "-");
     saveBlob(blob, `${this.rig}_${now}.${suffix}`);
   }
-}
-
-function button(text, act) {
-  const made = element("button", { type: "button" }, text);
-  made.addEventListener("click", act);
-  return made;
 }

@@ -18,11 +18,13 @@ const AROUND_S = [-3, 1];
 export class Traces {
   /**
    * @param {Element} root
-   * @param {() => {atS: number, kind: string}[]} happened events, s since the device's first sample
+   * @param {import("./event_log.js").EventLog} events that are marked
+   * @param {(ns: number) => number} clock s since the device's first sample; NaN where not known
    */
-  constructor(root, happened) {
+  constructor(root, events, clock) {
     this.axis = new TimeAxis();
-    this.happened = happened;
+    this.events = events;
+    this.clock = clock;
     this.controls = new TraceControls(root, this.axis, {
       change: (how) => this.change(how),
       table: () => table(this.traces, this.axis),
@@ -51,8 +53,10 @@ export class Traces {
     this.tell();
   }
 
-  /** Stand where something happened, s since the device's first sample. */
-  lookAt(atS) {
+  /** Stand where something happened; nothing changes where nothing was measured yet. */
+  lookAt(ns) {
+    const atS = this.clock(ns);
+    if (!Number.isFinite(atS)) return;
     this.change((axis) => axis.look(AROUND_S.map((s) => atS - axis.originS + s)));
   }
 
