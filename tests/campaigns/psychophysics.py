@@ -34,9 +34,9 @@ from frictus.experiment import (
     probability,
     results,
 )
-from frictus.experiment.psychometric import threshold_of
-from frictus.experiment.results import geometric_mean, power_law_exponent
-from frictus.experiment.schedule import Schedule
+from frictus.experiment.procedures.schedule import Schedule
+from frictus.experiment.psychometrics.psychometric import threshold_of
+from frictus.experiment.psychometrics.results import geometric_mean, power_law_exponent
 from frictus.experiment.tasks import is_positive
 
 OUT: Final = Path(__file__).parents[2] / "docs" / "experiment.md"

@@ -13,11 +13,12 @@
 
 from frictus.experiment.events import events_table, write_events
 from frictus.experiment.experiment import Experiment
-from frictus.experiment.fitting import Estimate, PsychometricFit, fit
-from frictus.experiment.observers import SimulatedObserver
-from frictus.experiment.orders import latin_square
 from frictus.experiment.participant import Participant, VirtualParticipant
 from frictus.experiment.presentation import PresentedInterval, ScaledError
+from frictus.experiment.procedures.orders import latin_square
+from frictus.experiment.procedures.quest_plus import QuestPlus
+from frictus.experiment.procedures.schedule import Trial
+from frictus.experiment.procedures.staircase import Staircase
 from frictus.experiment.protocol import (
     ConstantPlan,
     Design,
@@ -30,11 +31,10 @@ from frictus.experiment.protocol import (
     parse_protocol,
     ready_protocols,
 )
-from frictus.experiment.psychometric import ParameterGrid, probability
-from frictus.experiment.quest_plus import QuestPlus
-from frictus.experiment.results import ConditionResult, results
-from frictus.experiment.schedule import Trial
-from frictus.experiment.staircase import Staircase
+from frictus.experiment.psychometrics.fitting import Estimate, PsychometricFit, fit
+from frictus.experiment.psychometrics.observers import SimulatedObserver
+from frictus.experiment.psychometrics.psychometric import ParameterGrid, probability
+from frictus.experiment.psychometrics.results import ConditionResult, results
 from frictus.experiment.stimuli import Amplitude, Difference, NamedTexture, Pairs
 from frictus.experiment.tasks import (
     Adjustment,

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from frictus.block import Block
 from frictus.errors import ArgumentError
-from frictus.experiment.observers import SimulatedObserver
-from frictus.experiment.orders import generator
 from frictus.experiment.presentation import PresentedInterval
-from frictus.experiment.schedule import Trial
+from frictus.experiment.procedures.orders import generator
+from frictus.experiment.procedures.schedule import Trial
+from frictus.experiment.psychometrics.observers import SimulatedObserver
 from frictus.experiment.tasks import Task
 from frictus.rig import Rig
 from frictus.textures import BAND_HZ

@@ -9,10 +9,10 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
 from frictus.errors import ArgumentError, explain
-from frictus.experiment.constant import ConstantStimuli
-from frictus.experiment.psychometric import LAPSE_FLOOR, FloatArray, ParameterGrid
-from frictus.experiment.quest_plus import QuestPlus
-from frictus.experiment.staircase import Staircase
+from frictus.experiment.procedures.constant import ConstantStimuli
+from frictus.experiment.procedures.quest_plus import QuestPlus
+from frictus.experiment.procedures.staircase import Staircase
+from frictus.experiment.psychometrics.psychometric import LAPSE_FLOOR, FloatArray, ParameterGrid
 from frictus.experiment.stimuli import Amplitude, Difference, Pairs, Stimulus
 from frictus.experiment.tasks import Adjustment, Magnitude, SameDifferent, Task, guess_rate
 from frictus.textures import Texture

@@ -3,7 +3,7 @@
 from typing import Any, Final
 
 from frictus.experiment.presentation import WHOLE, PresentedInterval
-from frictus.experiment.schedule import Trial
+from frictus.experiment.procedures.schedule import Trial
 from frictus.experiment.stimuli import Stimulus
 from frictus.rig import Rig
 

@@ -80,7 +80,7 @@ def experiment(
         results,
         write_events,
     )
-    from frictus.experiment.schedule import begun
+    from frictus.experiment.procedures.schedule import begun
     from frictus_service.experiments.phrasing import result_lines
 
     chosen = load_protocol(protocol)

@@ -16,7 +16,7 @@ from frictus.experiment import (
     results,
 )
 from frictus.experiment.events import event_rows
-from frictus.experiment.psychometric import threshold_of
+from frictus.experiment.psychometrics.psychometric import threshold_of
 from frictus_service.experiments.phrasing import result_lines
 
 CURVE_POINTS: Final = 60

@@ -26,7 +26,7 @@ from frictus.experiment import (
     VirtualParticipant,
     read_log,
 )
-from frictus.experiment.schedule import Schedule
+from frictus.experiment.procedures.schedule import Schedule
 from frictus.rig import Rig
 
 TRIALS = 10

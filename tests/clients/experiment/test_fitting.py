@@ -9,8 +9,12 @@ from psignifit import psignifit
 
 from frictus import ArgumentError
 from frictus.experiment import fit, probability
-from frictus.experiment.psychometric import ParameterGrid, threshold_of
-from frictus.experiment.results import geometric_mean, power_law_exponent, student_quantile
+from frictus.experiment.psychometrics.psychometric import ParameterGrid, threshold_of
+from frictus.experiment.psychometrics.results import (
+    geometric_mean,
+    power_law_exponent,
+    student_quantile,
+)
 
 LEVELS = np.repeat(np.geomspace(0.01, 0.16, 7), 30)
 

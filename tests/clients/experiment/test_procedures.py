@@ -5,10 +5,14 @@ import pytest
 from questplus import QuestPlusWeibull
 
 from frictus import ArgumentError
-from frictus.experiment.constant import ConstantStimuli
-from frictus.experiment.psychometric import LAPSE_FLOOR, ParameterGrid, probability
-from frictus.experiment.quest_plus import QuestPlus
-from frictus.experiment.staircase import Staircase
+from frictus.experiment.procedures.constant import ConstantStimuli
+from frictus.experiment.procedures.quest_plus import QuestPlus
+from frictus.experiment.procedures.staircase import Staircase
+from frictus.experiment.psychometrics.psychometric import (
+    LAPSE_FLOOR,
+    ParameterGrid,
+    probability,
+)
 
 LOG_LEVELS = np.linspace(-2.5, -0.5, 41)
 SLOPES = np.geomspace(1.0, 8.0, 8)

@@ -33,7 +33,7 @@ from frictus.experiment import (
     ready_protocols,
     results,
 )
-from frictus.experiment.schedule import Schedule, resumed
+from frictus.experiment.procedures.schedule import Schedule, resumed
 from frictus.experiment.tasks import KEYS, checked, is_positive
 
 RIDGES = Spectrum(components=[Component(amplitude_n=1.0, cycles_per_mm=0.5)])

@@ -7,8 +7,8 @@ from typing import Any, cast
 import pytest
 
 from frictus.experiment import Experiment, Protocol, Trial
+from frictus.experiment.procedures.schedule import begun
 from frictus.experiment.protocol import parse_protocol, ready_protocols
-from frictus.experiment.schedule import begun
 from frictus.experiment.trial_log import FORMAT
 from frictus_service.errors import UnattendedError
 from frictus_service.experiments import run

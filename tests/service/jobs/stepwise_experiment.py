@@ -12,7 +12,7 @@ from pathlib import Path
 import frictus
 from frictus.errors import LeaseLostError
 from frictus.experiment import Protocol, Trial
-from frictus.experiment.schedule import Schedule, resumed
+from frictus.experiment.procedures.schedule import Schedule, resumed
 from frictus.experiment.tasks import is_positive
 from frictus.experiment.trial_log import FORMAT, TrialLog
 from frictus_service.experiments.job import LOG, ExperimentJob, Input, ParticipantScreen

@@ -9,7 +9,13 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from frictus.errors import ArgumentError
-from frictus.experiment.orders import flipped, generator, is_catch, latin_square, next_condition
+from frictus.experiment.procedures.orders import (
+    flipped,
+    generator,
+    is_catch,
+    latin_square,
+    next_condition,
+)
 from frictus.experiment.protocol import MAX_LEVEL, AnyProcedure, Protocol
 from frictus.experiment.stimuli import Pairs
 from frictus.experiment.tasks import (

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from frictus.errors import ArgumentError
-from frictus.experiment.psychometric import (
+from frictus.experiment.psychometrics.psychometric import (
     LAPSE_FLOOR,
     Family,
     FloatArray,

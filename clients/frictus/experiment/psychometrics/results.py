@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from frictus.errors import ArgumentError
-from frictus.experiment.fitting import Estimate, PsychometricFit, fit
 from frictus.experiment.protocol import Protocol
+from frictus.experiment.psychometrics.fitting import Estimate, PsychometricFit, fit
 from frictus.experiment.stimuli import Pairs
 from frictus.experiment.tasks import guess_rate
 

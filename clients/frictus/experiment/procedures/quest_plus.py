@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from frictus.errors import ArgumentError
-from frictus.experiment.psychometric import FloatArray, ParameterGrid
+from frictus.experiment.psychometrics.psychometric import FloatArray, ParameterGrid
 
 
 class QuestPlus:

@@ -1,0 +1,1 @@
+"""Which level comes next: procedures, and the order in which a design's trials are run."""

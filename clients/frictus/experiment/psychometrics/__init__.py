@@ -1,0 +1,1 @@
+"""Psychometric functions: their fits and thresholds, and observers who answer by them."""
