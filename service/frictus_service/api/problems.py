@@ -4,40 +4,16 @@ All are answered as ``application/problem+json`` (RFC 9457). `docs/rest.md` has 
 """
 
 import json
-import logging
 from collections.abc import Mapping
 from typing import Any, ClassVar, Final, get_args
 
-from fastapi import FastAPI, Request
-from fastapi.exceptions import RequestValidationError
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 from pydantic_core import ErrorDetails
-from starlette.exceptions import HTTPException
-from starlette.routing import Match
 
-from frictus import errors
-from frictus.errors import (
-    ArgumentError,
-    FrameError,
-    LinkError,
-    NoRigError,
-    RefusedError,
-    SilenceError,
-    TextureError,
-)
 from frictus.messages import RefusalCode
-from frictus_service import errors as service
-from frictus_service.library import (
-    DamagedTextureError,
-    ReadOnlyTextureError,
-    TextureConflictError,
-    TextureNameError,
-    UnknownTextureError,
-)
 
 MEDIA_TYPE: Final = "application/problem+json"
-_LOG: Final = logging.getLogger(__name__)
 
 
 class Place(BaseModel):
@@ -360,33 +336,6 @@ REFUSALS: Final[dict[str, type[ApiError]]] = {
 if set(REFUSALS) != set(get_args(RefusalCode)):
     raise AssertionError("every refusal of a rig needs an error of the API")
 
-_FOREIGN: Final[dict[type[Exception], type[ApiError]]] = {
-    NoRigError: RigNotFoundError,
-    errors.OutcomeUnknownError: UnknownOutcomeError,
-    LinkError: NoLinkError,
-    SilenceError: NoLinkError,
-    FrameError: UnreadableRigError,
-    ArgumentError: InvalidError,
-    TextureError: InvalidError,
-    TextureNameError: InvalidError,
-    UnknownTextureError: TextureNotFoundError,
-    ReadOnlyTextureError: ReadOnlyError,
-    TextureConflictError: ConflictError,
-    DamagedTextureError: DamagedFileError,
-    service.UnknownStudyError: StudyNotFoundError,
-    service.UnknownDiscoveryError: DiscoveryNotFoundError,
-    service.UnknownExperimentError: ExperimentNotFoundError,
-    service.JobStateError: WrongStateError,
-    service.RigInExperimentError: RigCalibratingError,
-    service.UnknownModelError: ModelNotFoundError,
-    service.UnknownCalibrationError: CalibrationNotFoundError,
-    service.AliasConflictError: ConflictError,
-    service.KeyReusedError: IdempotencyKeyReusedError,
-    service.RigBusyError: RigCalibratingError,
-    service.CalibrationStateError: WrongStateError,
-    service.RegistryUnavailableError: NoRegistryError,
-    service.RegistryError: InvalidError,  # what is left: names, provenance
-}
 EVERYWHERE: Final = (
     HttpError,
     CrossOriginError,
@@ -396,60 +345,12 @@ EVERYWHERE: Final = (
 )
 """What a request may be answered with before its path is looked at."""
 OF_BODIES: Final = (SlowBodyError, TooLargeError)
-_METHODS: Final = ("DELETE", "GET", "HEAD", "OPTIONS", "PATCH", "POST", "PUT")
-_BY_STATUS: Final = {404: PathNotFoundError, 405: MethodNotAllowedError}
-
-
-def problem_of(error: Exception) -> ApiError:
-    """Return the error of the API that stands for any exception."""
-    if isinstance(error, ApiError):
-        return error
-    if isinstance(error, RefusedError):
-        return REFUSALS.get(error.code, UnavailableError)(str(error))
-    if isinstance(error, RequestValidationError):
-        return InvalidError("the request has faults, see errors", places(error.errors()))
-    if isinstance(error, HTTPException):
-        kind = _BY_STATUS.get(error.status_code, HttpError)
-        return kind(_http_detail(error), headers=error.headers)
-    for foreign, kind in _FOREIGN.items():
-        if isinstance(error, foreign):
-            return kind(str(error))
-    return InternalError("an unexpected fault; the server's log has it with this path and time")
 
 
 def places(errors: list[ErrorDetails] | Any, prefix: tuple[str, ...] = ()) -> list[Place]:
     """Return pydantic's errors, without the values that were sent; at most 100."""
     return [
         Place(where=[*prefix, *error["loc"]], what=error["msg"]) for error in list(errors)[:100]
-    ]
-
-
-def install(app: FastAPI) -> None:
-    """Answer every error of `app` with its problem."""
-
-    async def answer(request: Request, error: Exception) -> Response:
-        if isinstance(error, HTTPException) and error.status_code == 405:
-            error.headers = {"Allow": ", ".join(_allowed(request))}
-        problem = problem_of(error)
-        if isinstance(problem, InternalError):
-            _LOG.error("%s %s failed", request.method, request.url.path, exc_info=error)
-        return problem.response(request.url.path)
-
-    for kind in (ApiError, RefusedError, RequestValidationError, HTTPException, Exception):
-        app.add_exception_handler(kind, answer)
-    for foreign in _FOREIGN:
-        app.add_exception_handler(foreign, answer)
-
-
-def _allowed(request: Request) -> list[str]:
-    """Return the methods of a path; Starlette names those of its first route only."""
-    return [
-        method
-        for method in _METHODS
-        if any(
-            route.matches({**request.scope, "method": method})[0] is Match.FULL
-            for route in request.app.router.routes
-        )
     ]
 
 
@@ -465,12 +366,3 @@ def documented(*kinds: type[ApiError]) -> dict[int | str, dict[str, Any]]:
             "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
         }
     return responses
-
-
-def _http_detail(error: HTTPException) -> str:
-    if error.status_code == 404:
-        return "nothing is served at this path; /docs lists what is"
-    if error.status_code == 405:
-        allowed = (error.headers or {}).get("Allow", "")
-        return f"this path accepts {allowed}" if allowed else "this path has other methods"
-    return str(error.detail)

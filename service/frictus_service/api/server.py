@@ -20,21 +20,7 @@ from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from frictus_service.api import (
-    activation,
-    calibrations,
-    discoveries,
-    estimates,
-    experiments,
-    models,
-    monitoring,
-    previews,
-    problems,
-    recordings,
-    rigs,
-    studies,
-    textures,
-)
+from frictus_service.api import error_handlers, problems
 from frictus_service.api.dashboard import asyncapi, conversation, pages
 from frictus_service.api.dashboard.hub import Hub
 from frictus_service.api.dashboard.messages import MAX_BYTES
@@ -45,6 +31,20 @@ from frictus_service.api.limits import (
     PatientProtocol,
     Rate,
     RequestLimits,
+)
+from frictus_service.api.routes import (
+    activation,
+    calibrations,
+    discoveries,
+    estimates,
+    experiments,
+    models,
+    monitoring,
+    previews,
+    recordings,
+    rigs,
+    studies,
+    textures,
 )
 from frictus_service.api.services import ConnectedPages, RigConnection, Services
 from frictus_service.config import Config
@@ -222,7 +222,7 @@ def build_app(
     for part in _PARTS:
         app.include_router(part.router)
     app.mount(pages.PAGE, pages.DashboardFiles(), name="dashboard")
-    problems.install(app)
+    error_handlers.install(app)
     app.add_middleware(Departures)
     app.add_middleware(
         OriginCheck, loopback_only=config.api.loopback, allowed=config.api.origins

@@ -12,8 +12,8 @@ from frictus_hardware.physics.screen import Screen
 from frictus_service.api import problems
 from frictus_service.api.access import needs
 from frictus_service.api.requests import JSON, large_body, parse_json, require_media
+from frictus_service.api.routes.textures import TEXTURE_SCHEMA
 from frictus_service.api.services import Services, services
-from frictus_service.api.textures import TEXTURE_SCHEMA
 
 Given = Annotated[Services, Depends(services)]
 

@@ -17,7 +17,7 @@ from frictus_service.api.server import build_app
 from frictus_service.experiments.report import report
 
 RUN = "tests.service.jobs.stepwise_experiment:run"
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 TRIALS = 6
 TOML = f"""
 name = "brief"

@@ -15,7 +15,7 @@ from frictus.messages import RecordingState
 from frictus_service.api import problems
 from frictus_service.api.access import needs
 from frictus_service.api.requests import JSON, parse_json, raw_body, require_media
-from frictus_service.api.rigs import Given, RigName
+from frictus_service.api.routes.rigs import Given, RigName
 
 _RIG: Final[tuple[type[problems.ApiError], ...]] = (
     problems.UnauthenticatedError,

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from fastapi.testclient import TestClient
-from tests.service.api.test_metrics import samples
+from tests.service.api.routes.test_metrics import samples
 
-BOARD: Final = Path(__file__).parents[3] / "deploy" / "grafana" / "frictus.json"
+BOARD: Final = Path(__file__).parents[4] / "deploy" / "grafana" / "frictus.json"
 METRIC: Final = re.compile(r"\bfrictus_\w+")
 LABELLED: Final = re.compile(r"\b(frictus_\w+)\{([^}]*)\}")
 FUNCTIONS: Final = {"increase", "rate", "sum", "topk", "histogram_quantile", "label_values"}

@@ -7,7 +7,6 @@ from pydantic import BaseModel, Field, TypeAdapter
 
 from frictus_service.api import problems
 from frictus_service.api.access import acts_as, needs
-from frictus_service.api.models import body_of
 from frictus_service.api.requests import (
     JSON,
     IfMatch,
@@ -16,7 +15,8 @@ from frictus_service.api.requests import (
     require_media,
     required_match,
 )
-from frictus_service.api.rigs import REPLACE, Given, RigName
+from frictus_service.api.routes.models import body_of
+from frictus_service.api.routes.rigs import REPLACE, Given, RigName
 from frictus_service.registry.documents import REFERENCE, Activation
 
 router = APIRouter(prefix="/v1/rigs", tags=["models"])

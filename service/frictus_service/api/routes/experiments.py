@@ -14,8 +14,8 @@ from frictus.experiment import events_table
 from frictus_service.api import problems
 from frictus_service.api.access import needs
 from frictus_service.api.event_stream import place
-from frictus_service.api.models import body_of
 from frictus_service.api.requests import JSON, parse_json, raw_body, require_media
+from frictus_service.api.routes.models import body_of
 from frictus_service.api.services import Services, services
 from frictus_service.experiments.job import (
     LOG,

@@ -10,7 +10,6 @@ from pydantic import BaseModel, Field, TypeAdapter
 from frictus_service.api import problems
 from frictus_service.api.access import needs
 from frictus_service.api.event_stream import follow, place
-from frictus_service.api.models import body_of
 from frictus_service.api.requests import (
     JSON,
     IdempotencyKey,
@@ -19,6 +18,7 @@ from frictus_service.api.requests import (
     raw_body,
     require_media,
 )
+from frictus_service.api.routes.models import body_of
 from frictus_service.api.services import Services, services
 from frictus_service.calibration.job import CalibrationSpec
 from frictus_service.registry.calibrations import ACTIVE

@@ -10,10 +10,10 @@ from frictus.messages import EstimateState
 from frictus.rig import Rig
 from frictus_service.api import problems
 from frictus_service.api.access import needs
-from frictus_service.api.calibrations import Publication
-from frictus_service.api.models import body_of
 from frictus_service.api.requests import JSON, parse_json, raw_body, require_media
-from frictus_service.api.rigs import Given, RigName
+from frictus_service.api.routes.calibrations import Publication
+from frictus_service.api.routes.models import body_of
+from frictus_service.api.routes.rigs import Given, RigName
 from frictus_service.registry.documents import Published
 
 router = APIRouter(prefix="/v1/rigs", tags=["rigs"])

@@ -11,8 +11,8 @@ from pydantic import TypeAdapter
 from frictus_service.api import problems
 from frictus_service.api.access import needs
 from frictus_service.api.event_stream import follow, place
-from frictus_service.api.models import body_of
 from frictus_service.api.requests import JSON, parse_json, raw_body, require_media
+from frictus_service.api.routes.models import body_of
 from frictus_service.api.services import Services, services
 from frictus_service.discovery.document import Discovery
 from frictus_service.discovery.jobs import (

@@ -17,7 +17,7 @@ from frictus_service.discovery.document import Discovery
 from frictus_service.discovery.jobs import DiscoverySpec, DiscoveryStore
 
 RUN = "tests.service.jobs.stepwise_discovery:run"
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 STUDIES = ("visit.h5", "bad.h5", "fatal.h5")
 
 

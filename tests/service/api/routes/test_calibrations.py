@@ -18,7 +18,7 @@ from fastapi.testclient import TestClient
 from frictus_service.config import ApiConfig, Config, RegistryConfig, RouterConfig
 from frictus_service.processes import free_port
 
-STEPWISE = Path(__file__).parents[1] / "jobs" / "stepwise.py"
+STEPWISE = Path(__file__).parents[2] / "jobs" / "stepwise.py"
 RUN = "stepwise:run"
 SERVER = """
 import sys, uvicorn

@@ -1,0 +1,144 @@
+"""What each exception is answered with: the error of the API that stands for it."""
+
+import logging
+from typing import Final
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import Response
+from starlette.exceptions import HTTPException
+from starlette.routing import Match
+
+from frictus import errors
+from frictus.errors import (
+    ArgumentError,
+    FrameError,
+    LinkError,
+    NoRigError,
+    RefusedError,
+    SilenceError,
+    TextureError,
+)
+from frictus_service import errors as service
+from frictus_service.api.problems import (
+    REFUSALS,
+    ApiError,
+    CalibrationNotFoundError,
+    ConflictError,
+    DamagedFileError,
+    DiscoveryNotFoundError,
+    ExperimentNotFoundError,
+    HttpError,
+    IdempotencyKeyReusedError,
+    InternalError,
+    InvalidError,
+    MethodNotAllowedError,
+    ModelNotFoundError,
+    NoLinkError,
+    NoRegistryError,
+    PathNotFoundError,
+    ReadOnlyError,
+    RigCalibratingError,
+    RigNotFoundError,
+    StudyNotFoundError,
+    TextureNotFoundError,
+    UnavailableError,
+    UnknownOutcomeError,
+    UnreadableRigError,
+    WrongStateError,
+    places,
+)
+from frictus_service.library import (
+    DamagedTextureError,
+    ReadOnlyTextureError,
+    TextureConflictError,
+    TextureNameError,
+    UnknownTextureError,
+)
+
+_LOG: Final = logging.getLogger(__name__)
+
+_FOREIGN: Final[dict[type[Exception], type[ApiError]]] = {
+    NoRigError: RigNotFoundError,
+    errors.OutcomeUnknownError: UnknownOutcomeError,
+    LinkError: NoLinkError,
+    SilenceError: NoLinkError,
+    FrameError: UnreadableRigError,
+    ArgumentError: InvalidError,
+    TextureError: InvalidError,
+    TextureNameError: InvalidError,
+    UnknownTextureError: TextureNotFoundError,
+    ReadOnlyTextureError: ReadOnlyError,
+    TextureConflictError: ConflictError,
+    DamagedTextureError: DamagedFileError,
+    service.UnknownStudyError: StudyNotFoundError,
+    service.UnknownDiscoveryError: DiscoveryNotFoundError,
+    service.UnknownExperimentError: ExperimentNotFoundError,
+    service.JobStateError: WrongStateError,
+    service.RigInExperimentError: RigCalibratingError,
+    service.UnknownModelError: ModelNotFoundError,
+    service.UnknownCalibrationError: CalibrationNotFoundError,
+    service.AliasConflictError: ConflictError,
+    service.KeyReusedError: IdempotencyKeyReusedError,
+    service.RigBusyError: RigCalibratingError,
+    service.CalibrationStateError: WrongStateError,
+    service.RegistryUnavailableError: NoRegistryError,
+    service.RegistryError: InvalidError,  # what is left: names, provenance
+}
+_METHODS: Final = ("DELETE", "GET", "HEAD", "OPTIONS", "PATCH", "POST", "PUT")
+_BY_STATUS: Final = {404: PathNotFoundError, 405: MethodNotAllowedError}
+
+
+def problem_of(error: Exception) -> ApiError:
+    """Return the error of the API that stands for any exception."""
+    if isinstance(error, ApiError):
+        return error
+    if isinstance(error, RefusedError):
+        return REFUSALS.get(error.code, UnavailableError)(str(error))
+    if isinstance(error, RequestValidationError):
+        return InvalidError("the request has faults, see errors", places(error.errors()))
+    if isinstance(error, HTTPException):
+        kind = _BY_STATUS.get(error.status_code, HttpError)
+        return kind(_http_detail(error), headers=error.headers)
+    for foreign, kind in _FOREIGN.items():
+        if isinstance(error, foreign):
+            return kind(str(error))
+    return InternalError("an unexpected fault; the server's log has it with this path and time")
+
+
+def install(app: FastAPI) -> None:
+    """Answer every error of `app` with its problem."""
+
+    async def answer(request: Request, error: Exception) -> Response:
+        if isinstance(error, HTTPException) and error.status_code == 405:
+            error.headers = {"Allow": ", ".join(_allowed(request))}
+        problem = problem_of(error)
+        if isinstance(problem, InternalError):
+            _LOG.error("%s %s failed", request.method, request.url.path, exc_info=error)
+        return problem.response(request.url.path)
+
+    for kind in (ApiError, RefusedError, RequestValidationError, HTTPException, Exception):
+        app.add_exception_handler(kind, answer)
+    for foreign in _FOREIGN:
+        app.add_exception_handler(foreign, answer)
+
+
+def _allowed(request: Request) -> list[str]:
+    """Return the methods of a path; Starlette names those of its first route only."""
+    return [
+        method
+        for method in _METHODS
+        if any(
+            route.matches({**request.scope, "method": method})[0] is Match.FULL
+            for route in request.app.router.routes
+        )
+    ]
+
+
+def _http_detail(error: HTTPException) -> str:
+    if error.status_code == 404:
+        return "nothing is served at this path; /docs lists what is"
+    if error.status_code == 405:
+        allowed = (error.headers or {}).get("Allow", "")
+        return f"this path accepts {allowed}" if allowed else "this path has other methods"
+    return str(error.detail)

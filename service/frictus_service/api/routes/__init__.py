@@ -1,0 +1,1 @@
+"""The REST API by resource: one module for the routes of each."""
