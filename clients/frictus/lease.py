@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from types import TracebackType
-from typing import Final, Self
+from typing import Final, Protocol, Self, TypeVar
 
 import zenoh
 from zenoh.handlers import Callback
@@ -262,3 +262,68 @@ def _loss(status: RigStatus, client: str) -> LeaseLostError:
 def _taken_back(declared: object) -> None:
     with contextlib.suppress(zenoh.ZError):  # the session went first
         declared.undeclare()  # type: ignore[attr-defined]
+
+
+class Follower(Protocol):
+    """A feed or a stream that ends with a lease."""
+
+    @property
+    def closed(self) -> bool:
+        """Whether it has ended."""
+        ...
+
+    def fail(self, error: Exception, /) -> None:
+        """End it with an error."""
+        ...
+
+
+F = TypeVar("F", bound=Follower)
+
+
+class Leases:
+    """The leases of one client on one rig, and what ends when one of them is lost."""
+
+    def __init__(self) -> None:
+        self._leases: list[Lease] = []
+        self._followers: list[Follower] = []
+
+    def hold(self, lease: Lease) -> Lease:
+        """Keep a new lease until it is finished, and return it.
+
+        Parameters
+        ----------
+        lease : Lease
+            Made with `fail_followers` for its loss.
+        """
+        self._leases = [other for other in self._leases if not other.finished] + [lease]
+        return lease
+
+    def follow(self, follower: F) -> F:
+        """Return a feed or stream that fails when a lease is lost.
+
+        Parameters
+        ----------
+        follower : Follower
+            Let go of once it is closed.
+        """
+        self._followers = [other for other in self._followers if not other.closed] + [follower]
+        for lease in self._leases:  # after it was listed: no loss falls between the two
+            if lease.loss is not None and not lease.finished:
+                follower.fail(lease.loss)
+        return follower
+
+    def fail_followers(self, loss: LeaseLostError) -> None:
+        """End what follows, as a lease was lost.
+
+        Parameters
+        ----------
+        loss : LeaseLostError
+            Who took it, when and why.
+        """
+        for follower in self._followers:
+            follower.fail(loss)
+
+    def disarms(self) -> list[Callable[[], None]]:
+        """Let go of every lease; return what disarms each."""
+        leases, self._leases = self._leases, []
+        return [lease.disarm for lease in leases]

@@ -3,7 +3,7 @@
 import contextlib
 import functools
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Protocol, TypeVar
 
 import zenoh
@@ -12,7 +12,7 @@ from frictus.calls import require_present
 from frictus.errors import LinkError, OutdatedStateError, SilenceError
 from frictus.keys import RigKeys, Topic, Topics
 from frictus.lease import expect_state
-from frictus.messages import Message, ModelState, Reply, RigStatus, SceneState
+from frictus.messages import Message, ModelState, RecordingState, Reply, RigStatus, SceneState
 from frictus.reception import Declare, Latest
 from frictus.session import declare_reader
 
@@ -195,6 +195,40 @@ class Readings:
             What the rig answered.
         """
         expect_state(self.latest(Topics.STATUS, RigStatus), reply, self._timeout_s)
+
+    def recorder_at(
+        self, states: Iterable[Message], holds: Callable[[RecordingState], bool]
+    ) -> RecordingState:
+        """Return the recorder's first state that holds; the next read includes it.
+
+        Parameters
+        ----------
+        states : iterable of Message
+            The recorder's, from before it was asked.
+        holds : callable
+            Whether it has done what was asked.
+
+        Raises
+        ------
+        OutdatedStateError
+            If it says nothing more.
+        LinkError
+            If the client was closed meanwhile.
+        """
+        try:
+            for state in states:
+                if isinstance(state, RecordingState) and holds(state):
+                    break
+            else:
+                raise LinkError("the client was closed while it waited for the recorder")
+        except SilenceError:
+            raise OutdatedStateError(
+                f"the recorder of rig {self._keys.rig} has done it, but says nothing since"
+            ) from None
+        self.latest(Topics.RECORDING, RecordingState).expect(
+            lambda newest: newest.utc_ns >= state.utc_ns, self._timeout_s
+        )
+        return state
 
     def close(self) -> None:
         """Stop receiving. Closing twice is harmless."""

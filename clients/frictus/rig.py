@@ -2,62 +2,34 @@
 
 import contextlib
 import time
-from collections.abc import Callable, Sequence
-from typing import Any, Final, Literal, TypeVar
+from collections.abc import Sequence
 
 import zenoh
 
-from frictus.calls import Caller, no_recorder, present_rigs
-from frictus.errors import (
-    ArgumentError,
-    LeaseLostError,
-    LinkError,
-    OutdatedStateError,
-    SilenceError,
-)
-from frictus.gaps import BlockFeed
-from frictus.keys import STREAMS, RigKeys, Topic, Topics
+from frictus.calls import Caller
+from frictus.errors import ArgumentError, LinkError
+from frictus.keys import RigKeys, Topics
 from frictus.lease import Lease
-from frictus.mailbox import Arrival
 from frictus.messages import (
-    MESSAGES,
     AdaptationPolicy,
     Applied,
-    EstimateState,
     Excitation,
-    FingerState,
-    GuidanceState,
-    Message,
     ModelState,
     PointerState,
     RecordingState,
     RigStatus,
     SafetyState,
     SceneState,
-    TimeState,
-    TouchState,
 )
 from frictus.model import Compensation, CompensationMode, Model
-from frictus.readings import Held, Readings, close_all
-from frictus.reception import Feed
+from frictus.readings import Readings
 from frictus.session import declare_publisher
 from frictus.stream import TextureStream
 from frictus.textures import Beta, Map, Profile, Region, Scene, Slope, Spectrum, Texture
-
-StreamName = Literal["force", "accel", "voltage", "truth", "aux", "render"]
-M = TypeVar("M", bound=Message)
-F = TypeVar("F", bound=TextureStream | Feed[Any])
-
-FINGER_RING: Final = 4
-STATE_RING: Final = 64
-TOUCH_QUEUE: Final = 512
-BLOCK_QUEUE: Final = 1024  # 5 s of 5 ms blocks
-BLOCKS: Final[dict[str, Topic]] = {
-    topic.suffix.removeprefix("stream/"): topic for topic in STREAMS.values()
-}
+from frictus.watched_rig import WatchedRig
 
 
-class Rig:
+class Rig(WatchedRig):
     """A rig on the network. Made by `Client.rig`; closed with its client.
 
     Methods that ask the rig for something raise `RefusedError` if it refuses, `NoRigError` if
@@ -86,167 +58,9 @@ class Rig:
         timeout_s: float,
         readings: Readings | None = None,
     ) -> None:
-        self.keys = keys
-        self._session = session
-        self._timeout_s = timeout_s
+        super().__init__(session, keys, timeout_s, readings)
         self._caller = Caller(session, keys, client, timeout_s)
-        self._held = Held()
-        self._shared = readings is not None
-        self._readings = readings or Readings(session, keys, timeout_s)
-        self._followers: list[TextureStream | Feed[Any]] = []
-        self._leases: list[Lease] = []
         self._pointer: zenoh.Publisher | None = None
-
-    @property
-    def name(self) -> str:
-        """Name of the rig."""
-        return self.keys.rig
-
-    @property
-    def site(self) -> str:
-        """Site of the rig."""
-        return self.keys.site
-
-    @property
-    def present(self) -> bool:
-        """Whether the rig's liveliness token stands; raises `LinkError` without a router."""
-        return self.keys in present_rigs(self._session, self.site, self._timeout_s)
-
-    # What the rig says of itself. After a call of this client it includes what that changed.
-
-    def status(self) -> RigStatus:
-        """Return the newest status: state, owner, fault, counters, loop timing."""
-        return self._readings.value(Topics.STATUS, RigStatus)
-
-    def scene(self) -> SceneState:
-        """Return the active scene and what was made of it."""
-        return self._readings.value(Topics.SCENE, SceneState)
-
-    def model(self) -> ModelState:
-        """Return the active friction model and its etag."""
-        return self._readings.value(Topics.MODEL, ModelState)
-
-    def time(self) -> TimeState:
-        """Return the fit of the device's sample counter to UTC."""
-        return self._readings.value(Topics.TIME, TimeState)
-
-    def recording(self) -> RecordingState:
-        """Return what the rig's recorder does; `LinkError` where none runs."""
-        try:
-            latest = self._readings.latest(Topics.RECORDING, RecordingState)
-            return latest.value(self._timeout_s)
-        except SilenceError:
-            raise LinkError(no_recorder(self.keys)) from None
-
-    def estimate(self) -> EstimateState:
-        """Return what `frictus track` knows of the finger now; `LinkError` where none runs."""
-        try:
-            return self._readings.latest(Topics.ESTIMATE, EstimateState).value(self._timeout_s)
-        except SilenceError:
-            raise LinkError(
-                f"nobody estimates the finger on rig {self.name}: start `frictus track`"
-            ) from None
-
-    def watch(
-        self, topic: Topic, *, capacity: int = STATE_RING, timeout_s: float | None = None
-    ) -> Feed[Message]:
-        """Follow any topic of JSON messages, its present value first where it is cached.
-
-        Parameters
-        ----------
-        topic : Topic
-            A member of `frictus.keys.Topics` with JSON messages.
-        capacity : int
-            Messages held for a slow reader; beyond, the oldest go.
-        timeout_s : float or None
-            Longest silence before `SilenceError`; None waits for ever.
-
-        Raises
-        ------
-        ArgumentError
-            If the topic does not carry JSON.
-        """
-        if topic.message not in MESSAGES:
-            raise ArgumentError(f"{topic.suffix} carries {topic.message}, which is not JSON")
-        kind = MESSAGES[topic.message]
-        return self._feed(topic, kind, capacity, timeout_s)
-
-    def fingers(self, *, timeout_s: float | None = None) -> Feed[FingerState]:
-        """Follow the finger; a slow reader gets the newest few states, older ones go.
-
-        Once a lease of this client on the rig is lost, the iteration ends with
-        `LeaseLostError`; without a lease it goes on whoever drives the screen.
-
-        Parameters
-        ----------
-        timeout_s : float or None
-            Longest silence before `SilenceError`; None waits for ever.
-        """
-        feed = self._feed(Topics.FINGER, FingerState, FINGER_RING, timeout_s)
-        return self._following_lease(feed)
-
-    def touches(self, *, timeout_s: float | None = None) -> Feed[TouchState]:
-        """Follow the touch sensor's reports as they come; a lost lease ends it as `fingers`.
-
-        Parameters
-        ----------
-        timeout_s : float or None
-            Longest silence before `SilenceError`; None waits for ever.
-        """
-        feed = self._feed(Topics.TOUCH, TouchState, TOUCH_QUEUE, timeout_s)
-        return self._following_lease(feed)
-
-    def guidance(self, *, timeout_s: float | None = None) -> Feed[GuidanceState]:
-        """Follow what a participant is asked to do while somebody calibrates on this rig.
-
-        Parameters
-        ----------
-        timeout_s : float or None
-            Longest silence before `SilenceError`; None waits for ever.
-        """
-        return self._feed(Topics.GUIDANCE, GuidanceState, FINGER_RING, timeout_s)
-
-    def _feed(
-        self, topic: Topic, kind: type[M], capacity: int, timeout_s: float | None
-    ) -> Feed[M]:
-        def decode(arrival: Arrival) -> list[M]:
-            return [kind.from_json(arrival.payload)]
-
-        return self._held.keep(Feed(self._readings.declare(topic), decode, capacity, timeout_s))
-
-    def blocks(
-        self,
-        stream: StreamName,
-        *,
-        capacity: int = BLOCK_QUEUE,
-        timeout_s: float | None = None,
-    ) -> BlockFeed:
-        """Follow a stream of samples in order, with a `Gap` wherever something is missing.
-
-        It goes on after a lost lease: it shows how the output ramps to zero.
-
-        Parameters
-        ----------
-        stream : {'force', 'accel', 'voltage', 'truth', 'aux', 'render'}
-            N, m/s^2, V, what only a simulated rig knows, further channels, or what the rig
-            renders, which comes a lead before it plays; see `frictus.keys.Topics`.
-        capacity : int
-            Blocks held for a slow reader; beyond, the oldest go and show as a `Gap`.
-        timeout_s : float or None
-            Longest silence before `SilenceError`; None waits for ever.
-
-        Raises
-        ------
-        ArgumentError
-            If there is no such stream.
-        """
-        if stream not in BLOCKS:
-            raise ArgumentError(f"no stream {stream!r}: {', '.join(BLOCKS)} accepted")
-        topic = BLOCKS[stream]
-        declare = self._readings.declare(topic)
-        return self._held.keep(BlockFeed(declare, topic, capacity, timeout_s))
-
-    # What one may ask of the rig
 
     def on_behalf_of(self, client: str) -> "Rig":
         """Return this rig as another client commands it, over the same session.
@@ -281,23 +95,10 @@ class Rig:
             Whether no tracker may adapt the model until the lease ends: for trials.
         """
         status = self._readings.latest(Topics.STATUS, RigStatus)
-        lease = Lease(
-            self._caller, status, lease_ms, self._fail_followers, share_with, keep_model
+        fail = self._leases.fail_followers
+        return self._leases.hold(
+            Lease(self._caller, status, lease_ms, fail, share_with, keep_model)
         )
-        self._leases = [other for other in self._leases if not other.finished] + [lease]
-        return lease
-
-    def _following_lease(self, follower: F) -> F:
-        """Return a feed or stream that fails when the lease of this client is lost."""
-        self._followers = [other for other in self._followers if not other.closed] + [follower]
-        for lease in self._leases:  # after it was listed: no loss falls between the two
-            if lease.loss is not None and not lease.finished:
-                follower.fail(lease.loss)
-        return follower
-
-    def _fail_followers(self, loss: LeaseLostError) -> None:
-        for follower in self._followers:
-            follower.fail(loss)
 
     def set_scene(
         self,
@@ -345,9 +146,7 @@ class Rig:
             Largest |friction| that will be sent, above 0 and up to 10 N.
         """
         status = self._readings.latest(Topics.STATUS, RigStatus)
-        return self._following_lease(
-            self._held.keep(TextureStream(self._caller, status, peak_n))
-        )
+        return self._leases.follow(self._held.keep(TextureStream(self._caller, status, peak_n)))
 
     def excite(self, excitation: Excitation) -> Applied:
         """Play a drive as it is, without the inverse of any model, for calibration.
@@ -533,28 +332,13 @@ class Rig:
         """
         with self.watch(Topics.RECORDING, timeout_s=self._timeout_s) as states:
             self._caller.call("record", name=name, participant=participant, notes=notes)
-            return self._recorder_at(states, lambda state: state.name == name)
+            return self._readings.recorder_at(states, lambda state: state.name == name)
 
     def end_recording(self) -> RecordingState:
         """End the recording; return how long it became and what was lost in it."""
         with self.watch(Topics.RECORDING, timeout_s=self._timeout_s) as states:
             self._caller.call("end_recording")
-            return self._recorder_at(states, lambda state: not state.recording)
-
-    def _recorder_at(
-        self, states: Feed[Message], holds: Callable[[RecordingState], bool]
-    ) -> RecordingState:
-        """Return the first state that holds; the next read includes it."""
-        try:
-            state = _first(states, holds)
-        except SilenceError:
-            raise OutdatedStateError(
-                f"the recorder of rig {self.name} has done it, but says nothing since"
-            ) from None
-        self._readings.latest(Topics.RECORDING, RecordingState).expect(
-            lambda newest: newest.utc_ns >= state.utc_ns, self._timeout_s
-        )
-        return state
+            return self._readings.recorder_at(states, lambda state: not state.recording)
 
     def stop(self) -> SafetyState:
         """Ramp the output to zero now, whoever owns the rig; return the state after it."""
@@ -601,19 +385,8 @@ class Rig:
 
     def close(self) -> None:
         """Disarm if armed, end every feed and stream. Closing twice is harmless."""
-        leases, self._leases = self._leases, []
-        closes = [*(lease.disarm for lease in leases), self._held.close]
-        if not self._shared:
-            closes.append(self._readings.close)
-        close_all(closes)
+        super().close()
         pointer, self._pointer = self._pointer, None
         if pointer is not None:
             with contextlib.suppress(zenoh.ZError):  # the session went first
                 pointer.undeclare()  # type: ignore[no-untyped-call]
-
-
-def _first(states: Feed[Message], holds: Callable[[RecordingState], bool]) -> RecordingState:
-    for state in states:
-        if isinstance(state, RecordingState) and holds(state):
-            return state
-    raise LinkError("the client was closed while it waited for the recorder")

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import frictus
-from frictus.rig import StreamName
+from frictus.watched_rig import StreamName
 from frictus_laboratory.benchmarks.processes import RIG, Neighbour, Pipe, neighbour
 from frictus_service.config import Config
 

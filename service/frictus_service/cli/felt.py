@@ -15,8 +15,8 @@ from rich.table import Table
 
 from frictus import Block, Feed, FingerState, Gap, Rig, RigStatus, SceneState, Topics
 from frictus.errors import SilenceError
-from frictus.rig import StreamName
 from frictus.textures import BAND_HZ
+from frictus.watched_rig import StreamName
 from frictus_service.cli.options import write_line
 
 T = TypeVar("T")

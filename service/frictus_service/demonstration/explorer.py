@@ -15,9 +15,10 @@ from frictus import Block, Gap
 from frictus.errors import SilenceError
 from frictus.gaps import BlockFeed
 from frictus.messages import Applied
-from frictus.rig import Rig, StreamName
+from frictus.rig import Rig
 from frictus.stream import TextureStream
 from frictus.textures import Spectrum
+from frictus.watched_rig import StreamName
 from frictus_hardware.physics.screen import Screen, screen_voltage
 
 CHANGED_V: Final = 0.01

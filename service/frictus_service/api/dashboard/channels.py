@@ -9,7 +9,7 @@ from frictus.block import Block
 from frictus.keys import Topic, Topics
 from frictus.messages import FingerState, Message
 from frictus.reception import Feed
-from frictus.rig import BLOCKS
+from frictus.watched_rig import BLOCKS
 from frictus_service.api.dashboard.messages import told
 
 HISTORY_BLOCKS: Final = 512

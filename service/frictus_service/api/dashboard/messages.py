@@ -13,8 +13,8 @@ from pydantic import (
 )
 
 from frictus.messages import Applied, ClientName, Count, Message
-from frictus.rig import StreamName
 from frictus.textures import PositionMm, RmsFriction, Scene
+from frictus.watched_rig import StreamName
 from frictus_service.errors import ServiceError
 
 VERSION: Final = 1
