@@ -273,7 +273,13 @@ class Follower(Protocol):
         ...
 
     def fail(self, error: Exception, /) -> None:
-        """End it with an error."""
+        """End it with an error.
+
+        Parameters
+        ----------
+        error : Exception
+            Why.
+        """
         ...
 
 
