@@ -113,6 +113,7 @@ def _slowest_put_s(*topics: Topic) -> float:
     return slowest_s
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGSTOP")
 def test_what_a_rig_publishes_never_waits_for_a_router_that_stands_still() -> None:
     published_s = _slowest_put_s(*STREAMS.values(), Topics.FINGER, Topics.STATUS)

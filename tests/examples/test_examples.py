@@ -58,6 +58,7 @@ def said_by(name: str, folder: Path, *arguments: str) -> str:
     return done.stdout
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ONLINE)
 def test_with_a_rig(name: str, service: Config, tmp_path: Path) -> None:
     assert ONLINE[name] in said_by(name, tmp_path, service.router.endpoint)

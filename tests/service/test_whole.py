@@ -71,6 +71,7 @@ def test_the_quick_start_of_the_docs_runs(endpoint: str, number: int, printed: s
     assert printed in done.stdout
 
 
+@pytest.mark.long
 def test_the_demo_runs_and_compensates(tmp_path: Path) -> None:
     picture = tmp_path / "demo.png"
     command = [sys.executable, "-c", "from frictus_service.cli import main; main()"]

@@ -55,6 +55,7 @@ def test_it_has_no_dependency_and_the_version_of_python_s() -> None:
     assert all(version[0].isdigit() for version in manifest["devDependencies"].values())
 
 
+@pytest.mark.long
 def test_it_works_in_node(port: int) -> None:
     told = run(
         "npm",
@@ -89,6 +90,7 @@ def test_it_is_packed_and_installed(port: int, tmp_path: Path) -> None:
     assert "force" in told
 
 
+@pytest.mark.long
 def test_its_figures_can_be_measured(port: int) -> None:
     told = run(
         "node",

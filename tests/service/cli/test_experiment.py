@@ -92,6 +92,7 @@ def run(protocol: str, folder: Path, router: str, *more: str, typed: str = "") -
     return CliRunner().invoke(app, ["experiment", *map(str, arguments)], input=typed)
 
 
+@pytest.mark.long
 def test_an_observer_has_its_difference_threshold_back(router: str, tmp_path: Path) -> None:
     done = run(DIFFERENCE, tmp_path, router, "--observer", "--events", str(tmp_path / "bids"))
     assert done.exit_code == 0, done.output

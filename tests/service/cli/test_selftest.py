@@ -36,6 +36,7 @@ def configured(folder: Path, backend: str, router: str = "tcp/127.0.0.1:1") -> P
     return file
 
 
+@pytest.mark.long
 def test_the_simulated_rig_passes_and_is_reported(tmp_path: Path) -> None:
     report = tmp_path / "report.json"
     config = configured(tmp_path, VIRTUAL)
@@ -61,6 +62,7 @@ def test_the_simulated_rig_passes_and_is_reported(tmp_path: Path) -> None:
     assert {"N", "m/s²", "V", "samples", "ms"} <= {each["unit"] for each in figures}
 
 
+@pytest.mark.long
 def test_a_monitor_that_is_wrong_fails_with_6(tmp_path: Path) -> None:
     fault = '{ kind = "monitor", at_sample = 0, factor = -0.5 }'
     result = run(configured(tmp_path, f"{VIRTUAL}faults = [{fault}]\n"))
@@ -83,6 +85,7 @@ def test_a_rig_that_runs_is_left_alone(tmp_path: Path, rig: Any, config: Path) -
     assert "frictus serve" in told["to_do"]
 
 
+@pytest.mark.long
 def test_a_configured_ni_device_passes(tmp_path: Path, rng: np.random.Generator) -> None:
     def at_rest(output_v: FloatArray, _first: int) -> FloatArray:
         force_n = rng.normal(0.0, 0.002, (output_v.size, 3))

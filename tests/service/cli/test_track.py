@@ -67,6 +67,7 @@ def law_of(file: Path) -> FirstOrderSpeedLaw:
     return law
 
 
+@pytest.mark.long
 def test_it_learns_the_person_from_a_texture_and_from_a_recording_of_it(
     endpoint: str, tmp_path: Path
 ) -> None:

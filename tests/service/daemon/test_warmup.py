@@ -24,6 +24,7 @@ with event.install_listener("numba:compile", Listed()):
 """
 
 
+@pytest.mark.long
 @pytest.mark.timeout(300)
 def test_a_first_start_compiles_the_rig_and_no_texts(tmp_path: Path) -> None:
     # An expression of whole arrays that might not fit each other brings in Numba's strings,

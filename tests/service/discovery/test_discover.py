@@ -49,6 +49,7 @@ def holds(found: Discovery, cause: str, true: float, times: float = 2.5) -> bool
     return abs(true - dose.value) <= times * max(high - dose.value, dose.value - low)
 
 
+@pytest.mark.long
 def test_nothing_is_seen_in_nothing(rng: np.random.Generator) -> None:
     documents = [found_in(made(rng)) for _ in range(NULLS)]
     unclean = [(one.verdict, suspected(one)) for one in documents if one.verdict != "clean"]
@@ -58,6 +59,7 @@ def test_nothing_is_seen_in_nothing(rng: np.random.Generator) -> None:
     assert (clean.causes, clean.gain, clean.explained_share) == ((), None, None)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("draw", range(3))
 def test_an_effect_is_named_with_its_size(draw: int, rng: np.random.Generator) -> None:
     alone = set(REALISTIC) - set(CONFUSABLE[0])  # those two have a test of their own
@@ -74,6 +76,7 @@ def test_an_effect_is_named_with_its_size(draw: int, rng: np.random.Generator) -
     assert found.explained_share > 0.8
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "size"),
     [("fractional_rolloff", {"excess_order": 0.12}), ("channel_delay", {"delay_s": 6e-6})],
@@ -89,6 +92,7 @@ def test_what_looks_alike_is_not_told_apart(
     assert found.extended_model == found.base_model  # of two that fit, none is put in
 
 
+@pytest.mark.long
 def test_what_the_paper_found(rng: np.random.Generator) -> None:
     # Of people whose slopes differ twofold, the others' mean would not predict everybody.
     found = found_in(made(rng, scatter=replace(USUAL, people=0.1)), CONSTANT)
@@ -102,6 +106,7 @@ def test_what_the_paper_found(rng: np.random.Generator) -> None:
         assert after < before
 
 
+@pytest.mark.long
 def test_the_extended_model_is_a_model(rng: np.random.Generator) -> None:
     first = found_in(made(rng), CONSTANT).extended_model
     again = Model.model_validate_json(first.model_dump_json(by_alias=True))
@@ -118,6 +123,7 @@ def test_the_extended_model_is_a_model(rng: np.random.Generator) -> None:
     assert "speed_dependent_cutoff" not in {test.id for test in second.tests}
 
 
+@pytest.mark.long
 def test_the_extended_model_hums_at_the_line_that_was_found(rng: np.random.Generator) -> None:
     hum = [("mains_interference", {"amplitude_n": 0.004, "frequency_hz": 60.0})]
     found = found_in(made(rng, hum, mains_hz=60.0))

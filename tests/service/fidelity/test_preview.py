@@ -78,6 +78,7 @@ def test_third_octaves_hold_all_power_between_their_ends(
     assert np.sum(np.square(found)) == pytest.approx(total)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", TEXTURES)
 def test_third_octaves_are_what_is_met_along_a_way(kind: str) -> None:
     """A stroke of 5 s, measured as felt friction is, has them."""

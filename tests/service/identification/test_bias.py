@@ -91,10 +91,12 @@ def condition_of(plan: TrialPlan) -> Condition:
     return plan.info.participant, plan.info.speed_mm_s, plan.info.force_n
 
 
+@pytest.mark.long
 def test_cutoff_is_within_two_percent(rng: np.random.Generator) -> None:
     assert is_unbiased(errors_of(FEW, 2, rng))
 
 
+@pytest.mark.long
 def test_sizes_do_not_lead_where_phases_know_better() -> None:
     """With weights that had not settled these cutoffs came out 4 to 15 % high, said ±1 %."""
     errors = errors_of(FEW, 1, np.random.default_rng(1404572848))

@@ -105,6 +105,7 @@ def test_steady_speeds_are_found(rng: np.random.Generator, speed: float) -> None
     assert_continuous(path.courses)
 
 
+@pytest.mark.long
 def test_free_strokes_are_followed_better_than_by_the_last_report(
     rng: np.random.Generator,
 ) -> None:

@@ -145,6 +145,7 @@ def test_pictures_that_are_too_large_or_too_small_are_refused(width: int, height
         decode(Map(image_png=header_of(width, height), white_n=1.0))
 
 
+@pytest.mark.long
 def test_fine_detail_vanishes_above_the_band_and_coarse_detail_stays() -> None:
     fine, coarse = 3.0, 0.25  # cycles/mm
     grey = np.rint(127.5 * (1.0 + 0.5 * grating(fine, 0.0) + 0.5 * grating(coarse, 0.0)))

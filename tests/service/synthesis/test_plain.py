@@ -124,6 +124,7 @@ def test_what_is_estimated(reports: list[tuple[float, float, float, bool]]) -> N
     assert "_predict" in called(watched)
 
 
+@pytest.mark.long
 @FEW
 @given(
     st.lists(

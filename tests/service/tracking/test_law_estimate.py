@@ -41,6 +41,7 @@ def test_without_noise_it_is_the_law(rng: np.random.Generator) -> None:
     assert abs(found.mean[3]) < 1e-6
 
 
+@pytest.mark.long
 def test_intervals_hold_where_the_cutoff_differs_from_stroke_to_stroke(
     rng: np.random.Generator,
 ) -> None:

@@ -117,6 +117,7 @@ def test_points_are_the_law_within_their_intervals(felt: Signals) -> None:
     assert np.mean(inside) > 0.8
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("effect", "parameters"),
     [
@@ -153,6 +154,7 @@ def test_another_finger_keeps_what_is_known_of_the_delay(felt: Signals) -> None:
     assert new.covariance[3, 0] == pytest.approx(0.0, abs=1e-20)
 
 
+@pytest.mark.long
 def test_who_moves_to_another_rig_brings_the_finger_and_not_the_delay(
     felt: Signals, seed: int
 ) -> None:

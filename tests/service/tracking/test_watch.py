@@ -150,6 +150,7 @@ def test_what_no_cause_makes_is_unknown_and_has_a_place(rng: np.random.Generator
     assert where.high_hz > 400.0
 
 
+@pytest.mark.long
 def test_errors_within_what_is_tolerated_raise_no_alarm(rng: np.random.Generator) -> None:
     gain, cutoff, _, delay = (size.tolerated for size in LAW_SIZES)
     for _ in range(3):
@@ -160,6 +161,7 @@ def test_errors_within_what_is_tolerated_raise_no_alarm(rng: np.random.Generator
         assert np.all(found.watch.log_evidence < ALARM)
 
 
+@pytest.mark.long
 def test_a_right_model_whose_gain_and_cutoff_wander_raises_none(
     rng: np.random.Generator,
 ) -> None:

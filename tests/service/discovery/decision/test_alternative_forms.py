@@ -28,6 +28,7 @@ PLACES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "tones_hz", [(31.0, 217.0, 907.0, 1888.0), (30.0, 160.0, 450.0, 1170.0, 1620.0, 2000.0)]
 )

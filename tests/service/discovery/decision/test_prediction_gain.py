@@ -40,6 +40,7 @@ def ground_of(
     return DiscoveryProblem(PAPER, MOUNT, "friction", subjects, CANDIDATES, ())
 
 
+@pytest.mark.long
 def test_nothing_gains_nothing(rng: np.random.Generator) -> None:
     """On average a size that others set costs half a nat among eight, and never gains."""
     gains = []

@@ -137,6 +137,7 @@ def test_a_whole_study_has_unit_variance(rng: np.random.Generator) -> None:
     assert 0.5 < spread < 1.1  # scatters include how accurate the measurement is
 
 
+@pytest.mark.long
 def test_what_measuring_does_not_resolve_is_not_named(rng: np.random.Generator) -> None:
     """However quiet the study: 0.4 % of the size, 0.03 % of a harmonic."""
     quiet = Scatter(0.2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-9, 1e-3)

@@ -22,6 +22,7 @@ def people(
     return UnitCoefficients(value, np.broadcast_to(NOISE**2 * np.eye(k), (n, k, k)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("mean", "k"), [(1.0, 1), (10.0, 1), (100.0, 1), (5.0, 3)])
 def test_gains_of_other_people_lie_where_they_are_predicted(
     mean: float, k: int, rng: np.random.Generator

@@ -33,6 +33,7 @@ def late(tmp_path_factory: pytest.TempPathFactory, module_seed: int) -> Path:
     return path
 
 
+@pytest.mark.long
 def test_a_swipe_says_that_its_channels_are_apart(late: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     asked = ["discover", str(late), "--response", "mobility", "--workers", "0"]
@@ -65,6 +66,7 @@ def test_where_nothing_is_driven_the_other_response_is_pointed_at(late: Path) ->
     assert "--response mobility" in notes[-1]
 
 
+@pytest.mark.long
 def test_copies_and_overlaps_add_nothing(late: Path, tmp_path: Path) -> None:
     with open_study(late) as study:
         trial, info = study.read(study.trials[0].id), study.info
@@ -117,6 +119,7 @@ def test_a_recording_too_short_for_folds_says_what_it_needs(tmp_path: Path, seed
     assert "accepted: 3 at least, which needs 0.9 s of steady sliding" in notes[-1]
 
 
+@pytest.mark.long
 def test_twice_the_delay_is_twice_as_long(tmp_path: Path, rng: np.random.Generator) -> None:
     seed, delays = int(rng.integers(2**31)), []
     for times in (1.0, 2.0):
@@ -132,6 +135,7 @@ def test_twice_the_delay_is_twice_as_long(tmp_path: Path, rng: np.random.Generat
     assert delays[1] == pytest.approx(2.0 * delays[0], rel=0.03)
 
 
+@pytest.mark.long
 def test_a_mode_is_found_at_its_frequency_and_quality(
     tmp_path: Path, rng: np.random.Generator
 ) -> None:

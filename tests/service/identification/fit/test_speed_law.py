@@ -39,6 +39,7 @@ def misses(found: list[SpeedLaw | None], truth: FloatArray) -> FloatArray:
     return np.array(out)
 
 
+@pytest.mark.long
 def test_intervals_hold_the_truth(rng: np.random.Generator) -> None:
     finger = Finger(delay_s=100e-6)
     seen = observations([finger] * 100, SMALL, rng)
@@ -48,6 +49,7 @@ def test_intervals_hold_the_truth(rng: np.random.Generator) -> None:
     assert np.all(missed < 0.15), missed
 
 
+@pytest.mark.long
 def test_conditions_that_differ_are_in_the_interval(rng: np.random.Generator) -> None:
     """What makes a condition differ is shared by its trials: they alone would be too sure."""
     seen: list[TrialObservations] = []
@@ -66,6 +68,7 @@ def test_conditions_that_differ_are_in_the_interval(rng: np.random.Generator) ->
     assert np.median(excess) == pytest.approx(0.1 * 1200.0, rel=0.6)
 
 
+@pytest.mark.long
 def test_a_gain_that_leans_with_speed_is_known_as_well_as_its_trials_say(
     rng: np.random.Generator,
 ) -> None:

@@ -176,6 +176,7 @@ def test_mixed_model_is_not_trusted_without_variance(rng: np.random.Generator) -
     assert some["speed"].value == pytest.approx(0.0, abs=0.03)
 
 
+@pytest.mark.long
 def test_mixed_model_of_too_little_is_not_trusted_and_not_nan(rng: np.random.Generator) -> None:
     for _ in range(20):
         cells = Cells(

@@ -193,6 +193,7 @@ def stroked(seed: int, finger: HumanStrokes | SteadyStrokes, late_s: float) -> S
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("person", range(4))
 @pytest.mark.parametrize("finger", [HumanStrokes(), SteadyStrokes(speed_mm_s=80.0)])
 def test_intervals_hold_for_people(

@@ -8,6 +8,7 @@ from io import BytesIO
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 from tests.service.identification.observed import Bench, Finger, observations
 
@@ -49,6 +50,7 @@ def made(
     return identify(seen, path="a & b.h5", settings=Settings(mixed_models=False)), seen
 
 
+@pytest.mark.long
 def test_everything_is_in_one_file(rng: np.random.Generator) -> None:
     found, seen = made(rng)
     text = render(found, seen)
@@ -82,6 +84,7 @@ def test_without_law_population_or_skin_it_still_stands(rng: np.random.Generator
     assert "No friction response" in render(found, seen)
 
 
+@pytest.mark.long
 def test_files_are_written_over_and_stale_models_go(
     rng: np.random.Generator, tmp_path: Path
 ) -> None:
