@@ -26,7 +26,7 @@ from tests.dashboard.participants import asked, participant
 import frictus
 from frictus.experiment import SimulatedObserver
 from frictus_hardware import SimulatedConfig
-from frictus_hardware.simulated.config import Participant
+from frictus_hardware.simulated.config import SimulatedParticipant
 from frictus_hardware.simulated.guided import GuidedStrokes
 from frictus_service.config import (
     ApiConfig,
@@ -41,9 +41,9 @@ from frictus_service.processes import free_endpoint, free_port
 DOCS: Final = Path(__file__).parents[1] / "docs"
 STROKED: Final = "rig1"
 GUIDED: Final = "rig2"
-FEELER: Final = Participant(cutoff_0_hz=800.0, slope_hz_per_mm_s=11.0)
+FEELER: Final = SimulatedParticipant(cutoff_0_hz=800.0, slope_hz_per_mm_s=11.0)
 """Whom the model in force does not fit."""
-PERSON: Final = Participant(cutoff_0_hz=460.0, slope_hz_per_mm_s=11.0)
+PERSON: Final = SimulatedParticipant(cutoff_0_hz=460.0, slope_hz_per_mm_s=11.0)
 LINES: Final = (0.4, 0.5, 0.63, 0.8, 1.0, 1.25, 1.6, 2.0, 2.5, 3.15, 4.0, 5.0, 6.3, 8.0)
 BRIEF: Final = {
     "Speeds, mm/s": "30, 60, 90",

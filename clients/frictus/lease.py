@@ -264,7 +264,7 @@ def _taken_back(declared: object) -> None:
         declared.undeclare()  # type: ignore[attr-defined]
 
 
-class Follower(Protocol):
+class LeaseDependent(Protocol):
     """A feed or a stream that ends with a lease."""
 
     @property
@@ -283,7 +283,7 @@ class Follower(Protocol):
         ...
 
 
-F = TypeVar("F", bound=Follower)
+F = TypeVar("F", bound=LeaseDependent)
 
 
 class Leases:
@@ -291,7 +291,7 @@ class Leases:
 
     def __init__(self) -> None:
         self._leases: list[Lease] = []
-        self._followers: list[Follower] = []
+        self._followers: list[LeaseDependent] = []
 
     def hold(self, lease: Lease) -> Lease:
         """Keep a new lease until it is finished, and return it.
@@ -309,7 +309,7 @@ class Leases:
 
         Parameters
         ----------
-        follower : Follower
+        follower : LeaseDependent
             Let go of once it is closed.
         """
         self._followers = [other for other in self._followers if not other.closed] + [follower]

@@ -25,9 +25,9 @@ from frictus.experiment import (
     Protocol,
     QuestPlusPlan,
     SameDifferent,
+    ScheduledTrial,
     SimulatedObserver,
     StaircasePlan,
-    Trial,
     TwoAlternatives,
     YesNo,
     load_protocol,
@@ -63,7 +63,7 @@ PLANS: Final = {
 }
 PLANS["same-different"] = PLANS["yes-no"]
 CATCH: Final = {"2afc": 20, "yes-no": 4, "same-different": 2}
-Answer = Callable[[Trial], str]
+Answer = Callable[[ScheduledTrial], str]
 
 
 def answered(protocol: Protocol, answer: Answer, seed: int) -> list[dict[str, Any]]:
@@ -100,7 +100,7 @@ def weibull(kind: str, rng: np.random.Generator) -> tuple[float, Answer]:
     lapse = float(rng.uniform(0.0, 0.05))
     threshold = float(threshold_of(half, slope))
 
-    def answer(trial: Trial) -> str:
+    def answer(trial: ScheduledTrial) -> str:
         level = trial.level if "test" in trial.order else 0.0
         positive = rng.random() < probability(level, threshold, slope, guess, lapse)
         if kind == "2afc":
@@ -179,7 +179,7 @@ def literature(observers: int, seed: int) -> tuple[Coverage, float]:
     for number in range(observers):
         rng = np.random.default_rng([seed, number])
 
-        def answer(trial: Trial, rng: np.random.Generator = rng) -> str:
+        def answer(trial: ScheduledTrial, rng: np.random.Generator = rng) -> str:
             raised_n = reference_n * 10.0 ** (trial.level / 20.0)
             felt_n = [raised_n if each == "test" else reference_n for each in trial.order]
             return observer.answer(protocol.task, felt_n, rng)

@@ -17,7 +17,7 @@ from tests.dashboard.conftest import OpenPage
 from tests.dashboard.lab import Lab, enter, expect_no_violations, read_only, running
 
 from frictus_hardware import SimulatedConfig
-from frictus_hardware.simulated.config import Participant
+from frictus_hardware.simulated.config import SimulatedParticipant
 from frictus_hardware.simulated.guided import GuidedStrokes
 from frictus_service.calibration.job import FOR_DISCOVERY, PaperProtocol, QuickProtocol
 from frictus_service.config import (
@@ -27,7 +27,7 @@ from frictus_service.config import (
 pytestmark = pytest.mark.browser
 
 FASTER = 4.0
-STRANGER = Participant(cutoff_0_hz=0.6 * 385.68, slope_hz_per_mm_s=0.6 * 13.811)
+STRANGER = SimulatedParticipant(cutoff_0_hz=0.6 * 385.68, slope_hz_per_mm_s=0.6 * 13.811)
 """40 % off the population."""
 BRIEF = {
     "Speeds, mm/s": "30, 90",

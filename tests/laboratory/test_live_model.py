@@ -8,7 +8,7 @@ import pytest
 from frictus.aligned import AlignedSamples
 from frictus.block import Flag
 from frictus.recordings import texture_of
-from frictus_hardware.simulated.config import Participant
+from frictus_hardware.simulated.config import SimulatedParticipant
 from frictus_laboratory.live_model.closed_loop import (
     ClosedLoop,
     SessionPlan,
@@ -21,7 +21,7 @@ from frictus_laboratory.live_model.disturbances import (
     Faulty,
     Later,
     NewFinger,
-    Slide,
+    SessionSpan,
     WithEffect,
     WithinPerson,
     drift,
@@ -34,9 +34,9 @@ from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensability import placeholder_model
 
 FLAT = texture_of((SHIPPED / "flat.json").read_text(encoding="utf-8"))
-PERSON = scaled(Participant(), 1.4, 1.5)
+PERSON = scaled(SimulatedParticipant(), 1.4, 1.5)
 PLAN = SessionPlan(PERSON, FLAT, 12.0, 5, placeholder_model(), "adapt", known_motion=True)
-SLIDE = Slide(10.0, 1, 1, 60.0, 0.4)
+SPAN = SessionSpan(10.0, 1, 1, 60.0, 0.4)
 
 
 @pytest.mark.compiled
@@ -94,24 +94,24 @@ def test_the_right_law_has_no_error() -> None:
 
 
 def test_gain_and_cutoff_change_as_asked() -> None:
-    later = SLIDE._replace(at_s=60.0)
+    later = SPAN._replace(at_s=60.0)
     person = drift(0.02).person(PERSON, later)
     assert person.gain_n / PERSON.gain_n == pytest.approx(np.exp(0.02))
-    halfway = gain_step(0.8, 9.5, 1.0).person(PERSON, SLIDE)
+    halfway = gain_step(0.8, 9.5, 1.0).person(PERSON, SPAN)
     assert halfway.gain_n / PERSON.gain_n == pytest.approx(np.sqrt(0.8))
     scatter = WithinPerson(3)
-    assert scatter.person(PERSON, SLIDE) == scatter.person(PERSON, later)
-    touched = scatter.person(PERSON, SLIDE._replace(contact=2))
-    assert touched.gain_n != scatter.person(PERSON, SLIDE).gain_n
-    assert touched.cutoff_0_hz == scatter.person(PERSON, SLIDE).cutoff_0_hz
-    assert Disturbance().person(PERSON, SLIDE) == PERSON
+    assert scatter.person(PERSON, SPAN) == scatter.person(PERSON, later)
+    touched = scatter.person(PERSON, SPAN._replace(contact=2))
+    assert touched.gain_n != scatter.person(PERSON, SPAN).gain_n
+    assert touched.cutoff_0_hz == scatter.person(PERSON, SPAN).cutoff_0_hz
+    assert Disturbance().person(PERSON, SPAN) == PERSON
 
 
 def test_a_rig_becomes_wrong_later() -> None:
     wrong = WithEffect("channel_delay", {"delay_s": 1e-4})
     later = Later(wrong, 12.0)
-    assert later.simulator(PERSON, SLIDE) == Disturbance().simulator(PERSON, SLIDE)
-    after = SLIDE._replace(at_s=12.0)
+    assert later.simulator(PERSON, SPAN) == Disturbance().simulator(PERSON, SPAN)
+    after = SPAN._replace(at_s=12.0)
     assert later.simulator(PERSON, after) == wrong.simulator(PERSON, after)
 
 
@@ -129,6 +129,6 @@ def test_a_moment_of_sliding_is_too_little_for_discover() -> None:
 def test_a_fault_begins_when_it_is_asked_for(fault: str, largest_n: float) -> None:
     force = np.tile(np.float32(0.5), (3, 2_000))
     part = AlignedSamples(1, 0, 0, 20_000.0, 0, Flag(0), {"force": force})
-    assert Faulty(fault, 20.0).sensed(part, SLIDE) is part
-    faulty = Faulty(fault, 5.0).sensed(part, SLIDE)
+    assert Faulty(fault, 20.0).sensed(part, SPAN) is part
+    faulty = Faulty(fault, 5.0).sensed(part, SPAN)
     assert np.abs(faulty.data["force"][:2]).max() == pytest.approx(largest_n)

@@ -17,7 +17,7 @@ from frictus.experiment.participant import Participant, VirtualParticipant
 from frictus.experiment.presentation import PresentedInterval, ScaledError
 from frictus.experiment.procedures.orders import latin_square
 from frictus.experiment.procedures.quest_plus import QuestPlus
-from frictus.experiment.procedures.schedule import Trial
+from frictus.experiment.procedures.schedule import ScheduledTrial
 from frictus.experiment.procedures.staircase import Staircase
 from frictus.experiment.protocol import (
     ConstantPlan,
@@ -68,10 +68,10 @@ __all__ = [
     "QuestPlusPlan",
     "SameDifferent",
     "ScaledError",
+    "ScheduledTrial",
     "SimulatedObserver",
     "Staircase",
     "StaircasePlan",
-    "Trial",
     "TwoAlternatives",
     "VirtualParticipant",
     "YesNo",

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from frictus.errors import ArgumentError, explain
 from frictus.experiment.participant import Participant
 from frictus.experiment.presentation import PresentedInterval, Presenter, ScaledError
-from frictus.experiment.procedures.schedule import Schedule, Trial, resumed
+from frictus.experiment.procedures.schedule import Schedule, ScheduledTrial, resumed
 from frictus.experiment.protocol import Design, Plan, Presentation, Protocol
 from frictus.experiment.stimuli import Stimulus
 from frictus.experiment.tasks import Adjustment, Task, checked, is_positive
@@ -201,18 +201,18 @@ class Experiment:
         """Raise `LeaseLostError` if the rig no longer obeys, also between trials."""
         self._opened()[0].require_lease()
 
-    def next(self) -> Trial | None:
+    def next(self) -> ScheduledTrial | None:
         """Return the next trial, the same until it is answered; None after the last."""
         return self.schedule.next()
 
     def present(
-        self, trial: Trial, *, participant: Participant | None = None
+        self, trial: ScheduledTrial, *, participant: Participant | None = None
     ) -> list[PresentedInterval] | None:
         """Present the intervals of a trial.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ScheduledTrial
             What `next` returned.
         participant : Participant or None
             Who learns when an interval begins.
@@ -240,13 +240,13 @@ class Experiment:
             return None
 
     def present_at(
-        self, trial: Trial, level: float, *, participant: Participant | None = None
+        self, trial: ScheduledTrial, level: float, *, participant: Participant | None = None
     ) -> list[PresentedInterval]:
         """Present the intervals of a trial at a level that the participant sets.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ScheduledTrial
             What `next` returned.
         level : float
             In the unit of the stimulus, above 0.
@@ -276,7 +276,7 @@ class Experiment:
 
     def answer(
         self,
-        trial: Trial,
+        trial: ScheduledTrial,
         intervals: list[PresentedInterval],
         response: str,
         response_s: float,
@@ -287,7 +287,7 @@ class Experiment:
 
         Parameters
         ----------
-        trial : Trial
+        trial : ScheduledTrial
             What `next` returned.
         intervals : list of PresentedInterval
             What `present` returned last.
@@ -342,12 +342,12 @@ class Experiment:
         while (trial := self.next()) is not None:
             self.run_trial(trial, participant)
 
-    def run_trial(self, trial: Trial, participant: Participant) -> None:
+    def run_trial(self, trial: ScheduledTrial, participant: Participant) -> None:
         """Present a trial and ask, the break before it included.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ScheduledTrial
             What `next` returned.
         participant : Participant
             Whoever answers.
@@ -375,7 +375,7 @@ class Experiment:
             participant.learn(trial, row["correct"])
 
     def _ask(
-        self, participant: Participant, trial: Trial, shown: list[PresentedInterval]
+        self, participant: Participant, trial: ScheduledTrial, shown: list[PresentedInterval]
     ) -> tuple[str, float]:
         ended_s = time.monotonic()
         while True:
@@ -389,7 +389,7 @@ class Experiment:
         return self._presenter, self._log
 
     def _row(
-        self, trial: Trial, level: float, intervals: list[PresentedInterval]
+        self, trial: ScheduledTrial, level: float, intervals: list[PresentedInterval]
     ) -> dict[str, Any]:
         stimulus = self.protocol.conditions[trial.condition]
         return trial_row(trial, level, stimulus, intervals, time.time_ns(), self._recording)

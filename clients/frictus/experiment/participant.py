@@ -9,7 +9,7 @@ from frictus.block import Block
 from frictus.errors import ArgumentError
 from frictus.experiment.presentation import PresentedInterval
 from frictus.experiment.procedures.orders import generator
-from frictus.experiment.procedures.schedule import Trial
+from frictus.experiment.procedures.schedule import ScheduledTrial
 from frictus.experiment.psychometrics.observers import SimulatedObserver
 from frictus.experiment.tasks import Task
 from frictus.rig import Rig
@@ -25,46 +25,46 @@ LEAST_S: Final = 0.04
 class Participant(Protocol):
     """Whoever answers: at a terminal, in PsychoPy, or simulated."""
 
-    def rest(self, trial: Trial) -> None:
+    def rest(self, trial: ScheduledTrial) -> None:
         """Return once the participant wants to go on after a break.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ScheduledTrial
             What comes next.
         """
         ...
 
-    def begin(self, trial: Trial, interval: int) -> None:
+    def begin(self, trial: ScheduledTrial, interval: int) -> None:
         """Learn that an interval begins.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ScheduledTrial
             Under way.
         interval : int
             From 1.
         """
         ...
 
-    def ask(self, trial: Trial, intervals: list[PresentedInterval]) -> str:
+    def ask(self, trial: ScheduledTrial, intervals: list[PresentedInterval]) -> str:
         """Return the answer.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ScheduledTrial
             Under way.
         intervals : list of PresentedInterval
             What was presented.
         """
         ...
 
-    def learn(self, trial: Trial, right: bool) -> None:
+    def learn(self, trial: ScheduledTrial, right: bool) -> None:
         """Learn whether the answer was right, where the trial gives feedback.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ScheduledTrial
             Answered.
         right : bool
             Whether it was.
@@ -121,21 +121,21 @@ class VirtualParticipant:
         self._blocks = rig.blocks("truth", capacity=CAPACITY)
         self.felt_n: list[float] = []
 
-    def rest(self, trial: Trial) -> None:
+    def rest(self, trial: ScheduledTrial) -> None:
         """Need no break.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ScheduledTrial
             What comes next.
         """
 
-    def begin(self, trial: Trial, interval: int) -> None:
+    def begin(self, trial: ScheduledTrial, interval: int) -> None:
         """Forget what was felt before the first interval.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ScheduledTrial
             Under way.
         interval : int
             From 1.
@@ -143,12 +143,12 @@ class VirtualParticipant:
         if interval == 1:
             self._blocks.drain()
 
-    def ask(self, trial: Trial, intervals: list[PresentedInterval]) -> str:
+    def ask(self, trial: ScheduledTrial, intervals: list[PresentedInterval]) -> str:
         """Answer by the friction of each interval.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ScheduledTrial
             Under way.
         intervals : list of PresentedInterval
             What was presented.
@@ -159,12 +159,12 @@ class VirtualParticipant:
         rng = generator(self._seed, "observer", trial.number, self._asked)
         return self._observer.answer(self._task, self.felt_n, rng)
 
-    def learn(self, trial: Trial, right: bool) -> None:
+    def learn(self, trial: ScheduledTrial, right: bool) -> None:
         """Learn nothing.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ScheduledTrial
             Answered.
         right : bool
             Whether the answer was right.

@@ -3,7 +3,7 @@
 from typing import Any, Final
 
 from frictus.experiment.presentation import WHOLE, PresentedInterval
-from frictus.experiment.procedures.schedule import Trial
+from frictus.experiment.procedures.schedule import ScheduledTrial
 from frictus.experiment.stimuli import Stimulus
 from frictus.rig import Rig
 
@@ -41,7 +41,7 @@ def start_row(rig: Rig, trials_before: int, utc_ns: int) -> dict[str, Any]:
 
 
 def trial_row(
-    trial: Trial,
+    trial: ScheduledTrial,
     level: float,
     stimulus: Stimulus,
     intervals: list[PresentedInterval],
@@ -52,7 +52,7 @@ def trial_row(
 
     Parameters
     ----------
-    trial : Trial
+    trial : ScheduledTrial
         The trial.
     level : float
         Asked for last.
@@ -86,13 +86,13 @@ def trial_row(
 
 
 def flags_of(
-    trial: Trial, intervals: list[PresentedInterval], level_rendered: float
+    trial: ScheduledTrial, intervals: list[PresentedInterval], level_rendered: float
 ) -> list[str]:
     """Return what an analysis must know of a trial.
 
     Parameters
     ----------
-    trial : Trial
+    trial : ScheduledTrial
         The trial.
     intervals : list of PresentedInterval
         What was presented.

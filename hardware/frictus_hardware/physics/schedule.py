@@ -163,7 +163,7 @@ class Coupling:
 
 
 @dataclass(frozen=True, slots=True)
-class Schedule:
+class LawSchedule:
     """What gain and cutoff of a law are multiplied with, and what is added to the cutoff.
 
     Attributes

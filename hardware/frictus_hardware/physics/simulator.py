@@ -13,7 +13,7 @@ from frictus_hardware.physics.disturbances import AddHum, AddStickSlip, Hum, Sti
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import Mobility, Mount, TransferFunction
 from frictus_hardware.physics.paths import FollowPath, ParallelPath, factor_of
-from frictus_hardware.physics.schedule import Schedule, SlidingConditions
+from frictus_hardware.physics.schedule import LawSchedule, SlidingConditions
 from frictus_hardware.physics.screen import DriveMap, FilterDrive, MapDrive, Screen
 from frictus_hardware.physics.skin import DelayedSkin, NonlinearSkin, SkinLaw
 from frictus_hardware.physics.stages import (
@@ -44,7 +44,7 @@ class Simulator:
         Which response the model describes: its channel is the one that a delay makes late.
     hold_s : float
         How long the converter holds a sample.
-    schedule : Schedule
+    schedule : LawSchedule
         What gain and cutoff depend on besides.
     excess_order : float
         By which the friction response falls faster than with first order.
@@ -70,7 +70,7 @@ class Simulator:
     normal_mount: TransferFunction | None = Mount().normal
     response: Literal["friction", "mobility"] = "friction"
     hold_s: float = 5e-5
-    schedule: Schedule = field(default_factory=Schedule)
+    schedule: LawSchedule = field(default_factory=LawSchedule)
     excess_order: float = 0.0
     drive_map: DriveMap = field(default_factory=DriveMap)
     drive_filter: TransferFunction | None = None

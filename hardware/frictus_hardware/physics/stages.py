@@ -9,7 +9,7 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics import friction, linear
 from frictus_hardware.physics.friction import modes
 from frictus_hardware.physics.linear import Mobility, Mount
-from frictus_hardware.physics.schedule import Schedule, SlidingConditions
+from frictus_hardware.physics.schedule import LawSchedule, SlidingConditions
 from frictus_hardware.physics.screen import Screen, drive_fraction_of
 from frictus_hardware.physics.twin import Signals, Stage, Twin
 
@@ -90,7 +90,7 @@ class FrictionResponse:
     ----------
     law : FrictionLaw
         Gain, cutoff and its slope with speed.
-    schedule : Schedule
+    schedule : LawSchedule
         What gain and cutoff depend on besides.
     excess_order : float
         By which the response falls faster than with first order.
@@ -101,7 +101,7 @@ class FrictionResponse:
     """
 
     law: friction.FrictionLaw
-    schedule: Schedule = field(default_factory=Schedule)
+    schedule: LawSchedule = field(default_factory=LawSchedule)
     excess_order: float = 0.0
     delay_s: float = 0.0
     minutes: float = 0.0

@@ -42,7 +42,7 @@ class ParticipantEffect(StrictModel):
     parameters: dict[str, float] = Field(default_factory=dict)
 
 
-class Participant(StrictModel):
+class SimulatedParticipant(StrictModel):
     """One person's finger on the screen. The defaults are the paper's values.
 
     Attributes
@@ -110,7 +110,7 @@ SPREAD = {
 these are assumed, of the size of its boxes."""
 
 
-def draw_participant(rng: np.random.Generator) -> Participant:
+def draw_participant(rng: np.random.Generator) -> SimulatedParticipant:
     """Return a random participant; each parameter is lognormal around the paper's value.
 
     Parameters
@@ -118,8 +118,8 @@ def draw_participant(rng: np.random.Generator) -> Participant:
     rng : Generator
         Source of everything random.
     """
-    middle = Participant().model_dump()
-    return Participant(
+    middle = SimulatedParticipant().model_dump()
+    return SimulatedParticipant(
         **{
             name: middle[name] * float(np.exp(spread * rng.standard_normal()))
             for name, spread in SPREAD.items()
@@ -182,7 +182,7 @@ class SimulatedConfig(StrictModel):
         Limit of the output.
     finger : FingerConfig
         How it moves.
-    participant : Participant
+    participant : SimulatedParticipant
         Whose finger it is.
     touch : TouchConfig
         Rate, latency and resolution of the touch sensor.
@@ -207,7 +207,7 @@ class SimulatedConfig(StrictModel):
     screen_mm: Annotated[tuple[Positive, Positive], Field(strict=False)] = (70.0, 35.0)
     screen_peak_v: float = Field(default=75.0, gt=0.0, le=75.0)
     finger: FingerConfig = HumanStrokes()
-    participant: Participant = Participant()
+    participant: SimulatedParticipant = SimulatedParticipant()
     touch: TouchConfig = TouchConfig()
     nail: NailConfig = NailConfig()
     force_noise_n: NonNegative = 0.002

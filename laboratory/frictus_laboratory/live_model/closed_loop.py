@@ -26,9 +26,9 @@ from frictus_hardware.physics.screen import Screen
 from frictus_hardware.physics.simulator import Simulator
 from frictus_hardware.physics.stages import Quantisation, SensorNoise
 from frictus_hardware.physics.twin import Signals, States, Twin
-from frictus_hardware.simulated.config import Participant, SimulatedConfig
+from frictus_hardware.simulated.config import SimulatedConfig, SimulatedParticipant
 from frictus_hardware.simulated.human import HumanStrokes
-from frictus_laboratory.live_model.disturbances import Disturbance, Slide
+from frictus_laboratory.live_model.disturbances import Disturbance, SessionSpan
 from frictus_laboratory.live_model.laws import error_db, law_of, values_of
 from frictus_laboratory.live_model.motion import (
     KnownMotion,
@@ -86,7 +86,7 @@ class SessionPlan:
 
     Attributes
     ----------
-    person : Participant
+    person : SimulatedParticipant
         Whose finger explores.
     texture : Texture
         Played as strongly as the drive allows.
@@ -106,7 +106,7 @@ class SessionPlan:
         How often the finger leaves the screen between two strokes.
     """
 
-    person: Participant
+    person: SimulatedParticipant
     texture: Texture
     seconds: float
     seed: int
@@ -195,7 +195,7 @@ class ClosedLoop:
         self._twin_key: tuple[Simulator, float] | None = None
         self._twin = Twin(())
         self._states: States = ()
-        self._slide = Slide(0.0, 0, 0, 60.0, 0.4)
+        self._span = SessionSpan(0.0, 0, 0, 60.0, 0.4)
         self._direction = self._touched = 0.0
         self.true = coordinates.from_law(*values_of(plan.person.law), 0.0)
         self.named: dict[str, float] = {}
@@ -216,9 +216,9 @@ class ClosedLoop:
         first = self.in_force
         for sample in range(0, round(plan.seconds * self._rate_hz), PIECE_SAMPLES):
             piece = self._motion.piece(sample, PIECE_SAMPLES)
-            self._note_slide(sample, piece)
+            self._note_span(sample, piece)
             courses = tuple(
-                None if each is None else plan.disturbance.predicted(each, self._slide)
+                None if each is None else plan.disturbance.predicted(each, self._span)
                 for each in piece.courses
             )
             voltage = self._play(sample, piece, courses)
@@ -237,7 +237,7 @@ class ClosedLoop:
                 },
             )
             end_s = (sample + PIECE_SAMPLES) / self._rate_hz
-            sensed = plan.disturbance.sensed(part, self._slide)
+            sensed = plan.disturbance.sensed(part, self._span)
             self._keep(sensed)
             updated, changed = self._learn(tuple(self._moved(sensed, piece)), end_s)
             yield Moment(
@@ -255,7 +255,7 @@ class ClosedLoop:
             yield part
             return
         for report in piece.touches:
-            seen = self._plan.disturbance.touched(report, self._slide)
+            seen = self._plan.disturbance.touched(report, self._span)
             self._afterwards.report(
                 TouchState(
                     run=part.run,
@@ -268,12 +268,12 @@ class ClosedLoop:
             )
         yield from self._afterwards.take(part)
 
-    def _note_slide(self, sample: int, piece: MotionPiece) -> None:
+    def _note_span(self, sample: int, piece: MotionPiece) -> None:
         """Count contacts and strokes, on which what varies within a person hangs."""
         touched = float(piece.in_contact[0])
         direction = float(np.sign(piece.velocity_mm_s[:, 0].mean()))
-        before = self._slide
-        self._slide = Slide(
+        before = self._span
+        self._span = SessionSpan(
             sample / self._rate_hz,
             before.contact + (touched > self._touched),
             before.stroke + (direction != self._direction),
@@ -298,11 +298,11 @@ class ClosedLoop:
         return voltage
 
     def _feel(self, piece: MotionPiece, voltage_v: FloatArray) -> Signals:
-        plan, slide = self._plan, self._slide
-        person = plan.disturbance.person(plan.person, slide)
-        simulator = plan.disturbance.simulator(person, slide)
+        plan, span = self._plan, self._span
+        person = plan.disturbance.person(plan.person, span)
+        simulator = plan.disturbance.simulator(person, span)
         # To a twin the session's time stands still; its states outlast it.
-        minutes = int(slide.at_s) / 60.0 if simulator.schedule != Simulator().schedule else 0.0
+        minutes = int(span.at_s) / 60.0 if simulator.schedule != Simulator().schedule else 0.0
         if self._twin_key != (simulator, minutes):
             self._twin_key = simulator, minutes
             noise = SensorNoise(
@@ -322,7 +322,7 @@ class ClosedLoop:
                 self._states = begun
         # What is to be undone at the speed that the rig takes for the finger's.
         gain, cutoff, slope = values_of(person.law)
-        slope /= plan.disturbance.speed_scale(slide)
+        slope /= plan.disturbance.speed_scale(span)
         self.true = coordinates.from_law(gain, cutoff, slope, simulator.delay_s)
         signals = Signals.driven(
             self._rate_hz,

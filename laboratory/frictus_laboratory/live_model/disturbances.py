@@ -19,13 +19,13 @@ from frictus_hardware.physics.schedule import (
     SlidingConditions,
 )
 from frictus_hardware.physics.simulator import Simulator
-from frictus_hardware.simulated.config import Participant, WithinPersonScatter
+from frictus_hardware.simulated.config import SimulatedParticipant, WithinPersonScatter
 from frictus_hardware.simulated.faults import RANGE
 from frictus_service.synthesis.estimator import PredictedMotion
 from frictus_service.synthesis.kernel import BlockMotion
 
 
-class Slide(NamedTuple):
+class SessionSpan(NamedTuple):
     """Where in its session a piece of a motion lies.
 
     Attributes
@@ -48,37 +48,37 @@ class Slide(NamedTuple):
 class Disturbance:
     """Nothing is disturbed; what is overrides a method."""
 
-    def person(self, person: Participant, slide: Slide) -> Participant:
+    def person(self, person: SimulatedParticipant, span: SessionSpan) -> SimulatedParticipant:
         """Return whose finger it is now."""
         return person
 
-    def simulator(self, person: Participant, slide: Slide) -> Simulator:
+    def simulator(self, person: SimulatedParticipant, span: SessionSpan) -> Simulator:
         """Return the finger and the rig under it."""
         return Simulator(law=person.law, mobility=person.mobility)
 
-    def predicted(self, course: PredictedMotion, slide: Slide) -> PredictedMotion:
+    def predicted(self, course: PredictedMotion, span: SessionSpan) -> PredictedMotion:
         """Return the motion that the rig takes for the finger's."""
         return course
 
-    def touched(self, report: TouchReport, slide: Slide) -> TouchReport:
+    def touched(self, report: TouchReport, span: SessionSpan) -> TouchReport:
         """Return what the touch sensor says."""
         return report
 
-    def sensed(self, part: AlignedSamples, slide: Slide) -> AlignedSamples:
+    def sensed(self, part: AlignedSamples, span: SessionSpan) -> AlignedSamples:
         """Return what the tracker is given."""
         return part
 
-    def speed_scale(self, slide: Slide) -> float:
+    def speed_scale(self, span: SessionSpan) -> float:
         """Return the speed that the rig takes for the finger's, over the true one."""
         return 1.0
 
 
-def scaled(person: Participant, gain: float, cutoff: float) -> Participant:
+def scaled(person: SimulatedParticipant, gain: float, cutoff: float) -> SimulatedParticipant:
     """Return a person with another gain and cutoff.
 
     Parameters
     ----------
-    person : Participant
+    person : SimulatedParticipant
         To begin with.
     gain, cutoff : float
         Factors.
@@ -104,12 +104,12 @@ class WithinPerson(Disturbance):
 
     seed: int
 
-    def person(self, person: Participant, slide: Slide) -> Participant:
+    def person(self, person: SimulatedParticipant, span: SessionSpan) -> SimulatedParticipant:
         """Return the person in this contact and stroke."""
         scatter = WithinPersonScatter()
         drawn = (
             np.random.default_rng((self.seed, which, number)).standard_normal()
-            for which, number in enumerate((slide.contact, slide.stroke))
+            for which, number in enumerate((span.contact, span.stroke))
         )
         gain, cutoff = next(drawn), next(drawn)
         return scaled(
@@ -120,7 +120,7 @@ class WithinPerson(Disturbance):
 
 
 @dataclass(frozen=True, slots=True)
-class Course(Disturbance):
+class DriftingLaw(Disturbance):
     """Gain and cutoff follow the time.
 
     Attributes
@@ -132,12 +132,12 @@ class Course(Disturbance):
     gain: Callable[[float], float]
     cutoff: Callable[[float], float]
 
-    def person(self, person: Participant, slide: Slide) -> Participant:
+    def person(self, person: SimulatedParticipant, span: SessionSpan) -> SimulatedParticipant:
         """Return the person at this time."""
-        return scaled(person, self.gain(slide.at_s), self.cutoff(slide.at_s))
+        return scaled(person, self.gain(span.at_s), self.cutoff(span.at_s))
 
 
-def drift(per_minute: float) -> Course:
+def drift(per_minute: float) -> DriftingLaw:
     """Return gain and cutoff that rise steadily, in steps of a second.
 
     Parameters
@@ -149,10 +149,10 @@ def drift(per_minute: float) -> Course:
     def factor(at_s: float) -> float:
         return math.exp(per_minute * math.floor(at_s) / 60.0)
 
-    return Course(factor, factor)
+    return DriftingLaw(factor, factor)
 
 
-def gain_step(factor: float, at_s: float, within_s: float) -> Course:
+def gain_step(factor: float, at_s: float, within_s: float) -> DriftingLaw:
     """Return a gain that becomes another within some time.
 
     Parameters
@@ -167,7 +167,7 @@ def gain_step(factor: float, at_s: float, within_s: float) -> Course:
         share = min(max((now_s - at_s) / max(within_s, 1e-9), 0.0), 1.0)
         return float(factor**share)
 
-    return Course(gain, lambda now_s: 1.0)
+    return DriftingLaw(gain, lambda now_s: 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,18 +176,18 @@ class NewFinger(Disturbance):
 
     Attributes
     ----------
-    other : Participant
+    other : SimulatedParticipant
         Whose.
     at_s : float
         From when on.
     """
 
-    other: Participant
+    other: SimulatedParticipant
     at_s: float
 
-    def person(self, person: Participant, slide: Slide) -> Participant:
+    def person(self, person: SimulatedParticipant, span: SessionSpan) -> SimulatedParticipant:
         """Return whose finger it is now."""
-        return person if slide.at_s < self.at_s else self.other
+        return person if span.at_s < self.at_s else self.other
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +205,7 @@ class WithEffect(Disturbance):
     id: str
     parameters: Mapping[str, float]
 
-    def simulator(self, person: Participant, slide: Slide) -> Simulator:
+    def simulator(self, person: SimulatedParticipant, span: SessionSpan) -> Simulator:
         """Return the simulator with the effect."""
         bare = Simulator(law=person.law, mobility=person.mobility)
         return extended(bare, [(self.id, self.parameters)])
@@ -226,10 +226,10 @@ class Later(Disturbance):
     what: Disturbance
     at_s: float
 
-    def simulator(self, person: Participant, slide: Slide) -> Simulator:
+    def simulator(self, person: SimulatedParticipant, span: SessionSpan) -> Simulator:
         """Return the simulator, later with the effect."""
-        now = self.what if slide.at_s >= self.at_s else Disturbance()
-        return now.simulator(person, slide)
+        now = self.what if span.at_s >= self.at_s else Disturbance()
+        return now.simulator(person, span)
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,7 +258,7 @@ class SpeedTimesForce(Disturbance):
 
     exponent: float
 
-    def simulator(self, person: Participant, slide: Slide) -> Simulator:
+    def simulator(self, person: SimulatedParticipant, span: SessionSpan) -> Simulator:
         """Return the simulator with it."""
         bare = Simulator(law=person.law, mobility=person.mobility)
         terms = (_SpeedTimesForce(self.exponent),)
@@ -284,11 +284,11 @@ class Section(Disturbance):
     quality: float
     fast_only: bool = False
 
-    def simulator(self, person: Participant, slide: Slide) -> Simulator:
+    def simulator(self, person: SimulatedParticipant, span: SessionSpan) -> Simulator:
         """Return the simulator with it."""
         depth = self.depth
         if self.fast_only:
-            depth /= 1.0 + math.exp((REFERENCE_SPEED_MM_S - slide.speed_mm_s) / 6.0)
+            depth /= 1.0 + math.exp((REFERENCE_SPEED_MM_S - span.speed_mm_s) / 6.0)
         centre = 2.0 * math.pi * self.frequency_hz
         width = centre / self.quality
         section = TransferFunction(
@@ -324,13 +324,13 @@ class Faulty(Disturbance):
     fault: str
     at_s: float
 
-    def speed_scale(self, slide: Slide) -> float:
+    def speed_scale(self, span: SessionSpan) -> float:
         """Return the speed that the rig takes for the finger's, over the true one."""
-        return SCALED if self.fault == "touch scaled" and slide.at_s >= self.at_s else 1.0
+        return SCALED if self.fault == "touch scaled" and span.at_s >= self.at_s else 1.0
 
-    def predicted(self, course: PredictedMotion, slide: Slide) -> PredictedMotion:
+    def predicted(self, course: PredictedMotion, span: SessionSpan) -> PredictedMotion:
         """Return the motion as a lying touch sensor has it."""
-        if slide.at_s < self.at_s:
+        if span.at_s < self.at_s:
             return course
         if self.fault == "touch scaled":
             motion = BlockMotion(*(SCALED * value for value in course.motion))
@@ -341,9 +341,9 @@ class Faulty(Disturbance):
             )
         return course
 
-    def touched(self, report: TouchReport, slide: Slide) -> TouchReport:
+    def touched(self, report: TouchReport, span: SessionSpan) -> TouchReport:
         """Return what a lying touch sensor says."""
-        if slide.at_s < self.at_s:
+        if span.at_s < self.at_s:
             return report
         if self.fault == "touch scaled":
             return replace(report, x_mm=SCALED * report.x_mm, y_mm=SCALED * report.y_mm)
@@ -351,9 +351,9 @@ class Faulty(Disturbance):
             return replace(report, x_mm=35.0, y_mm=17.0)
         return report
 
-    def sensed(self, part: AlignedSamples, slide: Slide) -> AlignedSamples:
+    def sensed(self, part: AlignedSamples, span: SessionSpan) -> AlignedSamples:
         """Return what the tracker is given of it."""
-        if slide.at_s < self.at_s:
+        if span.at_s < self.at_s:
             return part
         if self.fault == "gaps":
             return replace(part, missing_samples=100)

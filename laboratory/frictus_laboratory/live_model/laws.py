@@ -7,7 +7,7 @@ import numpy as np
 from frictus.model import FirstOrderSpeedLaw, Model
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw
-from frictus_hardware.simulated.config import Participant
+from frictus_hardware.simulated.config import SimulatedParticipant
 from frictus_service.calibration import coordinates
 from frictus_service.fidelity.preview import NOMINAL_HZ
 
@@ -36,12 +36,12 @@ def error_db(at: FloatArray, true: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.square(ratio))))
 
 
-def model_of(person: Participant) -> Model:
+def model_of(person: SimulatedParticipant) -> Model:
     """Return a person's true law as a model.
 
     Parameters
     ----------
-    person : Participant
+    person : SimulatedParticipant
         Of the simulated population.
     """
     gain, cutoff, slope = values_of(person.law)

@@ -14,7 +14,7 @@ from frictus_laboratory.reproduction.population import POPULATION, Person
 from frictus_service.identification.documents import (
     PARAMETERS,
     EffectTest,
-    Estimate,
+    EstimatedQuantity,
     Identification,
     Parameter,
 )
@@ -164,7 +164,7 @@ def _true_correlations(plans: Sequence[TrialPlan]) -> tuple[float, float]:
     return float(stats.spearmanr(list(truth.values())).statistic), within
 
 
-def _of(estimate: Estimate) -> tuple[float, tuple[float, float] | None]:
+def _of(estimate: EstimatedQuantity) -> tuple[float, tuple[float, float] | None]:
     return estimate.value, estimate.ci95
 
 

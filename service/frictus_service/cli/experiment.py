@@ -24,7 +24,7 @@ if TYPE_CHECKING:
         Participant,
         PresentedInterval,
         Protocol,
-        Trial,
+        ScheduledTrial,
     )
 
 
@@ -136,23 +136,23 @@ class Keyboard:
         self._protocol = protocol
         self._question = protocol.task.question
 
-    def rest(self, trial: "Trial") -> None:
+    def rest(self, trial: "ScheduledTrial") -> None:
         """Wait for Enter.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ScheduledTrial
             What comes next.
         """
         _say("A break. Press Enter to go on.")
         _read()
 
-    def begin(self, trial: "Trial", interval: int) -> None:
+    def begin(self, trial: "ScheduledTrial", interval: int) -> None:
         """Say which interval begins.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ScheduledTrial
             Under way.
         interval : int
             From 1.
@@ -162,12 +162,12 @@ class Keyboard:
             _say(f"\ntrial {trial.number}{practice}: move your finger")
         _say(f"  interval {interval} ...")
 
-    def ask(self, trial: "Trial", intervals: "list[PresentedInterval]") -> str:
+    def ask(self, trial: "ScheduledTrial", intervals: "list[PresentedInterval]") -> str:
         """Ask, and read a line.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ScheduledTrial
             Under way.
         intervals : list of PresentedInterval
             What was presented.
@@ -184,12 +184,12 @@ class Keyboard:
             except ValueError as error:
                 _say(f"  {error}")
 
-    def learn(self, trial: "Trial", right: bool) -> None:
+    def learn(self, trial: "ScheduledTrial", right: bool) -> None:
         """Say whether it was right.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ScheduledTrial
             Answered.
         right : bool
             Whether it was.

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from frictus_service.data_import.response_table import ResponseTable
     from frictus_service.discovery.ring_down import Resonance
-    from frictus_service.identification.documents import Estimate, Identification
+    from frictus_service.identification.documents import EstimatedQuantity, Identification
 
 
 MOST_SHOWN = 10
@@ -172,7 +172,7 @@ def show(found: "Identification", folder: Path, console: "Console") -> None:
     console.print(f"report: {folder / 'report.html'}", markup=False, soft_wrap=True)
 
 
-def _shown(estimate: "Estimate | None", factor: float = 1.0) -> str:
+def _shown(estimate: "EstimatedQuantity | None", factor: float = 1.0) -> str:
     if estimate is None:
         return "-"
     value = f"{factor * estimate.value:.4g}"

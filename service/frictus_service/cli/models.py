@@ -192,7 +192,7 @@ def compare(
     as_json: AsJson = False,
 ) -> None:
     """Set two models side by side: parameters, cutoff by speed, 95 % intervals."""
-    from frictus_service.registry.comparison import Difference
+    from frictus_service.registry.comparison import ComparedQuantity
     from frictus_service.registry.comparison import compare as set_side_by_side
 
     with registry_of(config) as registry:
@@ -204,7 +204,7 @@ def compare(
     from rich.table import Table
 
     table = Table("", found.a.reference, found.b.reference, "difference", "95 %", "z")
-    rows: dict[str, Difference] = dict(found.parameters)
+    rows: dict[str, ComparedQuantity] = dict(found.parameters)
     rows |= {f"cutoff at {c.speed_mm_s:g} mm/s, Hz": c for c in found.cutoff_hz}
     for quantity, one in rows.items():
         interval = f"{one.ci95[0]:.4g} … {one.ci95[1]:.4g}" if one.ci95 else "not known"

@@ -127,7 +127,7 @@ def _track(
     from frictus.keys import Topics
     from frictus.session import declare_latest_publisher
     from frictus_service.study.trial import read_mount
-    from frictus_service.tracking.audit import Audit
+    from frictus_service.tracking.audit import ModelChangeLog
     from frictus_service.tracking.live import LiveTracker
     from frictus_service.tracking.process import population_of
 
@@ -143,7 +143,7 @@ def _track(
         sys.stderr.write(f"{line}\n")
 
     population = population_of(config, say)
-    audit = Audit(config.tracker.audit)
+    audit = ModelChangeLog(config.tracker.audit)
     with LiveTracker(rig, read_mount(mount), population, publish, audit) as live:
         live.follow(over)
     publisher.undeclare()  # type: ignore[no-untyped-call]

@@ -17,7 +17,7 @@ from frictus_hardware import SimulatedConfig
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw, motion_fade
 from frictus_hardware.physics.stages import standard_twin
-from frictus_hardware.simulated.config import Participant
+from frictus_hardware.simulated.config import SimulatedParticipant
 from frictus_hardware.simulated.human import HumanStrokes
 from frictus_service.config import LOCAL, Config, TrackerConfig
 from frictus_service.daemon.supervisor import Supervisor
@@ -29,7 +29,9 @@ from frictus_service.fidelity.preview import band_power, windows
 from frictus_service.synthesis.components import components_of
 from frictus_service.synthesis.scene import compile_scene
 
-PERSON: Final = Participant(gain_n=0.30, cutoff_0_hz=2 * 385.68, slope_hz_per_mm_s=2 * 13.811)
+PERSON: Final = SimulatedParticipant(
+    gain_n=0.30, cutoff_0_hz=2 * 385.68, slope_hz_per_mm_s=2 * 13.811
+)
 """Feels less than the placeholder takes fingers to, and follows the drive twice as far up."""
 GAIN: Final = 0.5
 """Of the texture: the drive gives so much by either model, so that only the law differs."""

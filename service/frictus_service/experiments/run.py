@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import frictus
-from frictus.experiment import Experiment, PresentedInterval, Protocol, Trial
+from frictus.experiment import Experiment, PresentedInterval, Protocol, ScheduledTrial
 from frictus_service.errors import ExperimentCancelledError, UnattendedError
 from frictus_service.experiments.job import (
     LOG,
@@ -110,12 +110,12 @@ class PageParticipant:
         self._rested_before = 0
         self._pausing = False
 
-    def prepare(self, trial: Trial) -> None:
+    def prepare(self, trial: ScheduledTrial) -> None:
         """Wait until the participant is ready, before the first trial and after a pause.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ScheduledTrial
             What comes next.
         """
         self._step = 0
@@ -129,23 +129,23 @@ class PageParticipant:
                 self._take_pauses(LOOK_S)
             self._rested_before = trial.number
 
-    def rest(self, trial: Trial) -> None:
+    def rest(self, trial: ScheduledTrial) -> None:
         """Return once the participant wants to go on after a break.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ScheduledTrial
             What comes next.
         """
         if self._rested_before != trial.number:
             self._rest(trial, "break")
 
-    def begin(self, trial: Trial, interval: int) -> None:
+    def begin(self, trial: ScheduledTrial, interval: int) -> None:
         """Show which interval begins.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ScheduledTrial
             Under way.
         interval : int
             From 1.
@@ -153,12 +153,12 @@ class PageParticipant:
         self._look()
         self._show(trial, "interval", interval=interval)
 
-    def ask(self, trial: Trial, intervals: list[PresentedInterval]) -> str:
+    def ask(self, trial: ScheduledTrial, intervals: list[PresentedInterval]) -> str:
         """Show the question, and return the answer.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ScheduledTrial
             Under way.
         intervals : list of PresentedInterval
             What was presented.
@@ -168,12 +168,12 @@ class PageParticipant:
         self._show(trial, "question", touched=touched)
         return self._answer(trial)
 
-    def learn(self, trial: Trial, right: bool) -> None:
+    def learn(self, trial: ScheduledTrial, right: bool) -> None:
         """Show whether the answer was right, for a moment.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ScheduledTrial
             Answered.
         right : bool
             Whether it was.
@@ -184,12 +184,12 @@ class PageParticipant:
             self._look()
             time.sleep(LOOK_S)
 
-    def _rest(self, trial: Trial, phase: Phase) -> None:
+    def _rest(self, trial: ScheduledTrial, phase: Phase) -> None:
         self._rested_before = trial.number
         self._show(trial, phase)
         self._answer(trial)
 
-    def _show(self, trial: Trial, phase: Phase, **more: Any) -> None:
+    def _show(self, trial: ScheduledTrial, phase: Phase, **more: Any) -> None:
         stimulus = self._experiment.protocol.conditions[trial.condition]
         rows = self._experiment.rows
         self._active_s = self._now_s()
@@ -210,7 +210,7 @@ class PageParticipant:
             )
         )
 
-    def _answer(self, trial: Trial) -> str:
+    def _answer(self, trial: ScheduledTrial) -> str:
         """Return the answer to the question that is on the screen."""
         while True:
             self._look()

@@ -26,7 +26,7 @@ class _Document(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
 
 
-class Estimate(_Document):
+class EstimatedQuantity(_Document):
     """A value, its standard error and its 95 % interval."""
 
     value: FiniteFloat
@@ -94,19 +94,19 @@ class StudySummary(_Document):
 class Friction(_Document):
     """First-order response of one condition."""
 
-    gain_n: Estimate
-    cutoff_hz: Estimate
+    gain_n: EstimatedQuantity
+    cutoff_hz: EstimatedQuantity
 
 
 class MobilityEstimate(_Document):
     """Mass, spring and damper of one condition."""
 
-    mass_kg: Estimate
-    damping_n_s_m: Estimate
-    stiffness_n_m: Estimate
+    mass_kg: EstimatedQuantity
+    damping_n_s_m: EstimatedQuantity
+    stiffness_n_m: EstimatedQuantity
 
 
-class ConditionResult(_Document):
+class ConditionFit(_Document):
     """One participant at one speed and one force."""
 
     participant: str
@@ -133,8 +133,8 @@ class SweepResult(_Document):
     sweep: int
     direction: Literal[1, -1]
     tones: int
-    gain_n: Estimate
-    cutoff_hz: Estimate
+    gain_n: EstimatedQuantity
+    cutoff_hz: EstimatedQuantity
 
 
 class CovarianceResult(_Document):
@@ -147,19 +147,19 @@ class CovarianceResult(_Document):
 class LawResult(_Document):
     """A speed law: `cutoff = cutoff_0 + slope |v|`, with gain and delay."""
 
-    gain_n: Estimate
-    cutoff_0_hz: Estimate
-    slope_hz_per_mm_s: Estimate
-    delay_s: Estimate
+    gain_n: EstimatedQuantity
+    cutoff_0_hz: EstimatedQuantity
+    slope_hz_per_mm_s: EstimatedQuantity
+    delay_s: EstimatedQuantity
     covariance: CovarianceResult
 
 
 class FrictionResult(_Document):
     """What one participant's friction is, law or not."""
 
-    gain_n: Estimate
-    delay_s: Estimate
-    cutoff_at: tuple[tuple[FiniteFloat, Estimate], ...]
+    gain_n: EstimatedQuantity
+    delay_s: EstimatedQuantity
+    cutoff_at: tuple[tuple[FiniteFloat, EstimatedQuantity], ...]
     """Target speed in mm/s, and the mean cutoff there in Hz."""
     law: LawResult | None
     without_law: str | None = None
@@ -177,10 +177,10 @@ class FrictionResult(_Document):
 class MobilityResult(_Document):
     """One participant's skin: means over conditions."""
 
-    mass_kg: Estimate
-    damping_n_s_m: Estimate
-    stiffness_n_m: Estimate
-    delay_s: Estimate
+    mass_kg: EstimatedQuantity
+    damping_n_s_m: EstimatedQuantity
+    stiffness_n_m: EstimatedQuantity
+    delay_s: EstimatedQuantity
     """Of the skin's channel against that of the force."""
     covariance: CovarianceResult
 
@@ -203,10 +203,10 @@ class PopulationValue(_Document):
     name: str
     unit: str
     n: int
-    mean: Estimate
+    mean: EstimatedQuantity
     """Arithmetic mean; interval by t with n - 1 degrees of freedom, of the gain for lognormal
     values (Cox), as people differ in it by factors."""
-    geometric: Estimate | None
+    geometric: EstimatedQuantity | None
     """Geometric mean, interval on the logarithm; null where a value is not positive."""
     between_sd: FiniteFloat
     """Standard deviation of the participants' estimates, estimation error included."""
@@ -240,7 +240,7 @@ class EffectTest(_Document):
     effect: Effect
     unit: str
     n: int
-    value: Estimate
+    value: EstimatedQuantity
     t: FiniteFloat | None
     degrees_of_freedom: int
     p: FiniteFloat | None
@@ -297,7 +297,7 @@ class Correlation(_Document):
     second: Parameter
     pooled: OneCorrelation
     per_participant: dict[str, OneCorrelation]
-    within_mean: Estimate | None
+    within_mean: EstimatedQuantity | None
     """Mean over participants of their own correlation, by t on Fisher's z."""
     p_within: FiniteFloat | None
     at_equal_speed: OneCorrelation | None
@@ -312,7 +312,7 @@ class Identification(_Document):
     code_version: str
     settings: Settings
     study: StudySummary
-    conditions: tuple[ConditionResult, ...]
+    conditions: tuple[ConditionFit, ...]
     sweeps: tuple[SweepResult, ...]
     participants: tuple[ParticipantResult, ...]
     population: Population | None

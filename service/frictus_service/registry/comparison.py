@@ -18,7 +18,7 @@ class _Document(BaseModel):
     model_config = ConfigDict(frozen=True)
 
 
-class Difference(_Document):
+class ComparedQuantity(_Document):
     """A quantity in both models, and how far they are apart, `b` less `a`."""
 
     a: float
@@ -32,7 +32,7 @@ class Difference(_Document):
     z: Annotated[float | None, Field(description="Difference over its standard error")] = None
 
 
-class CutoffDifference(Difference):
+class CutoffDifference(ComparedQuantity):
     """The cutoff at one speed, Hz."""
 
     speed_mm_s: float
@@ -50,7 +50,7 @@ class Comparison(_Document):
     a: VersionSummary
     b: VersionSummary
     response: Literal["friction", "mobility"]
-    parameters: dict[str, Difference]
+    parameters: dict[str, ComparedQuantity]
     cutoff_hz: Annotated[list[CutoffDifference], Field(description="Friction models only")]
     validity: tuple[Validity, Validity]
     effects: Annotated[
@@ -127,15 +127,17 @@ def _variance(model: Model, weights: dict[str, float]) -> float | None:
     return float(weight @ np.asarray(model.covariance.matrix) @ weight)
 
 
-def _difference(a: float, b: float, var_a: float | None, var_b: float | None) -> Difference:
+def _difference(
+    a: float, b: float, var_a: float | None, var_b: float | None
+) -> ComparedQuantity:
     difference = b - a
     relative = difference / a if a != 0.0 else None
     if var_a is None or var_b is None or not var_a + var_b > 0.0:
-        return Difference(
+        return ComparedQuantity(
             a=a, b=b, difference=difference, relative=relative, standard_error=None
         )
     error = math.sqrt(var_a + var_b)
-    return Difference(
+    return ComparedQuantity(
         a=a,
         b=b,
         difference=difference,

@@ -10,7 +10,7 @@ from frictus.model import Compensation
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import FrictionLaw, cutoff_hz, pole_zero_pairs
 from frictus_hardware.physics.paths import MEASURED, ParallelPath
-from frictus_hardware.physics.schedule import Schedule, SlidingConditions
+from frictus_hardware.physics.schedule import LawSchedule, SlidingConditions
 from frictus_service.synthesis.path_compensation import demand_of
 from frictus_service.synthesis.tables import TOP_HZ
 
@@ -97,7 +97,7 @@ class Inverse:
     ----------
     law : FrictionLaw
         Without effects.
-    schedule : Schedule
+    schedule : LawSchedule
         How gain and cutoff vary besides.
     excess_order : float
         Of the roll-off, beyond the first.
@@ -120,7 +120,7 @@ class Inverse:
     """
 
     law: FrictionLaw
-    schedule: Schedule = Schedule()  # noqa: RUF009 - frozen
+    schedule: LawSchedule = LawSchedule()  # noqa: RUF009 - frozen
     excess_order: float = 0.0
     leak_hz: float = 0.0
     drive_table: FloatArray = field(default_factory=lambda: np.zeros(0))
@@ -158,7 +158,7 @@ class Inverse:
     def plain(self) -> bool:
         """Whether there is nothing but the law."""
         return (
-            self.schedule == Schedule()
+            self.schedule == LawSchedule()
             and self.excess_order == 0.0
             and self.leak_hz == 0.0
             and self.drive_table.size == 0
@@ -182,7 +182,7 @@ class Inverse:
         """Return `bounding` and `swing`."""
         everywhere = self.ranges.everywhere(self.law.speed_range_mm_s)
         gain_n, cutoff_hz = self.along(everywhere)
-        own = Schedule().cutoff_hz(self.law, everywhere)
+        own = LawSchedule().cutoff_hz(self.law, everywhere)
         weakest, further = demand_of(self.paths, self.ranges.everywhere(MEASURED["speed_mm_s"]))
         slower = min(float((cutoff_hz / own).min()), 1.0)
         bounding = replace(

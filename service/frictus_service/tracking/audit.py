@@ -8,7 +8,7 @@ from frictus.messages import ModelChange, RigStatus
 from frictus.model import Model
 
 
-class Audit:
+class ModelChangeLog:
     """A file with one JSON object in a line for each change.
 
     Parameters

@@ -33,7 +33,7 @@ from frictus_service.calibration.coordinates import Prior
 from frictus_service.errors import EstimateError
 from frictus_service.recording.samples import Coalescer
 from frictus_service.tracking.adaptation import law_values
-from frictus_service.tracking.audit import Audit
+from frictus_service.tracking.audit import ModelChangeLog
 from frictus_service.tracking.evidence.watch import INSTRUMENT
 from frictus_service.tracking.policy import Circumstances, adapted, difference_db, held_back
 from frictus_service.tracking.touch_motion import TouchedSamples
@@ -68,7 +68,7 @@ class LiveTracker:
         Of a person of whom nothing is known.
     tell : callable
         Told the estimate twice a second.
-    audit : Audit or None
+    audit : ModelChangeLog or None
         Takes each change of the model.
     monotonic_s : callable
         Monotonic clock, s.
@@ -87,7 +87,7 @@ class LiveTracker:
         mount: TransferFunction | None,
         population: Prior,
         tell: Tell,
-        audit: Audit | None = None,
+        audit: ModelChangeLog | None = None,
         monotonic_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self._rig = rig

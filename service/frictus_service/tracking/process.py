@@ -15,7 +15,7 @@ from frictus_service.processes import ReadySignal
 from frictus_service.registry.store import Registry, earlier_people
 from frictus_service.security.members import tls_of_rig
 from frictus_service.study.trial import read_mount
-from frictus_service.tracking.audit import Audit
+from frictus_service.tracking.audit import ModelChangeLog
 from frictus_service.tracking.live import LiveTracker
 
 NAME: Final = "tracker"
@@ -70,7 +70,7 @@ def run_tracker(
                     mount,
                     population,
                     lambda state: publisher.put(state.to_json()),
-                    Audit(config.tracker.audit),
+                    ModelChangeLog(config.tracker.audit),
                 ) as live:
                     said = ""
                     live.follow(stop.is_set)

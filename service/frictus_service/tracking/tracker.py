@@ -18,7 +18,7 @@ from frictus_service.errors import EstimateError
 from frictus_service.tracking.adaptation import law_values
 from frictus_service.tracking.evidence.advice import advice_of
 from frictus_service.tracking.evidence.naming import NamedAlarm, named_alarms
-from frictus_service.tracking.evidence.watch import ALARM, CAUSES, INSTRUMENT, Watch
+from frictus_service.tracking.evidence.watch import ALARM, CAUSES, INSTRUMENT, ModelWatch
 from frictus_service.tracking.finger_filters import NOW
 from frictus_service.tracking.law_estimate import Batch, LawEstimate, advanced, updated
 from frictus_service.tracking.measured_points import MeasuredPoints
@@ -136,7 +136,7 @@ class Tracker:
         }
         self._gain = PrequentialGain.begin()
         self._points = MeasuredPoints.begin(n_bands)
-        self._watch = Watch.begin(cutter.mount)
+        self._watch = ModelWatch.begin(cutter.mount)
 
     @property
     def in_force(self) -> FloatArray | None:
@@ -199,7 +199,7 @@ class Tracker:
         """Forget ranges and evidence; a rig that was found wrong does not count as watched."""
         if INSTRUMENT.intersection(self._watch.raised):
             self._watched = 0
-        self._watch = Watch.begin(self._cutter.mount, self._watch.begun)
+        self._watch = ModelWatch.begin(self._cutter.mount, self._watch.begun)
         self._speeds_mm_s = self._forces_n = (np.inf, -np.inf)
 
     def put_in_force(self, model: ModelInForce) -> None:

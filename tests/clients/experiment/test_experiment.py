@@ -20,8 +20,8 @@ from frictus.experiment import (
     LevelRange,
     Presentation,
     QuestPlusPlan,
+    ScheduledTrial,
     SimulatedObserver,
-    Trial,
     TwoAlternatives,
     VirtualParticipant,
     read_log,
@@ -48,17 +48,17 @@ with frictus.connect(sys.argv[1], "subject") as client:
 class Right:
     """Is right in two trials of three."""
 
-    def rest(self, trial: Trial) -> None:
+    def rest(self, trial: ScheduledTrial) -> None:
         raise AssertionError
 
-    def begin(self, trial: Trial, interval: int) -> None:
+    def begin(self, trial: ScheduledTrial, interval: int) -> None:
         pass
 
-    def ask(self, trial: Trial, intervals: list[Any]) -> str:
+    def ask(self, trial: ScheduledTrial, intervals: list[Any]) -> str:
         right = str(trial.correct)
         return right if trial.number % 3 else {"1": "2", "2": "1"}[right]
 
-    def learn(self, trial: Trial, right: bool) -> None:
+    def learn(self, trial: ScheduledTrial, right: bool) -> None:
         raise AssertionError
 
 

@@ -23,8 +23,8 @@ from frictus.experiment import (
     Protocol,
     QuestPlusPlan,
     SameDifferent,
+    ScheduledTrial,
     StaircasePlan,
-    Trial,
     TwoAlternatives,
     YesNo,
     latin_square,
@@ -56,7 +56,7 @@ def protocol(**changes: Any) -> Protocol:
     return Protocol(**(fields | changes))
 
 
-def answer_of(protocol: Protocol, trial: Trial, rng: np.random.Generator) -> str:
+def answer_of(protocol: Protocol, trial: ScheduledTrial, rng: np.random.Generator) -> str:
     keys = KEYS[protocol.task.kind]
     return str(rng.choice(keys)) if keys else repr(float(rng.uniform(1.0, 9.0)))
 

@@ -12,7 +12,7 @@ from frictus_hardware.physics import compiled, friction, skin
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.simulated import kernels
 from frictus_hardware.simulated.clock import VirtualClock
-from frictus_hardware.simulated.config import Participant, ParticipantEffect
+from frictus_hardware.simulated.config import ParticipantEffect, SimulatedParticipant
 from frictus_hardware.simulated.human import HumanStrokes
 from frictus_hardware.simulated.rig import SimulatedRig
 
@@ -28,7 +28,7 @@ effect = st.sampled_from(sorted(EFFECTS)).flatmap(
     )
 )
 participant = st.builds(
-    Participant,
+    SimulatedParticipant,
     gain_n=st.floats(1e-3, 10.0),
     cutoff_0_hz=st.floats(1.0, 1e4),
     slope_hz_per_mm_s=st.floats(0.0, 1e3),
@@ -42,7 +42,9 @@ participant = st.builds(
 
 @FEW
 @given(participant, st.integers(0, 2**31), st.integers(0, 2**32 - 1))
-def test_what_a_simulated_rig_senses(person: Participant, seed: int, drive_seed: int) -> None:
+def test_what_a_simulated_rig_senses(
+    person: SimulatedParticipant, seed: int, drive_seed: int
+) -> None:
     config = SimulatedConfig(
         clock="virtual", finger=HumanStrokes(), participant=person, seed=seed
     )

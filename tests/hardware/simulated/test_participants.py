@@ -7,8 +7,8 @@ from frictus_hardware.errors import ConfigError
 from frictus_hardware.physics.screen import Screen, screen_voltage
 from frictus_hardware.simulated.config import (
     SPREAD,
-    Participant,
     SimulatedConfig,
+    SimulatedParticipant,
     draw_participant,
 )
 from frictus_hardware.simulated.rig import SimulatedRig
@@ -20,7 +20,7 @@ def test_medians_and_spread(rng: np.random.Generator) -> None:
     for name, spread in SPREAD.items():
         logs = np.log([one[name] for one in drawn])
         error = spread / np.sqrt(len(drawn))
-        middle = np.log(Participant().model_dump()[name])
+        middle = np.log(SimulatedParticipant().model_dump()[name])
         assert np.mean(logs) == pytest.approx(middle, abs=5.0 * error), name
         assert np.std(logs) == pytest.approx(spread, rel=0.07), name
 
@@ -32,11 +32,11 @@ def test_the_same_seed_draws_the_same_person() -> None:
 
 
 def test_a_participant_is_a_law_and_a_skin() -> None:
-    person = Participant(gain_n=0.5, mass_kg=0.002)
+    person = SimulatedParticipant(gain_n=0.5, mass_kg=0.002)
     assert person.law.gain_n == 0.5
     assert person.mobility.mass_kg == 0.002
     with pytest.raises(ValueError, match="greater than 0"):
-        Participant(gain_n=-1.0)
+        SimulatedParticipant(gain_n=-1.0)
 
 
 def friction_n(*effects: dict[str, object], seconds: float = 1.0) -> np.ndarray:

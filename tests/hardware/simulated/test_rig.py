@@ -12,7 +12,7 @@ from frictus_hardware.physics import friction
 from frictus_hardware.physics.screen import Screen, drive_fraction_of, screen_voltage
 from frictus_hardware.physics.twin import Signals, Twin
 from frictus_hardware.simulated.clock import VirtualClock
-from frictus_hardware.simulated.config import Participant
+from frictus_hardware.simulated.config import SimulatedParticipant
 from frictus_hardware.simulated.guided import ClientFinger
 from frictus_hardware.simulated.human import HumanStrokes
 from frictus_hardware.simulated.rig import SimulatedRig
@@ -22,7 +22,7 @@ VIRTUAL = SimulatedConfig(clock="virtual")
 
 
 def test_truth_is_the_law_of_the_participant_on_what_was_played() -> None:
-    person = Participant(gain_n=0.6, cutoff_0_hz=800.0)
+    person = SimulatedParticipant(gain_n=0.6, cutoff_0_hz=800.0)
     config = SimulatedConfig(clock="virtual", participant=person)
     voltage, truths = [], []
     with SimulatedRig(config) as rig:

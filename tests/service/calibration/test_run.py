@@ -21,7 +21,7 @@ from frictus_hardware.physics.friction import FrictionLaw, cutoff_hz
 from frictus_hardware.physics.linear import Mount
 from frictus_hardware.physics.screen import Screen
 from frictus_hardware.physics.stages import standard_twin
-from frictus_hardware.simulated.config import Participant
+from frictus_hardware.simulated.config import SimulatedParticipant
 from frictus_hardware.simulated.guided import GuidedStrokes
 from frictus_hardware.simulated.motion import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
@@ -52,7 +52,7 @@ from frictus_service.study.reader import StudyReader
 from frictus_service.synthesis.compensability import law_of, placeholder_model
 
 FASTER = 6.0
-STRANGER = Participant(cutoff_0_hz=0.6 * 385.68, slope_hz_per_mm_s=0.6 * 13.811)
+STRANGER = SimulatedParticipant(cutoff_0_hz=0.6 * 385.68, slope_hz_per_mm_s=0.6 * 13.811)
 """40 % off the population."""
 BRIEF = QuickProtocol(
     speeds_mm_s=(30.0, 90.0),

@@ -18,7 +18,7 @@ from frictus.model import FirstOrderSpeedLaw, Model
 from frictus.recordings import texture_of
 from frictus.textures import Region, Scene
 from frictus_hardware import SimulatedConfig
-from frictus_hardware.simulated.config import Participant
+from frictus_hardware.simulated.config import SimulatedParticipant
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.cli.app import app
 from frictus_service.cli.options import Exit
@@ -27,7 +27,7 @@ from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.library import SHIPPED
 from frictus_service.processes import free_endpoint
 
-PERSON = Participant(gain_n=0.3, cutoff_0_hz=700.0, slope_hz_per_mm_s=25.0)
+PERSON = SimulatedParticipant(gain_n=0.3, cutoff_0_hz=700.0, slope_hz_per_mm_s=25.0)
 SLIDING_S = 6.0
 
 

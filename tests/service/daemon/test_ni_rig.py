@@ -28,7 +28,7 @@ from frictus.keys import Topics
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.friction import cutoff_hz
 from frictus_hardware.physics.twin import Signals, Twin
-from frictus_hardware.simulated.config import Participant, SimulatedConfig
+from frictus_hardware.simulated.config import SimulatedConfig, SimulatedParticipant
 from frictus_hardware.simulated.guided import GuidedFinger, GuidedStrokes
 from frictus_hardware.simulated.rig import SimulatedRig
 from frictus_hardware.simulated.twin import make_twin
@@ -49,7 +49,7 @@ transfer_ms = 20.0"""
 that takes 80 % of the time there is, and a device once late stays behind; of 20 ms, 40 %."""
 TOUCH_HZ = 100.0
 GAIN = 50.0
-STRANGER = Participant(cutoff_0_hz=0.6 * 385.68, slope_hz_per_mm_s=0.6 * 13.811)
+STRANGER = SimulatedParticipant(cutoff_0_hz=0.6 * 385.68, slope_hz_per_mm_s=0.6 * 13.811)
 TEXTURE = frictus.Spectrum(components=[frictus.Component(amplitude_n=0.05, cycles_per_mm=4.0)])
 posix_signals = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
 

@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import pytest
 
-from frictus.experiment import Experiment, Protocol, Trial
+from frictus.experiment import Experiment, Protocol, ScheduledTrial
 from frictus.experiment.procedures.schedule import begun
 from frictus.experiment.protocol import parse_protocol, ready_protocols
 from frictus.experiment.trial_log import FORMAT
@@ -34,7 +34,7 @@ def protocol() -> Protocol:
 
 def participant(
     protocol: Protocol, inputs: "queue.SimpleQueue[Input]", clock: Clock
-) -> tuple[run.PageParticipant, Trial, list[str]]:
+) -> tuple[run.PageParticipant, ScheduledTrial, list[str]]:
     header = {"format": FORMAT, "participant": "P01", "seed": 1, "order_row": 0}
     trial = begun(protocol, header | {"protocol": protocol.model_dump(mode="json")}).next()
     assert trial is not None

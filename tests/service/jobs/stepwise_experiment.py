@@ -11,7 +11,7 @@ from pathlib import Path
 
 import frictus
 from frictus.errors import LeaseLostError
-from frictus.experiment import Protocol, Trial
+from frictus.experiment import Protocol, ScheduledTrial
 from frictus.experiment.procedures.schedule import Schedule, resumed
 from frictus.experiment.tasks import is_positive
 from frictus.experiment.trial_log import FORMAT, TrialLog
@@ -68,7 +68,7 @@ def run(
 
 def _ask(
     protocol: Protocol,
-    trial: Trial,
+    trial: ScheduledTrial,
     person: PageParticipant,
     log: TrialLog,
     schedule: Schedule,

@@ -14,7 +14,7 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.simulated.config import WithinPersonScatter
 from frictus_service.calibration import coordinates
-from frictus_service.tracking.evidence.watch import Watch
+from frictus_service.tracking.evidence.watch import ModelWatch
 from frictus_service.tracking.law_estimate import Batch, LawEstimate
 
 BATCH: Final = 10
@@ -39,7 +39,7 @@ class Felt:
 class Session:
     """The watch after some batches, and the batch of the first alarm."""
 
-    watch: Watch
+    watch: ModelWatch
     first: int | None
 
 
@@ -133,7 +133,7 @@ def watched(
     """Return a session in which PAPER's law is in force."""
     noise = np.full(BANDS.centre_hz.size, NOISE_N**2)
     estimate = LawEstimate(known(PAPER + off, np.zeros((4, 4))), noise, 1e-3, 1, 10)
-    watch, first, last_s = Watch.begin(MOUNT), None, 0.0
+    watch, first, last_s = ModelWatch.begin(MOUNT), None, 0.0
     path = explored(rng, off, asymmetry, lifts)
     for number in range(batches):
         felt = next(path)

@@ -24,7 +24,7 @@ from frictus.rig import Rig
 from frictus.textures import Region, Scene
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.physics.linear import Mount
-from frictus_hardware.simulated.config import Participant
+from frictus_hardware.simulated.config import SimulatedParticipant
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.config import (
@@ -38,12 +38,12 @@ from frictus_service.config import (
 from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.library import SHIPPED
 from frictus_service.processes import free_endpoint
-from frictus_service.tracking.audit import Audit
+from frictus_service.tracking.audit import ModelChangeLog
 from frictus_service.tracking.live import LiveTracker
 
 pytestmark = pytest.mark.long
 
-PERSON = Participant(gain_n=0.3, cutoff_0_hz=700.0, slope_hz_per_mm_s=25.0)
+PERSON = SimulatedParticipant(gain_n=0.3, cutoff_0_hz=700.0, slope_hz_per_mm_s=25.0)
 PATIENCE_S = 100.0
 
 
@@ -160,7 +160,11 @@ def test_what_cannot_be_written_down_is_not_done(tmp_path: Path) -> None:
     with (
         playing(config) as (_, rig),
         LiveTracker(
-            rig, Mount().lateral, Prior.weak(), tell, Audit(in_the_way / "changes.jsonl")
+            rig,
+            Mount().lateral,
+            Prior.weak(),
+            tell,
+            ModelChangeLog(in_the_way / "changes.jsonl"),
         ) as live,
     ):
         live.follow(changed.is_set)

@@ -15,7 +15,7 @@ from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import Mount
 from frictus_hardware.physics.stages import SensorNoise
 from frictus_hardware.physics.twin import Signals
-from frictus_hardware.simulated.config import Participant, ParticipantEffect
+from frictus_hardware.simulated.config import ParticipantEffect, SimulatedParticipant
 from frictus_hardware.simulated.human import HumanStrokes
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
@@ -30,10 +30,10 @@ from frictus_service.tracking.tracker import ModelInForce, Tracker
 from frictus_service.tracking.windows import WindowCutter
 
 RATE_HZ = 20_000.0
-PERSON = Participant(gain_n=0.39, cutoff_0_hz=2 * 385.68, slope_hz_per_mm_s=2 * 13.811)
+PERSON = SimulatedParticipant(gain_n=0.39, cutoff_0_hz=2 * 385.68, slope_hz_per_mm_s=2 * 13.811)
 
 
-def played(person: Participant, seconds: float, seed: int) -> Signals:
+def played(person: SimulatedParticipant, seconds: float, seed: int) -> Signals:
     """Return what is played by the placeholder and felt by a person in free strokes."""
     config = SimulatedConfig(seed=seed, finger=HumanStrokes(), participant=person)
     path = walk(config, seconds)
@@ -130,7 +130,7 @@ def test_an_effect_in_the_twin_is_named_and_has_advice(
 ) -> None:
     one = ParticipantEffect(id=effect, parameters=parameters)
     found = tracker()
-    for part in parts(played(Participant(effects=(one,)), 20.0, seed)):
+    for part in parts(played(SimulatedParticipant(effects=(one,)), 20.0, seed)):
         found.take(part)
     state = found.state(1)
     cause = "delay" if effect == "channel_delay" else effect

@@ -26,7 +26,7 @@ from frictus_service.tracking.evidence.watch import (
     BEGIN_BATCHES,
     CAUSES,
     INSTRUMENT,
-    Watch,
+    ModelWatch,
 )
 from frictus_service.tracking.law_estimate import Batch, LawEstimate, advanced, updated
 
@@ -35,7 +35,7 @@ from frictus_service.tracking.law_estimate import Batch, LawEstimate, advanced, 
 class Session:
     """The watch over PAPER's law after some batches, and the batch of the first alarm."""
 
-    watch: Watch
+    watch: ModelWatch
     first: int | None
 
     @property
@@ -53,7 +53,7 @@ def session(
 ) -> Session:
     """Return a session in which the finger's laws are the given ones, batch by batch."""
     watch, estimate, alarm = (
-        Watch.begin(MOUNT),
+        ModelWatch.begin(MOUNT),
         LawEstimate.begin(Prior.weak(), BANDS.centre_hz.size),
         None,
     )
@@ -193,7 +193,7 @@ def test_its_memory_is_bounded(
     monkeypatch.setattr(watch_module, "MOST", 3)
     batch = Batch.of(slide(rng, PAPER, [50.0, 60.0]), BANDS)
     estimate, _ = updated(LawEstimate.begin(Prior.weak(), BANDS.centre_hz.size), batch)
-    watch = Watch.begin()
+    watch = ModelWatch.begin()
     for _ in range(BEGIN_BATCHES * 5):
         watch = watch.seen(batch, PAPER, estimate)
     assert watch.sums.log_share.shape == (3,)

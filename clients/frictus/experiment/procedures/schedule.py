@@ -28,7 +28,7 @@ from frictus.experiment.tasks import (
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class ScheduledTrial:
     """A trial before it is presented.
 
     Attributes
@@ -102,7 +102,7 @@ class Schedule:
         """How many trials were recorded, practice and refused ones included."""
         return self._recorded
 
-    def next(self) -> Trial | None:
+    def next(self) -> ScheduledTrial | None:
         """Return the next trial, the same until it is recorded; None after the last."""
         design = self._protocol.design
         if self._practised < design.practice:
@@ -122,7 +122,7 @@ class Schedule:
 
     def _trial(
         self, phase: Literal["practice", "main"], name: str, place: int, catch: bool
-    ) -> Trial:
+    ) -> ScheduledTrial:
         protocol, task = self._protocol, self._protocol.task
         attention = catch and isinstance(task, TwoAlternatives)
         stimulus = protocol.conditions[name]
@@ -139,7 +139,7 @@ class Schedule:
         order = order_of(task, catch, flipped(self._seed, f"{phase} {name}", place))
         every = protocol.design.break_every
         counted = sum(self._counted.values())
-        return Trial(
+        return ScheduledTrial(
             number=self._recorded + 1,
             phase=phase,
             condition=name,
@@ -158,12 +158,14 @@ class Schedule:
         """Return a level below those that the rig refused; infinite where it refused none."""
         return 0.8 * self._limits.get(name, math.inf)
 
-    def record(self, trial: Trial, rendered_level: float, positive: bool | None) -> None:
+    def record(
+        self, trial: ScheduledTrial, rendered_level: float, positive: bool | None
+    ) -> None:
         """Take in an answered trial.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ScheduledTrial
             What `next` returned.
         rendered_level : float
             Level as rendered; a choice at a level of 0 or below tells a procedure nothing.
@@ -181,12 +183,12 @@ class Schedule:
             level = rendered_level if rendered_level > 0.0 else trial.level
             self.procedures[trial.condition].update(level, bool(positive))
 
-    def refuse(self, trial: Trial) -> None:
+    def refuse(self, trial: ScheduledTrial) -> None:
         """Take in a trial that the rig could not render whole.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ScheduledTrial
             What `next` returned; its level and those above are not proposed again.
 
         Raises

@@ -17,7 +17,7 @@ import numpy as np
 
 from frictus_hardware.arrays import ComplexArray, FloatArray, IntArray
 from frictus_service.errors import FieldError
-from frictus_service.identification.documents import Estimate
+from frictus_service.identification.documents import EstimatedQuantity
 from frictus_service.identification.fit import joint_fit
 from frictus_service.identification.fit.conditions import Sample
 from frictus_service.identification.fit.joint_fit import JointFit, JointFitProblem, Spreads
@@ -226,9 +226,9 @@ class ResponseFit:
 
     Attributes
     ----------
-    gain : Estimate
+    gain : EstimatedQuantity
         In the unit of the table.
-    cutoff_hz, delay_s : Estimate
+    cutoff_hz, delay_s : EstimatedQuantity
         Hz, and s.
     rows : int
         Frequencies that were used.
@@ -236,9 +236,9 @@ class ResponseFit:
         Root mean square of what the fit leaves, in size and phase.
     """
 
-    gain: Estimate
-    cutoff_hz: Estimate
-    delay_s: Estimate
+    gain: EstimatedQuantity
+    cutoff_hz: EstimatedQuantity
+    delay_s: EstimatedQuantity
     rows: int
     residual_db: float
     residual_deg: float
@@ -301,7 +301,7 @@ def fit_response(
     return ResponseFit(
         gain=_estimate(found.x[0], errors[0], half[0]),
         cutoff_hz=_estimate(found.x[1], errors[1], half[1]),
-        delay_s=Estimate(
+        delay_s=EstimatedQuantity(
             value=MICROSECOND * found.x[2],
             standard_error=MICROSECOND * errors[2],
             ci95=(
@@ -315,10 +315,10 @@ def fit_response(
     )
 
 
-def _estimate(log_value: float, error: float, half: float) -> Estimate:
+def _estimate(log_value: float, error: float, half: float) -> EstimatedQuantity:
     value = float(np.exp(log_value))
     ends = (float(np.exp(log_value - half)), float(np.exp(log_value + half)))
-    return Estimate(value=value, standard_error=value * float(error), ci95=ends)
+    return EstimatedQuantity(value=value, standard_error=value * float(error), ci95=ends)
 
 
 def _start_response(hz: FloatArray, value: ComplexArray, weight: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ from scipy import stats
 from frictus_hardware.arrays import BoolArray, FloatArray
 from frictus_service.identification.documents import (
     Correlation,
-    Estimate,
+    EstimatedQuantity,
     OneCorrelation,
     Parameter,
 )
@@ -132,7 +132,7 @@ def _spearman(x: FloatArray, y: FloatArray) -> OneCorrelation | None:
     return OneCorrelation(r=float(found.statistic), p=float(found.pvalue), n=x.size)
 
 
-def _mean(own: Mapping[str, OneCorrelation]) -> tuple[Estimate | None, float | None]:
+def _mean(own: Mapping[str, OneCorrelation]) -> tuple[EstimatedQuantity | None, float | None]:
     """Return the mean of the participants' own correlations, each counting once."""
     if len(own) < 2:
         return None, None
@@ -144,7 +144,9 @@ def _mean(own: Mapping[str, OneCorrelation]) -> tuple[Estimate | None, float | N
     p = p_of_t(mean.value / mean.standard_error, len(own) - 1) if mean.standard_error else None
     value = float(np.tanh(mean.value))
     error = mean.standard_error * (1.0 - value**2)
-    return Estimate(value=value, standard_error=error, ci95=(float(low), float(high))), p
+    return EstimatedQuantity(
+        value=value, standard_error=error, ci95=(float(low), float(high))
+    ), p
 
 
 def _at_equal_speed(

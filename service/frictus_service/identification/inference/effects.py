@@ -19,7 +19,7 @@ from frictus_service.identification.documents import (
     UNITS,
     Effect,
     EffectTest,
-    Estimate,
+    EstimatedQuantity,
     PairTest,
     Parameter,
 )
@@ -173,9 +173,11 @@ def _flips(
     return alone, largest
 
 
-def estimate_of(mean: Mean) -> Estimate:
+def estimate_of(mean: Mean) -> EstimatedQuantity:
     """Return a mean as it stands in the document."""
-    return Estimate(value=mean.value, standard_error=mean.standard_error, ci95=mean.ci95)
+    return EstimatedQuantity(
+        value=mean.value, standard_error=mean.standard_error, ci95=mean.ci95
+    )
 
 
 def number(value: float) -> float | None:

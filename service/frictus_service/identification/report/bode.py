@@ -12,7 +12,7 @@ from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
 from frictus_hardware.arrays import ComplexArray, FloatArray
-from frictus_service.identification.documents import ConditionResult, ParticipantResult
+from frictus_service.identification.documents import ConditionFit, ParticipantResult
 from frictus_service.identification.fit.joint_fit import Law
 from frictus_service.identification.fit.transfer_functions import FirstOrder, mass_spring_damper
 from frictus_service.identification.observation.response import TrialObservations
@@ -34,7 +34,7 @@ class Points:
     mobility: ComplexArray
 
 
-def points_of(observations: Sequence[TrialObservations], condition: ConditionResult) -> Points:
+def points_of(observations: Sequence[TrialObservations], condition: ConditionFit) -> Points:
     """Return what was measured in a condition."""
     trials = [
         item.rows
@@ -70,7 +70,7 @@ def points_of(observations: Sequence[TrialObservations], condition: ConditionRes
 
 def bode(
     points: Points,
-    condition: ConditionResult,
+    condition: ConditionFit,
     participant: ParticipantResult,
     mobility_highest_hz: float,
 ) -> Figure:
@@ -80,7 +80,7 @@ def bode(
     ----------
     points : Points
         Responses with intervals.
-    condition : ConditionResult
+    condition : ConditionFit
         The one that is drawn.
     participant : ParticipantResult
         Its delays belong to the fits.
@@ -139,7 +139,7 @@ class _Panel:
 
 def _panels(
     points: Points,
-    condition: ConditionResult,
+    condition: ConditionFit,
     participant: ParticipantResult,
     mobility_highest_hz: float,
 ) -> list[_Panel]:

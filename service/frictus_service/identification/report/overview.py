@@ -8,10 +8,10 @@ from matplotlib.figure import Figure
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.identification.documents import (
-    ConditionResult,
+    ConditionFit,
     Correlation,
     CovarianceResult,
-    Estimate,
+    EstimatedQuantity,
     Identification,
     LawResult,
     PairTest,
@@ -119,7 +119,7 @@ _SIGNIFICANT = 0.05
 _MOST_BRACKETS = 4
 
 
-def value_of(condition: ConditionResult, parameter: Parameter) -> Estimate | None:
+def value_of(condition: ConditionFit, parameter: Parameter) -> EstimatedQuantity | None:
     """Return a parameter of a condition."""
     friction, mobility = condition.friction, condition.mobility
     if parameter in ("gain", "cutoff"):

@@ -14,8 +14,8 @@ from frictus_service.durable import replace_file
 from frictus_service.errors import Exclusion
 from frictus_service.identification.documents import (
     PARAMETERS,
-    ConditionResult,
-    Estimate,
+    ConditionFit,
+    EstimatedQuantity,
     Excluded,
     Identification,
     ParticipantResult,
@@ -110,7 +110,7 @@ MANY_LEFT_OUT = 0.2
 
 def notes_on(
     study: StudySummary,
-    conditions: Sequence[ConditionResult],
+    conditions: Sequence[ConditionFit],
     participants: Sequence[ParticipantResult],
     centre: Centre,
 ) -> tuple[str, ...]:
@@ -120,7 +120,7 @@ def notes_on(
     ----------
     study : StudySummary
         Path, hash and counts.
-    conditions : sequence of ConditionResult
+    conditions : sequence of ConditionFit
         One entry each.
     participants : sequence of ParticipantResult
         One entry each.
@@ -171,7 +171,7 @@ def _on_people(study: StudySummary, participants: Sequence[ParticipantResult]) -
     return out
 
 
-def _on_conditions(study: StudySummary, conditions: Sequence[ConditionResult]) -> list[str]:
+def _on_conditions(study: StudySummary, conditions: Sequence[ConditionFit]) -> list[str]:
     out = []
     left_out = sum(bool(trial.tones_hz) for trial in study.excluded)
     driven = study.trials - sum(count.without_drive for count in study.counts)
@@ -248,7 +248,7 @@ def render(found: Identification, observations: Sequence[TrialObservations]) -> 
 
 def _bodes(
     found: Identification, observations: Sequence[TrialObservations]
-) -> list[tuple[ConditionResult, str]]:
+) -> list[tuple[ConditionFit, str]]:
     """Return a Bode plot of one condition of each participant."""
     out = []
     for person in found.participants:
@@ -276,7 +276,7 @@ def _maybe(figure: Figure | None) -> str | None:
     return None if figure is None else picture(figure)
 
 
-def interval(estimate: Estimate | None, factor: float = 1.0) -> str:
+def interval(estimate: EstimatedQuantity | None, factor: float = 1.0) -> str:
     """Return a value with its 95 % interval."""
     if estimate is None:
         return "-"

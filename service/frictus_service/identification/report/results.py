@@ -6,9 +6,9 @@ from scipy import stats
 
 from frictus_hardware.arrays import BoolArray, FloatArray
 from frictus_service.identification.documents import (
-    ConditionResult,
+    ConditionFit,
     CovarianceResult,
-    Estimate,
+    EstimatedQuantity,
     Friction,
     FrictionResult,
     LawResult,
@@ -29,7 +29,7 @@ MOBILITY_NAMES = ("mass_kg", "damping_n_s_m", "stiffness_n_m", "skew_s")
 _NORMAL_975 = float(stats.norm.ppf(0.975))
 
 
-def estimates_of(fit: JointFit, people: NDArray[np.int64]) -> list[list[Estimate]]:
+def estimates_of(fit: JointFit, people: NDArray[np.int64]) -> list[list[EstimatedQuantity]]:
     """Return the parameters of each condition, intervals on the logarithm.
 
     Parameters
@@ -45,7 +45,7 @@ def estimates_of(fit: JointFit, people: NDArray[np.int64]) -> list[list[Estimate
     spread = np.exp(np.minimum(_NORMAL_975 * error, 50.0))
     return [
         [
-            Estimate(value=v, standard_error=v * e, ci95=(v / s, v * s))
+            EstimatedQuantity(value=v, standard_error=v * e, ci95=(v / s, v * s))
             for v, e, s in zip(*row, strict=True)
         ]
         for row in zip(value.tolist(), error.tolist(), spread.tolist(), strict=True)
@@ -58,7 +58,7 @@ def conditions_of(
     fits: dict[str, Fitted | None],
     outliers: dict[Parameter, BoolArray],
     settings: Settings,
-) -> tuple[ConditionResult, ...]:
+) -> tuple[ConditionFit, ...]:
     """Return every condition, fitted or not.
 
     Parameters
@@ -85,7 +85,7 @@ def conditions_of(
     for c, condition in enumerate(table.conditions):
         friction, mobility = found["friction"].get(c), found["mobility"].get(c)
         out.append(
-            ConditionResult(
+            ConditionFit(
                 participant=condition.participant,
                 speed_mm_s=condition.speed_mm_s,
                 force_n=condition.force_n,
@@ -106,7 +106,7 @@ def conditions_of(
     return tuple(out)
 
 
-def _by_condition(fitted: Fitted | None) -> dict[int, list[Estimate]]:
+def _by_condition(fitted: Fitted | None) -> dict[int, list[EstimatedQuantity]]:
     if fitted is None:
         return {}
     rows = estimates_of(fitted.fit, fitted.selection.sample.people)
@@ -302,10 +302,10 @@ def _mobility(fitted: Fitted, measured: Measured, person: int) -> MobilityResult
     )
 
 
-def _each(found: Combination) -> list[Estimate]:
+def _each(found: Combination) -> list[EstimatedQuantity]:
     error = np.sqrt(np.diag(found.covariance))
     return [
-        Estimate(value=value, standard_error=sd, ci95=(value - half, value + half))
+        EstimatedQuantity(value=value, standard_error=sd, ci95=(value - half, value + half))
         for value, sd, half in zip(
             found.value.tolist(), error.tolist(), found.half_width.tolist(), strict=True
         )

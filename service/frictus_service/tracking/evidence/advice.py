@@ -7,7 +7,7 @@ import numpy as np
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_service.discovery.catalogue.cause import NO_UNIT, title
 from frictus_service.tracking.evidence.naming import NamedAlarm
-from frictus_service.tracking.evidence.signatures import INSTRUMENT, SIZES, Pattern
+from frictus_service.tracking.evidence.signatures import INSTRUMENT, SIZES, EvidencePattern
 from frictus_service.tracking.evidence.watch import MAINS
 
 CHECKS: Final = {
@@ -78,7 +78,7 @@ def _sized(cause: str, size: float) -> str:
     return f", {dose.name.replace('_', ' ')} {size:.2g}{unit} so far"
 
 
-def _unknown(where: Pattern, size: float) -> str:
+def _unknown(where: EvidencePattern, size: float) -> str:
     top = "2000" if not np.isfinite(where.high_hz) else f"{where.high_hz:.0f}"
     low = max(where.low_hz, 37.0)
     much = f"{100 * abs(size):.0f} %" if where.part == "modulus" else f"{abs(size):.2f} rad"

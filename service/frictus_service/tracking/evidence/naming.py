@@ -19,7 +19,7 @@ from frictus_service.tracking.evidence.signatures import (
     PATTERNS,
     SHAPED,
     SIZES,
-    Pattern,
+    EvidencePattern,
 )
 from frictus_service.tracking.evidence.sums import UNMODELLED, Sums, log_ratio
 from frictus_service.tracking.evidence.watch import (
@@ -27,7 +27,7 @@ from frictus_service.tracking.evidence.watch import (
     CAUSES,
     MAINS,
     UNKNOWN,
-    Watch,
+    ModelWatch,
 )
 
 ALIKE: Final = 3.0
@@ -46,22 +46,22 @@ class NamedAlarm:
         Dose so far, in the unit of the cause; NaN where there is none.
     alike : tuple of str
         Causes with an alarm that cannot be told from it.
-    where : Pattern or None
+    where : EvidencePattern or None
         Of what is unknown: the octave, part and covariate in which it is largest.
     """
 
     cause: str
     size: float
     alike: tuple[str, ...] = ()
-    where: Pattern | None = None
+    where: EvidencePattern | None = None
 
 
-def named_alarms(watch: Watch) -> tuple[NamedAlarm, ...]:
+def named_alarms(watch: ModelWatch) -> tuple[NamedAlarm, ...]:
     """Return the causes that are named, the first with the most evidence.
 
     Parameters
     ----------
-    watch : Watch
+    watch : ModelWatch
         Over the model in force.
     """
     if not watch.raised:
@@ -174,7 +174,7 @@ def _size(sums: Sums, each: FloatArray, name: str) -> float:
     return float(unit * score / max(float(information), 1e-9))
 
 
-def _where(sums: Sums, each: FloatArray) -> Pattern:
+def _where(sums: Sums, each: FloatArray) -> EvidencePattern:
     return PATTERNS[int(np.argmax(sums.patterns()[_strongest(each, UNKNOWN)]))]
 
 

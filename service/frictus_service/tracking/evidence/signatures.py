@@ -16,7 +16,11 @@ from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import TransferFunction
-from frictus_hardware.physics.schedule import REFERENCE_SPEED_MM_S, Schedule, SlidingConditions
+from frictus_hardware.physics.schedule import (
+    REFERENCE_SPEED_MM_S,
+    LawSchedule,
+    SlidingConditions,
+)
 from frictus_hardware.physics.simulator import Probe, Simulator, predict
 from frictus_service.calibration import coordinates
 from frictus_service.discovery.problem.candidates import Candidate, candidates_of, scaled
@@ -71,7 +75,7 @@ COVARIATES: Final = ("none", "speed", "force", "position", "direction")
 
 
 @dataclass(frozen=True, slots=True)
-class Pattern:
+class EvidencePattern:
     """A misfit of modulus or phase in some bands, that follows one covariate or none.
 
     Attributes
@@ -91,7 +95,7 @@ class Pattern:
 
 
 PATTERNS: Final = tuple(
-    Pattern(low, high, part, covariate)
+    EvidencePattern(low, high, part, covariate)
     for covariate, part in product(COVARIATES, ("modulus", "phase"))
     for limits in ((OCTAVES_HZ, THIRDS_HZ) if covariate == "none" else (OCTAVES_HZ,))
     for low, high in pairwise(limits)
@@ -109,7 +113,7 @@ _CANDIDATES: Final[dict[str, Candidate]] = {
 
 SHAPED: Final = np.array(
     [
-        _CANDIDATES[name].extend(Simulator(), SIZES[name].tolerated).schedule == Schedule()
+        _CANDIDATES[name].extend(Simulator(), SIZES[name].tolerated).schedule == LawSchedule()
         for name in EFFECT_CAUSES
     ]
 )

@@ -41,7 +41,7 @@ from frictus_service.tracking.finger_filters import COLUMNS, LAW, STATE
 from frictus_service.tracking.law_estimate import Batch, LawEstimate
 from frictus_service.tracking.strokes import Strokes
 
-__all__ = ["ALARM", "CAUSES", "INSTRUMENT", "Watch"]
+__all__ = ["ALARM", "CAUSES", "INSTRUMENT", "ModelWatch"]
 
 MAINS: Final = "mains_interference"
 UNKNOWN: Final = "unknown"
@@ -60,7 +60,7 @@ _N_EFFECTS: Final = len(EFFECT_CAUSES)
 
 
 @dataclass(frozen=True, slots=True)
-class Watch:
+class ModelWatch:
     """The processes so far.
 
     Attributes
