@@ -18,6 +18,7 @@ from frictus_service.discovery.jobs import (
     DiscoveryResult,
     DiscoverySpec,
 )
+from frictus_service.errors import JobStateError
 from frictus_service.experiments.job import ExperimentJob, Input, ParticipantScreen
 
 
@@ -136,8 +137,14 @@ Said = Annotated[
 SAID: Final[TypeAdapter[Said]] = TypeAdapter(Said)
 
 
+MOST_UNHEARD: Final = 16
+"""Words that a process is given while it says nothing: they fit into any pipe."""
+GRACE_S: Final = 30.0
+"""What a process that was told to stop has for ending in order; then it is killed."""
+
+
 class JobProcess:
-    """A job under way, entered while it runs.
+    """A job under way, entered while it runs. Nothing here waits for a process that is stuck.
 
     Parameters
     ----------
@@ -155,6 +162,8 @@ class JobProcess:
         )
         self._order = order
         self._closing = threading.Lock()
+        self._unheard = 0
+        self._last_resort: threading.Timer | None = None
 
     @property
     def pid(self) -> int:
@@ -177,6 +186,8 @@ class JobProcess:
         assert self._process.stdout is not None
         self._process.stdout.close()
         self._process.wait()
+        if self._last_resort is not None:
+            self._last_resort.cancel()
 
     def tell(self, word: BaseModel) -> None:
         """Give it a line; from any thread. One that has ended, or was told to stop, gets none.
@@ -185,9 +196,20 @@ class JobProcess:
         ----------
         word : BaseModel
             Its order, or what it waits for.
+
+        Raises
+        ------
+        JobStateError
+            If it has said nothing to the last 16 words: a full pipe would hold up who tells.
         """
         assert self._process.stdin is not None
         with self._closing:
+            if self._unheard >= MOST_UNHEARD:
+                raise JobStateError(
+                    f"its process takes nothing in since it was told {MOST_UNHEARD} things: "
+                    "wait, or stop it"
+                )
+            self._unheard += 1
             try:
                 self._process.stdin.write(word.model_dump_json(by_alias=True).encode() + b"\n")
                 self._process.stdin.flush()
@@ -199,12 +221,17 @@ class JobProcess:
         assert self._process.stdout is not None
         for line in self._process.stdout:
             if line.endswith(b"\n"):  # or it was killed while it said this
+                self._unheard = 0
                 yield SAID.validate_json(line)
 
     def stop(self) -> None:
-        """Tell it to stop; from any thread, any number of times."""
+        """Tell it to stop; from any thread, any number of times. One that stays is killed."""
         assert self._process.stdin is not None
         with self._closing:
+            if self._last_resort is None:
+                self._last_resort = threading.Timer(GRACE_S, self._process.kill)
+                self._last_resort.daemon = True
+                self._last_resort.start()
             try:
                 self._process.stdin.close()
             except OSError:

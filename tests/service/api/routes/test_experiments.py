@@ -15,6 +15,7 @@ from tests.service.api.conftest import FakeRig, configuration
 from frictus.experiment import load_protocol, read_log, ready_protocols, results
 from frictus_service.api.server import build_app
 from frictus_service.experiments.report import report
+from frictus_service.jobs import process
 
 RUN = "tests.service.jobs.stepwise_experiment:run"
 ROOT = Path(__file__).parents[4]
@@ -246,6 +247,22 @@ def test_killed_it_goes_on_with_the_same_stimulus(api: TestClient, rig: FakeRig)
             give(api, job, shown, "1" if shown["phase"] == "question" else "go")
     assert api.post(f"{job}/resume").json()["code"] == "wrong_state"
     assert len(api.get(f"{job}/report").json()["trials"]) == TRIALS
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGSTOP")
+def test_one_that_stands_still_holds_nobody_up(
+    api: TestClient, rig: FakeRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(process, "GRACE_S", 0.1)
+    job = begun(api, rig)
+    screen(api, job, "ready")
+    os.kill(pid_of(api, job), signal.SIGSTOP)
+    said = [api.post(f"{job}/{what}") for _ in range(20) for what in ("pause", "resume")]
+    refused = [answer.json()["detail"] for answer in said if answer.status_code == 409]
+    assert len(refused) == len(said) - process.MOST_UNHEARD
+    assert "stop it" in refused[0]
+    assert api.delete(job).status_code == 202
+    assert until_end(api, job) == "cancelled"
 
 
 def test_an_end_says_why_and_it_can_go_on(
