@@ -107,9 +107,7 @@ def write(text: str) -> None:
 
 def line(what: str, peak: Peak) -> None:
     """Write a row of the table."""
-    write(
-        f"| {what} | {peak.seconds:.0f} s | {peak.one:.0f} | {peak.together:.0f} |", flush=True
-    )
+    write(f"| {what} | {peak.seconds:.0f} s | {peak.one:.0f} | {peak.together:.0f} |")
 
 
 def main() -> None:
