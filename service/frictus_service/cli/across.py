@@ -34,6 +34,13 @@ def studies_of(given: Sequence[Path]) -> list[Path]:
     return found
 
 
+def folder_of(given: Sequence[Path]) -> Path:
+    """Return where results go that are not asked for elsewhere: beside a folder of studies."""
+    if len(given) > 1:
+        return Path("across-studies")
+    return given[0].resolve().with_name(f"{given[0].resolve().name}-discovery")
+
+
 def show(found: "AcrossStudies", console: "Console") -> None:
     """Print the answer, the causes in the model, and what to know of them.
 

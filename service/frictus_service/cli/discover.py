@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frictus_service.cli.across import finish, studies_of
+from frictus_service.cli.across import finish, folder_of, studies_of
 from frictus_service.cli.options import (
     AsJson,
     Exit,
@@ -223,7 +223,7 @@ def discover(
         typer.Option(
             "--out",
             metavar="DIR",
-            help="Where to.  [default: STUDY-discovery; of several across-studies]",
+            help="Where to.  [default: STUDY-discovery, or across-studies]",
         ),
     ] = None,
     response: Response = "friction",
@@ -273,7 +273,7 @@ def discover(
             raise typer.BadParameter("--draft-cause is of one study; give that one alone")
         from frictus_service.discovery.across_studies.across import discover_across
 
-        folder = out or Path("across-studies")
+        folder = out or folder_of(studies)
         across = discover_across(
             meant,
             folder,

@@ -60,6 +60,7 @@ class PosedStudy:
     rows : EvidenceRows or None
         None where there are too few people and trials for a test, as is the problem.
     problem : DiscoveryProblem or None
+        Data, base model and candidates.
     """
 
     facts: StudyFacts

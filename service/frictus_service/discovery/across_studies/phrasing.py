@@ -81,6 +81,7 @@ def cause_sentence(
     studies : sequence of SizeInStudy
         That show it.
     unit : str
+        Of its parameter.
     alike : sequence of Alike
         Causes from which it is not told.
     few_people : bool

@@ -176,6 +176,7 @@ def seal(place: Path, content: bytes) -> None:
     place : Path
         Its folder is made where it is missing.
     content : bytes
+        Of the file, hash aside.
     """
     place.parent.mkdir(parents=True, exist_ok=True)
     replace_file(place, hashlib.sha256(content).digest() + content)
