@@ -99,9 +99,9 @@ class StudiesAbout:
         units = {parameter.name: parameter.unit for parameter in effect.parameters}
         alike = self._alike(k) if k in self.chosen else ()
         sizes = verdict_of(found)
-        pooled = found.pooled and _estimate(
-            found.pooled, found.p_mean, found.p_tau, candidate.positive
-        )
+        pooled = None
+        if found.pooled is not None:
+            pooled = _estimate(found.pooled, found.p_mean, found.p_tau, candidate.positive)
         studies = self._studies(found.seen.sizes, found.seen.studies, effect.id)
         unit = units[candidate.parameter]
         return CauseAcross(
