@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from frictus_service.cli.across import finish, folder_of, studies_of
 from frictus_service.cli.options import (
     AsJson,
     Exit,
@@ -210,10 +211,20 @@ def _tell_plan(line: str) -> None:
 
 
 def discover(
-    study: Annotated[Path, typer.Argument(metavar="STUDY", help="Study file, or a folder.")],
+    studies: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="STUDY...",
+            help="Study file; of several, or a folder of them, what holds in all.",
+        ),
+    ],
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Where to.  [default: STUDY-discovery]"),
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Where to.  [default: STUDY-discovery, or across-studies]",
+        ),
     ] = None,
     response: Response = "friction",
     base: Annotated[
@@ -246,13 +257,38 @@ def discover(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Say what the base model gets wrong in STUDY, name the causes, and extend the model."""
+    """Say what the base model gets wrong in STUDY, name the causes, and extend the model.
+
+    Of several studies, say which causes hold in all of them, and which differ between them.
+    """
     from frictus_service.discovery.beyond.draft import check_name
     from frictus_service.discovery.discover import discover_study
     from frictus_service.discovery.report import page
 
     if draft_cause is not None:
         check_name(draft_cause)  # before an analysis of minutes
+    meant = studies_of(studies)
+    if len(meant) > 1:
+        if draft_cause is not None:
+            raise typer.BadParameter("--draft-cause is of one study; give that one alone")
+        from frictus_service.discovery.across_studies.across import discover_across
+
+        folder = out or folder_of(studies)
+        across = discover_across(
+            meant,
+            folder,
+            response=response,
+            base=base,
+            seed=seed,
+            workers=workers,
+            cache=cache,
+            cluster=cluster,
+            tell=_tell,
+        )
+        _tell("writing the report")
+        finish(across, folder, as_json)
+        return
+    (study,) = meant
     folder = out or study.with_name(f"{study.stem}-discovery")
     found = discover_study(
         study,

@@ -2,7 +2,7 @@
 
 import secrets
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from frictus_service.discovery.decision.decision import decide
 from frictus_service.discovery.decision.trial_accounting import trials_left_out
 from frictus_service.discovery.document import CauseTest, Discovery, StudyFacts
 from frictus_service.discovery.evidence.evidence_rows import (
+    EvidenceRows,
     TrialEvidence,
     judged,
     study_evidence,
@@ -25,6 +26,7 @@ from frictus_service.discovery.evidence.evidence_rows import (
 )
 from frictus_service.discovery.evidence.observation_table import (
     LEAST_UNITS,
+    UnitAssignment,
     comparable,
     rows_of,
     units_of,
@@ -39,6 +41,83 @@ from frictus_service.discovery.report.assembly import Assembly
 from frictus_service.identification.plausibility.finding import leave_out, stop_if_implausible
 from frictus_service.identification.plausibility.judge import judge_study
 from frictus_service.study.importers import open_study
+
+
+@dataclass(frozen=True, slots=True)
+class PosedStudy:
+    """A study as the question that a discovery asks.
+
+    Attributes
+    ----------
+    facts : StudyFacts
+        With the trials that are used, and why others are not.
+    base : Model
+        What is criticised.
+    units : UnitAssignment
+        Which trial belongs to which unit.
+    notes : tuple of str
+        What a reader must know first.
+    rows : EvidenceRows or None
+        None where there are too few people and trials for a test, as is the problem.
+    problem : DiscoveryProblem or None
+        Data, base model and candidates.
+    """
+
+    facts: StudyFacts
+    base: Model
+    units: UnitAssignment
+    notes: tuple[str, ...]
+    rows: EvidenceRows | None = None
+    problem: DiscoveryProblem | None = None
+
+
+def pose(
+    evidence: Sequence[TrialEvidence],
+    study: StudyFacts,
+    mount: TransferFunction | None,
+    base: Model,
+) -> PosedStudy:
+    """Return the regression problem of a study, from the evidence that can be used.
+
+    Parameters
+    ----------
+    evidence, study, mount, base
+        As for `discover`.
+
+    Raises
+    ------
+    ImplausibleStudyError
+        If a sign, a unit or an axis is wrong, so that every fit would be nonsense.
+    """
+    response: ResponseName = base.response
+    findings = judge_study(judged(evidence), response)
+    stop_if_implausible(findings, study.path)
+    observed = leave_out((one.observed for one in evidence), findings)
+    evidence = [
+        replace(one, observed=each) for one, each in zip(evidence, observed, strict=True)
+    ]
+    usable = used(evidence)
+    trials = comparable(usable, response)
+    units = units_of(trials, response)
+    told = (
+        *(f"{finding.text}." for finding in findings),
+        *caveats_on(evidence, usable, trials, units, response),
+    )
+    left_out = trials_left_out(evidence, usable, trials, response)
+    study = study.model_copy(update={"trials_used": len(trials), "left_out": left_out})
+    if len(units.names) < LEAST_UNITS:
+        return PosedStudy(study, base, units, told)
+    rows = rows_of(trials, units, response)
+    problem = DiscoveryProblem(
+        simulator_of(base, mount),
+        mount,
+        response,
+        tuple(subjects_of(rows, len(units.names))),
+        tuple(candidates_of(response, [effect.id for effect in base.effects])),
+        tuple(patterns_of(rows.tones_hz.size, skin=response == "mobility")),
+        base.validity.speed_mm_s,
+    )
+    return PosedStudy(study, base, units, told, rows, problem)
 
 
 def discover(
@@ -70,34 +149,22 @@ def discover(
     ImplausibleStudyError
         If a sign, a unit or an axis is wrong, so that every fit would be nonsense.
     """
-    response: ResponseName = base.response
-    findings = judge_study(judged(evidence), response)
-    stop_if_implausible(findings, study.path)
-    observed = leave_out((one.observed for one in evidence), findings)
-    evidence = [
-        replace(one, observed=each) for one, each in zip(evidence, observed, strict=True)
-    ]
-    usable = used(evidence)
-    trials = comparable(usable, response)
-    units = units_of(trials, response)
-    told = (
-        *(f"{finding.text}." for finding in findings),
-        *caveats_on(evidence, usable, trials, units, response),
-    )
-    left_out = trials_left_out(evidence, usable, trials, response)
-    study = study.model_copy(update={"trials_used": len(trials), "left_out": left_out})
-    if len(units.names) < LEAST_UNITS:
-        return nothing_tested(study, base, seed, told)
-    rows = rows_of(trials, units, response)
-    problem = DiscoveryProblem(
-        simulator_of(base, mount),
-        mount,
-        response,
-        tuple(subjects_of(rows, len(units.names))),
-        tuple(candidates_of(response, [effect.id for effect in base.effects])),
-        tuple(patterns_of(rows.tones_hz.size, skin=response == "mobility")),
-        base.validity.speed_mm_s,
-    )
+    return criticise(pose(evidence, study, mount, base), seed=seed)
+
+
+def criticise(posed: PosedStudy, *, seed: int = 0) -> Discovery:
+    """Return what a discovery finds in a study that was posed.
+
+    Parameters
+    ----------
+    posed : PosedStudy
+        From `pose`.
+    seed : int
+        As for `discover`.
+    """
+    problem, rows, units = posed.problem, posed.rows, posed.units
+    if problem is None or rows is None:
+        return nothing_tested(posed.facts, posed.base, seed, posed.notes)
     flips = signs(len(units.names), np.random.default_rng(seed))
     # Matrices are small: threads would wait for each other longer than they work.
     with threadpool_limits(limits=1):
@@ -107,7 +174,17 @@ def discover(
         if beyond.form is not None:
             found = beside_form(first, decide(beyond.problem, flips))
         return Assembly(
-            problem, units, rows, first, found, beyond, flips, base, study, seed, told
+            problem,
+            units,
+            rows,
+            first,
+            found,
+            beyond,
+            flips,
+            posed.base,
+            posed.facts,
+            seed,
+            posed.notes,
         ).document()
 
 
@@ -146,6 +223,25 @@ def discover_study(
     tell = tell or (lambda line: None)
     seed = secrets.randbits(32) if seed is None else seed
     criticised = base_model(base, response)
+    facts, mount = facts_of(path)
+    evidence = study_evidence(path, workers=workers, cache=cache, cluster=cluster, tell=tell)
+    tell("criticising the base model")
+    found = discover(evidence, facts, mount, criticised, seed=seed)
+    if found.verdict is not None:
+        return found
+    recording, notes = rank_recording(path, criticised, tell)
+    more = {"one_recording": recording, "notes": (*found.notes, *notes)}
+    return found.model_copy(update=more)
+
+
+def facts_of(path: Path | str) -> tuple[StudyFacts, TransferFunction | None]:
+    """Return what a document says of a study before its trials are read, and its mount.
+
+    Raises
+    ------
+    StudyError
+        If the study cannot be read.
+    """
     with open_study(path) as study:
         mount, trials, sha256 = study.info.mount, study.trials, study.sha256
     facts = StudyFacts(
@@ -155,14 +251,7 @@ def discover_study(
         trials=len(trials),
         trials_used=0,
     )
-    evidence = study_evidence(path, workers=workers, cache=cache, cluster=cluster, tell=tell)
-    tell("criticising the base model")
-    found = discover(evidence, facts, mount, criticised, seed=seed)
-    if found.verdict is not None:
-        return found
-    recording, notes = rank_recording(path, criticised, tell)
-    more = {"one_recording": recording, "notes": (*found.notes, *notes)}
-    return found.model_copy(update=more)
+    return facts, mount
 
 
 def nothing_tested(

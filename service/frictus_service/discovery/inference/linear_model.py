@@ -109,7 +109,7 @@ class ProjectedUnits:
 
     def significance(self, flips: FloatArray) -> Significance:
         """Return whether each effect differs from zero over units, see `largest_of_flips`."""
-        return largest_of_flips(*self.tested, flips, self._margin, self.positive)
+        return largest_of_flips(*self.tested, flips, self.margin, self.positive)
 
     def critical(self, flips: FloatArray, level: float) -> float:
         """Return the |t| that the largest of all effects exceeds by chance at a level."""
@@ -125,7 +125,7 @@ class ProjectedUnits:
         power : float
             Quantile of the normal distribution.
         """
-        size = self._margin + (critical + power) * standard_error(*self.tested)
+        size = self.margin + (critical + power) * standard_error(*self.tested)
         return np.where(self.squared, np.square(size), size)
 
     @property
@@ -143,7 +143,8 @@ class ProjectedUnits:
         return value, np.where(self.information > 0.0, 1.0 / noise, 0.0)
 
     @property
-    def _margin(self) -> FloatArray:
+    def margin(self) -> FloatArray:
+        """Within what a mean of what is tested counts as none, (n_effects,)."""
         return np.where(self.squared, np.sqrt(self.accuracy), self.accuracy)
 
     @property

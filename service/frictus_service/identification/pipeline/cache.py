@@ -72,12 +72,12 @@ class Cache:
         study : StudyInfo
             What holds for all trials: carrier, peak voltage, mount.
         """
-        held = _unsealed(self._place(sha256, study))
+        held = unsealed(self._place(sha256, study))
         return None if held is None else _decoded(held, sha256, asked)
 
     def keep(self, reading: Reading, study: StudyInfo) -> None:
         """Store the reading of a trial."""
-        _seal(self._place(reading.observed.sha256, study), _encoded(reading))
+        seal(self._place(reading.observed.sha256, study), _encoded(reading))
 
     def contents(self, state: str) -> dict[str, str]:
         """Return the hashes of a file's trials by id, as far as they are known.
@@ -87,7 +87,7 @@ class Cache:
         state : str
             Of the file, from `state_of`.
         """
-        held = _unsealed(self._index(state))
+        held = unsealed(self._index(state))
         known: dict[str, str] = {} if held is None else json.loads(held)
         return known
 
@@ -101,7 +101,7 @@ class Cache:
         hashes : dict
             From trial id to hash.
         """
-        _seal(self._index(state), json.dumps(hashes, sort_keys=True).encode())
+        seal(self._index(state), json.dumps(hashes, sort_keys=True).encode())
 
     def _place(self, sha256: str, study: StudyInfo) -> Path:
         mount = study.mount and (study.mount.numerator, study.mount.denominator)
@@ -168,13 +168,21 @@ def _tables(
         first += count * kind.itemsize
 
 
-def _seal(place: Path, content: bytes) -> None:
-    """Write a file with its hash, whole or not at all."""
+def seal(place: Path, content: bytes) -> None:
+    """Write a file with its hash, whole or not at all.
+
+    Parameters
+    ----------
+    place : Path
+        Its folder is made where it is missing.
+    content : bytes
+        Of the file, hash aside.
+    """
     place.parent.mkdir(parents=True, exist_ok=True)
     replace_file(place, hashlib.sha256(content).digest() + content)
 
 
-def _unsealed(place: Path) -> bytes | None:
+def unsealed(place: Path) -> bytes | None:
     """Return what was sealed; None where there is nothing, or not what was sealed."""
     try:
         held = place.read_bytes()
