@@ -15,6 +15,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from frictus.effect_files import EFFECT_SUFFIXES, render_effect
 from frictus.errors import TextureError, explain
+from frictus.hatt import import_node
 from frictus.sample_files import read_csv, read_text, read_wav, require
 from frictus.textures import (
     BAND_HZ,
@@ -52,11 +53,12 @@ def load_texture(
     path: str | Path,
     speed_mm_s: float | None = None,
     sample_rate_hz: float | None = None,
-    scale_n: float = 1.0,
+    scale_n: float | None = None,
     *,
     channel: int = 0,
     angle_deg: float = 0.0,
     part_s: tuple[float, float] | None = None,
+    node: tuple[float, float] | None = None,
 ) -> Texture:
     """Read a texture from a file, as `import_texture` does.
 
@@ -64,7 +66,7 @@ def load_texture(
 
     Parameters
     ----------
-    path, speed_mm_s, sample_rate_hz, scale_n, channel, angle_deg, part_s
+    path, speed_mm_s, sample_rate_hz, scale_n, channel, angle_deg, part_s, node
         See `import_texture`.
 
     Raises
@@ -87,6 +89,7 @@ def load_texture(
         channel=channel,
         angle_deg=angle_deg,
         part_s=part_s,
+        node=node,
     )
     for note in imported.notes:
         log.warning("%s: %s", Path(path).name, note)
@@ -97,11 +100,12 @@ def import_texture(
     path: str | Path,
     speed_mm_s: float | None = None,
     sample_rate_hz: float | None = None,
-    scale_n: float = 1.0,
+    scale_n: float | None = None,
     *,
     channel: int = 0,
     angle_deg: float = 0.0,
     part_s: tuple[float, float] | None = None,
+    node: tuple[float, float] | None = None,
 ) -> ImportedTexture:
     """Read a texture from a file; the suffix says which format.
 
@@ -109,7 +113,8 @@ def import_texture(
     times `scale_n`, one column of samples or two columns, time in s and sample; a header line
     may stand first. ``.json``: a texture document as `frictus.textures` describes it.
     ``.ahap``, ``.haptic`` and ``.hjif``: effects, rendered as `frictus.effect_files` describes
-    it; full scale is ``scale_n`` newtons.
+    it; full scale is ``scale_n`` newtons. ``.xml``: one node of a Penn HaTT model, see
+    `frictus.hatt`.
 
     A recording or effect becomes a `Profile` that repeats without end, over position where its
     speed is given, otherwise over time. Its mean is removed, since friction is relative: the
@@ -127,7 +132,8 @@ def import_texture(
     sample_rate_hz : float or None
         Rate of a one-column CSV; the other recordings bring theirs.
     scale_n : float
-        Newtons per unit of the file, not 0; not for JSON, which is in newtons.
+        Newtons per unit of the file, not 0; None is 1. Not for JSON, which is in newtons. A
+        HaTT model needs it: newtons for each m/s².
     channel : int
         Channel of a WAV file, from 0.
     angle_deg : float
@@ -135,6 +141,8 @@ def import_texture(
     part_s : tuple of float or None
         From when to when of a recording or effect, s; None is all of it. A texture covers at
         most 1000 mm or 10 s.
+    node : tuple of float or None
+        Speed in mm/s and force in N of the node of a HaTT model; the nearest is taken.
 
     Returns
     -------
@@ -149,13 +157,18 @@ def import_texture(
         If there is no such file.
     """
     path = Path(path)
-    require(scale_n != 0.0 and math.isfinite(scale_n), f"scale_n {scale_n}: finite, not 0")
+    factor = 1.0 if scale_n is None else scale_n
+    require(factor != 0.0 and math.isfinite(factor), f"scale_n {scale_n}: finite, not 0")
     suffix = path.suffix.lower()
+    unused = (speed_mm_s, sample_rate_hz, part_s) != (None, None, None)
+    if suffix == ".xml":
+        require(not unused, f"{path.name} says its speed and rate: give it none, and no part")
+        return _node_of(path, node, scale_n, angle_deg)
+    require(node is None, f"{path.name} is no HaTT model (.xml): give it no node")
     if suffix == ".json":
-        unused = (speed_mm_s, sample_rate_hz, part_s) != (None, None, None)
         require(not unused, f"{path.name} is not a recording: give it no speed, rate or part")
         text = read_text(path)
-        require(scale_n == 1.0, f"{path.name} is in newtons: give it no scale")
+        require(factor == 1.0, f"{path.name} is in newtons: give it no scale")
         return ImportedTexture(texture_of(text))
     try:
         notes: tuple[str, ...] = ()
@@ -166,11 +179,23 @@ def import_texture(
             if sample_rate_hz is not None and sample_rate_hz != rate_hz:
                 raise TextureError(f"it has {rate_hz:g} Hz, not {sample_rate_hz:g} Hz")
         part = _part_of(samples, rate_hz, part_s)
-        profile, lost = _profile(scale_n * part, rate_hz, speed_mm_s, angle_deg)
+        profile, lost = _profile(factor * part, rate_hz, speed_mm_s, angle_deg)
     except TextureError as error:
         named = str(error).startswith(path.name)
         raise error if named else TextureError(f"{path.name}: {error}") from error
     return ImportedTexture(profile, (*notes, *lost))
+
+
+def _node_of(
+    path: Path, node: tuple[float, float] | None, scale_n: float | None, angle_deg: float
+) -> ImportedTexture:
+    """Return the texture of a node of a HaTT model; its label is a note too."""
+    try:
+        found = import_node(read_text(path), node, scale_n)
+    except TextureError as error:
+        named = str(error).startswith(path.name)
+        raise error if named else TextureError(f"{path.name}: {error}") from error
+    return ImportedTexture(found.model_copy(update={"angle_deg": angle_deg}), (found.label,))
 
 
 def _read_rated(
@@ -188,7 +213,7 @@ def _read_rated(
         return effect.signal, effect.sample_rate_hz, notes
     if suffix in (".hmpg", ".gmpg"):
         raise TextureError("the binary form of MPEG haptics is not read; convert it to .hjif")
-    raise TextureError(f".wav, .csv, .json, {', '.join(EFFECT_SUFFIXES)} are accepted")
+    raise TextureError(f".wav, .csv, .json, .xml, {', '.join(EFFECT_SUFFIXES)} are accepted")
 
 
 def texture_of(text: str) -> Texture:

@@ -61,6 +61,9 @@ class Spectrum(_Texture):
     ]
     angle_deg: AngleDeg = 0.0
     """Direction of the spatial phase, from x towards y."""
+    label: Annotated[str, Field(max_length=500)] = ""
+    """What somebody should know of it, such as that it was made of something else than
+    friction; a rig that plays it says so among the notes of its scene."""
 
 
 class Profile(_Texture):

@@ -10,6 +10,7 @@ from frictus_service.cli import (
     discover,
     doctor,
     experiment,
+    foxglove,
     identify,
     lsl,
     models,
@@ -53,6 +54,7 @@ app.command()(play.play)
 app.command()(play.watch)
 app.command()(record.record)
 app.command()(lsl.lsl)
+app.command()(foxglove.foxglove)
 app.command()(experiment.experiment)
 app.command()(track.track)
 app.command()(serve.recorder)

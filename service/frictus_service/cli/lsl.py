@@ -1,12 +1,10 @@
 """`frictus lsl`: a rig on Lab Streaming Layer."""
 
-import sys
-import time
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from frictus_service.cli.bridging import run_bridge
 from frictus_service.cli.options import (
     AsJson,
     ConfigFile,
@@ -15,16 +13,12 @@ from frictus_service.cli.options import (
     Seconds,
     SiteOption,
     TargetRig,
-    wants_lines,
-    write_line,
 )
 
 if TYPE_CHECKING:
     from frictus_service.bridges.lsl import BridgeReport
 
 INSTALL: Final = "pip install 'frictus[lsl]'"
-TURN_S: Final = 0.01
-SHOWN_S: Final = 1.0
 
 
 def lsl(
@@ -58,7 +52,6 @@ def lsl(
     except ModuleNotFoundError as error:
         raise typer.BadParameter(f"{error}: LSL needs {INSTALL}") from error
     import frictus
-    from frictus_service.cli.record import interruption
 
     names = [name.strip() for name in streams.split(",") if name.strip()]
     unknown = sorted(set(names) - set(OUTLETS))
@@ -71,34 +64,9 @@ def lsl(
     target = TargetRig.of(config, router, site, rig)
     with (
         frictus.connect(target.router, tls=target.tls, reads_only=True) as client,
-        interruption() as interrupted,
         LslBridge(client, target.choose(client), names, markers) as bridge,
     ):
-        begun_s = shown_s = due_s = time.monotonic()
-        while not interrupted and (seconds is None or due_s - begun_s < seconds):
-            bridge.turn()
-            if due_s - shown_s >= SHOWN_S:
-                _show(bridge.report(), as_json)
-                shown_s = due_s
-            due_s = max(due_s + TURN_S, time.monotonic())
-            time.sleep(max(0.0, due_s - time.monotonic()))
-        bridge.turn()
-        _end(bridge.report(), as_json)
-
-
-def _show(report: "BridgeReport", as_json: bool) -> None:
-    if wants_lines(as_json):
-        write_line(event="sent", **asdict(report))
-    elif sys.stderr.isatty():
-        sys.stderr.write(f"\r\x1b[K{_line(report)}")
-        sys.stderr.flush()
-
-
-def _end(report: "BridgeReport", as_json: bool) -> None:
-    if wants_lines(as_json):
-        write_line(event="end", **asdict(report))
-        return
-    sys.stdout.write(f"{_line(report)}\n")
+        run_bridge(bridge, _line, seconds, as_json)
 
 
 def _line(report: "BridgeReport") -> str:

@@ -56,7 +56,7 @@ def play(
         str,
         typer.Argument(
             metavar="TEXTURE",
-            help="WAV, CSV, JSON, AHAP, .haptic or HJIF file, or the name of a texture.",
+            help="WAV, CSV, JSON, AHAP, .haptic, HJIF or HaTT file, or the name of a texture.",
         ),
     ],
     speed: Annotated[
@@ -69,8 +69,17 @@ def play(
         float | None, typer.Option("--rate", metavar="HZ", help="Rate of a one-column CSV.")
     ] = None,
     scale: Annotated[
-        float, typer.Option("--scale", metavar="N", help="Newtons per unit of the file.")
-    ] = 1.0,
+        float | None,
+        typer.Option(
+            "--scale", metavar="N", help="Newtons per unit of the file.  [default: 1]"
+        ),
+    ] = None,
+    node: Annotated[
+        str | None,
+        typer.Option(
+            "--node", metavar="MM/S:N", help="Speed and force in a HaTT model, such as 100:1.5."
+        ),
+    ] = None,
     part: Annotated[
         str | None,
         typer.Option(
@@ -101,7 +110,16 @@ def play(
 
     mode = compensation_of(compensation)
     target = TargetRig.of(config, router, site, rig)
-    scene = scene_of(texture, target.config.textures, speed, rate, scale, gain, _part_of(part))
+    scene = scene_of(
+        texture,
+        target.config.textures,
+        speed,
+        rate,
+        scale,
+        gain,
+        _pair_of(part, "--part", "two times in s, such as 2:7.5"),
+        _pair_of(node, "--node", "speed in mm/s and force in N, such as 100:1.5"),
+    )
     lines = wants_lines(as_json)
     with frictus.connect(target.router, tls=target.tls) as client:
         found = target.choose(client)
@@ -158,9 +176,10 @@ def scene_of(
     library: Path,
     speed_mm_s: float | None = None,
     sample_rate_hz: float | None = None,
-    scale_n: float = 1.0,
+    scale_n: float | None = None,
     gain: float = 1.0,
     part_s: tuple[float, float] | None = None,
+    node: tuple[float, float] | None = None,
 ) -> "frictus.Scene":
     """Return the scene that an argument of the command line stands for.
 
@@ -177,6 +196,8 @@ def scene_of(
         Multiplies the gain of every region.
     part_s : tuple of float or None
         From when to when of a recording or effect.
+    node : tuple of float or None
+        Of a HaTT model; see `frictus.load_texture`.
 
     Raises
     ------
@@ -193,7 +214,7 @@ def scene_of(
     if path.is_file():
         if (scene := _scene_in(path)) is None:
             found = frictus.load_texture(
-                path, speed_mm_s, sample_rate_hz, scale_n, part_s=part_s
+                path, speed_mm_s, sample_rate_hz, scale_n, part_s=part_s, node=node
             )
             scene = frictus.Scene(name=path.stem[:100], regions=[frictus.Region(texture=found)])
     else:
@@ -201,8 +222,8 @@ def scene_of(
             entry = TextureLibrary(library).get(texture)
         except TextureNameError as error:
             raise FileNotFoundError(f"there is no file {texture!r}") from error
-        if (speed_mm_s, sample_rate_hz, scale_n, part_s) != (None, None, 1.0, None):
-            raise TextureError("--speed, --rate, --scale and --part are for files")
+        if (speed_mm_s, sample_rate_hz, scale_n, part_s, node) != (None,) * 5:
+            raise TextureError("--speed, --rate, --scale, --part and --node are for files")
         scene = frictus.Scene(name=texture, regions=[frictus.Region(texture=entry.texture)])
     if gain == 1.0:
         return scene
@@ -210,18 +231,17 @@ def scene_of(
     return _checked_scene({"name": scene.name, "regions": amplified})
 
 
-def _part_of(text: str | None) -> tuple[float, float] | None:
+def _pair_of(text: str | None, option: str, accepted: str) -> tuple[float, float] | None:
+    """Return two numbers that a colon parts."""
     from frictus.errors import ArgumentError
 
     if text is None:
         return None
     try:
-        begin_s, end_s = map(float, text.split(":"))
+        one, other = map(float, text.split(":"))
     except ValueError as error:
-        raise ArgumentError(
-            f"--part {text}: two times in s, such as 2:7.5, accepted"
-        ) from error
-    return begin_s, end_s
+        raise ArgumentError(f"{option} {text}: {accepted}, accepted") from error
+    return one, other
 
 
 def _scene_in(path: Path) -> "frictus.Scene | None":

@@ -1,12 +1,5 @@
-"""A recording becomes a file that Foxglove and Lichtblick plot, sample by sample.
+"""A recording becomes a file that Foxglove and Lichtblick plot, sample by sample."""
 
-They plot one value a message, at the message's time. So each sample becomes a message of its
-own: the channels as float32, which the well-known encoding `ros1` describes without overhead.
-https://mcap.dev/spec/registry
-"""
-
-import json
-import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
@@ -15,16 +8,19 @@ from typing import Any, Final
 
 import numpy as np
 from mcap.writer import CompressionType, Writer
-from numpy.typing import NDArray
-from pydantic import BaseModel
 
-from frictus.keys import AUX, CHANNELS, STREAMS, TOPICS
 from frictus.messages import AuxChannel, RigStatus, TimeState
-from frictus.slewed_clock import SlewedClock
 from frictus_service.errors import ExportError
-from frictus_service.recording.plain_schema import plain_schema
+from frictus_service.recording.plot_channels import (
+    HELD,
+    PlotChannel,
+    SampleTimes,
+    document_channel,
+    is_plausible,
+    sample_channel,
+    sample_messages,
+)
 from frictus_service.recording.reader import (
-    STATE_KINDS,
     Ending,
     Item,
     RecordingReader,
@@ -33,27 +29,20 @@ from frictus_service.recording.reader import (
 from frictus_service.recording.records import (
     END,
     GAPS,
-    NOTES,
     PRESENCE,
-    STREAM_NAMES,
     EndNote,
     GapNote,
     PresenceNote,
 )
 from frictus_service.recording.samples import Samples
-from frictus_service.recording.writer import JSON_SCHEMA, create
+from frictus_service.recording.writer import create
 
 MAX_PART_S: Final = 1e9
 MAX_MESSAGES: Final = 20_000_000
 """Of one file, which a viewer takes into memory."""
 CHUNK_BYTES: Final = 4_000_000
-STEP_NS: Final = 100_000_000
-"""A fit that is further off is no fit but a UTC clock that was set: it is followed at once."""
 LAYOUT: Final = files("frictus_service.recording") / "foxglove_layout.json"
 """Panels for what an exported recording holds."""
-HELD: Final = {topic.suffix for topic in TOPICS if topic.latest}
-"""Topics of which the last message holds until the next."""
-DOCUMENTS: Final[dict[str, type[BaseModel]]] = {**STATE_KINDS, **NOTES}
 NOTE_TOPICS: Final = {GapNote: GAPS, PresenceNote: PRESENCE, EndNote: END}
 
 
@@ -142,8 +131,8 @@ def _part(items: Iterator[Item], from_s: float | None, to_s: float | None) -> tu
 
 def _is_plausible(samples: Samples) -> bool:
     """Return whether counts and times can be computed with, as a rig's can."""
-    counts = samples.sample_rate_hz >= 1.0 and samples.end_sample < 2**62
-    if counts and 0 <= samples.utc_ns < 2**62:  # until 2116
+    n, rate_hz = samples.data.shape[1], samples.sample_rate_hz
+    if is_plausible(samples.first_sample, n, samples.utc_ns, rate_hz):
         return True
     raise ExportError(
         f"samples from index {samples.first_sample} at {samples.sample_rate_hz} Hz from "
@@ -159,37 +148,34 @@ class _PlotWriter:
     aux: Sequence[AuxChannel]
     messages: int = 0
     _channels: dict[str, int] = field(default_factory=dict)
-    _clocks: dict[int, SlewedClock] = field(default_factory=dict)
+    _channels: dict[str, int] = field(default_factory=dict)
+    _times: SampleTimes = field(default_factory=SampleTimes)
     _before: dict[str, bytes] = field(default_factory=dict)
 
     def samples(self, samples: Samples, begin_ns: int, end_ns: int) -> None:
-        clock = self._clocks.get(samples.run)
-        if clock is None:
-            per_sample_ns = 1e9 / samples.sample_rate_hz
-            clock = SlewedClock(samples.first_sample, samples.utc_ns, per_sample_ns)
-            self._clocks[samples.run] = clock
-        indices = np.arange(samples.first_sample, samples.end_sample)
-        times_ns = clock.time_ns(indices)
+        times_ns = self._times.of(
+            samples.run,
+            samples.first_sample,
+            samples.data.shape[1],
+            samples.utc_ns,
+            samples.sample_rate_hz,
+        )
         (within,) = np.nonzero((times_ns >= begin_ns) & (times_ns < end_ns))
         if not within.size:
             return
         self._begin(begin_ns)
-        channel = self._stream_channel(samples.stream, len(samples.data))
-        rows = np.ascontiguousarray(samples.data.T[within], "<f4")
-        self._add_rows(channel, times_ns[within].tolist(), rows)
-
-    def _add_rows(self, channel: int, times_ns: list[int], rows: NDArray[Any]) -> None:
+        channel = self._channel(sample_channel(samples.stream, len(samples.data), self.aux))
+        messages = sample_messages(samples.data[:, within])
         add: Callable[..., None] = self.writer.add_message
-        content, width = rows.tobytes(), rows.itemsize * rows.shape[1]
-        for row, at_ns in enumerate(times_ns):
-            add(channel, at_ns, content[row * width : (row + 1) * width], at_ns)
-        self.messages += len(times_ns)
+        for message, at_ns in zip(messages, times_ns[within].tolist(), strict=True):
+            add(channel, at_ns, message, at_ns)
+        self.messages += len(messages)
 
     def document(self, item: Item, begin_ns: int, end_ns: int) -> None:
         """Write a state or a note; what holds when the part begins is written there."""
         if isinstance(item, State):
             if isinstance(item.message, TimeState):
-                self._follow(item.message)
+                self._times.follow(item.message)
             topic, payload = item.topic, item.payload
         else:
             assert not isinstance(item, Samples)
@@ -209,59 +195,17 @@ class _PlotWriter:
         self._before.clear()
 
     def _add_document(self, topic: str, payload: bytes, at_ns: int) -> None:
-        channel = self._document_channel(topic)
+        channel = self._channel(document_channel(topic))
         self.writer.add_message(channel, at_ns, payload, at_ns)
         self.messages += 1
 
-    def _follow(self, fit: TimeState) -> None:
-        clock = self._clocks.get(fit.run)
-        if clock is None:
-            return
-        clock.approach(fit.sample, fit.utc_ns, fit.ns_per_sample)
-        if abs(clock.error_ns) > STEP_NS:
-            self._clocks[fit.run] = SlewedClock(fit.sample, fit.utc_ns, fit.ns_per_sample)
-
-    def _stream_channel(self, stream: int, n_channels: int) -> int:
-        topic = STREAMS[stream].suffix
+    def _channel(self, described: PlotChannel) -> int:
+        topic = described.topic
         if topic not in self._channels:
-            names = self._names(stream, n_channels)
-            text = "".join(f"float32 {name}\n" for name in names).encode()
-            name = f"frictus/{STREAM_NAMES[stream].capitalize()}"
-            schema = self.writer.register_schema(name, "ros1msg", text)
-            metadata = {"unit": STREAMS[stream].unit}
+            schema = self.writer.register_schema(
+                described.schema_name, described.schema_encoding, described.schema
+            )
             self._channels[topic] = self.writer.register_channel(
-                topic, "ros1", schema, metadata
+                topic, described.encoding, schema, described.metadata
             )
         return self._channels[topic]
-
-    def _names(self, stream: int, n_channels: int) -> tuple[str, ...]:
-        names = CHANNELS.get(stream, ())
-        if stream == AUX:
-            names = field_names([f"{one.name}_{one.unit}" for one in self.aux])
-        if len(names) != n_channels:  # of a later version, or of a status of another rig
-            names = tuple(f"channel_{number}" for number in range(n_channels))
-        return names
-
-    def _document_channel(self, topic: str) -> int:
-        if topic not in self._channels:
-            kind = DOCUMENTS[topic]
-            text = json.dumps(plain_schema(kind)).encode()
-            schema = self.writer.register_schema(kind.__name__, JSON_SCHEMA, text)
-            self._channels[topic] = self.writer.register_channel(topic, "json", schema)
-        return self._channels[topic]
-
-
-def field_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Return names as fields of a message may have them, each another one.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Any text.
-    """
-    found: list[str] = []
-    for number, name in enumerate(names):
-        plain = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
-        taken = not plain[:1].isalpha() or plain in found
-        found.append(f"channel_{number}_{plain}".rstrip("_") if taken else plain)
-    return tuple(found)

@@ -4,17 +4,18 @@ import contextlib
 import logging
 import platform
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
-from typing import Final, Self
+from typing import Final, Protocol, Self
 
 import zenoh
 
 import frictus
+from frictus.block import Block
 from frictus.client import RigName
 from frictus.errors import FrameError
 from frictus.gaps import BlockFeed, Gap
@@ -42,6 +43,19 @@ class _Came:
     utc_ns: int | None
 
 
+class Sink(Protocol):
+    """What takes what comes from a rig."""
+
+    def state(self, topic: Topic, payload: bytes, utc_ns: int) -> None:
+        """Take a state as it was published, and what time it holds for."""
+
+    def gap(self, note: GapNote) -> None:
+        """Take word of what is missing; it stands before what follows the gap."""
+
+    def block(self, block: Block) -> None:
+        """Take samples."""
+
+
 class Intake:
     """Follows a rig's streams and states until it is closed; a context manager.
 
@@ -51,15 +65,19 @@ class Intake:
         Open session.
     keys : RigKeys
         Keys of the rig.
+    streams : iterable of int
+        Of `STREAMS`.
     """
 
-    def __init__(self, session: zenoh.Session, keys: RigKeys) -> None:
+    def __init__(
+        self, session: zenoh.Session, keys: RigKeys, streams: Iterable[int] = tuple(STREAMS)
+    ) -> None:
         def declare(topic: Topic) -> Declare:
             return partial(declare_reader, session, keys.of(topic), topic)
 
         self._blocks = {
-            stream: BlockFeed(declare(topic), topic, BLOCK_QUEUE)
-            for stream, topic in STREAMS.items()
+            stream: BlockFeed(declare(STREAMS[stream]), STREAMS[stream], BLOCK_QUEUE)
+            for stream in streams
         }
         self._states = {
             topic: Feed(declare(topic), partial(_came, topic), STATE_QUEUE) for topic in STATES
@@ -78,12 +96,12 @@ class Intake:
         # A forged sequence number may claim that any number of blocks were sent.
         return min(sum(feed.lost for feed in self._blocks.values()), MAX_COUNT)
 
-    def drain_into(self, writer: RecordingWriter, utc_ns: int) -> None:
+    def drain_into(self, writer: Sink, utc_ns: int) -> None:
         """Write everything that is there, gaps where something is not; does not wait.
 
         Parameters
         ----------
-        writer : RecordingWriter
+        writer : Sink
             Takes blocks, states and gaps.
         utc_ns : int
             Now.
@@ -94,10 +112,10 @@ class Intake:
         """
         for topic in STATES:
             self._drain_states(topic, writer, utc_ns)
-        for stream in STREAMS:
+        for stream in self._blocks:
             self._drain_blocks(stream, writer, utc_ns)
 
-    def _drain_states(self, topic: Topic, writer: RecordingWriter, utc_ns: int) -> None:
+    def _drain_states(self, topic: Topic, writer: Sink, utc_ns: int) -> None:
         for came in self._states[topic].drain():
             missing = came.index - self._due[topic]
             self._due[topic] = came.index + 1
@@ -113,7 +131,7 @@ class Intake:
                 )
             writer.state(topic, came.payload, utc_ns if came.utc_ns is None else came.utc_ns)
 
-    def _drain_blocks(self, stream: int, writer: RecordingWriter, utc_ns: int) -> None:
+    def _drain_blocks(self, stream: int, writer: Sink, utc_ns: int) -> None:
         gaps: list[Gap] = []
         for item in self._blocks[stream].drain():
             if isinstance(item, Gap):
@@ -124,7 +142,7 @@ class Intake:
             writer.block(item)
         self._tell(stream, gaps, writer, utc_ns)  # an unreadable one that nothing follows yet
 
-    def _tell(self, stream: int, gaps: list[Gap], writer: RecordingWriter, utc_ns: int) -> None:
+    def _tell(self, stream: int, gaps: list[Gap], writer: Sink, utc_ns: int) -> None:
         for gap in gaps:
             writer.gap(
                 GapNote(

@@ -92,15 +92,19 @@ def components_of(texture: Spectrum | Profile | Beta | Slope) -> list[Components
 def _spectrum(texture: Spectrum) -> list[Components]:
     spatial = [c for c in texture.components if c.cycles_per_mm is not None]
     temporal = [c for c in texture.components if c.hz is not None]
+    notes = (texture.label,) if texture.label else ()
     sums = []
     if spatial:
         frequency = np.array([c.cycles_per_mm for c in spatial], dtype=float)
         amplitude, phase = _amplitude_phase(spatial)
-        sums.append(Components(frequency, amplitude, phase, True, None, texture.angle_deg))
+        sums.append(
+            Components(frequency, amplitude, phase, True, None, texture.angle_deg, notes)
+        )
     if temporal:
         frequency = np.array([c.hz for c in temporal], dtype=float)
         amplitude, phase = _amplitude_phase(temporal)
-        sums.append(on_time_grid(frequency, amplitude, phase))
+        timed = on_time_grid(frequency, amplitude, phase)
+        sums.append(replace(timed, notes=(*notes, *timed.notes)))
     return sums
 
 

@@ -84,7 +84,7 @@ class HandRig:
         self._latest[topic.suffix].put(message.to_json())
 
     def force(self, run: int, sequence: int, **changes: Any) -> NDArray[np.float32]:
-        """Publish a block of force that counts its samples; return it."""
+        """Publish a block that counts its samples, of force unless changed; return it."""
         first = sequence * BLOCK
         data = np.tile(np.arange(first, first + BLOCK, dtype=np.float32), (3, 1))
         fields: dict[str, Any] = {
@@ -99,7 +99,7 @@ class HandRig:
             "data": data,
         }
         block = Block(**(fields | changes))
-        self.session.put(self.keys.of(STREAMS[1]), block.pack())
+        self.session.put(self.keys.of(STREAMS[block.stream]), block.pack())
         return block.data
 
     def close(self) -> None:

@@ -19,8 +19,9 @@ from frictus.messages import MESSAGES, AuxChannel, RigStatus, TimeState
 from frictus_service.cli.app import app
 from frictus_service.cli.options import Exit
 from frictus_service.errors import ExportError
-from frictus_service.recording.foxglove import LAYOUT, export_foxglove, field_names
+from frictus_service.recording.foxglove import LAYOUT, export_foxglove
 from frictus_service.recording.plain_schema import plain_schema
+from frictus_service.recording.plot_channels import field_names
 from frictus_service.recording.records import GapNote
 from frictus_service.recording.writer import RecordingWriter
 
