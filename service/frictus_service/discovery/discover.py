@@ -105,7 +105,7 @@ def discover(
         beyond = look_beyond(problem, first, flips)
         found = first
         if beyond.form is not None:
-            found = beside_form(first, decide(beyond.problem, flips))
+            found = beside_form(beyond, first, decide(beyond.problem, flips))
         return Assembly(
             problem, units, rows, first, found, beyond, flips, base, study, seed, told
         ).document()

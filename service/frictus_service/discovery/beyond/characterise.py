@@ -20,7 +20,6 @@ from frictus_service.discovery.beyond.form_fit import FittedForm, Remainder, fit
 from frictus_service.discovery.beyond.grammar import Form, grammar
 from frictus_service.discovery.decision.prediction_gain import (
     OMNIBUS,
-    UnexplainedPattern,
     find_unexplained,
 )
 from frictus_service.discovery.inference.linear_model import (
@@ -84,7 +83,6 @@ def interval_of_mean(values: FloatArray) -> tuple[float, float]:
 def characterise(
     problem: DiscoveryProblem,
     model: Linearised,
-    unexplained: Sequence[UnexplainedPattern],
     flips: FloatArray,
 ) -> Characterised | None:
     """Return the form that describes what a model leaves; None where none may be named.
@@ -95,13 +93,9 @@ def characterise(
         Data, base model and candidates.
     model : Linearised
         Fitted with the causes that were named, and the units about it.
-    unexplained : sequence of UnexplainedPattern
-        What it leaves.
     flips : ndarray, shape (n_flips, n_units)
     """
     if problem.response != "friction":
-        return None
-    if not any(each.pattern.channel in RESPONSE for each in unexplained):
         return None
     screen = _Screen.of(problem, model)
     p_value = screen.p_value(flips)

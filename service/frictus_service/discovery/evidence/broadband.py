@@ -102,22 +102,21 @@ class Bands:
         summed: ComplexArray = np.add.reduceat(spectra.sum(axis=0), starts).astype(complex)
         return summed
 
-    def place_of(self, known: ComplexArray) -> tuple[FloatArray, FloatArray]:
-        """Return centroid and standard deviation of the frequency over a power, (n_bands,).
+    def place_of(self, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return centroid and standard deviation of the frequency over a weight, (n_bands,).
 
-        A response that is averaged over a band is weighed by the power at each frequency; and
-        Hann's window of length T mixes frequencies whose variance is ``1 / (3 T^2)``.
+        A response that is averaged over a band is weighed by what each frequency has of what it
+        is seen through; and Hann's window of length T mixes frequencies whose variance is
+        ``1 / (3 T^2)``.
 
         Parameters
         ----------
-        known : ndarray, shape (n_windows, n_frequencies)
-            Spectra, of which the power is taken.
+        weight : ndarray, shape (n_frequencies,)
         """
-        power = np.square(np.abs(known))
-        total = np.maximum(self.total(power).real, np.finfo(float).tiny)
-        centroid = self.total(power * self.frequency_hz).real / total
+        total = np.maximum(self.total(weight[np.newaxis]).real, np.finfo(float).tiny)
+        centroid = self.total((weight * self.frequency_hz)[np.newaxis]).real / total
         apart = self.frequency_hz - centroid[self.band]
-        variance = self.total(power * np.square(apart)).real / total
+        variance = self.total((weight * np.square(apart))[np.newaxis]).real / total
         return centroid, np.sqrt(variance + 1.0 / (3.0 * WINDOW_S**2))
 
     def averages(self, windows: int) -> FloatArray:
@@ -143,6 +142,17 @@ class _Spectra:
     def known(self) -> ComplexArray:
         """What a response is seen through: the message, or the force where none drives."""
         return self.force if self.message is None else self.message
+
+    @property
+    def weights(self) -> tuple[FloatArray, FloatArray]:
+        """By which frequencies weigh in friction ``S_mF / S_mm``, and in mobility, each (n,).
+
+        Mobility is ``S_mv / S_mF``: where the message has much and the force makes little of
+        it, there is little to see the mobility through.
+        """
+        of_friction = np.square(np.abs(self.known)).sum(axis=0)
+        of_mobility = np.abs((self.known.conj() * self.force).sum(axis=0))
+        return of_friction, of_mobility
 
 
 @dataclass(frozen=True, slots=True)
@@ -369,7 +379,9 @@ def _message(
     sizes = [each.tone_hz.size for each in rows]
     power = [np.square(np.abs(each.message)).sum() / 2.0 for each in rows]
     nothing = np.full(sum(sizes), np.nan)
-    places = [bands.place_of(each.known) for each in spectra]
+    of_friction, of_mobility = (
+        [bands.place_of(each.weights[k]) for each in spectra] for k in (0, 1)
+    )
     return HarmonicResponse(
         message_mean=np.repeat([each.message_mean for each in spectra], sizes),
         message_power=np.repeat(power, sizes),
@@ -377,8 +389,10 @@ def _message(
         second_variance=nothing,
         third=nothing.astype(np.complex128),
         third_variance=nothing,
-        centroid_hz=np.concatenate([centroid[used] for centroid, _ in places]),
-        spread_hz=np.concatenate([spread[used] for _, spread in places]),
+        centroid_hz=np.concatenate([centroid[used] for centroid, _ in of_friction]),
+        spread_hz=np.concatenate([spread[used] for _, spread in of_friction]),
+        mobility_centroid_hz=np.concatenate([centroid[used] for centroid, _ in of_mobility]),
+        mobility_spread_hz=np.concatenate([spread[used] for _, spread in of_mobility]),
     )
 
 
