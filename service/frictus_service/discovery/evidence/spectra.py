@@ -275,9 +275,7 @@ def _mains(
     found = np.full((len(pieces), 2), np.nan)
     if place < 0:
         return found
-    line_n = np.array(
-        [_along_x(each, at, place) for each, at in zip(fitted, pieces, strict=True)]
-    )
+    line_n = np.array([each.amplitude[-1, place] for each in fitted])
     noise = np.array([each.variance[-1, place] for each in fitted])
     begin, end = (
         np.array([getattr(piece, of) for piece in pieces]) for of in ("first", "last")
@@ -288,9 +286,10 @@ def _mains(
     near = (begin[next_] - end[one]) * BLOCK <= MOST_PAUSE_S * lines.tones.sample_rate_hz
     one, next_ = one[near], next_[near]
     total, count = np.zeros(found.shape), np.zeros((len(pieces), 1))
-    pairs = np.column_stack(
-        [(line_n[one] * line_n[next_].conj()).real / 2.0, noise[one] * noise[next_] / 2.0]
-    )
+    along = np.array([piece.segment.along for piece in pieces]).reshape(-1, 2)
+    turned = np.sign(np.sum(along[one] * along[next_], axis=1))  # amplitudes are along motion
+    together = turned * (line_n[one] * line_n[next_].conj()).real / 2.0
+    pairs = np.column_stack([together, noise[one] * noise[next_] / 2.0])
     for ends in (one, next_):
         np.add.at(total, ends, pairs)
         np.add.at(count, ends, 1.0)
@@ -298,11 +297,6 @@ def _mains(
     found[told] = total[told] / count[told]
     found[told, 1] /= count[told, 0]
     return found
-
-
-def _along_x(fitted: Amplitudes, piece: WholeBlocks, place: int) -> complex:
-    """Return a line's amplitude, of one sign for strokes to either side."""
-    return complex(fitted.amplitude[-1, place]) * float(np.sign(piece.segment.along[0]) or 1.0)
 
 
 def _low(
