@@ -5,6 +5,7 @@ The studies themselves: `python -m tests.blind.beyond bench/beyond.jsonl`.
 
 import argparse
 import sys
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -53,7 +54,7 @@ def page(lines: Sequence[dict[str, Any]]) -> str:
     """Return the page of a campaign's lines."""
     scored = [line for line in lines if "score" in line]
     of_kind = {
-        kind: [line["score"] for line in scored if line["kind"] == kind] for kind in DESIGNS
+        kind: [_score(line) for line in scored if line["kind"] == kind] for kind in DESIGNS
     }
     forms = {kind: of_kind[kind] for kind in FORMS}
     forms["all"] = [score for scores in forms.values() for score in scores]
@@ -65,11 +66,11 @@ def page(lines: Sequence[dict[str, Any]]) -> str:
             HEAD,
             _table(
                 ["studies", "flagged", "right", "another", "named", "within", "gain"],
-                {kind: _of_forms(kind, scores) for kind, scores in forms.items()},
+                {kind: _of_forms(scores) for kind, scores in forms.items()},
             ),
             "",
             f"Of {len(of_kind['null'])} studies with nothing hidden, {named} were given a form "
-            f"and {accused} a cause. {failed} studies ended in an error.",
+            f"and {accused} a cause. {failed} studies ended in an error.{_older(lines)}",
             "",
             OTHER_SHAPES,
             _table(
@@ -87,25 +88,35 @@ def _table(head: Sequence[str], rows: Mapping[str, Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def _of_forms(kind: str, scores: Sequence[dict[str, Any]]) -> list[str]:
+def _older(lines: Sequence[dict[str, Any]]) -> str:
+    """Return which studies an earlier state of the analysis was tried on."""
+    older = Counter(line["before"] for line in lines if "before" in line)
+    return "".join(
+        f" {count} of all {len(lines)} studies were analysed before {what}."
+        for what, count in older.items()
+    )
+
+
+def _score(line: dict[str, Any]) -> dict[str, Any]:
+    """Return a score, and whether only the cause is named of which the hidden is a shape."""
+    score = line["score"]
+    cause = SHAPE_OF.get(line["kind"], "")
+    return score | {"named": not score["form"] and score["causes"].get(cause) == "family"}
+
+
+def _of_forms(scores: Sequence[dict[str, Any]]) -> list[str]:
     right = [score for score in scores if score["right"]]
     given = [score for score in scores if score["form"]]
-    named = [score for score in scores if not score["form"] and _is_named(kind, score)]
     covered = [score["covered"] for score in right if "covered" in score]
     return [
         str(len(scores)),
         _share(sum(score["flagged"] for score in scores), len(scores)),
         _share(len(right), len(scores)),
         _share(len(given) - len(right), len(scores)),
-        _share(len(named), len(scores)),
+        _share(sum(score["named"] for score in scores), len(scores)),
         _share(sum(covered), len(covered)),
         _share(sum(score["nats"] > 0.0 for score in given), len(given)),
     ]
-
-
-def _is_named(kind: str, score: dict[str, Any]) -> bool:
-    kinds = SHAPE_OF if kind == "all" else {kind: SHAPE_OF.get(kind)}
-    return any(score["causes"].get(name) == "family" for name in kinds.values() if name)
 
 
 def _of_shapes(name: str, scores: Sequence[dict[str, Any]]) -> list[str]:
