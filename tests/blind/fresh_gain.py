@@ -84,7 +84,7 @@ def _scored(first: Path, fresh: Path, report: dict[str, Any]) -> dict[str, Any]:
     nats = UnitCoefficients.of(of_first, places).of_fresh(UnitCoefficients.of(of_fresh, places))
     gain = report["gain"]
     return {
-        "predicted": [gain["heldout_loglik"], *gain["ci95"]],
+        "predicted": predicted(gain),
         "fresh": float(nats.mean() * len(of_first)),
         "units": [len(of_first), nats.size],
         "one_scatter": float(joint_gain(of_first, places).sum()),
@@ -123,8 +123,17 @@ def _problem_of(path: Path) -> Any:
     )
 
 
+WITH_INTERVAL: Final = 3
+"""Numbers of a prediction, both ends; where too few know of a cause there is the gain alone."""
+
+
+def predicted(gain: dict[str, Any]) -> list[float]:
+    """Return the gain that a report predicts, and the ends of its interval if it has one."""
+    return [gain["heldout_loglik"], *(gain["ci95"] or ())]
+
+
 def within(line: dict[str, Any]) -> bool:
-    """Return whether the gain of other people lies where it was predicted."""
+    """Return whether the gain of other people lies in the interval that was predicted."""
     _, low, high = line["predicted"]
     return bool(low <= line["fresh"] <= high)
 
@@ -132,15 +141,21 @@ def within(line: dict[str, Any]) -> bool:
 def table(lines: Sequence[dict[str, Any]]) -> str:
     """Return what a campaign measured as a table for the docs."""
     told = [line for line in lines if line["predicted"] is not None]
-    kept, n = sum(map(within, told)), len(told)
-    low, high = stats.binomtest(kept, n).proportion_ci(method="exact")
-    share = f"{kept} of {n}, {100 * kept / n:.1f} % [{100 * low:.0f}, {100 * high:.0f}]"
+    n = len(told)
+    if not n:
+        return f"{len(lines)} studies, none of them with a gain."
+    bounded = [line for line in told if len(line["predicted"]) == WITH_INTERVAL]
+    kept, of = sum(map(within, bounded)), len(bounded)
+    share = "-"
+    if of:
+        low, high = stats.binomtest(kept, of).proportion_ci(method="exact")
+        share = f"{kept} of {of}, {100 * kept / of:.1f} % [{100 * low:.0f}, {100 * high:.0f}]"
     nats, once = (np.array([line[key] for line in told]) for key in ("fresh", "one_scatter"))
     predicted = np.array([line["predicted"][0] for line in told])
     rows = [
         "| | |",
         "|---|---|",
-        f"| studies; of them with a gain | {len(lines)}; {n} |",
+        f"| studies; of them with a gain; with its interval | {len(lines)}; {n}; {of} |",
         f"| gain of other people within the interval predicted | {share} |",
         f"| gain of other people above zero | {int((nats > 0.0).sum())} of {n} |",
         f"| predicted gain of 8 people, median (range) | {_spread(predicted)} nats |",

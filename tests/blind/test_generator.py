@@ -196,6 +196,27 @@ def test_mains_and_stick_slip_are_in_the_force(
     assert middle == pytest.approx(at_speed / 2.0, rel=0.2)
 
 
+def test_a_skin_that_relaxes_slips_as_often_as_speed_over_its_way(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    """The way is the force that breaks it loose over its stiffness; then the slip."""
+    seed = int(rng.integers(2**31))
+    design = Design(participants=1, n_tones=1, n_speeds=1, n_forces=1, tones_hz=(200.0, 300.0))
+    plain = trials(tmp_path, (), seed, design)[0]
+    first, last = _cruise(plain)
+    values = {"amplitude_n": 0.5, "stiffness_n_per_mm": 0.05}
+    hidden = Hidden("stick_slip", values, "relaxing")
+    loads = trials(tmp_path, (hidden,), seed, design)[0].force_n - plain.force_n
+    load = loads[first:last, 0]
+    load = load * np.sign(np.mean(np.diff(load) > 0.0) - 0.5)  # it is loaded for longest
+    peak_n = 0.5 * np.exp(-plain.info.speed_mm_s / 20.0) * 1.16
+    assert np.abs(load).max() == pytest.approx(peak_n, rel=0.2)
+    fallen = np.diff(np.flatnonzero((load[:-1] > 0.0) & (load[1:] <= 0.0))) / 20_000.0
+    way_mm = 2.0 * peak_n / 1.16 / 0.05
+    expected_s = way_mm / plain.info.speed_mm_s + 0.008
+    assert np.median(fallen) == pytest.approx(expected_s, rel=0.2)
+
+
 @pytest.mark.parametrize(("name", "form"), OTHER_FORMS)
 def test_other_forms_are_not_the_catalogues(name: str, form: str) -> None:
     other = _signature(hide(World(), Hidden(name, OTHER_FORMS[name, form], form)))

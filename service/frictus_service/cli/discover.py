@@ -378,13 +378,12 @@ def show(found: "Discovery", console: "Console") -> None:
 def _ranked(one: "OneRecording") -> "Table":
     from rich.table import Table
 
+    from frictus_service.discovery.one_recording.phrasing import taken_away
     from frictus_service.discovery.report.findings import model_named
 
     table = Table("this recording only", "of held-out misfit it takes away", "AIC")
     for model in one.models[:RANKS]:
-        table.add_row(
-            model_named(model), f"{100.0 * model.explained:.3g} %", f"{model.aic:+.3g}"
-        )
+        table.add_row(model_named(model), taken_away(model), f"{model.aic:+.3g}")
     return table
 
 

@@ -172,7 +172,7 @@ def criticise(posed: PosedStudy, *, seed: int = 0) -> Discovery:
         beyond = look_beyond(problem, first, flips)
         found = first
         if beyond.form is not None:
-            found = beside_form(first, decide(beyond.problem, flips))
+            found = beside_form(beyond, first, decide(beyond.problem, flips))
         return Assembly(
             problem,
             units,

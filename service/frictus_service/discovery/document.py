@@ -279,8 +279,9 @@ class RankedModel(_Document):
     heldout_loglik: FiniteFloat
     """Over the base model's: nats, all folds together, each predicted from the others. All
     are weighed by the scatter that the best leaves: to rank them, and too large as odds."""
-    explained: FiniteFloat = 0.0
-    """Share of what the base model leaves in held-out folds that it takes away."""
+    explained: FiniteFloat | None = None
+    """Share of what the base model leaves in held-out folds that it takes away; null in a
+    document from before it was computed."""
     standard_error: FiniteFloat
     """From how folds differ."""
     aic: FiniteFloat

@@ -20,7 +20,7 @@ from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.calibration.posterior import wandered
 from frictus_service.calibration.score_information import Data, GainScatter, scores, spread_of
-from frictus_service.discovery.evidence.broadband import Bands
+from frictus_service.discovery.evidence.bands import Bands
 from frictus_service.tracking.finger_filters import FELT, NOW, PERSON, FingerFilters
 from frictus_service.tracking.strokes import Strokes
 from frictus_service.tracking.windows import LawWindow

@@ -16,7 +16,8 @@ from frictus.block import Flag
 from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.calibration.coordinates import HIGH_MM_S, LOW_MM_S
-from frictus_service.discovery.evidence.broadband import WINDOW_S, Bands, tapered
+from frictus_service.discovery.evidence.bands import WINDOW_S, Bands
+from frictus_service.discovery.evidence.broadband import tapered
 from frictus_service.identification.observation.response import drive_fraction, hold
 
 SPEEDS_MM_S: Final = (10.0, 150.0)

@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 from tests.blind.generator.case import Hidden
 from tests.blind.generator.rolloff import first_order_of_power, power_of_first_order
 from tests.blind.generator.transfer import mount, other_mount
-from tests.blind.generator.world import Echo, Moment, Section, Shelf, StickSlip, World
+from tests.blind.generator.world import (
+    Echo,
+    Moment,
+    Relaxation,
+    Section,
+    Shelf,
+    StickSlip,
+    World,
+)
 
 FloatArray = NDArray[np.float64]
 V0_MM_S: Final = 60.0
@@ -30,6 +38,8 @@ OF_PEOPLE: Final = frozenset(
         "coupling",
         "contact_loss",
         "force_saturation",
+        "bent_cutoff",
+        "light_cutoff",
     }
 )
 """What is of the finger, so that people differ in it; the rest is of the instrument."""
@@ -151,6 +161,13 @@ OTHER_FORMS: Final[Mapping[tuple[str, str], Change]] = {
     ),
 }
 
+OTHER_SHAPES: Final[Mapping[tuple[str, str], Change]] = {
+    ("stick_slip", "relaxing"): lambda world, p: replace(
+        world, relaxation=Relaxation(p["amplitude_n"], p["stiffness_n_per_mm"])
+    ),
+}
+"""Besides those of `OTHER_FORMS`, which the campaign on the catalogue draws."""
+
 UNKNOWN: Final[Mapping[str, Change]] = {
     "hidden_mode": lambda world, p: replace(
         world,
@@ -195,6 +212,12 @@ UNKNOWN: Final[Mapping[str, Change]] = {
     "force_saturation": lambda world, p: world.with_gain(
         lambda m: (1.0 + (m.normal_force_n / p["force_n"]) ** 10) ** (-p["exponent"] / 10.0)
     ),
+    "bent_cutoff": _times_cutoff(
+        lambda m, p: -p["exponent"] * 0.1 * np.log1p((m.speed_mm_s / p["speed_mm_s"]) ** 10.0)
+    ),
+    "light_cutoff": _times_cutoff(
+        lambda m, p: np.log1p(-p["share"] / (1.0 + (m.normal_force_n / p["force_n"]) ** 12))
+    ),
     "two_time_constants": lambda world, p: replace(
         world, shelf=Shelf(p["corner_hz"], -p["share"])
     ),
@@ -203,6 +226,7 @@ UNKNOWN: Final[Mapping[str, Change]] = {
 FORMS: Final[Mapping[tuple[str, str], Change]] = (
     {(name, "catalogue"): change for name, change in CATALOGUE.items()}
     | dict(OTHER_FORMS)
+    | dict(OTHER_SHAPES)
     | {(name, "unknown"): change for name, change in UNKNOWN.items()}
 )
 

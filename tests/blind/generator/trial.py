@@ -18,7 +18,7 @@ from tests.blind.generator.recursion import (
     respond,
 )
 from tests.blind.generator.transfer import Rational
-from tests.blind.generator.world import Moment, Section, World
+from tests.blind.generator.world import Moment, Relaxation, Section, World
 
 PEAK_V = 75.0
 CARRIER_HZ = 7000.0
@@ -181,8 +181,12 @@ def friction(
     rubbed = finely(person.friction_coefficient * motion.normal_force_n * moment.direction)
     hand = finely(np.gradient(motion.velocity_mm_s, BLOCK / RATE_HZ)) / 1000.0
     force_x, accel_x = along * driven + at_rest * rubbed, hand - along * shaken
+    saws = []
     if world.stick_slip is not None:
-        saw = _saw_tooth(world, motion, moment, rng)
+        saws.append(_saw_tooth(world, motion, moment, rng))
+    if world.relaxation is not None:
+        saws.append(finely(moment.direction) * _relaxing(world.relaxation, motion, rng))
+    for saw in saws:
         force_x = force_x + _filtered(world.mount, saw)
         accel_x = accel_x - _filtered(person.skin, saw)
     return force_x, accel_x
@@ -270,6 +274,26 @@ def _saw_tooth(
     saw: FloatArray = 2.0 * np.mod(periods, 1.0) - 1.0
     fading = np.exp(-speed / slip.fading_mm_s)
     return slip.amplitude_n * finely(fading * moment.direction) * saw
+
+
+def _relaxing(skin: Relaxation, motion: Motion, rng: np.random.Generator) -> FloatArray:
+    """Return what a skin that is loaded and breaks loose adds to friction, cycle by cycle."""
+    speed = finely(np.abs(motion.velocity_mm_s))
+    time_s = np.arange(speed.size) / RATE_HZ
+    at, begin_s = 0, -float(rng.uniform(0.0, 0.1))
+    corners = [(begin_s, -1.0)]
+    while begin_s < time_s[-1]:
+        breaking_n = 2.0 * skin.amplitude_n * float(np.exp(-speed[at] / skin.fading_mm_s))
+        breaking_n *= float(np.exp(skin.scatter * rng.standard_normal()))
+        going = max(float(speed[at]), FADE_MM_S)
+        stick_s = breaking_n / skin.stiffness_n_per_mm / going
+        corners += [(begin_s + stick_s, 1.0), (begin_s + stick_s + skin.slip_s, -1.0)]
+        begin_s = corners[-1][0]
+        at = min(int(max(begin_s, 0.0) * RATE_HZ), speed.size - 1)
+    times, loads = zip(*corners, strict=True)
+    fading = skin.amplitude_n * np.exp(-speed / skin.fading_mm_s)
+    felt: FloatArray = fading * np.interp(time_s, times, loads)
+    return felt
 
 
 def _filtered(rational: Rational, values: FloatArray) -> FloatArray:

@@ -70,6 +70,34 @@ class StickSlip:
 
 
 @dataclass(frozen=True, slots=True)
+class Relaxation:
+    """Skin that sticks until a force breaks it loose: a spring that the finger loads.
+
+    How much force breaks loose falls with speed, and how far the finger goes until then is that
+    force over the stiffness; the slip takes its time. Cycles differ, as contacts do.
+
+    Attributes
+    ----------
+    amplitude_n : float
+        Half of the force that breaks loose, at rest.
+    stiffness_n_per_mm : float
+        Of the skin along the screen.
+    fading_mm_s : float
+        Speed at which the force has fallen to 1/e.
+    slip_s : float
+        That a slip takes.
+    scatter : float
+        Standard deviation of the logarithm of a cycle's force.
+    """
+
+    amplitude_n: float
+    stiffness_n_per_mm: float
+    fading_mm_s: float = 20.0
+    slip_s: float = 0.008
+    scatter: float = 0.1
+
+
+@dataclass(frozen=True, slots=True)
 class World:
     """Everything that may be unlike the paper's law.
 
@@ -81,7 +109,7 @@ class World:
         From moment and cutoff, Hz, to cutoff; in turn.
     maps : tuple of callables
         From drive fraction, minutes and tone, Hz, to drive fraction.
-    shelf, echo, section, stick_slip : optional
+    shelf, echo, section, stick_slip, relaxation : optional
     delay_s : float
     rolloff : Rolloff
     mount : Rational
@@ -95,6 +123,7 @@ class World:
     echo: Echo | None = None
     section: Section | None = None
     stick_slip: StickSlip | None = None
+    relaxation: Relaxation | None = None
     delay_s: float = 0.0
     rolloff: Rolloff = FIRST_ORDER
     mount: Rational = THE_MOUNT

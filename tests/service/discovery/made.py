@@ -216,6 +216,8 @@ def _harmonics(
         third_variance=variance,
         centroid_hz=probe.tone_hz,
         spread_hz=np.zeros(probe.tone_hz.size),
+        mobility_centroid_hz=probe.tone_hz,
+        mobility_spread_hz=np.zeros(probe.tone_hz.size),
     )
 
 

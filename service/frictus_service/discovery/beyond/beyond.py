@@ -23,7 +23,12 @@ from frictus_service.discovery.beyond.characterise import (
     interval_of_mean,
 )
 from frictus_service.discovery.beyond.form_fit import Remainder
-from frictus_service.discovery.decision.decision import CLEARLY_BETTER, Decision
+from frictus_service.discovery.beyond.grammar import SHAPED
+from frictus_service.discovery.decision.decision import (
+    CLEARLY_BETTER,
+    CauseDecision,
+    Decision,
+)
 from frictus_service.discovery.inference.linearisation import Linearised, misfit
 from frictus_service.discovery.problem.problem import DiscoveryProblem
 
@@ -198,7 +203,9 @@ def look_beyond(problem: DiscoveryProblem, found: Decision, flips: FloatArray) -
     flips : ndarray, shape (n_flips, n_units)
     """
     located = [each for each in found.unexplained if each.pattern.channel in RESPONSE]
-    if problem.response != "friction" or not located:
+    # Where a cause is there in another shape, the cause may leave little of it.
+    bent = any(_effect(problem, each) in SHAPED for each in found.named if each.is_family)
+    if problem.response != "friction" or not (located or bent):
         return Beyond(problem)
     smooth = _smooth(problem, found.extended, [each.pattern.covariate for each in located])
     form = _form(problem, found, flips)
@@ -217,10 +224,10 @@ def _form(
     A power law and what bends it back below a threshold are together what bends above it: that
     is the simpler thing to say.
     """
-    beside = characterise(problem, found.extended, found.unexplained, flips)
+    beside = characterise(problem, found.extended, flips)
     if not found.effects:
         return beside
-    alone = characterise(problem, found.base, found.unexplained, flips)
+    alone = characterise(problem, found.base, flips)
     if alone is None:
         return beside
     ruler = found.extended
@@ -232,19 +239,33 @@ def _form(
     return alone if misfit(alone.problem, alone.model, ruler) <= most else beside
 
 
-def beside_form(first: Decision, found: Decision) -> Decision:
+def beside_form(beyond: Beyond, first: Decision, found: Decision) -> Decision:
     """Return what was found beside a form, with the causes of which it is the shape.
 
     Parameters
     ----------
+    beyond : Beyond
+        With a form.
     first : Decision
-        Without the form: a cause of which only another shape explains the data keeps its name.
+        Without the form: a cause of which only another shape explains the data keeps its name,
+        and so does one of which the form is the shape; its size is that of the form.
     found : Decision
         Beside the form.
     """
+    assert beyond.form is not None
+    shaped = beyond.form.fitted.form.shape_of
     there = {each.candidate for each in found.named}
-    kept = [each for each in first.named if not each.in_model and each.candidate not in there]
+    kept = [
+        replace(each, in_model=False)
+        for each in first.named
+        if each.candidate not in there
+        and (not each.in_model or (each.is_family and _effect(beyond.problem, each) == shaped))
+    ]
     return replace(found, named=(*found.named, *kept))
+
+
+def _effect(problem: DiscoveryProblem, named: CauseDecision) -> str:
+    return problem.candidates[named.candidate].effect
 
 
 def _smooth(

@@ -20,7 +20,6 @@ from frictus_service.discovery.beyond.form_fit import FittedForm, Remainder, fit
 from frictus_service.discovery.beyond.grammar import Form, grammar
 from frictus_service.discovery.decision.prediction_gain import (
     OMNIBUS,
-    UnexplainedPattern,
     find_unexplained,
 )
 from frictus_service.discovery.inference.linear_model import (
@@ -37,6 +36,8 @@ PROMISING: Final = 5
 """Forms that are fitted, of those that the screen finds best."""
 PENALTY: Final = 2.0
 """Sum of squares that a parameter must save where the same people choose and fit (AIC)."""
+TURNS: Final = 8
+"""In which own parameters and a form are fitted at most; a small form needs one or two."""
 LEAST_SHARE: Final = 0.5
 """Of what is left reproducibly; a form that explains less describes something else."""
 RESPONSE: Final = frozenset({"size", "phase"})
@@ -84,7 +85,6 @@ def interval_of_mean(values: FloatArray) -> tuple[float, float]:
 def characterise(
     problem: DiscoveryProblem,
     model: Linearised,
-    unexplained: Sequence[UnexplainedPattern],
     flips: FloatArray,
 ) -> Characterised | None:
     """Return the form that describes what a model leaves; None where none may be named.
@@ -95,13 +95,9 @@ def characterise(
         Data, base model and candidates.
     model : Linearised
         Fitted with the causes that were named, and the units about it.
-    unexplained : sequence of UnexplainedPattern
-        What it leaves.
     flips : ndarray, shape (n_flips, n_units)
     """
     if problem.response != "friction":
-        return None
-    if not any(each.pattern.channel in RESPONSE for each in unexplained):
         return None
     screen = _Screen.of(problem, model)
     p_value = screen.p_value(flips)
@@ -130,12 +126,27 @@ def characterise(
 def _again(
     problem: DiscoveryProblem, model: Linearised, fitted: FittedForm
 ) -> tuple[FittedForm, tuple[DiscoveryProblem, Linearised]]:
-    """Return a form fitted about everybody's own parameters beside it, and that model."""
-    within = replace(problem, base=extended(problem.base, [(fitted.form.id, fitted.values)]))
-    moved = linearise(within, model.chosen, patterns=problem.patterns, start=model)
-    # About the new own parameters, but without the form: it is what is fitted.
+    """Return a form fitted about everybody's own parameters beside it, and that model.
+
+    Fitted without a large form, own gain and cutoff stand in for a part of it; what is then
+    left looks like a form that is too weak, and like something beside it. So own parameters and
+    form are fitted in turn until the form stays where it is.
+    """
+
+    def beside(form: FittedForm, start: Linearised) -> tuple[DiscoveryProblem, Linearised]:
+        within = replace(problem, base=extended(problem.base, [(form.form.id, form.values)]))
+        return within, linearise(within, model.chosen, start=start)
+
     everybody = range(len(problem.subjects))
-    fitted = fit_form(Remainder.of(problem, moved), fitted.form, fitted.values, everybody)
+    within, moved = beside(fitted, model)
+    for _ in range(TURNS):
+        before = fitted
+        # About the new own parameters, but without the form: it is what is fitted.
+        remainder = Remainder.of(problem, moved)
+        fitted = fit_form(remainder, before.form, before.values, everybody)
+        within, moved = beside(fitted, moved)
+        if fitted.is_near(before):
+            break
     return fitted, (within, moved)
 
 

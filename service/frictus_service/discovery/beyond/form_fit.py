@@ -25,6 +25,8 @@ LEAST_STEP: Final = 1e-3
 MOST_STEP: Final = 0.5
 """Of a logarithm, or of a plain parameter, in one round."""
 RIDGE: Final = 1e-6
+NEAR: Final = 0.2
+"""Of half a parameter's interval."""
 LOGARITHMIC: Final = frozenset({"frequency_hz", "damping", "delay_s", "corner_hz"})
 """Parameters that are fitted on a log scale."""
 
@@ -124,6 +126,19 @@ class FittedForm:
         if name in LOGARITHMIC:
             ends = (value * float(np.exp(-half)), value * float(np.exp(min(half, 20.0))))
         return max(ends[0], bounds.low), min(ends[1], bounds.high)
+
+    def is_near(self, other: "FittedForm") -> bool:
+        """Return whether no fitted parameter is further from another fit's than `NEAR`."""
+        return all(
+            abs(_on_scale(name, self.values[name]) - _on_scale(name, other.values[name]))
+            <= NEAR * half
+            for name, half in self.half_width.items()
+        )
+
+
+def _on_scale(name: str, value: float) -> float:
+    """Return a parameter on the scale on which it is fitted."""
+    return float(np.log(value)) if name in LOGARITHMIC else value
 
 
 def fit_form(

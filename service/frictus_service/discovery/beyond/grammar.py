@@ -36,6 +36,8 @@ class Form:
         What has such a form.
     told_by : str
         The experiment that tells which.
+    shape_of : str or None
+        The cause of the catalogue of which it is another shape.
     """
 
     id: str
@@ -45,6 +47,7 @@ class Form:
     what: str
     could_be: str
     told_by: str
+    shape_of: str | None = None
 
     @property
     def dose(self) -> str:
@@ -125,6 +128,17 @@ _WORDS: Final[Mapping[str, _Words]] = {
     ),
 }
 
+_SHAPE_OF: Final[Mapping[tuple[str, str], str]] = {
+    ("gain", "speed"): "speed_dependent_gain",
+    ("gain", "force"): "force_dependent_gain",
+    ("gain", "time"): "gain_drift",
+    ("cutoff", "speed"): "speed_dependent_cutoff",
+    ("cutoff", "force"): "force_dependent_cutoff",
+    ("cutoff", "time"): "cutoff_drift",
+}
+SHAPED: Final = frozenset(_SHAPE_OF.values())
+"""Causes of which the grammar has other shapes."""
+
 _FREQUENCIES: Final = np.geomspace(30.0, 1900.0, 22)
 _FOLLOWING: Final[tuple[tuple[str, Held], ...]] = (
     ("", ()),
@@ -184,4 +198,5 @@ def _scheduled() -> Iterator[Form]:
             what=words.what.replace("{part}", part),
             could_be=words.could_be,
             told_by=words.told_by,
+            shape_of=None if coupled else _SHAPE_OF[part, by],
         )

@@ -91,6 +91,11 @@ class CauseDecision:
     left: bool = False
     in_model: bool = True
 
+    @property
+    def is_family(self) -> bool:
+        """Whether something of its kind is there in another shape."""
+        return self.verdict == "family"
+
 
 @dataclass(frozen=True, slots=True)
 class Decision:

@@ -17,10 +17,9 @@ from typing import Final
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
-from frictus_hardware.arrays import BoolArray, ComplexArray, FloatArray, IntArray
-from frictus_hardware.physics.linear import TransferFunction
+from frictus_hardware.arrays import BoolArray, ComplexArray, FloatArray
+from frictus_service.discovery.evidence.bands import WINDOW_S, Bands
 from frictus_service.discovery.evidence.spectra import NO_HARMONICS, NOTHING, HarmonicResponse
 from frictus_service.identification.observation.blocks import BLOCK
 from frictus_service.identification.observation.observe import FingerTrajectory
@@ -33,100 +32,10 @@ from frictus_service.identification.observation.response import (
 from frictus_service.identification.observation.sweeps import SweepThird
 from frictus_service.study.trial import StudyInfo, Trial
 
-WINDOW_S: Final = 0.1
-PER_OCTAVE: Final = 6
-RANGE_HZ: Final = (40.0, 2000.0)
 CHANCE: Final = 1e-3
 """A band is used in which noise alone would be as coherent over the trial less often,"""
 LEAST_OF_FORCE: Final = 0.5
 """and, where no message drives, at least so coherent: what is missing may be bias."""
-MOST_BEND: Final = 0.02
-"""By which the mount's response may differ from the geometric mean of its neighbours."""
-
-
-@dataclass(frozen=True, slots=True)
-class Bands:
-    """Frequencies of the windows, in bands of a sixth of an octave.
-
-    Attributes
-    ----------
-    centre_hz : ndarray, shape (n_bands,)
-        Means of the frequencies in each band of a grid through 1 kHz; bands that hold none are
-        left out.
-    frequency_hz : ndarray, shape (n_frequencies,)
-        Of the windows, those that lie in a band.
-    band : ndarray of int, shape (n_frequencies,)
-        Rising.
-    """
-
-    centre_hz: FloatArray
-    frequency_hz: FloatArray
-    band: IntArray
-
-    @classmethod
-    def of(cls, window: int, sample_rate_hz: float, mount: TransferFunction | None) -> "Bands":
-        """Return the bands of windows of so many samples.
-
-        Parameters
-        ----------
-        window : int
-            Samples of a window.
-        sample_rate_hz : float
-            Samples per second of the device's clock.
-        mount : TransferFunction or None
-            Frequencies at which it bends too fast for the window are left out.
-        """
-        every = np.linspace(0.0, sample_rate_hz / 2.0, window // 2 + 1)[1:-1]
-        number = np.rint(PER_OCTAVE * np.log2(every / 1000.0))
-        margin = 2.0 ** (0.5 / PER_OCTAVE)
-        middle = 1000.0 * 2.0 ** (number / PER_OCTAVE)
-        within = (middle >= RANGE_HZ[0] / margin) & (middle <= RANGE_HZ[1] * margin)
-        within &= _bend(mount, every, sample_rate_hz / window) <= MOST_BEND
-        _, band = np.unique(number[within], return_inverse=True)
-        centre = np.bincount(band, every[within]) / np.bincount(band)
-        return cls(centre, every[within], band.astype(np.int64))
-
-    @property
-    def lines(self) -> FloatArray:
-        """How many frequencies each band has, shape (n_bands,)."""
-        return np.bincount(self.band).astype(np.float64)
-
-    def total(self, spectra: NDArray[np.complex128 | np.float64]) -> ComplexArray:
-        """Return the sums over windows and over the frequencies of each band, (n_bands,).
-
-        Parameters
-        ----------
-        spectra : ndarray, shape (n_windows, n_frequencies)
-        """
-        starts = np.flatnonzero(np.diff(self.band, prepend=-1))
-        summed: ComplexArray = np.add.reduceat(spectra.sum(axis=0), starts).astype(complex)
-        return summed
-
-    def place_of(self, known: ComplexArray) -> tuple[FloatArray, FloatArray]:
-        """Return centroid and standard deviation of the frequency over a power, (n_bands,).
-
-        A response that is averaged over a band is weighed by the power at each frequency; and
-        Hann's window of length T mixes frequencies whose variance is ``1 / (3 T^2)``.
-
-        Parameters
-        ----------
-        known : ndarray, shape (n_windows, n_frequencies)
-            Spectra, of which the power is taken.
-        """
-        power = np.square(np.abs(known))
-        total = np.maximum(self.total(power).real, np.finfo(float).tiny)
-        centroid = self.total(power * self.frequency_hz).real / total
-        apart = self.frequency_hz - centroid[self.band]
-        variance = self.total(power * np.square(apart)).real / total
-        return centroid, np.sqrt(variance + 1.0 / (3.0 * WINDOW_S**2))
-
-    def averages(self, windows: int) -> FloatArray:
-        """Return how many independent averages so many half overlapping windows are.
-
-        One frequency of a Hann window counts as 1.9 of those next to it together: its noise
-        bandwidth.
-        """
-        return 0.5 * windows * (self.lines + 0.9)
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +52,17 @@ class _Spectra:
     def known(self) -> ComplexArray:
         """What a response is seen through: the message, or the force where none drives."""
         return self.force if self.message is None else self.message
+
+    @property
+    def weights(self) -> tuple[FloatArray, FloatArray]:
+        """By which frequencies weigh in friction ``S_mF / S_mm``, and in mobility, each (n,).
+
+        Mobility is ``S_mv / S_mF``: where the message has much and the force makes little of
+        it, there is little to see the mobility through.
+        """
+        of_friction = np.square(np.abs(self.known)).sum(axis=0)
+        of_mobility = np.abs((self.known.conj() * self.force).sum(axis=0))
+        return of_friction, of_mobility
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,19 +167,6 @@ def _spectra(
     skin = found[1] / instrument.skin if len(found) > 1 else None
     mean = np.nan if message is None else float(np.nanmean(channels[-1]))
     return _Spectra(segment, message, found[0] / instrument.force, skin, mean)
-
-
-def _bend(
-    mount: TransferFunction | None, frequency_hz: FloatArray, step_hz: float
-) -> FloatArray:
-    """Return how far the mount's response is from that of its neighbours, as a share."""
-    if mount is None:
-        return np.zeros(frequency_hz.size)
-    at, below, above = (
-        mount.frequency_response(frequency_hz + off) for off in (0.0, -step_hz, step_hz)
-    )
-    bend: FloatArray = np.abs(below * above / np.square(at) - 1.0)
-    return bend
 
 
 def _windows(channels: FloatArray, window: int) -> FloatArray:
@@ -369,7 +276,9 @@ def _message(
     sizes = [each.tone_hz.size for each in rows]
     power = [np.square(np.abs(each.message)).sum() / 2.0 for each in rows]
     nothing = np.full(sum(sizes), np.nan)
-    places = [bands.place_of(each.known) for each in spectra]
+    of_friction, of_mobility = (
+        [bands.place_of(each.weights[k]) for each in spectra] for k in (0, 1)
+    )
     return HarmonicResponse(
         message_mean=np.repeat([each.message_mean for each in spectra], sizes),
         message_power=np.repeat(power, sizes),
@@ -377,8 +286,10 @@ def _message(
         second_variance=nothing,
         third=nothing.astype(np.complex128),
         third_variance=nothing,
-        centroid_hz=np.concatenate([centroid[used] for centroid, _ in places]),
-        spread_hz=np.concatenate([spread[used] for _, spread in places]),
+        centroid_hz=np.concatenate([centroid[used] for centroid, _ in of_friction]),
+        spread_hz=np.concatenate([spread[used] for _, spread in of_friction]),
+        mobility_centroid_hz=np.concatenate([centroid[used] for centroid, _ in of_mobility]),
+        mobility_spread_hz=np.concatenate([spread[used] for _, spread in of_mobility]),
     )
 
 

@@ -131,6 +131,7 @@ EVIDENCE: Final = Reader(
     read_evidence,
     (
         "frictus_service.discovery.evidence.background",
+        "frictus_service.discovery.evidence.bands",
         "frictus_service.discovery.evidence.broadband",
         "frictus_service.discovery.evidence.evidence_rows",
         "frictus_service.discovery.evidence.spectra",

@@ -204,6 +204,7 @@ def rows_of(
         return np.concatenate([getattr(one.harmonics, name) for one in evidence])
 
     friction = response == "friction"
+    weighed = "" if friction else "mobility_"
     measured = column("friction_response" if friction else "mobility")
     variance = column("friction_variance" if friction else "mobility_variance")
     where = ("speed_mm_s", "normal_force_n", "position_mm")
@@ -218,7 +219,7 @@ def rows_of(
         return _mean_of_known(values[known], group, count)
 
     rows = Probe(
-        tone_hz=mean(harmonic("centroid_hz")),
+        tone_hz=mean(harmonic(f"{weighed}centroid_hz")),
         message=mean(np.abs(column("message"))).astype(np.complex128),
         message_mean=_filled(mean(harmonic("message_mean")), keys[0]),
         message_power=_filled(mean(harmonic("message_power")), keys[0]),
@@ -229,7 +230,7 @@ def rows_of(
             keys[2].astype(np.float64),
             minutes[keys[0]],
         ),
-        spread_hz=mean(harmonic("spread_hz")),
+        spread_hz=mean(harmonic(f"{weighed}spread_hz")),
     )
     second, third = mean(harmonic("second")), mean(harmonic("third"))
     if response == "mobility":

@@ -13,7 +13,6 @@ import numpy as np
 from frictus_hardware.arrays import ComplexArray, FloatArray, IntArray
 from frictus_service.discovery.evidence.background import Backdrop, Lines, lines_of, low_power
 from frictus_service.identification.observation.blocks import BLOCK, BlockSums
-from frictus_service.identification.observation.least_squares import noise_reach
 from frictus_service.identification.observation.observe import FingerTrajectory
 from frictus_service.identification.observation.response import (
     Instrument,
@@ -32,6 +31,8 @@ SURE: Final = 4.0
 """Standard errors by which it must exceed that."""
 SETTLED_S: Final = 0.1
 """Of a trial, left out: what the beginning of the drive excites in the mount rings for long."""
+MOST_PAUSE_S: Final = 1.0
+"""Between neighbours: the mains is off by 0.05 Hz, and by more than that for moments only."""
 NOTHING: Final = complex(np.nan, np.nan)
 
 
@@ -52,8 +53,10 @@ class HarmonicResponse:
     second_variance, third_variance : ndarray
         Of real and of imaginary part each, from the noise around the lines.
     centroid_hz, spread_hz : ndarray
-        Mean and standard deviation of the frequency over the power by which a row is weighed:
-        of a band; of a tone its frequency, and 0.
+        Mean and standard deviation of the frequency over what the friction response of a row is
+        weighed by: of a band its power; of a tone its frequency, and 0.
+    mobility_centroid_hz, mobility_spread_hz : ndarray
+        The same of the mobility, which is weighed by what the force has of that.
     """
 
     message_mean: FloatArray
@@ -64,6 +67,8 @@ class HarmonicResponse:
     third_variance: FloatArray
     centroid_hz: FloatArray
     spread_hz: FloatArray
+    mobility_centroid_hz: FloatArray
+    mobility_spread_hz: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +84,9 @@ class Stretches:
     speed_mm_s, normal_force_n, position_mm, seconds : ndarray
         As in `ResponseRows`; the length.
     line50_n2, line60_n2 : ndarray
-        Power at 50 and 60 Hz less that of the noise beside it, so that no line gives zero on
-        average; NaN within 8 Hz of a tone or where the stretch is too short.
+        Power at 50 and 60 Hz of what goes on from a stretch to its neighbours with one phase,
+        so that no line, or one that follows the finger, gives zero on average; NaN within 8 Hz
+        of a tone, and where the stretch is too short or has no neighbour.
     line50_variance, line60_variance : ndarray
         Of that, were there noise alone.
     low_n2 : ndarray
@@ -144,7 +150,7 @@ def spectra_of(
     mean, power = _message(lines, channels, backdrop, [whole[at] for at in stretch], rows)
     ratios = _ratios(trial, study, lines, [fitted[at] for at in stretch])
     alone = (rows.tone_hz, np.zeros(rows.tone_hz.size))
-    return HarmonicResponse(mean, power, *ratios[0], *ratios[1], *alone), stretches
+    return HarmonicResponse(mean, power, *ratios[0], *ratios[1], *alone, *alone), stretches
 
 
 def _later(piece: WholeBlocks, settled: int) -> WholeBlocks:
@@ -258,17 +264,38 @@ def _stretches(
 def _mains(
     lines: Lines, place: int, pieces: list[WholeBlocks], fitted: list[Amplitudes]
 ) -> FloatArray:
-    """Return a mains line's power above the noise and its variance, (n_pieces, 2)."""
+    """Return a mains line's power and its variance in noise alone, (n_pieces, 2).
+
+    The mains goes on from one stretch to the next, whatever the finger does; a line of stick
+    and slip, which follows the path, begins each with another phase. So the power is that of a
+    stretch with its neighbours in time: half the real part of the product of one amplitude and
+    the conjugate of the other, to which noise adds nothing on average (a cross-spectrum;
+    Bendat and Piersol, Random Data, chapter 5).
+    """
     found = np.full((len(pieces), 2), np.nan)
     if place < 0:
         return found
-    omega = lines.tones.per_sample[place]
-    for row, (piece, each) in enumerate(zip(pieces, fitted, strict=True)):
-        amplitude, noise = each.amplitude[-1, place], each.variance[-1, place]
-        # Half of |amplitude|² is expected to be the line's power and this variance.
-        power = abs(amplitude) ** 2 / 2.0 - noise
-        bins = 2 * noise_reach(omega, (piece.last - piece.first) * BLOCK)
-        found[row] = power, noise**2 * (1.0 + 1.0 / bins)
+    line_n = np.array([each.amplitude[-1, place] for each in fitted])
+    noise = np.array([each.variance[-1, place] for each in fitted])
+    begin, end = (
+        np.array([getattr(piece, of) for piece in pieces]) for of in ("first", "last")
+    )
+    known = np.flatnonzero(np.isfinite(line_n))
+    known = known[np.argsort(begin[known])]
+    one, next_ = known[:-1], known[1:]
+    near = (begin[next_] - end[one]) * BLOCK <= MOST_PAUSE_S * lines.tones.sample_rate_hz
+    one, next_ = one[near], next_[near]
+    total, count = np.zeros(found.shape), np.zeros((len(pieces), 1))
+    along = np.array([piece.segment.along for piece in pieces]).reshape(-1, 2)
+    turned = np.sign(np.sum(along[one] * along[next_], axis=1))  # amplitudes are along motion
+    together = turned * (line_n[one] * line_n[next_].conj()).real / 2.0
+    pairs = np.column_stack([together, noise[one] * noise[next_] / 2.0])
+    for ends in (one, next_):
+        np.add.at(total, ends, pairs)
+        np.add.at(count, ends, 1.0)
+    told = count[:, 0] > 0.0
+    found[told] = total[told] / count[told]
+    found[told, 1] /= count[told, 0]
     return found
 
 
@@ -298,6 +325,8 @@ NO_HARMONICS: Final = HarmonicResponse(
     third_variance=np.empty(0),
     centroid_hz=np.empty(0),
     spread_hz=np.empty(0),
+    mobility_centroid_hz=np.empty(0),
+    mobility_spread_hz=np.empty(0),
 )
 NO_STRETCHES: Final = Stretches(
     sweep=np.empty(0, dtype=np.int64),

@@ -96,12 +96,18 @@ class UnitCoefficients:
         return low, high
 
     def _gain(self, value: FloatArray, used: BoolArray) -> float:
-        """Return the nats of one unit, predicted from those that are used."""
+        """Return the nats of one unit, predicted from those that are used.
+
+        Where none of them knows all that the unit knows, what fewest know is not predicted: the
+        nats are those of the rest. 0 where none of them knows anything of it.
+        """
         known = np.isfinite(self.value) & used[:, np.newaxis]
         kept = np.flatnonzero(np.isfinite(value) & known.any(axis=0))
-        telling = np.asarray(known[:, kept].all(axis=1))
-        if not kept.size or not telling.any():
+        while kept.size and not known[:, kept].all(axis=1).any():
+            kept = np.delete(kept, np.argmin(known[:, kept].sum(axis=0)))
+        if not kept.size:
             return 0.0
+        telling = np.asarray(known[:, kept].all(axis=1))
         return float(_Scatter.of(self, telling, kept).nats(value[kept]))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from scipy import signal
 
 from frictus_hardware.arrays import IntArray
-from frictus_service.discovery.evidence.broadband import RANGE_HZ, WINDOW_S
+from frictus_service.discovery.evidence.bands import RANGE_HZ, WINDOW_S
 from frictus_service.discovery.evidence.evidence_rows import TrialEvidence
 from frictus_service.discovery.evidence.observation_table import (
     ResponseName,

@@ -76,10 +76,15 @@ def statement_of(models: Sequence[RankedModel], *, beyond: bool) -> str:
     verb = "explains it" if len(first.causes) == 1 else "explain it together"
     confirmed = " ".join(cause_of(name).next_experiment for name in first.causes)
     return (
-        f"In this recording only, {what} {verb}: {100.0 * first.explained:.3g} % of the mean "
+        f"In this recording only, {what} {verb}: {taken_away(first)} of the mean "
         "square that the base model leaves in held-out folds of time."
         f"{_rival(models)} It would be confirmed by this: {confirmed}"
     )
+
+
+def taken_away(model: RankedModel) -> str:
+    """Return the share of the held-out misfit that a model of one recording takes away."""
+    return "unknown" if model.explained is None else f"{100.0 * model.explained:.3g} %"
 
 
 def _best_tried(models: Sequence[RankedModel]) -> str:
@@ -89,7 +94,7 @@ def _best_tried(models: Sequence[RankedModel]) -> str:
     best = max(tried, key=lambda model: model.heldout_loglik)
     return (
         f" Best of what was tried: {' with '.join(map(title, best.causes))}, which takes away "
-        f"{100.0 * best.explained:.3g} % of what it leaves in held-out folds of time."
+        f"{taken_away(best)} of what it leaves in held-out folds of time."
     )
 
 

@@ -154,7 +154,7 @@ class Assembly:
 
     def _explained_share(self) -> float | None:
         found, form = self._found, self._beyond.form
-        if not found.named and form is not None:
+        if form is not None and not self._chosen:
             return form.share
         return found.explained_share if found.named or found.unexplained else None
 

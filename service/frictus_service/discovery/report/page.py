@@ -12,6 +12,7 @@ from frictus.model import Model
 from frictus_service.discovery.catalogue.cause import title
 from frictus_service.discovery.catalogue.causes import CAUSES
 from frictus_service.discovery.document import Discovery
+from frictus_service.discovery.one_recording.phrasing import taken_away
 from frictus_service.discovery.report.findings import (
     folds_sentence,
     gain_sentence,
@@ -224,6 +225,7 @@ def render(found: Discovery) -> str:
             "gain": gain_sentence,
             "model": model_in_words,
             "named": model_named,
+            "taken_away": taken_away,
             "folds": folds_sentence,
             "kept": kept_share,
         },

@@ -11,7 +11,7 @@ import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates
-from frictus_service.discovery.evidence.broadband import WINDOW_S
+from frictus_service.discovery.evidence.bands import WINDOW_S
 from frictus_service.tracking.law_estimate import Batch, LawEstimate
 from frictus_service.tracking.windows import MAINS_HZ
 

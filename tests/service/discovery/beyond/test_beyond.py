@@ -90,6 +90,23 @@ def test_the_smooth_discrepancy_is_drawn_beside_the_form(resonance: Discovery) -
     assert discrepancy_figure(None) is None
 
 
+def test_a_cause_in_another_shape_keeps_its_name_and_the_form_has_its_size(
+    rng: np.random.Generator,
+) -> None:
+    """At light force only: the power law leaves little, and yet is not the shape."""
+    values = {"log_change": 0.6, "threshold_n": 0.28}
+    design = Design(forces_n=(0.2, 0.25, 0.32, 0.4, 0.6), repeats=1)
+    found = found_in(made(rng, [("cutoff_switch_by_force", values)], design))
+    (form,) = found.characterised
+    assert form.id in ("cutoff_switch_by_force", "cutoff_knee_below_force")
+    assert found.explained_share == form.share > 0.5
+    (cause,) = found.causes
+    assert (cause.id, cause.verdict) == ("force_dependent_cutoff", "family")
+    assert (cause.parameters, cause.gain) == ({}, None)
+    assert found.verdict == "partly_explained"
+    assert [effect.id for effect in found.extended_model.effects] == [form.id]
+
+
 def test_nothing_is_characterised_in_nothing(rng: np.random.Generator) -> None:
     found = [found_in(made(rng, (), USUAL)) for _ in range(3)]
     assert sum(bool(one.characterised) for one in found) <= 1

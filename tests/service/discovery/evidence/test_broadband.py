@@ -15,7 +15,7 @@ from tests.service.identification.trials import (
 )
 
 from frictus_hardware.arrays import ComplexArray, FloatArray
-from frictus_service.discovery.evidence.broadband import WINDOW_S, Bands
+from frictus_service.discovery.evidence.bands import WINDOW_S, Bands
 from frictus_service.discovery.evidence.evidence_rows import TrialEvidence, evidence_of
 from frictus_service.study.trial import Trial
 
@@ -162,12 +162,10 @@ def test_sweeps_shorter_than_a_window_are_said(rng: np.random.Generator) -> None
     assert any("holds 0.1 s without gaps, the longest lasts" in note for note in found.notes)
 
 
-def test_a_band_lies_where_its_power_is(rng: np.random.Generator) -> None:
+def test_a_band_lies_where_its_power_is() -> None:
     """Power that falls with the square of the frequency has its centroid below the middle."""
     bands = Bands.of(2000, RATE_HZ, None)
-    white = rng.standard_normal((4000, bands.frequency_hz.size))
-    red = (white / bands.frequency_hz).astype(np.complex128)
-    centroid, spread = bands.place_of(red)
+    centroid, spread = bands.place_of(np.square(1.0 / bands.frequency_hz))
     wide = bands.lines > 20
     lines = bands.lines[wide] / WINDOW_S
     expected = bands.centre_hz - np.divide(2.0 * spread**2, bands.centre_hz)
@@ -176,3 +174,23 @@ def test_a_band_lies_where_its_power_is(rng: np.random.Generator) -> None:
     alone = bands.lines == 1
     np.testing.assert_allclose(centroid[alone], bands.centre_hz[alone])
     np.testing.assert_allclose(spread[alone], 1.0 / np.sqrt(3.0) / WINDOW_S)
+
+
+def test_driven_mobility_is_weighed_by_what_the_force_has_of_the_drive(
+    rng: np.random.Generator,
+) -> None:
+    """Above the cutoff friction falls, and mobility is seen lower in a band than the drive."""
+    made = Made((100.0,), 60.0, seconds=4.0, noise_n=0.002, noise_m_s2=0.05)
+    said = evidence_of(untold(made, rng), STUDY).harmonics
+    of_drive, of_force = said.centroid_hz, said.mobility_centroid_hz
+    step = 1e-3
+    ends = (np.abs(true_friction(of_drive * (1.0 + s), 60.0)) for s in (-step, step))
+    low, high = map(np.log, ends)
+    slope = (high - low) / (2.0 * step)
+    within = np.square(said.spread_hz) - 1.0 / (3.0 * WINDOW_S**2)
+    expected = slope * within / of_drive
+    high_up = of_drive > 1200.0
+    shift = (of_force - of_drive)[high_up]
+    assert np.mean(expected[high_up]) < -0.5
+    np.testing.assert_allclose(shift.mean(), expected[high_up].mean(), rtol=0.2)
+    assert np.all(said.mobility_spread_hz[high_up] > 0.0)

@@ -154,6 +154,22 @@ def test_a_mains_line_is_found_and_only_where_it_is(rng: np.random.Generator) ->
         assert 0.3 < each.std() < 2.0
 
 
+def test_a_line_that_follows_the_path_is_no_mains_line(rng: np.random.Generator) -> None:
+    """Of a saw-tooth at whatever speed as much is taken off at 50 Hz as is added."""
+    amplitude, plain = 0.01, blank(rng, 1e-4)
+    time_s = np.arange(plain.force_n.shape[0]) / RATE_HZ
+
+    def mean_of(line_hz: float) -> float:
+        turned = 2.0 * np.pi * line_hz * time_s + rng.uniform(0.0, 2.0 * np.pi)
+        found = stretches(with_force(plain, amplitude * np.cos(turned)))
+        return float(np.nanmean(found.line50_n2)) / (amplitude**2 / 2.0)
+
+    assert mean_of(50.0) == pytest.approx(1.0, abs=0.02)
+    followed = [mean_of(line_hz) for line_hz in np.arange(44.0, 56.0, 0.4)]
+    assert max(followed) > 0.5
+    assert abs(np.mean(followed)) < 0.03
+
+
 def test_a_line_beside_a_tone_is_not_told(rng: np.random.Generator) -> None:
     found = stretches(trial(Made((55.0,), 40.0), rng))
     assert np.isnan(found.line50_n2).all()

@@ -83,3 +83,19 @@ def test_as_many_effects_as_units_have_an_interval(rng: np.random.Generator) -> 
     interval = people(rng, 5.0, k=6, n=6).interval_of_another(6, rng)
     assert interval is not None
     assert np.isfinite(interval).all()
+
+
+def test_who_knows_more_than_any_other_gains_by_what_others_know(
+    rng: np.random.Generator,
+) -> None:
+    """Three know one effect, two the other, and one both: of that one no other knows all."""
+    value = np.full((6, 2), np.nan)
+    value[:3, 0] = rng.normal(5.0, 0.1, 3)
+    value[3:5, 1] = rng.normal(5.0, 0.1, 2)
+    value[5] = 5.0
+    noise = np.broadcast_to(NOISE**2 * np.eye(2), (6, 2, 2))
+    first_only = value.copy()
+    first_only[5, 1] = np.nan
+    both, alone = (UnitCoefficients(each, noise).held_out for each in (value, first_only))
+    assert both[5] == pytest.approx(alone[5])
+    assert np.all(both > 0.0)

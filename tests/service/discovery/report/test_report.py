@@ -13,7 +13,14 @@ from tests.service.discovery.found import cause, discovery, left, pair
 from frictus_service.cli.discover import NOT_PRINTED, show, summary
 from frictus_service.discovery.catalogue.cause import title
 from frictus_service.discovery.catalogue.causes import CAUSES
-from frictus_service.discovery.document import Discovery, ResidualBin, RivalCost, TrialsLeftOut
+from frictus_service.discovery.document import (
+    Discovery,
+    RankedModel,
+    ResidualBin,
+    RivalCost,
+    TrialsLeftOut,
+)
+from frictus_service.discovery.one_recording.phrasing import taken_away
 from frictus_service.discovery.report.findings import (
     gain_sentence,
     kept_share,
@@ -296,3 +303,11 @@ def test_the_terminal_tells_the_same(rng: np.random.Generator) -> None:
     printed = summary(found)
     whole = found.model_dump(mode="json", by_alias=True)
     assert printed == {name: whole[name] for name in whole if name not in NOT_PRINTED}
+
+
+def test_a_share_that_was_never_computed_is_unknown_and_not_zero() -> None:
+    older = {"causes": [], "parameters": {}, "heldout_loglik": 3.0}
+    older |= {"standard_error": 1.0, "aic": -4.0}
+    model = RankedModel.model_validate(older)
+    assert taken_away(model) == "unknown"
+    assert taken_away(model.model_copy(update={"explained": 0.25})) == "25 %"
