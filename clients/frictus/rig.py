@@ -356,7 +356,7 @@ class Rig(WatchedRig):
     def point(
         self, x_mm: float, y_mm: float, *, in_contact: bool = True, normal_force_n: float = 0.4
     ) -> None:
-        """Move the virtual finger of a simulated rig whose finger is set to `client`.
+        """Move the virtual finger of a rig whose finger is set to `client` or `takeover`.
 
         Parameters
         ----------

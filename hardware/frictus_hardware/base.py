@@ -67,6 +67,8 @@ class RigInfo:
     max_lead_samples: int = 0
     """The longest lead that `GrowingLead.lengthen_lead` takes; not above `lead_samples`: the
     lead is fixed."""
+    finger_takeover: bool = False
+    """Whether the simulated finger moves by itself until a client takes it over by points."""
     clock_scale: float = 1.0
     """Device seconds per second of this machine's clock; 1 but on a simulated or replayed rig
     that is told to run slower or faster."""

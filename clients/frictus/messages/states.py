@@ -194,6 +194,8 @@ class RigStatus(Message):
     backend: str
     simulated: bool
     finger_source: Literal["touch", "pointer", "simulated"]
+    finger_takeover: bool = False
+    """Whether a client that may change what is rendered may take over the simulated finger."""
     finger_sensors: tuple[SensorName, ...] = ()
     """What the finger's motion is estimated from now."""
     sample_rate_hz: FiniteFloat

@@ -58,14 +58,19 @@ export class Compensation {
   }
 
   async #send(rig, json) {
-    let told = "";
-    try {
-      await request("PUT", `/rigs/${encodeURIComponent(rig)}/compensation`, { json });
-    } catch (error) {
-      const unknown = "Unknown whether it is switched; what is pressed is in force";
-      told = outcomeUnknown(error) ? unknown : `Not switched: ${error.message}`;
-    }
+    const told = await switchTo(rig, json);
     if (rig === this.rig) say(at("compensation-outcome"), told);
+  }
+}
+
+/** Ask a rig for a mode; what went wrong, in words. @returns {Promise<string>} */
+export async function switchTo(rig, json) {
+  try {
+    await request("PUT", `/rigs/${encodeURIComponent(rig)}/compensation`, { json });
+    return "";
+  } catch (error) {
+    const unknown = "Unknown whether it is switched; what is pressed is in force";
+    return outcomeUnknown(error) ? unknown : `Not switched: ${error.message}`;
   }
 }
 

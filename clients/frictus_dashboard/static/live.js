@@ -10,7 +10,7 @@ import { EventList } from "./event_list.js";
 import { EventLog } from "./event_log.js";
 import { decode } from "./frames.js";
 import { Health } from "./health.js";
-import { nameOf } from "./holder.js";
+import { keptOut, nameOf } from "./holder.js";
 import { Listening } from "./listening.js";
 import { LoopLosses } from "./loop_losses.js";
 import { Pointing } from "./pointing.js";
@@ -45,7 +45,11 @@ export class Live {
     this.events = new EventLog();
     this.traces = new Traces(at("traces"), this.events, (ns) => this.#deviceS(ns));
     this.eventList = new EventList(this.events, (ns) => this.#lookAt(ns));
-    this.pointing = new Pointing(this.surface, (message) => link.send(message));
+    this.pointing = new Pointing(this.surface, (message) => link.send(message), () => {
+      // What was felt of another hand is not averaged with this one.
+      this.listening.felt.clear();
+      this.#showTakeover();
+    });
     this.listening = new Listening(at("spectrum"), () => this.state);
     this.drawnMs = this.toldMs = this.stripMs = -Infinity;
     this.trusted = false;
@@ -189,13 +193,30 @@ export class Live {
     const may = this.trusted && scopes.includes("render");
     const model = this.state.model?.model ?? null;
     this.compensation.show(this.rig, status, may, client, model);
-    const pointer = status.finger_source === "pointer";
-    const free = status.owner === null || status.owner === client;
-    this.pointing.enable(pointer && free && scopes.includes("render"));
-    this.listening.followed = this.pointing.enabled;
-    const theirs = `The finger is a pointer's, and ${nameOf(status.owner, client)} holds the rig.`;
-    const finger = FINGERS[pointer ? scopes.includes("render") : status.finger_source];
-    say(at("surface-help"), pointer && !free ? theirs : finger);
+    this.#showFingerSource(scopes.includes("render"), client);
+  }
+
+  #showFingerSource(may, client) {
+    const { status } = this.state;
+    const { finger_source: source, finger_takeover: takeover = false, owner } = status;
+    const pointer = source === "pointer";
+    const owned = ![null, client].includes(owner);
+    const theirs = takeover ? keptOut(this.rig, status, client) !== "" : owned;
+    this.pointing.enable((pointer || takeover) && !theirs && may);
+    this.listening.followed = pointer && this.pointing.enabled;
+    const held = `The finger is a pointer's, and ${nameOf(owner, client)} holds the rig.`;
+    const words = takeover && this.pointing.enabled ? TAKEOVER : FINGERS[pointer ? may : source];
+    say(at("surface-help"), pointer && theirs ? held : words);
+    this.#showTakeover();
+  }
+
+  /** Invite to take over a finger that strokes by itself, or say that it is taken. */
+  #showTakeover() {
+    const { pointing, state } = this;
+    const { touching } = pointing;
+    at("takeover").hidden = !(pointing.enabled && state.status?.finger_takeover);
+    at("takeover").toggleAttribute("data-taken", touching);
+    say(at("takeover"), touching ? "You are the simulated finger" : "Take over the finger");
   }
 
   #showStrip() {
@@ -267,6 +288,9 @@ export class Live {
   }
 }
 
+const TAKEOVER =
+  "A simulated finger: it strokes by itself. To take it over, press and slide on the screen, or " +
+  "focus it and hold an arrow key; let go, and it strokes again.";
 const FINGERS = {
   true: "Be the finger: press and slide on the screen, or focus it and hold an arrow key.",
   false: "The finger is a pointer's; moving it needs a token with the scope render.",

@@ -11,10 +11,12 @@ export class Pointing {
   /**
    * @param {import("./surface.js").Surface} surface
    * @param {(message: object) => boolean} send
+   * @param {(touching: boolean) => void} changed called when the finger touches or lets go
    */
-  constructor(surface, send) {
+  constructor(surface, send, changed) {
     this.surface = surface;
     this.send = send;
+    this.changed = changed;
     this.enabled = false;
     this.place = null;
     this.pressure = null;
@@ -55,10 +57,12 @@ export class Pointing {
     if (!pressed && !this.touching) return;
     this.#steer(Math.min(elapsedMs, 50));
     this.sentMs = nowMs;
+    const changed = pressed !== this.touching;
     this.touching = pressed; // one more point, to lift it
     const [x_mm, y_mm] = this.place;
     const normal_force_n = this.#force();
     this.send({ op: "point", x_mm, y_mm, in_contact: pressed, normal_force_n });
+    if (changed) this.changed(pressed);
   }
 
   #force() {

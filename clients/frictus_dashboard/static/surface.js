@@ -7,6 +7,13 @@ const TRAIL_S = 2.0;
 /** Steps in which the trail fades. */
 const FADES = 8;
 
+const COLOURS = 6;
+
+/** The custom property of a region's colour. @param {number} index from 0 */
+export function regionColour(index) {
+  return `--region-${(index % COLOURS) + 1}`;
+}
+
 export class Surface {
   /** @param {HTMLCanvasElement} canvas */
   constructor(canvas) {
@@ -101,7 +108,7 @@ export class Surface {
     pen.beginPath();
     pen.rect(x, y, xEnd - x, yEnd - y);
     pen.clip();
-    pen.strokeStyle = colour("--region");
+    pen.strokeStyle = colour(regionColour(index));
     pen.lineWidth = 1;
     pen.beginPath();
     for (let at = x - (yEnd - y); at < xEnd; at += 9) {

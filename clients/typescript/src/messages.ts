@@ -406,6 +406,7 @@ export interface RigStatus {
   backend: string;
   simulated: boolean;
   finger_source: "touch" | "pointer" | "simulated";
+  finger_takeover: boolean;
   finger_sensors: Array<"touch" | "acceleration" | "force">;
   sample_rate_hz: number;
   block_samples: number;

@@ -20,6 +20,7 @@ from frictus_hardware.simulated.guided import ClientFinger, GuidedStrokes
 from frictus_hardware.simulated.human import HumanStrokes
 from frictus_hardware.simulated.sensors import NailConfig, TouchConfig
 from frictus_hardware.simulated.strokes import Circles, SinusoidalStrokes, SteadyStrokes, Taps
+from frictus_hardware.simulated.takeover import TakeoverStrokes
 
 if TYPE_CHECKING:
     from frictus_hardware.physics.friction import FrictionLaw
@@ -154,7 +155,8 @@ FingerConfig = Annotated[
     | Circles
     | Taps
     | ClientFinger
-    | GuidedStrokes,
+    | GuidedStrokes
+    | TakeoverStrokes,
     Field(discriminator="kind"),
 ]
 

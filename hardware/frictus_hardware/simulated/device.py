@@ -113,7 +113,7 @@ class Device:
     def move_finger(
         self, x_mm: float, y_mm: float, in_contact: bool, normal_force_n: float
     ) -> None:
-        """Move a finger of kind `client`."""
+        """Move a finger of kind `client` or `takeover`."""
         with self._lock:
             if self._rig is None:
                 raise ClosedError("the device is not open")

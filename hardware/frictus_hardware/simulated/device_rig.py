@@ -181,7 +181,7 @@ class SimulatedDeviceRig(Opened):
     def move_finger(
         self, x_mm: float, y_mm: float, in_contact: bool, normal_force_n: float = 0.4
     ) -> None:
-        """Move a finger of kind `client`; from any thread."""
+        """Move a finger of kind `client` or `takeover`; from any thread."""
         self._linked(self._control).call("move_finger", x_mm, y_mm, in_contact, normal_force_n)
 
     @property

@@ -28,6 +28,7 @@ from frictus_hardware.simulated.faults import (
 from frictus_hardware.simulated.guided import GuidedFinger, PointerFinger
 from frictus_hardware.simulated.motion import Finger, FingerMotion
 from frictus_hardware.simulated.sensors import TouchSensor
+from frictus_hardware.simulated.takeover import TakeoverFinger
 from frictus_hardware.simulated.twin import info_of, make_twin
 
 INPUT_BUFFER_S = 10.0
@@ -77,7 +78,7 @@ class SimulatedRig(Opened):
         self._twin = make_twin(config) if twin is None else twin
         self._drifts = twin is None and bool(config.participant.effects)
         # Points of a client and guidance may come while a block plays.
-        self._takes_input = config.finger.kind in ("client", "guided")
+        self._takes_input = config.finger.kind in ("client", "guided", "takeover")
         self._holds_output = holds_output
         self._history_s = history_s
         self._past_v = past_v
@@ -280,17 +281,17 @@ class SimulatedRig(Opened):
     def move_finger(
         self, x_mm: float, y_mm: float, in_contact: bool, normal_force_n: float = 0.4
     ) -> None:
-        """Move a finger of kind `client`; from any thread.
+        """Move a finger of kind `client` or `takeover`; from any thread.
 
         Raises
         ------
         ConfigError
             If the finger is of another kind, or a number out of its range.
         """
-        if not isinstance(self._finger, PointerFinger):
+        if not isinstance(self._finger, PointerFinger | TakeoverFinger):
             raise ConfigError(
                 f"the finger is of kind {self.config.finger.kind!r}: "
-                'only one of kind "client" follows points'
+                'only one of kind "client" or "takeover" follows points'
             )
         self._finger.push(x_mm, y_mm, in_contact, normal_force_n)
 

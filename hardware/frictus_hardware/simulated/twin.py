@@ -20,6 +20,7 @@ def info_of(config: SimulatedConfig) -> RigInfo:
         backend=config.kind,
         simulated=True,
         finger_source="pointer" if config.finger.kind == "client" else "simulated",
+        finger_takeover=config.finger.kind == "takeover",
         sample_rate_hz=config.sample_rate_hz,
         clock_scale=scale_of(config.clock),
         lead_samples=config.lead_samples,

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from frictus_hardware.simulated.strokes import SteadyStrokes
+from frictus_hardware.simulated.takeover import TakeoverStrokes
 from frictus_service.cli.play import scene_of
 from frictus_service.cli.serve import said
 from frictus_service.demonstration.stage import demo_config, stage
@@ -27,7 +28,7 @@ _tell = said(as_json=False)
 def demo_page() -> None:
     """Play a texture on a simulated rig, and open the page on it, until Ctrl-C."""
     with tempfile.TemporaryDirectory(prefix="frictus-demo-") as folder:
-        finger = SteadyStrokes(speed_mm_s=SLOW_MM_S)
+        finger = TakeoverStrokes(strokes=SteadyStrokes(speed_mm_s=SLOW_MM_S))
         config = demo_config(Path(folder), finger, free_port(), seed=secrets.randbits(32))
         scene = scene_of(str(SHIPPED / f"{TEXTURE}.json"), config.textures, gain=GAIN)
         _tell("starting a router, a simulated rig and the API (the first time takes a minute)")

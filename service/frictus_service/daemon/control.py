@@ -31,6 +31,7 @@ from frictus_service.daemon.safety import (
     Tick,
     Tripped,
     refusal,
+    refusal_to_render,
     step,
 )
 
@@ -295,10 +296,14 @@ class Control:
         RefusedError
             `not_feasible` where the finger is not driven by a client, or `not_owner`.
         """
-        source = self._backend.info.finger_source
-        if source != "pointer" or not isinstance(self._backend, MovesFinger):
+        info = self._backend.info
+        follows = info.finger_source == "pointer" or info.finger_takeover
+        if not (follows and isinstance(self._backend, MovesFinger)):
+            source = info.finger_source
             raise RefusedError("not_feasible", f"no client drives this finger: it is {source}")
-        held = refusal(self._interlock.state, request.client)
+        # A finger that can be taken over is part of a simulation that the holder may share.
+        may = refusal_to_render if info.finger_takeover else refusal
+        held = may(self._interlock.state, request.client)
         if held is not None:
             raise RefusedError(held.code, held.message)
         try:

@@ -297,6 +297,7 @@ class Publisher:
             backend=info.backend,
             simulated=info.simulated,
             finger_source=info.finger_source,
+            finger_takeover=info.finger_takeover,
             finger_sensors=tuple(name for sensor, name in SENSORS if sensor in sensors),
             sample_rate_hz=info.sample_rate_hz,
             block_samples=self._block_samples,

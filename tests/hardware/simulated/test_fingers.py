@@ -374,7 +374,9 @@ def test_pointer_refuses_what_is_no_point(point: tuple[float, float, float]) -> 
         pointer().push(x, y, True, force)
 
 
-@pytest.mark.parametrize("kind", ["steady", "sinusoidal", "human", "circle", "tap", "client"])
+@pytest.mark.parametrize(
+    "kind", ["steady", "sinusoidal", "human", "circle", "tap", "client", "takeover"]
+)
 def test_a_configuration_names_the_kind(kind: str) -> None:
     read: FingerConfig = TypeAdapter(FingerConfig).validate_python({"kind": kind})
     assert read.kind == kind

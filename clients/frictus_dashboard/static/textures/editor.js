@@ -5,6 +5,7 @@ import { button, choice, labelled, name, number, numberIn } from "../fields.js";
 import { Outcome } from "../outcome.js";
 import { Components } from "./components.js";
 import { etagOf, saveTexture } from "./stored.js";
+import { same, Undo } from "./undo.js";
 
 const PAUSE_MS = 400;
 const KINDS = [
@@ -80,6 +81,8 @@ export class Editor {
     this.spectrum = element("div");
     this.components = new Components(this.spectrum, () => this.#draft());
     this.outcome = new Outcome();
+    this.undo = new Undo((texture) => this.#restore(texture));
+    this.unsaved = element("p", { "data-unapplied": "" }, "Not saved yet.");
     const head = [labelled("Name in the library", this.name), labelled("Kind", this.kind)];
     const save = element("button", { type: "submit" }, "Save to the library");
     this.form = element(
@@ -88,7 +91,14 @@ export class Editor {
       element("div", { class: "fields" }, ...head),
       this.fields,
       this.spectrum,
-      element("p", { class: "actions-row" }, save, button("Close", () => this.close())),
+      this.unsaved,
+      element(
+        "p",
+        { class: "actions-row" },
+        save,
+        button("Close", () => this.close()),
+        this.undo.root,
+      ),
       this.outcome.root,
     );
     this.form.addEventListener("input", ({ target }) => {
@@ -136,6 +146,10 @@ export class Editor {
     this.outcome.clear();
     this.into.hidden = false;
     this.#fill(texture);
+    /** As the library has it; null: it does not. */
+    this.saved = etag === null ? null : this.#read();
+    this.undo.begin(this.#read());
+    this.#mark();
     this.name.focus();
   }
 
@@ -161,12 +175,27 @@ export class Editor {
   /** Tell of a change once the hand rests. */
   #draft() {
     clearTimeout(this.pause);
+    this.#mark();
     this.pause = setTimeout(() => {
       const faulty = [...this.form.elements].some(
         (control) => control !== this.name && !control.validity.valid,
       );
-      if (!faulty) this.tell.drafted(this.#read());
+      if (faulty) return;
+      this.undo.note(this.#read());
+      this.tell.drafted(this.#read());
     }, PAUSE_MS);
+  }
+
+  #restore(texture) {
+    clearTimeout(this.pause);
+    this.kind.value = texture.kind;
+    this.#fill(texture);
+    this.#mark();
+    this.tell.drafted(texture);
+  }
+
+  #mark() {
+    this.unsaved.hidden = same(this.#read(), this.saved);
   }
 
   async #save() {
@@ -175,12 +204,17 @@ export class Editor {
     if (begun.saving) return;
     clearTimeout(this.pause);
     begun.saving = true;
-    const etag = await this.outcome.of(put(called, this.#read(), begun), "Not saved");
+    const texture = this.#read();
+    const etag = await this.outcome.of(put(called, texture, begun), "Not saved");
     begun.saving = false;
     if (etag === null) return;
     Object.assign(begun, { name: called, etag });
     this.outcome.good(`${called} is saved`);
-    if (begun === this.begun) say(this.title, `Edit ${called}`);
+    if (begun === this.begun) {
+      say(this.title, `Edit ${called}`);
+      this.saved = texture;
+      this.#mark();
+    }
     this.tell.saved(called);
   }
 }

@@ -5,6 +5,7 @@ import { request } from "../api.js";
 import { element, say } from "../element.js";
 import { labelled } from "../fields.js";
 import { Outcome } from "../outcome.js";
+import { Thumbnails } from "./thumbnails.js";
 
 export class Library {
   /** @param {Element} into */
@@ -18,6 +19,7 @@ export class Library {
     this.count = element("p", { class: "quiet" });
     this.outcome = new Outcome();
     this.list = element("ul", { class: "library" });
+    this.thumbnails = new Thumbnails(this.list);
     const find = element("div", { class: "fields" }, labelled("Find by name", this.wanted));
     into.append(find, this.count, this.outcome.root, this.list);
   }
@@ -61,13 +63,22 @@ export class Library {
       const focused = this.list.contains(document.activeElement)
         ? document.activeElement.dataset.name
         : null;
-      this.list.replaceChildren(...shown.map((texture) => entry(this.rig, texture)));
+      this.list.replaceChildren(...shown.map((texture) => this.#entry(texture)));
       if (focused !== null) this.#link(focused)?.focus();
     }
     const own = shown.filter(({ shipped }) => !shipped).length;
     const found = `${shown.length} ${shown.length === 1 ? "texture" : "textures"}, ${own} yours`;
     say(this.count, this.loaded ? found : "");
     this.#mark();
+  }
+
+  #entry(texture) {
+    const { name, kind, shipped, damaged } = texture;
+    const link = element("a", { href: address("textures", this.rig ?? "", name) }, name);
+    link.dataset.name = name;
+    const about = damaged ? "damaged" : shipped ? `${kind}, shipped` : kind;
+    const kindOf = element("span", { class: "quiet" }, about);
+    return element("li", {}, this.thumbnails.of(texture), link, kindOf);
   }
 
   #mark() {
@@ -99,11 +110,4 @@ async function readAll() {
     after = page.next;
   }
   return found;
-}
-
-function entry(rig, { name, kind, shipped, damaged }) {
-  const link = element("a", { href: address("textures", rig ?? "", name) }, name);
-  link.dataset.name = name;
-  const about = damaged ? "damaged" : shipped ? `${kind}, shipped` : kind;
-  return element("li", {}, link, element("span", { class: "quiet" }, about));
 }

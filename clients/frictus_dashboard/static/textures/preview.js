@@ -8,6 +8,7 @@ import { Outcome } from "../outcome.js";
 import { NOMINAL_HZ } from "../spectrum.js";
 import { Plot } from "./plot.js";
 import { words } from "./scene.js";
+import { Sound } from "./sound.js";
 
 const SPEED_MM_S = 50;
 /** Refusals that another try would not change. */
@@ -16,6 +17,8 @@ const FINAL = ({ code }) => ["not_feasible", "bad_request", "too_large"].include
 const TIMEOUT_MS = 60_000;
 /** Of the values of a course, one in so many is told in the table. */
 const TOLD_EVERY = 20;
+/** Full scale of sound per newton: as loud as the live view's. */
+const PER_N = 1.5;
 /** Shown under the strongest band, dB. */
 const DEPTH_DB = 50;
 const TICKS_HZ = [31.5, 63, 125, 250, 500, 1000];
@@ -53,7 +56,9 @@ export class Preview {
       this.#renew();
     });
     this.fields = element("div", { class: "fields" });
-    this.fields.append(labelled("Speed of the finger, mm/s", speed));
+    this.sound = new Sound("Listen", () => stroked(this.courses, this.speedMmS));
+    this.sound.button.title = "As a finger feels what is shown, back and forth at that speed";
+    this.fields.append(labelled("Speed of the finger, mm/s", speed), this.sound.button);
     this.image = element("img", { class: "map" });
     this.drawn = element("div", { class: "drawn" });
     into.append(this.about, this.gain, this.outcome.root, this.fields, this.image, this.drawn);
@@ -66,7 +71,9 @@ export class Preview {
   /** Show nothing. */
   clear() {
     this.texture = this.rig = this.asked = null;
+    this.courses = [];
     this.unsure = false;
+    this.sound.stop();
     this.outcome.clear();
     for (const part of [this.about, this.gain]) say(part, "");
     for (const part of [this.fields, this.image, this.drawn]) part.hidden = true;
@@ -93,6 +100,7 @@ export class Preview {
     this.unsure = false;
     say(this.gain, "Working it out…");
     this.drawn.setAttribute("aria-busy", "true");
+    this.sound.stop();
     const { found, refused } = await ask(this.texture, rig, speedMmS);
     if (asked !== this.asked) return; // something else was chosen meanwhile
     this.drawn.removeAttribute("aria-busy");
@@ -104,6 +112,7 @@ export class Preview {
       return;
     }
     this.outcome.clear();
+    this.courses = found.courses;
     this.#drawCourse(this.way, found.courses.find(({ per }) => per === "mm"));
     this.#drawCourse(this.time, found.courses.find(({ per }) => per === "s"));
     if (found.rms_n !== null) this.#drawLevels(found.rms_n, speedMmS);
@@ -130,6 +139,28 @@ export class Preview {
     const title = `Level in third octaves at ${speed} mm/s, dB re 1 N rms`;
     this.levels.show(title, summary, NOMINAL_HZ, levels);
   }
+}
+
+/**
+ * The friction of courses as sound: a finger goes along them back and forth, so that there is no
+ * seam. As loud as on the live view. Pure.
+ *
+ * @param {Array<{per: string, step: number, friction_n: number[]}>} courses
+ * @param {number} speedMmS
+ * @returns {{samples: number[], rateHz: number, loop: boolean}|null}
+ */
+export function stroked(courses, speedMmS) {
+  if (courses.length === 0) return null;
+  const rates = courses.map(({ per, step }) => (per === "mm" ? speedMmS : 1) / step);
+  const rateHz = Math.max(...rates);
+  const [longest] = courses.map(({ friction_n: n }, c) => n.length / rates[c]).toSorted((a, b) => b - a);
+  const samples = Array.from({ length: Math.round(2 * longest * rateHz) }, (_, i) =>
+    courses.reduce((sum, { friction_n: friction }, c) => {
+      const at = Math.floor((i * rates[c]) / rateHz) % (2 * friction.length);
+      return sum + friction[at < friction.length ? at : 2 * friction.length - 1 - at];
+    }, 0),
+  );
+  return { samples: samples.map((n) => Math.min(1, Math.max(-1, PER_N * n))), rateHz, loop: true };
 }
 
 /**

@@ -5,6 +5,7 @@ import { element, say } from "../element.js";
 import { apply, labelled, name, number } from "../fields.js";
 import { figure } from "../figures.js";
 import { Outcome } from "../outcome.js";
+import { Trim } from "./trim.js";
 
 const TYPES = {
   wav: "audio/wav",
@@ -22,6 +23,7 @@ export class Recording {
    * @param {(name: string) => void} made called when a texture is in the library
    */
   constructor(into, made) {
+    this.into = into;
     this.made = made;
     this.file = this.saved = null;
     this.picker = element("input", { type: "file", accept: SUFFIXES.join() });
@@ -35,6 +37,10 @@ export class Recording {
     this.channel.value = 0;
     this.chosen = element("p", { class: "quiet" });
     this.outcome = new Outcome();
+    this.trim = new Trim();
+    for (const field of [this.rate, this.channel]) {
+      field.addEventListener("change", () => this.#showPart());
+    }
     this.form = this.#form();
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
@@ -61,16 +67,22 @@ export class Recording {
       if (!files(event)) return;
       event.preventDefault(); // or the browser would leave the page for the file
       event.dataTransfer.dropEffect = "copy";
+      this.into.toggleAttribute("data-dropping", true);
+    };
+    const leave = ({ relatedTarget }) => {
+      if (relatedTarget === null) this.into.removeAttribute("data-dropping"); // of the window
     };
     const drop = (event) => {
       if (!files(event)) return;
       event.preventDefault();
+      this.into.removeAttribute("data-dropping");
       const { files: dropped } = event.dataTransfer;
       this.picker.value = "";
       this.#take(dropped[0] ?? null);
       if (dropped.length > 1) this.outcome.bad("One file at a time: the first was taken");
     };
     document.addEventListener("dragover", over, { signal });
+    document.addEventListener("dragleave", leave, { signal });
     document.addEventListener("drop", drop, { signal });
   }
 
@@ -86,6 +98,7 @@ export class Recording {
       this.ofCsv,
       this.ofWav,
       scale,
+      this.trim.root,
     ];
     const save = element("button", { type: "submit" }, "Make it a texture");
     return element("form", { class: "fields" }, ...fields, save);
@@ -97,9 +110,11 @@ export class Recording {
     this.outcome.clear();
     this.form.hidden = !known;
     this.file = known ? file : null;
+    this.trim.clear();
     say(this.chosen, known ? `${file.name}, ${figure(file.size / 1e3, 3)} kB` : "");
     if (file !== null && !known) this.outcome.bad(`${file.name}: ${SUFFIXES.join(", ")} are read`);
     if (!known) return;
+    this.suffix = suffix;
     this.type = TYPES[suffix];
     apply(this.ofCsv, suffix === "csv");
     apply(this.ofWav, suffix === "wav");
@@ -113,9 +128,16 @@ export class Recording {
         : "Speed of the recording, mm/s",
     );
     say(this.unit, suffix === "csv" ? "Newtons per unit" : "Newtons at full scale");
+    this.#showPart();
     this.name.value = nameOf(file.name);
     this.speed.focus();
     this.speed.select(); // typing replaces that of an earlier file
+  }
+
+  #showPart() {
+    const rateHz = this.rate.value === "" ? null : this.rate.valueAsNumber;
+    const how = { channel: this.channel.valueAsNumber, rateHz };
+    if (this.file !== null) this.trim.show(this.file, this.suffix, how);
   }
 
   async #save() {
@@ -125,6 +147,7 @@ export class Recording {
     const { type, rate, speed } = this;
     const query = new URLSearchParams({
       scale_n: this.scale.value,
+      ...this.trim.query,
       ...(speed.value !== "" ? { recording_speed_mm_s: speed.value } : {}),
       ...(type === TYPES.wav ? { channel: this.channel.value } : {}),
       ...(type === TYPES.csv && rate.value !== "" ? { sample_rate_hz: rate.value } : {}),

@@ -2,6 +2,7 @@
 
 import { element, say } from "../element.js";
 import { button, choice, labelled, number, optionsOf } from "../fields.js";
+import { regionColour } from "../surface.js";
 import { readTexture } from "./stored.js";
 
 /** Reaches past any screen: no edge is met. */
@@ -45,9 +46,22 @@ export class RegionFields {
     this.#judge();
   }
 
-  /** @param {number} count from 1 */
-  number(count) {
-    say(this.legend, `Region ${count}`);
+  /** @param {number} index from 0 @param {boolean} changed whether the rig has another */
+  number(index, changed) {
+    say(this.legend, `Region ${index + 1}${changed ? " · not applied" : ""}`);
+    this.legend.toggleAttribute("data-unapplied", changed);
+    this.root.style.borderInlineStartColor = `var(${regionColour(index)})`;
+  }
+
+  /** Put it somewhere else. @param {{x_mm: number[], y_mm: number[]}} place */
+  place({ x_mm, y_mm }) {
+    [...x_mm, ...y_mm].forEach((value, i) => (this.places[i].value = value));
+    this.#judge();
+  }
+
+  /** What `restored` makes the same fields of. */
+  snapshot() {
+    return { region: { ...this.#own(), texture: this.region.texture }, chosen: this.texture.value };
   }
 
   /** Offer textures, and keep the one that is chosen if it is among them. */
@@ -76,14 +90,18 @@ export class RegionFields {
   /** As the scene gets it, as its fields are now. */
   async read() {
     const { value: name } = this.texture;
-    const region = {
+    const region = this.#own();
+    const texture = name === KEPT ? this.region.texture : (await readTexture(name)).texture;
+    return { ...region, texture };
+  }
+
+  #own() {
+    return {
       ...this.#place(),
       gain: this.gain.valueAsNumber,
       edge_fade_mm: this.fade.valueAsNumber,
       name: this.name.value,
     };
-    const texture = name === KEPT ? this.region.texture : (await readTexture(name)).texture;
-    return { ...region, texture };
   }
 
   #fields() {

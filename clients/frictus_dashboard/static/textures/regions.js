@@ -6,6 +6,7 @@ import { Outcome } from "../outcome.js";
 import { Drawing } from "./drawing.js";
 import { RegionFields, WHOLE } from "./region.js";
 import { rendered, replaceScene, sceneIn, words } from "./scene.js";
+import { same, Undo } from "./undo.js";
 
 /** As many as a scene holds. */
 const MOST = 32;
@@ -20,7 +21,11 @@ export class Regions {
     this.note = element("p", { class: "quiet" });
     this.outcome = new Outcome();
     const drawn = element("div");
-    this.drawing = new Drawing(drawn, (place) => this.#add(place));
+    this.drawing = new Drawing(drawn, {
+      drawn: (place) => this.#add(place),
+      placed: (index, place, done) => this.#place(index, place, done),
+    });
+    this.undo = new Undo((state) => this.#restore(state));
     drawn.append(this.note);
     this.list = element("div", { class: "regions" });
     this.name = element("input", { type: "text", maxlength: 100 });
@@ -96,9 +101,11 @@ export class Regions {
     this.apply = element("button", { type: "submit" }, "Apply the scene");
     this.adders = [add, whole];
     const buttons = element("p", { class: "actions-row" }, add, whole, take, this.apply);
+    buttons.append(this.undo.root);
     const named = element("div", { class: "fields" }, labelled("Name of the scene", this.name));
     const form = element("form", {}, named, this.list, buttons, this.outcome.root);
     form.addEventListener("input", () => this.#touch());
+    form.addEventListener("change", () => this.undo.note(this.#state()));
     form.addEventListener("submit", (event) => {
       event.preventDefault();
       this.#apply();
@@ -124,10 +131,37 @@ export class Regions {
     this.touched = this.overtaken = false;
     /** Counts changes: what was changed while a scene was on its way is not applied. */
     this.edition = 0;
-    this.name.value = name;
-    this.rows = regions.map((region) => this.#fields(region));
-    this.list.replaceChildren(...this.rows.map(({ root }) => root));
+    this.#fill(name, regions.map((region) => this.#fields(region)));
+    /** What the rig has. */
+    this.applied = this.#state();
+    this.undo.begin(this.applied);
     this.#number();
+  }
+
+  #fill(name, rows) {
+    this.name.value = name;
+    this.rows = rows;
+    this.list.replaceChildren(...rows.map(({ root }) => root));
+  }
+
+  #state() {
+    return { name: this.name.value, rows: this.rows.map((row) => row.snapshot()) };
+  }
+
+  #restore({ name, rows }) {
+    this.#fill(name, rows.map(({ region, chosen }) => {
+      const row = this.#fields(region);
+      row.choose(chosen);
+      return row;
+    }));
+    this.#touch();
+  }
+
+  /** A region is moved or resized by hand. */
+  #place(index, place, done) {
+    this.rows[index].place(place);
+    this.#touch();
+    if (done) this.undo.note(this.#state());
   }
 
   #fields(region) {
@@ -142,8 +176,8 @@ export class Regions {
     this.rows.push(row);
     this.list.append(row.root);
     row.choose(this.chosen);
-    this.#number();
     this.#touch();
+    this.undo.note(this.#state());
     return row;
   }
 
@@ -151,14 +185,15 @@ export class Regions {
     const at = this.rows.indexOf(row);
     this.rows.splice(at, 1);
     row.root.remove();
-    this.#number();
     this.#touch();
+    this.undo.note(this.#state());
     const next = this.rows[at] ?? this.rows[at - 1];
     (next?.name ?? this.adders[0]).focus();
   }
 
   #number() {
-    this.rows.forEach((row, i) => row.number(i + 1));
+    const { rows } = this.applied;
+    this.rows.forEach((row, i) => row.number(i, !same(row.snapshot(), rows[i])));
     this.drawing.full = this.rows.length >= MOST;
     for (const add of this.adders) add.disabled = this.drawing.full;
     this.drawing.show(this.rows.map((row) => row.sketch()));
@@ -167,7 +202,7 @@ export class Regions {
   #touch() {
     this.touched = true;
     this.edition += 1;
-    this.drawing.show(this.rows.map((row) => row.sketch()));
+    this.#number();
     this.#tell();
   }
 
@@ -179,13 +214,15 @@ export class Regions {
     }
     if (this.page.can("render")) said.push(this.page.keptOut);
     if (this.drawing.full) said.push(`A scene has at most ${MOST} regions.`);
-    else if (this.drawing.enabled) said.push("Drag on the screen to draw a region, or add one.");
+    else if (this.drawing.enabled) said.push("Drag on the screen to draw a region, or add one; drag one to move it, its edges to resize it.");
     say(this.note, said.join(" "));
+    this.note.toggleAttribute("data-unapplied", this.etag !== null && this.touched);
   }
 
   async #apply() {
     const { rig, edition } = this;
     if (rig === this.applying) return; // it is on its way
+    const sent = this.#state();
     const before = this.page.state.scene;
     this.applying = rig;
     const done = await this.outcome.of(this.#send(rig), `Not applied to ${rig}`);
@@ -197,6 +234,8 @@ export class Regions {
     this.touched = edition !== this.edition;
     this.overtaken = false;
     this.seen = before;
+    this.applied = sent;
+    this.#number();
     this.hear();
   }
 

@@ -4,6 +4,7 @@ import { address } from "../address.js";
 import { element } from "../element.js";
 import { button } from "../fields.js";
 import { Chosen } from "./chosen.js";
+import { Comparison } from "./comparison.js";
 import { Editor } from "./editor.js";
 import { Library } from "./library.js";
 import { Recording } from "./recording.js";
@@ -38,11 +39,13 @@ export class View {
       deleted: () => this.#deleted(),
       changed: () => this.#load(),
     });
+    const compared = part("A against B");
+    this.comparison = new Comparison(compared, page);
     const placed = part("Scene: which texture is felt where");
     this.regions = new Regions(placed, page);
     const making = element("div", {}, listed, this.recorded, edited);
     into.append(
-      element("div", { class: "panels" }, making, element("div", {}, previewed)),
+      element("div", { class: "panels" }, making, element("div", {}, previewed, compared)),
       placed,
     );
   }
@@ -66,6 +69,7 @@ export class View {
   close() {
     this.shown?.abort();
     this.shown = null;
+    for (const { sound } of [this.chosen.preview, this.recording.trim]) sound.stop();
     clearInterval(this.looking);
   }
 
@@ -73,14 +77,18 @@ export class View {
     if (message.rig !== this.rig) return;
     if (message.op === "model") this.chosen.renew();
     if (message.op === "status") this.chosen.hear();
-    if (["status", "scene", "lost"].includes(message.op)) this.regions.hear();
+    if (!["status", "scene", "lost"].includes(message.op)) return;
+    this.regions.hear();
+    this.comparison.hear();
   }
 
   #show() {
     this.library.show(this.rig, this.name);
     this.chosen.open(this.rig, this.name, this.library.find(this.name));
     const whole = this.library.textures.filter(({ damaged }) => !damaged);
-    this.regions.open(this.rig, whole.map(({ name }) => name), this.name);
+    const names = whole.map(({ name }) => name);
+    this.regions.open(this.rig, names, this.name);
+    this.comparison.open(this.rig, names, this.name);
   }
 
   async #load() {

@@ -20,6 +20,7 @@ from fastapi.concurrency import run_in_threadpool
 import frictus
 from frictus.client import Presence
 from frictus.errors import LinkError
+from frictus.keys import person_of
 from frictus.messages import RigStatus
 from frictus.reception import Feed
 from frictus_service.api.dashboard.channels import Channel, Value, open_channel
@@ -146,22 +147,24 @@ class Hub:
         Raises
         ------
         RefusedViewerError
-            If it is not present, another client holds it, or its finger follows no pointer.
+            If it is not present, its finger follows no pointer, or another client holds it and
+            shares no finger that can be taken over.
         """
         channel = self._channels.get((name, "status"))
         status = channel.message if isinstance(channel, Value) else None
         if name not in self.rigs or not isinstance(status, RigStatus):
             raise RefusedViewerError("point", "no_rig", f"rig {name!r} is not present", None)
-        if status.finger_source != "pointer":
+        if status.finger_source != "pointer" and not status.finger_takeover:
             raise RefusedViewerError(
                 "point",
                 "not_feasible",
                 f"the finger of rig {name!r} is {status.finger_source}: only a simulated rig "
-                "whose finger is set to `client` follows a pointer",
+                "whose finger is set to `client` or `takeover` follows a pointer",
                 None,
             )
         owner = status.owner
-        if owner is not None and owner != client:
+        shared = {client, person_of(client)} & set(status.share_with)
+        if owner not in (None, client) and not (status.finger_takeover and shared):
             message = f"rig {name!r} is held by {owner!r}"
             raise RefusedViewerError("point", "not_owner", message, None)
         return self._rigs[name]
