@@ -21,7 +21,7 @@ from tests.service.dashboard.page import (
     serving,
 )
 
-from frictus_service.api.dashboard.frames import Frame, Kind
+from frictus.websocket.frames import Frame, Kind
 
 pytestmark = pytest.mark.timeout(300)
 SOURCE = Path(__file__).parents[2] / "clients" / "c"
