@@ -14,12 +14,13 @@ Names, errors and types are those of `frictus`; whatever waits is awaited. It ne
 websockets: ``pip install 'frictus[websocket]'``.
 """
 
-from frictus.websocket.client import Client, connect
+from frictus.websocket.client import DEFAULT_URL, Client, connect
 from frictus.websocket.feeds import CountedFeed, Feed, Finger, Samples
 from frictus.websocket.held import Lease, TextureStream
 from frictus.websocket.rig import Rig
 
 __all__ = [
+    "DEFAULT_URL",
     "Client",
     "CountedFeed",
     "Feed",

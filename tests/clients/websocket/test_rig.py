@@ -5,6 +5,8 @@ import math
 import time
 from collections.abc import Awaitable, Callable
 from contextlib import AsyncExitStack
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from frictus import websocket
 from frictus.keys import Topics
 
 PATIENCE_S = 20.0
+ROOT = Path(__file__).parents[3]
 SCENE = frictus.Scene(
     name="ridges",
     regions=[
@@ -275,5 +278,25 @@ def test_the_finger_is_moved(port: int) -> None:
             if abs(finger.x_mm - 20.0) < 0.5 and abs(finger.y_mm - 30.0) < 0.5:
                 break
         assert finger.in_contact
+
+    run(port, work)
+
+
+def test_the_example_of_the_docs_streams(port: int) -> None:
+    text = (ROOT / "docs" / "websocket.md").read_text(encoding="utf-8")
+    program = text.split("## Python\n")[1].split("```python\n")[1].split("```")[0]
+    assert program.count('8420")') == 1
+    program = program.replace('8420")', f'{port}", {SECRETS["render"]!r})')
+    names: dict[str, Any] = {}
+    exec(program.replace("asyncio.run(main())", ""), names)
+
+    async def work(client: websocket.Client) -> None:
+        rig = await client.rig("rig1")
+        before = (await rig.status()).counters.stream_updates
+        streaming = asyncio.create_task(names["main"]())
+        await rig.status(lambda status: status.counters.stream_updates > before + 2)
+        streaming.cancel()
+        await asyncio.wait([streaming])
+        await rig.status(lambda status: status.state == "disarmed")
 
     run(port, work)
