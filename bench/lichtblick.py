@@ -52,7 +52,7 @@ class Handler(SimpleHTTPRequestHandler):
         self._recording = recording
         super().__init__(*given, **options)
 
-    def log_message(self, format: str, *args: object) -> None:  # noqa: A002, as it is inherited
+    def log_message(self, format: str, *args: object) -> None:
         """Say nothing."""
 
     def do_GET(self) -> None:

@@ -1,8 +1,9 @@
-"""What a Node client gets of two raw 20 kHz streams and the finger over the WebSocket.
+"""What a client gets of two raw 20 kHz streams and the finger over the WebSocket.
 
-`uv run python bench/websocket.py --seconds 30` runs the service and `npm run measure` of
-clients/typescript, and prints the table of `docs/websocket.md`. Needs Node and the registry of
-npm.
+`uv run python bench/websocket.py --client python --seconds 30` runs the service and
+`bench/websocket_client.py`, `--client node` the service and `npm run measure` of
+clients/typescript, for which it needs the registry of npm. It prints the table of
+`docs/websocket.md`.
 """
 
 import argparse
@@ -19,6 +20,7 @@ from tests.typescript.package import package, run
 
 from frictus_laboratory.benchmarks.processes import config_of, serving
 
+CLIENTS: Final = {"node": "Node", "python": "Python"}
 HEAD: Final = "| what | of how many | lost | age p50 / p99 / most, ms |\n|---|---|---|---|\n"
 
 
@@ -26,22 +28,21 @@ def main() -> None:
     """Measure, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=int, default=30)
-    seconds = parser.parse_args().seconds
-    folder = package()
+    parser.add_argument("--client", choices=CLIENTS, default="node")
+    given = parser.parse_args()
+    folder = package() if given.client == "node" else Path(__file__).parent
     config = config_of()
     with serving(config, ("rig", "api", "recorder")) as supervisor:
         api = psutil.Process(supervisor.pid_of("api"))
         api.cpu_percent()
-        told = run(
-            "node",
-            "--experimental-websocket",
-            "build/test/measure.js",
-            folder=folder,
-            FRICTUS_URL=f"ws://127.0.0.1:{config.api.port}",
-            FRICTUS_SECONDS=str(seconds),
-        )
+        url, seconds = f"ws://127.0.0.1:{config.api.port}", str(given.seconds)
+        if given.client == "python":
+            told = run(sys.executable, "websocket_client.py", url, seconds, folder=folder)
+        else:
+            measure = ("node", "--experimental-websocket", "build/test/measure.js")
+            told = run(*measure, folder=folder, FRICTUS_URL=url, FRICTUS_SECONDS=seconds)
         load, api_percent = os.getloadavg()[0], api.cpu_percent()
-    figures = json.loads(told)
+    figures, name = json.loads(told), CLIENTS[given.client]
     for what, count, lost, age in (
         ("samples of two streams", "samples", "lostSamples", "age_samples_ms"),
         ("states of the finger", "states", "lostStates", "age_finger_ms"),
@@ -52,7 +53,7 @@ def main() -> None:
             f"| {what} | {figures[count]} | {figures[lost]} | {ages} |\n"
         )
     sys.stdout.write(
-        f"\n{figures['seconds']} s; {figures['cpu_percent']:.0f} % of a core for Node, "
+        f"\n{figures['seconds']:g} s; {figures['cpu_percent']:.0f} % of a core for {name}, "
         f"{api_percent:.0f} % for the API; load {load:.1f} on {os.cpu_count()} cores.\n"
     )
 

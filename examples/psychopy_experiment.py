@@ -58,10 +58,13 @@ class PsychoPy:
         self._window.flip()
 
     def ask(self, text: str, keys: list[str]) -> tuple[str, float]:
-        """Show a question and wait for a key."""
+        """Show a question and wait for a key; Escape ends the program, and the rig disarms."""
         self.show(text)
         self._clock.reset()
-        [(key, seconds)] = self._event.waitKeys(keyList=keys, timeStamped=self._clock)
+        accepted = [*keys, "escape"]
+        [(key, seconds)] = self._event.waitKeys(keyList=accepted, timeStamped=self._clock)
+        if key == "escape":
+            sys.exit("ended with Escape; the log has what was answered")
         return key, seconds
 
 
@@ -70,14 +73,16 @@ protocol = load_protocol("amplitude-difference").model_copy(update={"design": De
 with frictus.connect(ROUTER) as client:
     log = f"psychopy-{time.strftime('%Y%m%dT%H%M%S')}.jsonl"
     with Experiment.of(client.rig("rig1"), protocol, log=log) as experiment:
+        told = ""
         for _ in range(TRIALS):  # or: while (trial := experiment.next()) is not None
             trial = experiment.next()
             if trial is None:
                 break
-            display.show("Move your finger.")
+            display.show(f"{told}Move your finger.")
             intervals = experiment.present(trial)
             if intervals is None:  # the rig could not render it whole; another level is next
                 continue
             response, seconds = display.ask(protocol.task.question, ["1", "2"])
             row = experiment.answer(trial, intervals, response, seconds)
-            display.show(f"{row['level']:.2f} dB: {'right' if row['correct'] else 'wrong'}")
+            told = f"{row['level']:.2f} dB: {'right' if row['correct'] else 'wrong'}. "
+        display.show(f"{told}That was all.")

@@ -10,7 +10,9 @@
  *     frictus_close(&rig);                                 disarms
  *
  * Functions return 0, or -1 with the reason in `error`; after a connection has ended every one
- * returns -1. Connections are not encrypted: use a tunnel or a proxy that ends TLS.
+ * returns -1: it ends when the service closes it, or has sent nothing for 3 s of polling. Numbers
+ * are written and read with a point, whatever the locale. Connections are not encrypted: use a
+ * tunnel or a proxy that ends TLS.
  */
 #ifndef FRICTUS_H
 #define FRICTUS_H
@@ -85,14 +87,41 @@ static inline int frictus_is(const char *json, const char *name, const char *tex
            !strncmp(value + 1, text, length - 2);
 }
 
-/* A member that is a number; `otherwise` where it is none. */
+/* Read digits; `*at` is moved behind them. */
+static inline double frictus_digits(const char **at, double number, int *count)
+{
+    for (*count = 0; **at >= '0' && **at <= '9'; ++*at, ++*count)
+        number = 10.0 * number + (**at - '0');
+    return number;
+}
+
+/* A member that is a number; `otherwise` where it is none. strtod would go by the locale. */
 static inline double frictus_number(const char *json, const char *name, double otherwise)
 {
     size_t length = 0;
-    const char *value = frictus_member(json, name, &length);
-    char *end = NULL;
-    double number = value ? strtod(value, &end) : 0.0;
-    return value && end == value + length ? number : otherwise;
+    const char *value = frictus_member(json, name, &length), *at = value;
+    double number, exponent = 0.0;
+    int digits, decimals = 0;
+    if (!value)
+        return otherwise;
+    at += *at == '-';
+    number = frictus_digits(&at, 0.0, &digits);
+    if (*at == '.') {
+        at++;
+        number = frictus_digits(&at, number, &decimals);
+    }
+    if (digits + decimals > 0 && (*at == 'e' || *at == 'E')) {
+        int negative = at[1] == '-', any;
+        at += at[1] == '-' || at[1] == '+' ? 2 : 1;
+        exponent = frictus_digits(&at, 0.0, &any) * (negative ? -1.0 : 1.0);
+        digits = any ? digits : -decimals; /* no digit behind the e: no number */
+    }
+    if (digits + decimals <= 0 || at != value + length)
+        return otherwise;
+    number *= pow(10.0, exponent - decimals);
+    if (!(number <= 1e300))
+        return otherwise;
+    return *value == '-' ? -number : number;
 }
 
 /* Copy a member that is a text, without its quotes; escapes stay as they are. */
@@ -180,7 +209,7 @@ static inline frictus_finger frictus_finger_at(const frictus_event *event, uint3
 static inline void frictus_read_clock(frictus *f)
 {
     double utc_us = frictus_number(f->message, "utc_us", 0.0);
-    if (utc_us > 0.0)
+    if (utc_us > 0.0 && utc_us < 9e15) /* casts of it hold */
         f->clock_us[f->clocks++ % FRICTUS_CLOCKS] = utc_us - frictus_now_us();
 }
 
@@ -213,6 +242,8 @@ static inline int frictus_poll(frictus *f, int timeout_ms, frictus_event *event)
         if (f->clocks && fabs(now_ms - f->pinged_ms) > FRICTUS_PING_MS) {
             char ping[64];
             f->pinged_ms = now_ms;
+            if (f->quiet++ >= FRICTUS_QUIET_PINGS)
+                return frictus_lost(f, "the service has fallen silent", "");
             snprintf(ping, sizeof ping, "{\"op\":\"ping\",\"id\":0}");
             if (frictus_say(f, ping))
                 return -1;
@@ -257,6 +288,7 @@ static inline int frictus_ask(frictus *f, const char *request, const char *op,
         return -1;
     while (frictus_now_us() / 1e3 < due_ms) {
         int got = frictus_poll(f, 100, event);
+        f->quiet = 0; /* while it arms a rig it sends no pongs */
         if (got < 0)
             return -1;
         if (!got || event->kind != FRICTUS_TEXT || frictus_number(event->text, "id", -1.0) != id)
@@ -349,13 +381,22 @@ static inline int frictus_open_stream(frictus *f, const char *rig, double peak_n
 {
     char text[256];
     frictus_event event;
-    snprintf(text, sizeof text, "{\"op\":\"open_stream\",\"rig\":\"%.64s\",\"peak_n\":%.9g", rig,
-             peak_n);
+    uint64_t nano;
+    double ticket;
+    if (!(peak_n >= 1e-6 && peak_n <= 10.0)) /* refuses NaN, too */
+        return frictus_fail(f, "peak_n: 1e-6 to 10 N", "");
+    nano = (uint64_t)(peak_n * 1e9 + 0.5);
+    snprintf(text, sizeof text,
+             "{\"op\":\"open_stream\",\"rig\":\"%.64s\",\"peak_n\":%u.%09u", rig,
+             (unsigned)(nano / 1000000000u), (unsigned)(nano % 1000000000u));
     if (frictus_ask(f, text, "stream_opened", &event))
         return -1;
-    f->ticket = (uint32_t)frictus_number(event.text, "ticket", 0.0);
+    ticket = frictus_number(event.text, "ticket", 0.0);
+    if (!(ticket >= 1.0 && ticket <= 4294967295.0))
+        return frictus_fail(f, "the service gave no ticket", "");
+    f->ticket = (uint32_t)ticket;
     f->updates = 0;
-    return f->ticket ? 0 : frictus_fail(f, "the service gave no ticket", "");
+    return 0;
 }
 
 /* Send one period of friction, N; the rig cross-fades to it. The period is in mm over position,
@@ -364,11 +405,21 @@ static inline int frictus_update(frictus *f, const float *friction_n, size_t cou
                                  int over_time, double angle_deg, unsigned ttl_ms)
 {
     char bytes[64 + 4 * 4096];
+    double least = over_time ? 1e-4 : 1e-3, most = over_time ? 10.0 : 1000.0;
     uint64_t field;
+    size_t at;
     if (!f->ticket)
         return frictus_fail(f, "open a texture stream first", "");
     if (count < 2 || count > 4096)
         return frictus_fail(f, "2 to 4096 samples are one period", "");
+    /* The service would end the connection over these, and with it the lease. NaN fails, too. */
+    for (at = 0; at < count; at++)
+        if (!(fabs((double)friction_n[at]) <= 10.0))
+            return frictus_fail(f, "friction: finite and within 10 N", "");
+    if (!(period >= least && period <= most))
+        return frictus_fail(f, over_time ? "period: 1e-4 to 10 s" : "period: 1e-3 to 1000 mm", "");
+    if (!(fabs(angle_deg) <= 360.0) || ttl_ms < 1 || ttl_ms > 60000)
+        return frictus_fail(f, "angle_deg: -360 to 360; ttl_ms: 1 to 60000", "");
     memset(bytes, 0, 64);
     memcpy(bytes, "FRTX", 4);
     frictus_put(bytes + 4, 1, 2);

@@ -43,6 +43,7 @@ enum {
     FRICTUS_READ = 1 << 16,        /* bytes asked for at once: many small reads are slow */
     FRICTUS_CLOCKS = 16,
     FRICTUS_PING_MS = 500,
+    FRICTUS_QUIET_PINGS = 6,       /* a service that sends nothing for so many is taken for dead */
     FRICTUS_ANSWER_MS = 10000,
     FRICTUS_FINGER_ROWS = 8
 };
@@ -61,6 +62,7 @@ typedef struct frictus {
     double clock_us[FRICTUS_CLOCKS];
     unsigned clocks;
     double pinged_ms;
+    int quiet;                /* pings since something was received */
     uint64_t requests;
     uint32_t noise;
 } frictus;
@@ -193,6 +195,7 @@ static inline int frictus_receive(frictus *f, int timeout_ms)
     if (got <= 0)
         return frictus_lost(f, "the service has closed the connection", "");
     f->filled += (size_t)got;
+    f->quiet = 0;
     return 1;
 }
 

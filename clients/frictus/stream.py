@@ -160,6 +160,64 @@ def ticket_of(frame: bytes) -> int:
     return int(HEADER.unpack_from(frame)[3])
 
 
+def update_frame(
+    ticket: int,
+    sequence: int,
+    utc_ns: int,
+    peak_n: float,
+    friction_n: ArrayLike,
+    *,
+    period_mm: float | None,
+    period_s: float | None,
+    angle_deg: float,
+    ttl_ms: int,
+) -> bytes:
+    """Return the bytes of an update, once all of it is known to be accepted.
+
+    Parameters
+    ----------
+    ticket, sequence : int
+        Of the stream; of the update, from 0.
+    utc_ns : int
+        When it is made.
+    peak_n : float
+        Largest |friction| that was declared for the stream, N.
+    friction_n : array_like, shape (n_samples,)
+        Friction over one period, N; 2 to 4096 samples within `peak_n`.
+    period_mm, period_s : float or None
+        Length of the period; one of the two.
+    angle_deg : float
+        Direction of a spatial texture's phase, -360 to 360.
+    ttl_ms : int
+        For how long it may still be taken.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is out of range, not finite, or above the declared peak.
+    """
+    if (period_mm is None) == (period_s is None):
+        raise ArgumentError("give either period_mm or period_s, not both and not neither")
+    try:
+        friction = np.asarray(friction_n, dtype=np.float32)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"friction must be numbers: {error}") from error
+    if friction.size and not np.max(np.abs(friction)) <= peak_n * (1.0 + 1e-6):
+        raise ArgumentError(
+            f"friction must be finite and within the declared peak of {peak_n:g} N; "
+            f"this update reaches {np.max(np.abs(friction)):g} N"
+        )
+    spatial = period_mm is not None
+    period = period_mm if period_mm is not None else period_s
+    assert period is not None
+    try:
+        return StreamFrame(
+            ticket, sequence, utc_ns, ttl_ms, period, spatial, angle_deg, friction
+        ).pack()
+    except FrameError as error:
+        raise ArgumentError(str(error)) from error
+
+
 def _check(
     friction_n: NDArray[np.float32],
     period: float,
@@ -273,31 +331,19 @@ class TextureStream:
         self._failure = self._failure or stream_end(self._status.newest(), self._opened)
         if self._failure is not None:
             raise self._failure
-        if (period_mm is None) == (period_s is None):
-            raise ArgumentError("give either period_mm or period_s, not both and not neither")
-        friction = np.asarray(friction_n, dtype=np.float32)
-        if friction.size and not np.max(np.abs(friction)) <= self._peak_n * (1.0 + 1e-6):
-            raise ArgumentError(
-                f"friction must be finite and within the declared peak of {self._peak_n:g} N; "
-                f"this update reaches {np.max(np.abs(friction)):g} N"
-            )
-        spatial = period_mm is not None
-        period = period_mm if period_mm is not None else period_s
-        assert period is not None
-        frame = StreamFrame(
+        frame = update_frame(
             self._ticket,
             self.sent,
             time.time_ns(),
-            ttl_ms,
-            period,
-            spatial,
-            angle_deg,
-            friction,
+            self._peak_n,
+            friction_n,
+            period_mm=period_mm,
+            period_s=period_s,
+            angle_deg=angle_deg,
+            ttl_ms=ttl_ms,
         )
         try:
-            publisher.put(frame.pack())
-        except FrameError as error:
-            raise ArgumentError(str(error)) from error
+            publisher.put(frame)
         except zenoh.ZError as error:
             raise LinkError(f"the update was not sent: {error}") from error
         self.sent += 1

@@ -21,20 +21,31 @@ from tests.service.dashboard.page import (
     serving,
 )
 
-from frictus_service.api.dashboard.frames import Frame, Kind
+from frictus.stream import StreamFrame
+from frictus.websocket.frames import Frame, Kind
 
 pytestmark = pytest.mark.timeout(300)
 SOURCE = Path(__file__).parents[2] / "clients" / "c"
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Werror")
+CHECKED = ("-std=c99", "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover")
+COMMA = """\
+LC_NUMERIC
+decimal_point ","
+thousands_sep ""
+grouping -1
+END LC_NUMERIC
+"""
 WELCOME = {"op": "welcome", "protocol": "1.1", "client": "x.page-1", "utc_us": 1.7e15}
 
 
-def compiled(folder: Path, compiler: str, *options: str) -> Path:
+def compiled(
+    folder: Path, compiler: str, *options: str, source: Path = SOURCE / "example.c"
+) -> Path:
     if shutil.which(compiler) is None:
         pytest.skip(f"there is no {compiler} here: `apt-get install gcc g++` brings it")
-    program = folder / f"example-{compiler}"
-    source = str(SOURCE / "example.c")
-    command = [compiler, *options, *WARNINGS, source, "-lm", "-o", str(program)]
+    program = folder / f"{source.stem}-{compiler}"
+    command = [compiler, *options, *WARNINGS, f"-I{SOURCE}", str(source)]
+    command += ["-lm", "-o", str(program)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60.0)
     assert done.returncode == 0, done.stderr
     return program
@@ -43,8 +54,7 @@ def compiled(folder: Path, compiler: str, *options: str) -> Path:
 @pytest.fixture(scope="module")
 def example(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The example, with a look at every access to memory."""
-    checked = ("-std=c99", "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover")
-    return compiled(tmp_path_factory.mktemp("c"), "gcc", *checked)
+    return compiled(tmp_path_factory.mktemp("c"), "gcc", *CHECKED)
 
 
 @pytest.fixture(scope="module")
@@ -204,3 +214,83 @@ def test_spoilt_answers_break_nothing(example: Path, rng: np.random.Generator) -
             spoilt[at] = rng.integers(256)
         cut = rng.integers(len(SHAKEN), len(whole)) if rng.random() < 0.3 else len(whole)
         faultless(answered_by(example, bytes(spoilt[:cut])))
+
+
+@pytest.fixture(scope="module")
+def comma(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """The environment of a locale with a decimal comma, made here: machines have few."""
+    if shutil.which("localedef") is None:
+        pytest.skip("there is no localedef here: glibc brings it")
+    folder = tmp_path_factory.mktemp("locales")
+    (folder / "comma.def").write_text(COMMA)
+    command = ["localedef", "--no-archive", "-c", "-i", "comma.def", "./comma"]
+    subprocess.run(command, cwd=folder, capture_output=True, timeout=60.0)
+    assert (folder / "comma" / "LC_NUMERIC").exists()
+    return dict(os.environ) | {"LOCPATH": str(folder), "LC_ALL": "comma"}
+
+
+def frames_of(sent: bytes) -> list[tuple[int, bytes]]:
+    """Return opcode and payload of each frame of a client, which are masked."""
+    frames = []
+    while sent:
+        size, head = sent[1] & 0x7F, 2
+        if size == 126:
+            (size,), head = struct.unpack(">H", sent[2:4]), 4
+        mask = (sent[head : head + 4] * (size // 4 + 1))[:size]
+        payload = sent[head + 4 : head + 4 + size]
+        frames.append(
+            (sent[0] & 0x0F, bytes(a ^ b for a, b in zip(payload, mask, strict=True)))
+        )
+        sent = sent[head + 4 + size :]
+    return frames
+
+
+def test_edges_in_a_locale_with_a_comma(tmp_path: Path, comma: dict[str, str]) -> None:
+    source = Path(__file__).parent / "edges.c"
+    program = compiled(tmp_path, "gcc", *CHECKED, source=source)
+    compiled(tmp_path, "g++", "-x", "c++", source=source)
+    sent = bytearray()
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def serve() -> None:
+            connection, _ = listener.accept()
+            with connection:
+                connection.recv(4_096)
+                opened = told(op="stream_opened", rig="rig1", ticket=1, applied=None, id=1)
+                connection.sendall(GREETED + opened)
+                while data := connection.recv(65_536):  # and says nothing more
+                    sent.extend(data)
+
+        thread = threading.Thread(target=serve, daemon=True)
+        thread.start()
+        command = [str(program), "127.0.0.1", str(listener.getsockname()[1])]
+        done = subprocess.run(command, env=comma, capture_output=True, text=True, timeout=60.0)
+        thread.join(10.0)
+    faultless(done)
+    assert done.returncode == 0, done.stdout
+    said = done.stdout.splitlines()
+    assert said[0] == "locale 0,5"
+    numbers = dict(line.split()[1:] for line in said if line.startswith("number "))
+    none = "-1000000"
+    assert numbers == {
+        "0": "0",
+        "-0.25": "-250000",
+        "12.5e1": "125000000",
+        "25E-2": "250000",
+        "1700000000000000": "1700000000000000000000",
+        **dict.fromkeys([".", "null", "-", "1e", "1x", '"1"', "1e999"], none),
+    }
+    assert "peak -1 -1" in said
+    refused = [line for line in said if line.startswith("update ")]
+    assert len(refused) == 8
+    assert all(line.startswith("update -1 ") for line in refused)
+    assert said[-2:] == ["good 0", "end the service has fallen silent"]
+    frames = frames_of(bytes(sent))
+    asked = [json.loads(payload) for opcode, payload in frames if opcode == 1]
+    assert [one["peak_n"] for one in asked if one["op"] == "open_stream"] == [0.05]
+    [update] = [StreamFrame.unpack(payload) for opcode, payload in frames if opcode == 2]
+    assert (update.ticket, update.period, update.friction_n.min()) == (
+        1,
+        2.0,
+        np.float32(-0.05),
+    )

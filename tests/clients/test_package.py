@@ -15,7 +15,7 @@ from pydantic import BaseModel
 import frictus
 
 SERVER = (
-    "fastapi scipy uvicorn numba matplotlib typer rich starlette prometheus_client "
+    "fastapi scipy uvicorn websockets numba matplotlib typer rich starlette prometheus_client "
     "frictus_service frictus_hardware"
 ).split()
 

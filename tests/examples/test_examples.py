@@ -70,6 +70,12 @@ def test_rest(service: Config, tmp_path: Path) -> None:
     assert "(a placeholder)" in said
 
 
+def test_over_the_websocket(service: Config, tmp_path: Path) -> None:
+    said = said_by("over_websocket", tmp_path, f"ws://127.0.0.1:{service.api.port}")
+    assert "mm/s" in said
+    assert " 0 samples lost" in said
+
+
 @pytest.mark.parametrize("name", OFFLINE)
 def test_without_a_rig(name: str, tmp_path: Path) -> None:
     assert OFFLINE[name] in said_by(name, tmp_path)
@@ -77,6 +83,6 @@ def test_without_a_rig(name: str, tmp_path: Path) -> None:
 
 def test_all_are_listed_and_run() -> None:
     files = {path.stem for path in FOLDER.glob("*.py")}
-    assert files == {*ONLINE, *OFFLINE, "rest_status"}
+    assert files == {*ONLINE, *OFFLINE, "rest_status", "over_websocket"}
     table = (FOLDER / "README.md").read_text(encoding="utf-8")
     assert all(f"({name}.py)" in table for name in files)

@@ -67,7 +67,14 @@ export class Connection {
     this.#socket = socket;
     this.closed = new Promise((resolve) => (this.#end = resolve));
     this.#readClock(welcome.utc_us);
-    socket.onmessage = (event) => this.#hear(event.data);
+    // What comes together with the welcome waits until who awaits `connect` can listen.
+    const early: (string | ArrayBuffer)[] = [];
+    socket.onmessage = (event) => early.push(event.data);
+    setTimeout(() => {
+      if (this.#ended) return;
+      socket.onmessage = (event) => this.#hear(event.data);
+      early.forEach((data) => this.#ended || this.#hear(data));
+    }, 0);
     socket.onclose = (event) => this.#lose(event.reason || "the connection is lost");
     this.#timer = setInterval(() => this.#ping(), PING_MS);
   }
@@ -182,7 +189,7 @@ export async function open(url: string, options: ConnectOptions = {}): Promise<C
   const socket = new Socket(new URL("/v1/live", url));
   socket.binaryType = "arraybuffer";
   try {
-    return new Connection(socket, await welcomed(socket, options.token ?? null));
+    return await welcomed(socket, options.token ?? null);
   } catch (error) {
     socket.onopen = socket.onmessage = socket.onclose = null;
     socket.close();
@@ -190,9 +197,9 @@ export async function open(url: string, options: ConnectOptions = {}): Promise<C
   }
 }
 
-async function welcomed(socket: WebSocket, token: string | null): Promise<Welcome> {
+async function welcomed(socket: WebSocket, token: string | null): Promise<Connection> {
   let due: ReturnType<typeof setTimeout> | undefined;
-  const welcome = new Promise<Welcome>((resolve, reject) => {
+  const connection = new Promise<Connection>((resolve, reject) => {
     const fail = (reason: string) => reject(new ClosedError(reason));
     due = setTimeout(() => fail(`no welcome from ${socket.url}`), WELCOME_MS);
     socket.onopen = () => socket.send(JSON.stringify({ op: "hello", version: 1, token }));
@@ -208,13 +215,14 @@ async function welcomed(socket: WebSocket, token: string | null): Promise<Welcom
       if (told.op === "refused") return reject(new RefusedError(told.code, told.message));
       if (told.op !== "welcome") return fail(`${socket.url} does not welcome: it sent ${told.op}`);
       socket.onerror = null; // a close follows each error
+      // At once, not after the promise: `rigs` may have come in the same bytes.
       const [major, minor] = (told.protocol ?? "1.0").split(".").map(Number);
-      if (major === 1 && minor! >= PROTOCOL_MINOR) resolve(told);
+      if (major === 1 && minor! >= PROTOCOL_MINOR) resolve(new Connection(socket, told));
       else fail(`the service speaks ${told.protocol ?? "1.0"}, this client 1.1: update it`);
     };
   });
   try {
-    return await welcome;
+    return await connection;
   } finally {
     clearTimeout(due);
   }

@@ -96,6 +96,8 @@ export interface Disarmed {
   op: "disarmed";
   rig: string;
   reason: string;
+  by: string | null;
+  utc_ns: number | null;
   id: number | null;
 }
 

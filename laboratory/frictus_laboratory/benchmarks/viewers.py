@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Final, Self
 
 import frictus
+from frictus.websocket.frames import Frame, Kind
 from frictus_laboratory.benchmarks.figure import Figure, skipped, spread
 from frictus_laboratory.benchmarks.lateness import timing_of
 from frictus_laboratory.benchmarks.processes import RIG, Pipe, config_of, neighbour, serving
-from frictus_service.api.dashboard.frames import Frame, Kind
 
 VIEWERS: Final = 20
 PROCESSES: Final = 2

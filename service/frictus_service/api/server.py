@@ -20,10 +20,10 @@ from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import JSONResponse, Response
 from starlette.routing import Route
 
+from frictus.websocket.messages import MAX_BYTES
 from frictus_service.api import error_handlers, problems
 from frictus_service.api.dashboard import asyncapi, conversation, pages
 from frictus_service.api.dashboard.hub import Hub
-from frictus_service.api.dashboard.messages import MAX_BYTES
 from frictus_service.api.event_stream import Departures
 from frictus_service.api.limits import (
     HEAD_BYTES,

@@ -10,9 +10,9 @@ from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
 
+from frictus.websocket.frames import Frame
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.guided import ClientFinger
-from frictus_service.api.dashboard.frames import Frame
 from frictus_service.api.server import run_api
 from frictus_service.config import (
     ApiConfig,

@@ -10,8 +10,8 @@ from pydantic import TypeAdapter
 from tests.service.dashboard.page import page_at
 from tests.typescript.package import node_modules
 
+from frictus.websocket.messages import Asked, Watch
 from frictus_service.api.dashboard.asyncapi import ANSWERS, TOLD, document, text
-from frictus_service.api.dashboard.messages import Asked, Watch
 
 pytestmark = pytest.mark.timeout(300)  # the first installs what AsyncAPI's schema is in
 DOCS = Path(__file__).parents[3] / "docs" / "asyncapi.json"

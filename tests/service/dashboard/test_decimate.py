@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from frictus_service.api.dashboard.frames import Decimator, samples_per_column
+from frictus_service.api.dashboard.traces import Decimator, samples_per_column
 
 
 @settings(deadline=None)  # the machine may be busy

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frictus.block import Flag
-from frictus_service.api.dashboard.frames import HEADER_BYTES, Frame, Kind, LiveFrameError
+from frictus.errors import FrameError
+from frictus.websocket.frames import HEADER_BYTES, Frame, Kind
 
 U32, U64 = st.integers(0, 2**32 - 1), st.integers(0, 2**64 - 1)
 
@@ -50,9 +51,9 @@ def test_round_trip(frame: Frame) -> None:
 def test_any_other_length_is_refused(frame: Frame, data: st.DataObject) -> None:
     packed = frame.pack()
     cut = data.draw(st.integers(0, len(packed) - 1))
-    with pytest.raises(LiveFrameError):
+    with pytest.raises(FrameError):
         Frame.unpack(packed[:cut])
-    with pytest.raises(LiveFrameError):
+    with pytest.raises(FrameError):
         Frame.unpack(packed + b"\0")
 
 
@@ -61,7 +62,7 @@ def test_any_other_length_is_refused(frame: Frame, data: st.DataObject) -> None:
 def test_noise_is_refused_or_read(noise: bytes) -> None:
     try:
         assert Frame.unpack(noise).pack()[:8] == noise[:8]
-    except LiveFrameError:
+    except FrameError:
         pass
 
 
@@ -70,13 +71,13 @@ def test_wrong_fields_are_named(at: int, what: str) -> None:
     frame = Frame(1, 0, 1, 0, 0, 1e3, 1, Kind.RAW, 0, np.zeros((2, 3), np.float32))
     packed = bytearray(frame.pack())
     packed[at : at + 2] = b"\xff\xff" if what != "channels" else b"\0\0"
-    with pytest.raises(LiveFrameError, match=what):
+    with pytest.raises(FrameError, match=what):
         Frame.unpack(bytes(packed))
 
 
 def test_what_does_not_fit_is_refused() -> None:
     frame = Frame(1, 0, -1, 0, 0, 1e3, 1, Kind.RAW, 0, np.zeros((2, 3), np.float32))
-    with pytest.raises(LiveFrameError, match="header"):
+    with pytest.raises(FrameError, match="header"):
         frame.pack()
 
 

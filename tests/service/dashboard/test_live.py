@@ -18,7 +18,7 @@ import frictus
 from frictus.keys import STREAMS, Topics
 from frictus.messages import EstimateState
 from frictus.session import declare_latest_publisher
-from frictus_service.api.dashboard.frames import Frame, Kind
+from frictus.websocket.frames import Frame, Kind
 
 DOCS = Path(__file__).parents[3] / "docs" / "websocket.md"
 NAMES = {topic.suffix.removeprefix("stream/"): number for number, topic in STREAMS.items()}
@@ -99,6 +99,28 @@ def test_a_new_watch_takes_the_place_of_the_old(port: int) -> None:
         pong = page.read()
         assert isinstance(pong, dict)
         assert (pong["op"], pong["id"]) == ("pong", 2)
+
+
+def test_a_stream_that_is_watched_still_goes_on_without_a_gap(port: int) -> None:
+    asked = {"rig": "rig1", "raw": True, "fingers": True}
+    with page_at(port, who="read") as page:
+        page.say("watch", streams=["force"], **asked)
+        page.frame(lambda frame: frame.stream == NAMES["force"])
+        page.frame(lambda frame: frame.kind == Kind.FINGER)
+        page.say("watch", streams=["force", "accel"], **asked)
+        page.frame(lambda frame: frame.stream == NAMES["accel"])
+        page.frame(lambda frame: frame.kind == Kind.FINGER)
+        page.say("watch", streams=["force"], **asked)
+        page.wait("status")  # told anew with each watch
+        for _ in range(10):
+            page.frame(lambda frame: frame.stream == NAMES["force"])
+        force = [frame for frame in page.frames if frame.stream == NAMES["force"]]
+        for before, after in pairwise(force):
+            assert after.first_sample == before.next_sample + after.lost_samples
+        states = [frame for frame in page.frames if frame.kind == Kind.FINGER]
+        of_each = [frame.first_sample + frame.data[0] for frame in states]
+        for samples, following, frame in zip(of_each, of_each[1:], states[1:], strict=False):
+            assert following[0] - samples[-1] == 100 * (1 + frame.lost_samples)  # a block apart
 
 
 def test_the_rate_is_the_page_s(port: int) -> None:

@@ -5,15 +5,8 @@ from typing import Any
 
 import pytest
 
-from frictus_service.api.dashboard.messages import (
-    BAD_DATA,
-    MAX_BYTES,
-    Hello,
-    Point,
-    RefusedViewerError,
-    Watch,
-    read,
-)
+from frictus.websocket.messages import MAX_BYTES, Hello, Point, Watch
+from frictus_service.api.dashboard.messages import BAD_DATA, RefusedViewerError, read
 
 
 def asked(**fields: Any) -> Any:

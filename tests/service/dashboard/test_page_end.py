@@ -11,16 +11,12 @@ from frictus.errors import LinkError, RefusedError
 from frictus.messages import Applied
 from frictus.stream import StreamFrame
 from frictus.textures import Scene
+from frictus.websocket.messages import OpenStream, PageArmRequest, SetScene
 from frictus_service.api.dashboard import control
 from frictus_service.api.dashboard.control import Arming, Pointing
 from frictus_service.api.dashboard.conversation import Conversation
 from frictus_service.api.dashboard.hub import Hub
-from frictus_service.api.dashboard.messages import (
-    OpenStream,
-    PageArmRequest,
-    RefusedViewerError,
-    SetScene,
-)
+from frictus_service.api.dashboard.messages import RefusedViewerError
 from frictus_service.api.dashboard.rendering import Rendering
 from frictus_service.api.services import ConnectedPages
 

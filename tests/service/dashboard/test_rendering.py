@@ -13,8 +13,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 import frictus
 from frictus.stream import StreamFrame
-from frictus_service.api.dashboard.finger_frames import STREAM, FingerFlag
-from frictus_service.api.dashboard.frames import Frame, Kind
+from frictus.websocket.frames import FINGER_STREAM, FingerFlag, Frame, Kind
 
 SCENE = {
     "name": "ridges",
@@ -74,7 +73,9 @@ def test_every_state_of_the_finger_comes_in_batches(port: int) -> None:
     with page_at(port, who="read") as page:
         page.say("watch", rig="rig1", fingers=True, rate_hz=20.0)
         frames = [page.frame() for _ in range(10)]
-        assert {(frame.stream, frame.kind) for frame in frames} == {(STREAM, Kind.FINGER)}
+        assert {(frame.stream, frame.kind) for frame in frames} == {
+            (FINGER_STREAM, Kind.FINGER)
+        }
         assert all(frame.data.shape[0] == 8 for frame in frames)
         newest = page.wait("finger")["finger"]
         samples = np.concatenate([frame.first_sample + frame.data[0] for frame in frames])

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frictus.block import Block, Flag
-from frictus_service.api.dashboard.frames import Trace
-from frictus_service.api.dashboard.messages import Watch
+from frictus.websocket.messages import Watch
+from frictus_service.api.dashboard.traces import Trace
 
 RATE_HZ = 1_000.0
 BLOCK = 10

@@ -17,37 +17,9 @@ from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
 from frictus.messages import MESSAGES
-from frictus_service.api.dashboard.channels import VALUES
-from frictus_service.api.dashboard.messages import (
-    PROTOCOL,
-    Armed,
-    Asked,
-    Disarmed,
-    Pong,
-    Refused,
-    RigLost,
-    Rigs,
-    SceneSet,
-    StreamClosed,
-    StreamOpened,
-    StreamProgress,
-    Welcome,
-)
+from frictus.websocket.messages import PROTOCOL, VALUES, Asked, Told
 
-TOLD: Final[tuple[type[BaseModel], ...]] = (
-    Welcome,
-    Rigs,
-    RigLost,
-    Armed,
-    Disarmed,
-    SceneSet,
-    StreamOpened,
-    StreamProgress,
-    StreamClosed,
-    Refused,
-    Pong,
-)
-"""What the service sends as JSON, besides what it passes on of rigs."""
+TOLD: Final[tuple[type[BaseModel], ...]] = get_args(Told)
 ANSWERS: Final = {
     "hello": ("welcome",),
     "arm": ("armed",),

@@ -6,26 +6,17 @@ from typing import Any, Final, Generic, TypeVar
 
 import frictus
 from frictus.block import Block
-from frictus.keys import Topic, Topics
+from frictus.keys import Topics
 from frictus.messages import FingerState, Message
 from frictus.reception import Feed
 from frictus.watched_rig import BLOCKS
+from frictus.websocket.messages import VALUES
 from frictus_service.api.dashboard.messages import told
 
 HISTORY_BLOCKS: Final = 512
 """Kept of a stream for viewers to take: 2.5 s of 5 ms blocks. Who is slower loses."""
 FINGERS: Final = "fingers"
 """Name of the stream of all states of the finger; `finger` is the newest."""
-VALUES: Final[dict[str, Topic]] = {
-    "status": Topics.STATUS,
-    "scene": Topics.SCENE,
-    "model": Topics.MODEL,
-    "finger": Topics.FINGER,
-    "guidance": Topics.GUIDANCE,
-    "recording": Topics.RECORDING,
-    "estimate": Topics.ESTIMATE,
-}
-"""Name of each JSON message that is passed on; of each, the newest wins."""
 ALWAYS_TOLD: Final = frozenset({"status", "scene", "model"})
 """Every rig has said these; on a busy machine the answer to a newcomer may be empty."""
 ASK_AGAIN_S: Final = 1.0

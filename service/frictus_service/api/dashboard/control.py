@@ -13,20 +13,15 @@ import frictus
 from frictus.errors import (
     ArgumentError,
     FrictusError,
+    LeaseLostError,
     NoRigError,
     OutcomeUnknownError,
     RefusedError,
 )
 from frictus.lease import Lease
+from frictus.websocket.messages import Armed, Disarmed, PageArmRequest, PageDisarmRequest, Point
 from frictus_service.api.dashboard.hub import Hub
-from frictus_service.api.dashboard.messages import (
-    Armed,
-    Disarmed,
-    PageArmRequest,
-    PageDisarmRequest,
-    Point,
-    RefusedViewerError,
-)
+from frictus_service.api.dashboard.messages import RefusedViewerError
 
 LOOK_S: Final = 0.1
 FAULTS: Final = (FrictusError, zenoh.ZError)
@@ -117,8 +112,8 @@ class Arming:
             if lease is None or asked is None:
                 continue
             silence_s = asked.lease_ms / 1_000
-            if lease.lost:
-                await self._give_back(lease.reason)
+            if lease.loss is not None:
+                await self._give_back(lease.loss.reason, loss=lease.loss)
             elif time.monotonic() - self._heard_s > silence_s:
                 # It may be frozen: it keeps no screen driven.
                 await self._give_back(f"the page said nothing for {silence_s:g} s")
@@ -138,14 +133,22 @@ class Arming:
             return None  # why it failed is for who waits for it
         return arming.result()
 
-    async def _give_back(self, reason: str, request: int | None = None) -> None:
+    async def _give_back(
+        self, reason: str, request: int | None = None, loss: LeaseLostError | None = None
+    ) -> None:
         async with self._changing:
             lease, asked = self._held(), self._asked
             if lease is None or asked is None:
                 return
             await self._end(lease)
             self._arming = None
-            disarmed = Disarmed(rig=asked.rig, reason=reason, id=request)
+            disarmed = Disarmed(
+                rig=asked.rig,
+                reason=reason,
+                by=None if loss is None else loss.by,
+                utc_ns=None if loss is None else loss.utc_ns,
+                id=request,
+            )
             await self._tell(disarmed.model_dump_json())
 
     @staticmethod

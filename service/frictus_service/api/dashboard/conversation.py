@@ -9,12 +9,7 @@ from typing import Final, get_args
 
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
-from frictus_service.api.access import find
-from frictus_service.api.dashboard.control import Arming, Pointing
-from frictus_service.api.dashboard.hub import Hub
-from frictus_service.api.dashboard.messages import (
-    BAD_DATA,
-    NOT_ALLOWED,
+from frictus.websocket.messages import (
     Asked,
     CloseStream,
     Hello,
@@ -25,10 +20,17 @@ from frictus_service.api.dashboard.messages import (
     Point,
     Pong,
     Refused,
-    RefusedViewerError,
     SetScene,
     Watch,
     Welcome,
+)
+from frictus_service.api.access import find
+from frictus_service.api.dashboard.control import Arming, Pointing
+from frictus_service.api.dashboard.hub import Hub
+from frictus_service.api.dashboard.messages import (
+    BAD_DATA,
+    NOT_ALLOWED,
+    RefusedViewerError,
     read,
 )
 from frictus_service.api.dashboard.page_feed import PageFeed

@@ -4,35 +4,11 @@ JSON would cost ten times the bytes and lose digits of nanoseconds.
 """
 
 from collections.abc import Sequence
-from enum import IntFlag
-from typing import Final
 
 import numpy as np
 
 from frictus.messages import FingerState
-from frictus_service.api.dashboard.frames import Frame, Kind
-
-STREAM: Final = 100
-"""Not one of `frictus.keys.STREAMS`: those are samples, at a constant rate."""
-ROWS: Final = (
-    "samples_since_first",
-    "x_mm",
-    "y_mm",
-    "vx_mm_s",
-    "vy_mm_s",
-    "normal_force_n",
-    "age_ms",
-    "flags",
-)
-"""What the rows of such a frame are."""
-
-
-class FingerFlag(IntFlag):
-    """Bits of the row `flags`."""
-
-    IN_CONTACT = 1
-    STALE = 1 << 1
-    EXTRAPOLATED = 1 << 2
+from frictus.websocket.frames import FINGER_STREAM, FingerFlag, Frame, Kind
 
 
 class FingerTrace:
@@ -64,7 +40,7 @@ class FingerTrace:
         rows = np.array([_row(state, first.sample) for state in states], dtype=np.float32).T
         return [
             Frame(
-                stream=STREAM,
+                stream=FINGER_STREAM,
                 flags=0,
                 run=run,
                 first_sample=first.sample,

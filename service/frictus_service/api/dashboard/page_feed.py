@@ -4,18 +4,15 @@ import logging
 from collections.abc import Collection
 from typing import Any, Final
 
+from frictus.errors import FrameError
 from frictus.messages import RigStatus
-from frictus_service.api.dashboard.channels import FINGERS, VALUES, Channel, Stream, Value
+from frictus.websocket.frames import Frame
+from frictus.websocket.messages import VALUES, RigLost, Rigs, Watch
+from frictus_service.api.dashboard.channels import FINGERS, Channel, Stream, Value
 from frictus_service.api.dashboard.finger_frames import FingerTrace
-from frictus_service.api.dashboard.frames import Frame, LiveFrameError, Trace
 from frictus_service.api.dashboard.hub import Hub
-from frictus_service.api.dashboard.messages import (
-    NOT_ALLOWED,
-    RefusedViewerError,
-    RigLost,
-    Rigs,
-    Watch,
-)
+from frictus_service.api.dashboard.messages import NOT_ALLOWED, RefusedViewerError
+from frictus_service.api.dashboard.traces import Trace
 from frictus_service.config import Scope
 
 IDLE_RATE_HZ: Final = 10.0
@@ -82,16 +79,24 @@ class PageFeed:
     def watch(self, watch: Watch) -> None:
         """Watch this, in place of what was watched; values are told anew.
 
+        Streams of the same rig that are watched still, in the same way, go on without a gap.
+
         Parameters
         ----------
         watch : Watch
             As the page sent it.
         """
-        self.watching = _NOTHING if watch.rig is None else watch
+        before, self.watching = self.watching, _NOTHING if watch.rig is None else watch
+        same_rig = before.rig == watch.rig
+        traces = self._traces if same_rig and _columns(before) == _columns(watch) else {}
+        self._traces = {name: traces.get(name) or Trace(watch) for name in watch.streams}
+        going_on = set(traces) & set(watch.streams)
+        if same_rig and before.fingers and watch.fingers:
+            going_on.add(FINGERS)
+        else:
+            self._finger = FingerTrace()
         self._told_present = None
-        self._seen = {}
-        self._traces = {name: Trace(watch) for name in watch.streams}
-        self._finger = FingerTrace()
+        self._seen = {name: seen for name, seen in self._seen.items() if name in going_on}
         self._hub.poke()
 
     def collect(self) -> list[str | bytes]:
@@ -128,13 +133,13 @@ class PageFeed:
             blocks = self._since(rig, name)
             try:
                 news.extend([frame.pack() for frame in trace.push(blocks)])
-            except (LiveFrameError, ArithmeticError) as error:
+            except (FrameError, ArithmeticError) as error:
                 # Not of a rig: its numbers do not fit a frame. What follows is shown anew.
                 _LOG.warning("stream %s of rig %s is not shown: %s", name, rig, error)
                 self._traces[name] = Trace(self.watching)
         try:
             news.extend([frame.pack() for frame in self._fingers(rig)])
-        except (LiveFrameError, ArithmeticError) as error:
+        except (FrameError, ArithmeticError) as error:
             _LOG.warning("the finger on rig %s is not shown: %s", rig, error)
         return news
 
@@ -158,3 +163,8 @@ class PageFeed:
         """Return up to where the viewer has seen a channel; a new one from `start` on."""
         seen, count = self._seen.get(name, (None, 0))
         return count if seen is channel else start
+
+
+def _columns(watch: Watch) -> tuple[object, ...]:
+    """Return what of a request decides which columns its streams have."""
+    return watch.raw, watch.columns, watch.window_s, watch.samples_per_column

@@ -19,20 +19,19 @@ import frictus
 from frictus.errors import FrameError, LeaseLostError, RefusedError
 from frictus.messages import MAX_COUNT
 from frictus.stream import StreamFrame, TextureStream, ticket_of
-from frictus_service.api.dashboard.control import FAULTS, code_of
-from frictus_service.api.dashboard.hub import Hub
-from frictus_service.api.dashboard.messages import (
-    BAD_DATA,
+from frictus.websocket.messages import (
     CloseStream,
     OpenStream,
     Refused,
-    RefusedViewerError,
     SceneSet,
     SetScene,
     StreamClosed,
     StreamOpened,
     StreamProgress,
 )
+from frictus_service.api.dashboard.control import FAULTS, code_of
+from frictus_service.api.dashboard.hub import Hub
+from frictus_service.api.dashboard.messages import BAD_DATA, RefusedViewerError
 
 MAX_UPDATE_HZ: Final = 250.0
 """A rig takes one update a block, and blocks last 5 ms: more would not be felt."""

@@ -1,0 +1,33 @@
+"""The client over the WebSocket of the API, for machines where Zenoh's port is closed.
+
+>>> import asyncio
+>>> from frictus import Profile, websocket
+>>> async def main() -> None:
+...     async with websocket.connect("ws://127.0.0.1:8420") as client:
+...         rig = await client.rig("rig1")
+...         async with rig.arm():
+...             await rig.set_scene(Profile(friction_n=(0.0, 0.02, 0.0, -0.02), period_mm=2.0))
+...             async for finger in rig.fingers():
+...                 print(finger.x_mm, finger.vx_mm_s)
+
+Names, errors and types are those of `frictus`; whatever waits is awaited. It needs the package
+websockets: ``pip install 'frictus[websocket]'``.
+"""
+
+from frictus.websocket.client import DEFAULT_URL, Client, connect
+from frictus.websocket.feeds import CountedFeed, Feed, Finger, Samples
+from frictus.websocket.held import Lease, TextureStream
+from frictus.websocket.rig import Rig
+
+__all__ = [
+    "DEFAULT_URL",
+    "Client",
+    "CountedFeed",
+    "Feed",
+    "Finger",
+    "Lease",
+    "Rig",
+    "Samples",
+    "TextureStream",
+    "connect",
+]
