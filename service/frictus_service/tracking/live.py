@@ -35,9 +35,16 @@ from frictus_service.recording.samples import Coalescer
 from frictus_service.tracking.adaptation import law_values
 from frictus_service.tracking.audit import Audit
 from frictus_service.tracking.evidence.watch import INSTRUMENT
-from frictus_service.tracking.policy import Circumstances, adapted, difference_db, held_back
+from frictus_service.tracking.model_in_force import ModelInForce
+from frictus_service.tracking.policy import (
+    Circumstances,
+    adapted,
+    difference_db,
+    follows_a_contact,
+    held_back,
+)
 from frictus_service.tracking.touch_motion import TouchedSamples
-from frictus_service.tracking.tracker import STATE_S, ModelInForce, Tell, Tracker
+from frictus_service.tracking.tracker import STATE_S, Tell, Tracker
 from frictus_service.tracking.windows import WindowCutter
 
 SILENT_S: Final = 3.0
@@ -259,6 +266,7 @@ class LiveTracker:
         if self._unaudited:
             return self._unaudited
         tracker, now_s = self.tracker, self._monotonic_s()
+        followed = self._model.adapted_from is not None and follows_a_contact(self._model.model)
         return held_back(
             tracker.expected,
             tracker.in_force,
@@ -271,8 +279,10 @@ class LiveTracker:
                 guided=now_s - self._guided_s < 1.0,
                 since_change_s=now_s - self._changed_s,
                 since_felt_s=now_s - self._felt_s,
-                returning=tracker.lifted and self._model.etag != self._as_set,
+                returning=tracker.lifted and followed,
+                watched=tracker.watched,
                 watched_before=tracker.watched_before,
+                suspected=tracker.suspected,
             ),
         )
 

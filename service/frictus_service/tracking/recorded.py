@@ -18,8 +18,9 @@ from frictus_service.recording.reader import RecordingReader, State
 from frictus_service.recording.samples import Samples
 from frictus_service.study.reader import StudyReader
 from frictus_service.study.trial import Trial
+from frictus_service.tracking.model_in_force import ModelInForce
 from frictus_service.tracking.touch_motion import AROUND_S, TouchedSamples, motion_among
-from frictus_service.tracking.tracker import STATE_S, ModelInForce, Tell, Tracker
+from frictus_service.tracking.tracker import STATE_S, Tell, Tracker
 from frictus_service.tracking.windows import WindowCutter
 
 PART_S: Final = 0.1

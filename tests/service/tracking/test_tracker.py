@@ -25,8 +25,9 @@ from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.tracking import tracker as tracker_module
 from frictus_service.tracking.evidence.watch import INSTRUMENT
+from frictus_service.tracking.model_in_force import ModelInForce
 from frictus_service.tracking.policy import WATCHED_WINDOWS, loosest_half_width
-from frictus_service.tracking.tracker import ModelInForce, Tracker
+from frictus_service.tracking.tracker import Tracker
 from frictus_service.tracking.windows import WindowCutter
 
 RATE_HZ = 20_000.0
