@@ -132,7 +132,10 @@ class Watch:
         return self._without(set(CAUSES) - INSTRUMENT, ())
 
     def _without(self, causes: Collection[str], filters: tuple[Nuisance, ...]) -> Self:
-        """Return the watch in which some causes are judged by what comes from now on."""
+        """Return the watch in which some causes are judged by what comes from now on.
+
+        An alarm of the rig stays, any other returns with the next batch if its evidence does.
+        """
         kept = np.array([cause not in causes for cause in CAUSES])
         shares = np.where(kept, self.sums.log_share, -np.inf)
         return replace(
@@ -141,7 +144,7 @@ class Watch:
             filters=filters,
             sums=replace(self.sums, log_share=shares),
             log_evidence=np.where(kept, self.log_evidence, 0.0),
-            raised=tuple(cause for cause in self.raised if cause not in causes),
+            raised=tuple(name for name in self.raised if name in INSTRUMENT - set(causes)),
         )
 
     @property
