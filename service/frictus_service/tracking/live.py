@@ -34,6 +34,7 @@ from frictus_service.errors import EstimateError
 from frictus_service.recording.samples import Coalescer
 from frictus_service.tracking.adaptation import law_values
 from frictus_service.tracking.audit import Audit
+from frictus_service.tracking.carried import carried
 from frictus_service.tracking.evidence.watch import INSTRUMENT
 from frictus_service.tracking.model_in_force import ModelInForce
 from frictus_service.tracking.policy import (
@@ -103,9 +104,10 @@ class LiveTracker:
         self._audit = audit
         self._monotonic_s = monotonic_s
         self.status: RigStatus = rig.status()
+        self._place = f"{self.status.site}/{self.status.rig}"
         self._rate_hz = self.status.sample_rate_hz
         cutter = WindowCutter(self._rate_hz, self.status.screen_peak_v, mount)
-        self.tracker = Tracker(cutter, population, rig.name)
+        self.tracker = Tracker(cutter, population, self._place)
         self._states = [
             rig.watch(topic)
             for topic in (
@@ -234,7 +236,7 @@ class LiveTracker:
         elif (change := _change(old, new)) is not None:
             self._changes.append(change)
             self._keep(change, old.model, new.model)
-        self.tracker.put_in_force(ModelInForce.of(new.etag, new.model))
+        self.tracker.put_in_force(ModelInForce.of(new.etag, carried(new.model, self._place)))
 
     def _keep(self, change: ModelChange, before: Model, after: Model) -> None:
         if self._audit is None:

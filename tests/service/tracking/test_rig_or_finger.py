@@ -9,6 +9,7 @@ from frictus_hardware.physics.twin import Signals
 from frictus_hardware.simulated.config import Participant, ParticipantEffect
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.synthesis.compensability import placeholder_model
+from frictus_service.tracking.carried import carried
 from frictus_service.tracking.evidence.watch import INSTRUMENT
 from frictus_service.tracking.model_in_force import ModelInForce
 from frictus_service.tracking.policy import (
@@ -89,7 +90,9 @@ def test_another_finger_does_not_mend_the_rig(noticed: bool, seed: int) -> None:
     assert "not the finger" in found.state(1).advice["delay"]
     # Who mends a rig starts it anew.
     found.take(replace(next(parts(late)), run=2))
-    assert (found.state(1).alarms, found.suspected) == ((), ())
+    mended = found.state(1)
+    assert mended.alarms == ()
+    assert len(found.suspected) == 0
 
 
 def test_another_finger_is_no_evidence_against_the_rig(felt: Signals) -> None:
@@ -115,3 +118,25 @@ def test_a_model_says_whether_it_is_a_contacts_or_the_persons(felt: Signals) -> 
     own = found.state(0).model
     assert own is not None
     assert not follows_a_contact(own)
+
+
+@pytest.mark.parametrize("place", ["lab/here", "elsewhere/there", "lab/there"])
+def test_a_model_from_another_rig_does_not_tell_this_ones_delay(
+    felt: Signals, place: str
+) -> None:
+    there = placeholder_model().model_copy(
+        update={"skew_s": 150e-6, "provenance": {"source": "live", "rig": "lab/there"}}
+    )
+    found = tracker()
+    found.put_in_force(ModelInForce.of("brought", carried(there, place)))
+    for part in parts(felt):
+        found.take(part)
+    assert ("delay" in found.state(1).alarms) is (place == "lab/there")
+
+
+def test_a_delay_of_this_rig_or_of_an_unknown_one_is_kept() -> None:
+    model = placeholder_model().model_copy(update={"skew_s": 150e-6})
+    for rig in (None, "there", "lab/there"):
+        told = model.model_copy(update={"provenance": {"rig": rig}})
+        assert carried(told, "lab/there") is told
+    assert carried(model, "lab/there") is model
