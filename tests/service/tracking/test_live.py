@@ -87,6 +87,11 @@ def playing(
                 yield supervisor, rig
 
 
+def follows(told: EstimateState) -> bool:
+    """Return whether the model was adapted, and predicts well since."""
+    return bool(told.changes) and told.error_db.get("in_force", 9.0) < 0.3
+
+
 def cutoff_at_40(model: Model) -> float:
     law = model.base
     assert isinstance(law, FirstOrderSpeedLaw)
@@ -108,9 +113,7 @@ def test_the_model_follows_the_finger_and_is_put_back(tmp_path: Path) -> None:
     config = config_in(tmp_path, "adapt")
     with playing(config, "tracker") as (_, rig):
         begun = rig.model()
-        state = first(
-            rig, lambda told: bool(told.changes) and told.error_db.get("in_force", 9.0) < 0.3
-        )
+        state = first(rig, follows)
         change = state.changes[0]
         assert change.etag_before == begun.etag
         assert change.before.gain_n == pytest.approx(0.39, rel=1e-3)
@@ -142,19 +145,17 @@ def test_a_tracker_that_stands_still_or_dies_leaves_the_rig_as_it_is(
 ) -> None:
     with playing(config_in(tmp_path, policy), "tracker") as (supervisor, rig):
         if policy == "adapt":
-            first(rig, lambda told: bool(told.changes) and told.error_db["in_force"] < 0.3)
+            first(rig, follows)
         pid = supervisor.pid_of("tracker")
-        with (
-            rig.watch(Topics.ESTIMATE, timeout_s=PATIENCE_S) as states,
-            rig.blocks("voltage", timeout_s=PATIENCE_S) as blocks,
-        ):
+        with rig.watch(Topics.ESTIMATE, timeout_s=PATIENCE_S) as states:
             next(states)
             os.kill(pid, signal.SIGSTOP)
-            for _ in range(100):  # what it had asked for has long been answered
-                next(blocks)
-            before = rig.model()
-            states.drain()
-            played = sum(isinstance(next(blocks), frictus.Block) for _ in range(300))
+            with rig.blocks("voltage", timeout_s=PATIENCE_S) as blocks:
+                for _ in range(100):  # what it had asked for has long been answered
+                    next(blocks)
+                before = rig.model()
+                states.drain()
+                played = sum(isinstance(next(blocks), frictus.Block) for _ in range(300))
             assert played > 0
             assert rig.model().etag == before.etag
             os.kill(pid, signal.SIGCONT)
