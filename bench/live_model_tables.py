@@ -77,20 +77,40 @@ def worst(values: Sequence[float]) -> str:
     return f"{np.median(values):.3f} ({np.quantile(values, 0.95):.3f}, {max(values):.3f})"
 
 
+MARKS: Final = {"eight filters": None, "before the last mends": "9960ad97"}
+"""Of former codes; None: lines had no mark."""
+
+
+def counted(lines: list[Line]) -> list[Line]:
+    """Return the sessions that count: where a kind has some of the present code, only these.
+
+    Parameters
+    ----------
+    lines : list of dict
+        Of the campaign, of any code.
+    """
+    present = {_kind(line) for line in lines if line.get("code") == code()}
+    return [line for line in lines if line.get("code") == code() or _kind(line) not in present]
+
+
+def _kind(line: Line) -> str:
+    name: str = line["name"]
+    return name.rpartition("/")[0]
+
+
 def sources(lines: list[Line]) -> str:
     """Return how many sessions of each kind are of which code."""
-    marks = {"present code": code(), "before the last mends": "9960ad97", "eight filters": None}
     rows = []
     for kind in dict.fromkeys(line["name"].split("/")[0] for line in lines):
         found = Sessions(lines, f"{kind}/")
         row = [kind]
-        for mark in marks.values():
-            of = [line["name"] for line in found.lines if line.get("code") == mark]
-            which = sorted({name.rpartition("/")[0].partition("/")[2] for name in of})
+        for mark in (code(), *MARKS.values()):
+            of = [line for line in found.lines if line.get("code") == mark]
+            which = sorted({_kind(line).partition("/")[2] for line in of})
             mixed = f" ({', '.join(which)})" if 0 < len(of) < len(found) / 2 else ""
             row.append(f"{len(of)}{mixed}")
         rows.append(row)
-    return table(("sessions of", *marks), rows)
+    return table(("sessions of", "present code", *MARKS), rows)
 
 
 def learned(lines: list[Line]) -> str:

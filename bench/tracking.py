@@ -29,7 +29,7 @@ def main() -> None:
     parser.add_argument("--lines", type=Path, default=LINES)
     parser.add_argument("--out", type=Path, default=OUT)
     given = parser.parse_args()
-    lines = read(given.lines)
+    lines = tables.counted(read(given.lines))
     template = (ROOT / "bench" / "live_model.md").read_text(encoding="utf-8")
     text = template.format(
         sources=tables.sources(lines),

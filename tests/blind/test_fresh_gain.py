@@ -1,10 +1,12 @@
 """The campaign on gains counts studies whose gain has no interval, and those without a gain."""
 
+from typing import Any
+
 from tests.blind.fresh_gain import predicted, table
 
 
 def test_a_gain_without_an_interval_is_counted_and_not_judged() -> None:
-    lines = [
+    lines: list[dict[str, Any]] = [
         _line(1, {"heldout_loglik": 5.0, "ci95": [1.0, 9.0]}),
         _line(2, {"heldout_loglik": 4.0, "ci95": None}),
         {"number": 3, "seed": 30, "predicted": None},

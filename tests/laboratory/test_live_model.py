@@ -1,5 +1,6 @@
 """Sessions in which what is rendered depends on what was learned."""
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from frictus_laboratory.live_model.closed_loop import (
 )
 from frictus_laboratory.live_model.discovered import discovered
 from frictus_laboratory.live_model.disturbances import (
+    FAULTS,
     Disturbance,
     Faulty,
     Later,
@@ -32,6 +34,7 @@ from frictus_laboratory.live_model.laws import error_db, model_of
 from frictus_laboratory.live_model.motion import KnownMotion, PredictedPath, rendered_rows
 from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensability import placeholder_model
+from frictus_service.tracking.evidence.watch import INSTRUMENT
 
 FLAT = texture_of((SHIPPED / "flat.json").read_text(encoding="utf-8"))
 PERSON = scaled(SimulatedParticipant(), 1.4, 1.5)
@@ -132,3 +135,50 @@ def test_a_fault_begins_when_it_is_asked_for(fault: str, largest_n: float) -> No
     assert Faulty(fault, 20.0).sensed(part, SPAN) is part
     faulty = Faulty(fault, 5.0).sensed(part, SPAN)
     assert np.abs(faulty.data["force"][:2]).max() == pytest.approx(largest_n)
+
+
+REASONS = {
+    "force dead": "no finger presses",
+    "force stuck": "the force stands still, or at an end of its range",
+    "force saturated": "the force stands still, or at an end of its range",
+    "force clipped": "the force stands still, or at an end of its range",
+    "force loose": "friction does not follow the drive",
+    "gaps": "samples are missing",
+    "underruns": "the drive came too late",
+    "touch frozen": "slower than 10 or faster than 150 mm/s",
+    "clock stepped": "",  # windows go by the device's samples: nothing is lost
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("fault", sorted(REASONS))
+def test_a_fault_changes_no_model_and_says_why(fault: str) -> None:
+    assert {*REASONS, "touch scaled"} == {*FAULTS}
+    plan = replace(PLAN, first=model_of(PERSON), disturbance=Faulty(fault, 6.0))
+    loop = ClosedLoop(plan)
+    moments, refused, windows = [], Counter[str](), 0
+    for moment in loop:
+        if moment.at_s <= 6.0:
+            refused = Counter(loop.tracker.state(0).refused)
+            windows = loop.tracker.estimate.windows
+        moments.append(moment)
+    assert loop.changes == loop.new_fingers == []
+    assert all(moment.in_force_db == 0.0 for moment in moments)
+    assert not INSTRUMENT & loop.named.keys()
+    later = Counter(loop.tracker.state(0).refused) - refused
+    if REASONS[fault]:
+        assert later[REASONS[fault]] > 0
+        assert loop.tracker.estimate.windows - windows <= 20  # of what it had felt before
+    else:
+        assert moments[-1].newest_db < 0.1
+
+
+@pytest.mark.long
+def test_a_touch_sensor_that_lies_is_followed_and_not_made_worse() -> None:
+    """It scales the speed by which the law is looked up: another law is the right one then."""
+    disturbance = Faulty("touch scaled", 6.0)
+    plan = replace(PLAN, seconds=40.0, first=model_of(PERSON), disturbance=disturbance)
+    loop = ClosedLoop(plan)
+    moments = list(loop)
+    assert max(each.in_force_db - each.first_db for each in moments) < 0.1
+    assert not INSTRUMENT & loop.named.keys()

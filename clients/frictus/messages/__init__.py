@@ -16,6 +16,7 @@ from frictus.messages.base import (
     Message,
     RefusalCode,
     SafetyState,
+    UtcNs,
 )
 from frictus.messages.estimate import (
     BandRatio,
@@ -170,6 +171,7 @@ __all__ = [
     "TimeState",
     "Tone",
     "TouchState",
+    "UtcNs",
     "WriteAnalogF64Response",
     "WriteAnalogScalarF64Response",
     "WriteDigitalLinesResponse",

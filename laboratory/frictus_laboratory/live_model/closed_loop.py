@@ -46,9 +46,15 @@ from frictus_service.synthesis.compensation import as_inverse
 from frictus_service.synthesis.estimator import PredictedMotion
 from frictus_service.synthesis.renderer import Renderer
 from frictus_service.tracking.evidence.signatures import INSTRUMENT
-from frictus_service.tracking.policy import Circumstances, adapted, held_back
+from frictus_service.tracking.model_in_force import ModelInForce
+from frictus_service.tracking.policy import (
+    Circumstances,
+    adapted,
+    follows_a_contact,
+    held_back,
+)
 from frictus_service.tracking.touch_motion import TouchedSamples
-from frictus_service.tracking.tracker import ModelInForce, Tracker
+from frictus_service.tracking.tracker import Tracker
 from frictus_service.tracking.windows import WindowCutter
 
 PIECE_SAMPLES: Final = 2_000
@@ -356,8 +362,10 @@ class ClosedLoop:
         estimate = self.tracker.expected
         now = Circumstances(
             since_change_s=end_s - self.changes[-1] if self.changes else np.inf,
-            returning=self.tracker.lifted and bool(self.changes),
+            returning=self.tracker.lifted and follows_a_contact(self._model),
+            watched=self.tracker.watched,
             watched_before=self.tracker.watched_before,
+            suspected=self.tracker.suspected,
         )
         try:
             why = held_back(
@@ -368,7 +376,9 @@ class ClosedLoop:
                 INSTRUMENT & set(self._alarms),
                 now,
             )
-            model = self._model if why else adapted(self._model, estimate, {})
+            model = (
+                self._model if why else adapted(self._model, estimate, self.tracker.provenance)
+            )
         except EstimateError as error:
             why, model = str(error), self._model
         if why:

@@ -34,10 +34,18 @@ from frictus_service.errors import EstimateError
 from frictus_service.recording.samples import Coalescer
 from frictus_service.tracking.adaptation import law_values
 from frictus_service.tracking.audit import ModelChangeLog
+from frictus_service.tracking.carried import carried
 from frictus_service.tracking.evidence.watch import INSTRUMENT
-from frictus_service.tracking.policy import Circumstances, adapted, difference_db, held_back
+from frictus_service.tracking.model_in_force import ModelInForce
+from frictus_service.tracking.policy import (
+    Circumstances,
+    adapted,
+    difference_db,
+    follows_a_contact,
+    held_back,
+)
 from frictus_service.tracking.touch_motion import TouchedSamples
-from frictus_service.tracking.tracker import STATE_S, ModelInForce, Tell, Tracker
+from frictus_service.tracking.tracker import STATE_S, Tell, Tracker
 from frictus_service.tracking.windows import WindowCutter
 
 SILENT_S: Final = 3.0
@@ -96,9 +104,10 @@ class LiveTracker:
         self._audit = audit
         self._monotonic_s = monotonic_s
         self.status: RigStatus = rig.status()
+        self._place = f"{self.status.site}/{self.status.rig}"
         self._rate_hz = self.status.sample_rate_hz
         cutter = WindowCutter(self._rate_hz, self.status.screen_peak_v, mount)
-        self.tracker = Tracker(cutter, population, rig.name)
+        self.tracker = Tracker(cutter, population, self._place)
         self._states = [
             rig.watch(topic)
             for topic in (
@@ -227,7 +236,7 @@ class LiveTracker:
         elif (change := _change(old, new)) is not None:
             self._changes.append(change)
             self._keep(change, old.model, new.model)
-        self.tracker.put_in_force(ModelInForce.of(new.etag, new.model))
+        self.tracker.put_in_force(ModelInForce.of(new.etag, carried(new.model, self._place)))
 
     def _keep(self, change: ModelChange, before: Model, after: Model) -> None:
         if self._audit is None:
@@ -259,6 +268,7 @@ class LiveTracker:
         if self._unaudited:
             return self._unaudited
         tracker, now_s = self.tracker, self._monotonic_s()
+        followed = self._model.adapted_from is not None and follows_a_contact(self._model.model)
         return held_back(
             tracker.expected,
             tracker.in_force,
@@ -271,8 +281,10 @@ class LiveTracker:
                 guided=now_s - self._guided_s < 1.0,
                 since_change_s=now_s - self._changed_s,
                 since_felt_s=now_s - self._felt_s,
-                returning=tracker.lifted and self._model.etag != self._as_set,
+                returning=tracker.lifted and followed,
+                watched=tracker.watched,
                 watched_before=tracker.watched_before,
+                suspected=tracker.suspected,
             ),
         )
 

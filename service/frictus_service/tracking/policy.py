@@ -37,6 +37,10 @@ LEAST_DB: Final = 0.05
 """A rendering that differs by less is left as it is."""
 FRESH_S: Final = 2.0
 """What was felt longer ago may have been another finger."""
+FITTED_TO: Final = "fitted_to"
+"""In the provenance: `PERSON`, or the `CONTACT` that a model was adapted to."""
+PERSON: Final = "person"
+CONTACT: Final = "contact"
 FELT_HZ: Final = np.geomspace(40.0, 1_000.0, 15)
 """Where two laws are compared, as bands of a third of an octave are spaced."""
 LAW: Final = slice(0, 3)
@@ -61,8 +65,12 @@ class Circumstances:
         Since the newest window ended.
     returning : bool
         Whether the model in force was adapted to a contact that has ended.
+    watched : int
+        Windows of this finger by which the watch could find the rig wrong.
     watched_before : bool
         Whether the rig was watched for `WATCHED_WINDOWS` with the finger before.
+    suspected : collection of str
+        Causes of the rig for which there is evidence, if not enough for an alarm.
     """
 
     source: str = "scene"
@@ -71,7 +79,9 @@ class Circumstances:
     since_change_s: float = np.inf
     since_felt_s: float = 0.0
     returning: bool = False
+    watched: int = WATCHED_WINDOWS
     watched_before: bool = False
+    suspected: Collection[str] = ()
 
 
 def held_back(
@@ -109,7 +119,12 @@ def held_back(
     if in_force is None:
         return "the model in force has effects, or another law than gain and cutoff"
     if wrong:
-        return f"the rig seems wrong ({', '.join(sorted(wrong))}), which no finger is fitted to"
+        return (
+            f"the rig seems wrong ({', '.join(sorted(wrong))}), which no finger is fitted to: "
+            "mend it, and start it anew"
+        )
+    if now.suspected:
+        return f"the rig may be wrong ({', '.join(sorted(now.suspected))}): more will tell"
     if now.since_felt_s > FRESH_S:
         return f"the finger was last felt {now.since_felt_s:.0f} s ago"
     loosest = loosest_half_width(estimate, speeds_mm_s)
@@ -118,12 +133,9 @@ def held_back(
             f"gain and cutoff are known within {100.0 * loosest:.1f} % where the finger went; "
             f"{100.0 * KNOWN_WITHIN:.0f} % is asked"
         )
-    watched = WATCHED_AGAIN if now.watched_before else WATCHED_WINDOWS
-    if estimate.windows < watched:
-        return (
-            f"{estimate.windows} windows were felt; a rig that is wrong shows itself in "
-            f"{watched}"
-        )
+    enough = WATCHED_AGAIN if now.watched_before else WATCHED_WINDOWS
+    if now.watched < enough:
+        return f"{now.watched} windows were felt; a rig that is wrong shows itself in {enough}"
     sd = np.sqrt(np.diag(prior.covariance))
     away = np.abs(estimate.mean - prior.mean)[LAW] / sd[LAW]
     if away.max() > WITHIN_SD:
@@ -188,6 +200,17 @@ def difference_db(
         np.abs(coordinates.response(at, speeds[:, np.newaxis], FELT_HZ)) for at in (one, other)
     ]
     return float(np.sqrt(np.mean(np.square(20.0 * np.log10(size[0] / size[1])))))
+
+
+def follows_a_contact(model: Model) -> bool:
+    """Return whether a model was adapted to a contact, and not to the person.
+
+    Parameters
+    ----------
+    model : Model
+        That was adapted.
+    """
+    return bool(model.provenance.get(FITTED_TO) == CONTACT)
 
 
 def adapted(model: Model, estimate: LawEstimate, told: dict[str, Any]) -> Model:

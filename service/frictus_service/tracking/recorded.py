@@ -18,8 +18,10 @@ from frictus_service.recording.reader import RecordingReader, State
 from frictus_service.recording.samples import Samples
 from frictus_service.study.reader import StudyReader
 from frictus_service.study.trial import Trial
+from frictus_service.tracking.carried import carried
+from frictus_service.tracking.model_in_force import ModelInForce
 from frictus_service.tracking.touch_motion import AROUND_S, TouchedSamples, motion_among
-from frictus_service.tracking.tracker import STATE_S, ModelInForce, Tell, Tracker
+from frictus_service.tracking.tracker import STATE_S, Tell, Tracker
 from frictus_service.tracking.windows import WindowCutter
 
 PART_S: Final = 0.1
@@ -64,12 +66,14 @@ def follow_recording(
     if status is None:
         raise RecordingError(f"{reader.path} holds no status of its rig: its screen is unknown")
     cutter = WindowCutter(status.sample_rate_hz, status.screen_peak_v, mount)
-    tracker = Tracker(cutter, prior, status.rig)
+    place = f"{status.site}/{status.rig}"
+    tracker = Tracker(cutter, prior, place)
     touched = TouchedSamples()
 
     def note(message: Message) -> None:
         if isinstance(message, ModelState):
-            tracker.put_in_force(ModelInForce.of(message.etag, message.model))
+            model = carried(message.model, place)
+            tracker.put_in_force(ModelInForce.of(message.etag, model))
         elif isinstance(message, TouchState):
             touched.report(message)
 

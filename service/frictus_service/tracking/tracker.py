@@ -2,27 +2,26 @@
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
 from frictus.aligned import AlignedSamples
-from frictus.messages import BandRatio, EstimateState, Interval, LawNow, LawValues
-from frictus.model import FirstOrderSpeedLaw, Model, Validity
+from frictus.messages import BandRatio, EstimateState, Interval, LawNow
+from frictus.model import Model, Validity
 from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.calibration.posterior import STRANGE
 from frictus_service.errors import EstimateError
-from frictus_service.tracking.adaptation import law_values
 from frictus_service.tracking.evidence.advice import advice_of
 from frictus_service.tracking.evidence.naming import NamedAlarm, named_alarms
 from frictus_service.tracking.evidence.watch import ALARM, CAUSES, INSTRUMENT, ModelWatch
 from frictus_service.tracking.finger_filters import NOW
 from frictus_service.tracking.law_estimate import Batch, LawEstimate, advanced, updated
 from frictus_service.tracking.measured_points import MeasuredPoints
-from frictus_service.tracking.policy import WATCHED_WINDOWS
+from frictus_service.tracking.model_in_force import ModelInForce
+from frictus_service.tracking.policy import CONTACT, FITTED_TO, PERSON, WATCHED_WINDOWS
 from frictus_service.tracking.predictive_density import PrequentialGain
 from frictus_service.tracking.prequential import PrequentialError
 from frictus_service.tracking.windows import LawWindow, WindowCutter
@@ -41,54 +40,6 @@ ANOTHER: Final = 3
 """So many strange batches in a row are another finger; fewer are left out."""
 
 Tell = Callable[[EstimateState], None]
-
-
-@dataclass(frozen=True, slots=True)
-class ModelInForce:
-    """The model that the rig renders by.
-
-    Attributes
-    ----------
-    etag : str
-        As the rig publishes it.
-    at : ndarray, shape (4,), or None
-        In `calibration.coordinates`; None where it has no first-order law of friction.
-    values : LawValues or None
-        The same for people.
-    effects : frozenset of str
-        That it has beyond the law: they are no news.
-    """
-
-    etag: str
-    at: FloatArray | None
-    values: LawValues | None = None
-    effects: frozenset[str] = frozenset()
-
-    @classmethod
-    def of(cls, etag: str, model: Model) -> "ModelInForce":
-        """Return a model in the coordinates of the estimate.
-
-        Parameters
-        ----------
-        etag : str
-            As the rig publishes it.
-        model : Model
-            Of friction.
-        """
-        law = model.base
-        if not isinstance(law, FirstOrderSpeedLaw):
-            return cls(etag, None)
-        ends = np.array([coordinates.LOW_MM_S, coordinates.HIGH_MM_S])
-        if np.any(law.cutoff_0_hz + law.slope_hz_per_mm_s * ends <= 0.0):
-            return cls(etag, None)
-        return cls(
-            etag,
-            coordinates.from_law(
-                law.gain_n, law.cutoff_0_hz, law.slope_hz_per_mm_s, model.skew_s
-            ),
-            law_values(model),
-            frozenset(effect.id for effect in model.effects),
-        )
 
 
 class Tracker:
@@ -121,7 +72,7 @@ class Tracker:
         n_bands = cutter.bands.centre_hz.size
         self.estimate = LawEstimate.begin(prior, n_bands)
         self.new_fingers = 0
-        self._run = self._watched = 0
+        self._run = self._watched = self._watched_before = 0
         self._waiting: list[LawWindow] = []
         self._last: LawWindow | None = None
         self._rate_hz = 0.0
@@ -136,7 +87,7 @@ class Tracker:
         }
         self._gain = PrequentialGain.begin()
         self._points = MeasuredPoints.begin(n_bands)
-        self._watch = ModelWatch.begin(cutter.mount)
+        self._watch = self._before_strange = ModelWatch.begin(cutter.mount)
 
     @property
     def in_force(self) -> FloatArray | None:
@@ -165,9 +116,21 @@ class Tracker:
         return advanced(self.estimate, 0.0, new_contact=True) if self.lifted else self.estimate
 
     @property
+    def watched(self) -> int:
+        """Windows of this finger by which the watch could find the rig, as it runs, wrong."""
+        return self._watched
+
+    @property
     def watched_before(self) -> bool:
-        """Whether the watch had long enough to find this rig wrong, on the finger before."""
-        return self._watched - self.estimate.windows >= WATCHED_WINDOWS
+        """Whether the watch had long enough to find this rig wrong, on fingers before."""
+        return self._watched_before >= WATCHED_WINDOWS
+
+    @property
+    def suspected(self) -> tuple[str, ...]:
+        """What may be wrong with the rig, before it is an alarm."""
+        return tuple(
+            cause for cause in self._watch.suspected if cause not in self._model.effects
+        )
 
     @property
     def provenance(self) -> dict[str, Any]:
@@ -177,6 +140,7 @@ class Tracker:
             "windows": self.estimate.windows,
             "gain_spread_within_contacts": self.estimate.gain_scatter,
             "new_fingers": self.new_fingers,
+            FITTED_TO: PERSON if self.lifted else CONTACT,
         }
 
     def begin_anew(self, prior: Prior, participant: str | None = None) -> None:
@@ -191,15 +155,19 @@ class Tracker:
         """
         self._prior, self.participant = prior, participant
         self.estimate = _of_a_new_finger(prior, self.estimate)
-        self._waiting, self._last, self._strange = [], None, 0
+        self._waiting, self._last = [], None
         self._lately_mm_s.clear()
         self._forget_finger()
+        self._strange = 0
 
     def _forget_finger(self) -> None:
-        """Forget ranges and evidence; a rig that was found wrong does not count as watched."""
+        """Forget what was this finger's; a rig that was found wrong was not watched."""
         if INSTRUMENT.intersection(self._watch.raised):
-            self._watched = 0
-        self._watch = ModelWatch.begin(self._cutter.mount, self._watch.begun)
+            self._watched = self._watched_before = 0
+        # What its first windows said against the rig was said of the finger before.
+        watch = self._before_strange if self._strange else self._watch
+        self._watch = watch.of_another_finger()
+        self._watched, self._watched_before = 0, self._watched_before + self._watched
         self._speeds_mm_s = self._forces_n = (np.inf, -np.inf)
 
     def put_in_force(self, model: ModelInForce) -> None:
@@ -212,11 +180,12 @@ class Tracker:
         """
         if model.etag == self._model.etag:
             return
+        delay_off_s = model.delay_off_s(self._model)
         self._model = model
         self._first = model.at if self._first is None else self._first
         self._errors["in_force"] = PrequentialError.begin(self._cutter.bands.centre_hz.size)
         self._gain = self._gain.without_noise_of("in_force")
-        self._watch = self._watch.of_another_model()
+        self._watch = self._watch.of_another_model(delay_off_s)
 
     def leave_out(self, reason: str) -> None:
         """Count something that could not be used.
@@ -236,8 +205,9 @@ class Tracker:
         part : AlignedSamples
             Of the streams `tracking.windows.STREAMS`.
         """
-        if part.run != self._run:
-            self._watched = 0
+        if part.run != self._run:  # whoever mends a rig starts it anew
+            self._watched = self._watched_before = 0
+            self._watch = ModelWatch.begin(self._cutter.mount, self._watch.begun)
         self._run, self._rate_hz = part.run, part.sample_rate_hz
         changed = False
         for window in self._cutter.take(part):
@@ -265,9 +235,11 @@ class Tracker:
             since = abs(windows[-1].first_sample - self._last.first_sample) / self._rate_hz
             new_contact = windows[-1].contact != self._last.contact
             known = advanced(known, since, new_contact)
+        watch = self._watch
         self._judge(batch, known, since, new_contact)
         found, away = updated(known, batch)
         if known.updates and away > STRANGE:
+            self._before_strange = self._before_strange if self._strange else watch
             self._strange += 1
             if self._strange < ANOTHER or len(windows) < BEGINNING:
                 self._cutter.refused["unlike what was felt before"] += len(windows)
@@ -368,7 +340,7 @@ class Tracker:
             normal_force_n=self._forces_n,
             drive_vpp=(drive_vpp, drive_vpp),
         )
-        told = {"source": "live", "rig": self._rig} | self.provenance
+        told = {"source": "live", "rig": self._rig} | self.provenance | {FITTED_TO: PERSON}
         try:
             return coordinates.document(*self.estimate.person, self.participant, validity, told)
         except (EstimateError, ValueError):  # a cutoff that is not positive where it was felt

@@ -40,7 +40,7 @@ def moved(finger: TakeoverFinger, begin_s: float, end_s: float) -> FingerMotion:
 
 def test_it_strokes_by_itself(finger: TakeoverFinger) -> None:
     motion = moved(finger, 0.0, 5.0)
-    alone = STROKES.start(SCREEN_MM, np.random.default_rng(0)).at(np.arange(5_000) * STEP_S)
+    alone = STROKES.start(SCREEN_MM, np.random.default_rng(0)).at(STEP_S * np.arange(5_000.0))
     np.testing.assert_allclose(motion.position_mm, alone.position_mm)
     assert np.all(motion.in_contact)
 

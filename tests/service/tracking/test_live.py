@@ -24,7 +24,7 @@ from frictus.rig import Rig
 from frictus.textures import Region, Scene
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.physics.linear import Mount
-from frictus_hardware.simulated.config import SimulatedParticipant
+from frictus_hardware.simulated.config import ParticipantEffect, SimulatedParticipant
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.config import (
@@ -38,8 +38,11 @@ from frictus_service.config import (
 from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.library import SHIPPED
 from frictus_service.processes import free_endpoint
+from frictus_service.registry.store import Registry
+from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.tracking.audit import ModelChangeLog
 from frictus_service.tracking.live import LiveTracker
+from frictus_service.tracking.policy import WATCHED_WINDOWS
 
 pytestmark = pytest.mark.long
 
@@ -47,10 +50,16 @@ PERSON = SimulatedParticipant(gain_n=0.3, cutoff_0_hz=700.0, slope_hz_per_mm_s=2
 PATIENCE_S = 100.0
 
 
-def config_in(folder: Path, policy: AdaptationPolicy = "observe") -> Config:
+def config_in(
+    folder: Path,
+    policy: AdaptationPolicy = "observe",
+    rig: str = "rig1",
+    person: SimulatedParticipant = PERSON,
+) -> Config:
     return Config(
+        rig=rig,
         backend=SimulatedConfig(
-            finger=SteadyStrokes(speed_mm_s=40.0), participant=PERSON, lead_ms=100.0
+            finger=SteadyStrokes(speed_mm_s=40.0), participant=person, lead_ms=100.0
         ),
         block_ms=10.0,
         router=RouterConfig(endpoint=free_endpoint()),
@@ -62,16 +71,25 @@ def config_in(folder: Path, policy: AdaptationPolicy = "observe") -> Config:
 
 
 @contextmanager
-def playing(config: Config, *parts: str) -> Iterator[tuple[Supervisor, Rig]]:
-    """A texture plays on an armed rig."""
+def playing(
+    config: Config, *parts: str, model: Model | None = None
+) -> Iterator[tuple[Supervisor, Rig]]:
+    """A texture plays on an armed rig, by a model that is set beforehand, if any."""
     flat = texture_of((SHIPPED / "flat.json").read_text(encoding="utf-8"))
     with Supervisor(config, ("rig", *parts), say=lambda _line: None) as supervisor:  # type: ignore[arg-type]
         supervisor.wait_ready(PATIENCE_S)
         with frictus.connect(config.router.endpoint, "test") as client:
-            rig = client.rig("rig1", wait_s=5.0)
+            rig = client.rig(config.rig, wait_s=5.0)
+            if model is not None:
+                rig.set_model(model)
             rig.set_scene(Scene(regions=[Region(texture=flat, gain=0.5)]))
             with rig.arm(lease_ms=10_000):
                 yield supervisor, rig
+
+
+def follows(told: EstimateState) -> bool:
+    """Return whether the model was adapted, and predicts well since."""
+    return bool(told.changes) and told.error_db.get("in_force", 9.0) < 0.3
 
 
 def cutoff_at_40(model: Model) -> float:
@@ -95,9 +113,7 @@ def test_the_model_follows_the_finger_and_is_put_back(tmp_path: Path) -> None:
     config = config_in(tmp_path, "adapt")
     with playing(config, "tracker") as (_, rig):
         begun = rig.model()
-        state = first(
-            rig, lambda told: bool(told.changes) and told.error_db.get("in_force", 9.0) < 0.3
-        )
+        state = first(rig, follows)
         change = state.changes[0]
         assert change.etag_before == begun.etag
         assert change.before.gain_n == pytest.approx(0.39, rel=1e-3)
@@ -123,24 +139,77 @@ def test_the_model_follows_the_finger_and_is_put_back(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGSTOP")
 @pytest.mark.timeout(300)
-def test_a_tracker_that_stands_still_or_dies_leaves_the_rig_as_it_is(tmp_path: Path) -> None:
-    with playing(config_in(tmp_path), "tracker") as (supervisor, rig):
-        before, pid = rig.model().etag, supervisor.pid_of("tracker")
+@pytest.mark.parametrize("policy", ["observe", "adapt"])
+def test_a_tracker_that_stands_still_or_dies_leaves_the_rig_as_it_is(
+    tmp_path: Path, policy: AdaptationPolicy
+) -> None:
+    with playing(config_in(tmp_path, policy), "tracker") as (supervisor, rig):
+        if policy == "adapt":
+            first(rig, follows)
+        pid = supervisor.pid_of("tracker")
         with rig.watch(Topics.ESTIMATE, timeout_s=PATIENCE_S) as states:
             next(states)
             os.kill(pid, signal.SIGSTOP)
-            states.drain()
             with rig.blocks("voltage", timeout_s=PATIENCE_S) as blocks:
+                for _ in range(100):  # what it had asked for has long been answered
+                    next(blocks)
+                before = rig.model()
+                states.drain()
                 played = sum(isinstance(next(blocks), frictus.Block) for _ in range(300))
             assert played > 0
+            assert rig.model().etag == before.etag
             os.kill(pid, signal.SIGCONT)
             next(states)  # it goes on by itself
             os.kill(pid, signal.SIGKILL)
+            before = rig.model()
             states.drain()
             after = next(states)  # another one has taken its place
         assert isinstance(after, EstimateState)
-        assert rig.model().etag == before  # it may have been told again since, with a stamp
+        assert rig.model().etag == before.etag  # it may have been told again, with a stamp
+        assert bool(before.adapted_from) is (policy == "adapt")
+        assert after.windows < WATCHED_WINDOWS
         assert rig.status().state == "armed"
+
+
+@pytest.mark.timeout(300)
+def test_who_moves_to_another_rig_brings_the_finger_and_not_the_rig(tmp_path: Path) -> None:
+    """Learned where the force comes 150 us late, published, and set where it does not."""
+    late = ParticipantEffect(id="channel_delay", parameters={"delay_s": 150e-6})
+    nobody = placeholder_model().model_copy(update={"participant": "P07"})
+
+    def felt_enough(told: EstimateState) -> bool:
+        return told.law is not None and told.windows >= 80
+
+    here = config_in(tmp_path, rig="here", person=PERSON.model_copy(update={"effects": [late]}))
+    with playing(here, "tracker", model=nobody) as (_, rig):
+        begun = first(rig, lambda told: told.law is not None)
+        learned = first(rig, felt_enough)
+    assert learned.law is not None
+    assert learned.model is not None
+    assert learned.law.delay_us.value == pytest.approx(150.0, abs=10.0)
+    assert "delay" in learned.alarms
+    with Registry(here.registry.url) as registry:
+        registry.publish(learned.model, "P07", by="test", rig="here")
+        brought = registry.get("P07").model
+
+    with playing(config_in(tmp_path, rig="there"), "tracker", model=brought) as (_, rig):
+        arrived = first(rig, lambda told: told.law is not None)
+        settled = first(rig, felt_enough)
+    assert begun.law is not None
+    assert arrived.law is not None
+    assert settled.law is not None
+    assert arrived.participant == settled.participant == "P07"
+    # The finger is known from the first half second of sliding on, and stays who it is.
+    assert arrived.windows <= 40
+    assert PERSON.gain_n == pytest.approx(arrived.law.gain_n.value, rel=0.03)
+    for of in ("cutoff_20_hz", "cutoff_100_hz"):
+        known, unknown = (getattr(each, of) for each in (arrived.law, begun.law))
+        assert np.log(known.high / known.low) < 0.5 * np.log(unknown.high / unknown.low)
+    assert settled.new_fingers == 0
+    # The rig is not: its delay is its own, and no alarm says that it lacks that of the other.
+    assert abs(settled.law.delay_us.value) < 10.0
+    assert settled.alarms == ()
+    assert settled.error_db["in_force"] < 0.2
 
 
 @pytest.mark.timeout(300)

@@ -62,6 +62,8 @@ def test_what_the_rig_does_holds_it_back(now: Circumstances, why: str) -> None:
 
 def test_what_is_wrong_with_the_rig_holds_it_back() -> None:
     assert "delay" in told(estimate(TWICE), wrong=("delay",))
+    suspicion = replace(FREE, suspected=("mount_resonance_shift",))
+    assert "may be wrong (mount_resonance_shift)" in told(estimate(TWICE), suspicion)
 
 
 def test_what_is_not_known_well_holds_it_back() -> None:
@@ -71,12 +73,14 @@ def test_what_is_not_known_well_holds_it_back() -> None:
     assert "5 % is asked" in told(estimate(TWICE, sd=1.01 * KNOWN_WITHIN / 1.96))
     nothing = replace(estimate(TWICE), updates=0)
     assert "nothing was felt yet" in told(nothing)
-    early = replace(estimate(TWICE), windows=WATCHED_WINDOWS - 1)
-    assert "a rig that is wrong shows itself" in told(early)
+    # However many windows made the estimate, those count in which the rig was watched.
+    early = replace(FREE, watched=WATCHED_WINDOWS - 1)
+    assert "a rig that is wrong shows itself" in told(estimate(TWICE), early)
     # The mount does not change with the finger.
-    again = replace(FREE, watched_before=True)
-    assert told(replace(early, windows=WATCHED_AGAIN), again) == ""
-    assert f"in {WATCHED_AGAIN}" in told(replace(early, windows=WATCHED_AGAIN - 1), again)
+    again = replace(FREE, watched_before=True, watched=WATCHED_AGAIN)
+    assert told(estimate(TWICE), again) == ""
+    sooner = replace(again, watched=WATCHED_AGAIN - 1)
+    assert f"in {WATCHED_AGAIN}" in told(estimate(TWICE), sooner)
 
 
 def test_only_the_speeds_that_were_explored_count() -> None:

@@ -1,79 +1,27 @@
 """A finger with twice the cutoff, on the twin: followed from samples to what is published."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.service.tracking.played import PERSON, RATE_HZ, lift, parts, played, tracker
 
-from frictus.aligned import AlignedSamples
 from frictus.block import Flag
 from frictus.model import MassSpringDamper, Model
-from frictus.recordings import texture_of
-from frictus_hardware import SimulatedConfig
-from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import Mount
-from frictus_hardware.physics.stages import SensorNoise
 from frictus_hardware.physics.twin import Signals
 from frictus_hardware.simulated.config import ParticipantEffect, SimulatedParticipant
-from frictus_hardware.simulated.human import HumanStrokes
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
-from frictus_service.fidelity.measure import feel, full_gain
-from frictus_service.fidelity.path import walk
-from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.tracking import tracker as tracker_module
 from frictus_service.tracking.evidence.watch import INSTRUMENT
-from frictus_service.tracking.policy import WATCHED_WINDOWS, loosest_half_width
-from frictus_service.tracking.tracker import ModelInForce, Tracker
+from frictus_service.tracking.model_in_force import ModelInForce
+from frictus_service.tracking.policy import (
+    WATCHED_WINDOWS,
+    loosest_half_width,
+)
 from frictus_service.tracking.windows import WindowCutter
-
-RATE_HZ = 20_000.0
-PERSON = SimulatedParticipant(gain_n=0.39, cutoff_0_hz=2 * 385.68, slope_hz_per_mm_s=2 * 13.811)
-
-
-def played(person: SimulatedParticipant, seconds: float, seed: int) -> Signals:
-    """Return what is played by the placeholder and felt by a person in free strokes."""
-    config = SimulatedConfig(seed=seed, finger=HumanStrokes(), participant=person)
-    path = walk(config, seconds)
-    flat = texture_of((SHIPPED / "flat.json").read_text(encoding="utf-8"))
-    scene = full_gain(flat, FrictionLaw(), config.screen, RATE_HZ)
-    sensors = (SensorNoise(0.002, 0.05, seed),)
-    twin = person.simulator.twin(config.screen, person.friction_coefficient, sensors)
-    signals, _ = feel(path, scene, FrictionLaw(), config.screen, twin)
-    return signals
-
-
-@pytest.fixture(scope="module")
-def felt(module_seed: int) -> Signals:
-    """What PERSON feels in 12 s."""
-    return played(PERSON, 12.0, module_seed)
-
-
-def parts(signals: Signals, samples: int = 100) -> Iterator[AlignedSamples]:
-    speed = np.hypot(*signals.velocity_mm_s.T)
-    for first in range(0, speed.size, samples):
-        cut = slice(first, first + samples)
-        yield AlignedSamples(
-            1,
-            first,
-            round(5e4 * first),
-            RATE_HZ,
-            0,
-            Flag(0),
-            {
-                "force": signals.force_n[cut].T.astype(np.float32),
-                "voltage": signals.voltage_v[np.newaxis, cut].astype(np.float32),
-                "render": np.vstack([signals.position_mm[cut].T, speed[cut]]).astype("f4"),
-            },
-        )
-
-
-def tracker() -> Tracker:
-    found = Tracker(WindowCutter(RATE_HZ, 75.0, Mount().lateral), Prior.weak(), "rig1")
-    found.put_in_force(ModelInForce.of("etag", placeholder_model()))
-    return found
 
 
 def test_the_law_is_found_from_a_texture_under_free_strokes(felt: Signals) -> None:
@@ -240,28 +188,11 @@ def test_where_a_contact_ends_the_next_one_is_expected(felt: Signals) -> None:
         found.take(part)
     assert not found.lifted
     assert found.expected is found.estimate
-    lifted = [
-        replace(part, data={**part.data, "force": np.zeros_like(part.data["force"])})
-        for part in on_screen[-30:]
-    ]
-    for part in lifted:
-        found.take(replace(part, first_sample=part.first_sample + 3_000))
+    lift(found, felt)
     assert found.lifted
     np.testing.assert_allclose(found.expected.mean, found.estimate.person[0])
     before, after = (each.covariance[2, 2] for each in (found.estimate, found.expected))
     assert after > 10.0 * before
-
-
-def test_a_rig_that_was_watched_with_one_finger_is_known_with_the_next(felt: Signals) -> None:
-    found = tracker()
-    for part in parts(felt):
-        found.take(part)
-    assert found.estimate.windows > WATCHED_WINDOWS
-    assert not found.watched_before
-    found.begin_anew(Prior.weak())
-    assert found.watched_before
-    found.take(replace(next(parts(felt)), run=2))  # another start of the device, or its mount
-    assert not found.watched_before
 
 
 def test_another_person_begins_from_what_is_known_of_them(felt: Signals) -> None:
@@ -334,15 +265,6 @@ def test_no_window_of_a_sound_sensor_is_taken_for_clipped(felt: Signals) -> None
         steps = np.rint(part.data["force"] / 0.0005) * np.float32(0.0005)
         found.take(replace(part, data={**part.data, "force": steps}))
     assert "the force stands still, or at an end of its range" not in found.state(1).refused
-
-
-def test_a_rig_that_was_found_wrong_was_not_watched(felt: Signals) -> None:
-    found = tracker()
-    for part in parts(felt):
-        found.take(part)
-    found._watch = replace(found._watch, raised=("delay",))
-    found.begin_anew(Prior.weak())
-    assert not found.watched_before
 
 
 @pytest.mark.parametrize("known", [False, True])

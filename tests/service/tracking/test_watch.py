@@ -1,6 +1,6 @@
 """Alarms name the cause, are rare while the model is right, and wait for no good moment."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -50,10 +50,11 @@ def session(
     deviation: Deviation | None = None,
     wander: float = 0.0,
     batches_per_contact: int | None = None,
+    watch: ModelWatch | None = None,
 ) -> Session:
     """Return a session in which the finger's laws are the given ones, batch by batch."""
     watch, estimate, alarm = (
-        ModelWatch.begin(MOUNT),
+        watch or ModelWatch.begin(MOUNT),
         LawEstimate.begin(Prior.weak(), BANDS.centre_hz.size),
         None,
     )
@@ -196,23 +197,77 @@ def test_its_memory_is_bounded(
     watch = ModelWatch.begin()
     for _ in range(BEGIN_BATCHES * 5):
         watch = watch.seen(batch, PAPER, estimate)
-    assert watch.sums.log_share.shape == (3,)
+    assert watch.sums.log_share.shape == (3, len(CAUSES))
     assert watch.log_evidence.shape == (len(CAUSES),)
     assert np.all(np.isfinite(watch.log_evidence))
     # All shares that will ever be given sum to one at most.
-    assert np.exp(watch.sums.log_share).sum() <= 1.0
+    assert np.all(np.exp(watch.sums.log_share).sum(axis=0) <= 1.0)
 
 
 def test_another_model_ends_the_evidence_on_the_law_only(rng: np.random.Generator) -> None:
     off = PAPER + np.array([0.7, 0.7, 0.0, 0.0])
     found = session(rng, [off] * 15, [("direction_asymmetry", {"share": 0.2})]).watch
     assert {"cutoff", "direction_asymmetry"} <= set(found.raised)
-    later = found.of_another_model()
+    later = found.of_another_model(0.0)
     evidence = dict(zip(CAUSES, later.log_evidence, strict=True))
     assert (later.raised, evidence["cutoff"]) == ((), 0.0)
     assert evidence["direction_asymmetry"] > ALARM
     # Shares go on: models that follow each other do not have the level once each.
     assert later.begun == found.begun
+
+
+RIG = [("mount_resonance_shift", {"share": 0.03}), ("channel_delay", {"delay_s": 80e-6})]
+
+
+def test_what_is_the_rigs_outlasts_the_finger(rng: np.random.Generator) -> None:
+    twice = PAPER + np.array([0.7, 0.7, 0.0, 0.0])
+    found = session(rng, [twice] * 15, [*RIG, ("direction_asymmetry", {"share": 0.2})]).watch
+    of_the_rig = {"mount_resonance_shift", "delay"}
+    assert of_the_rig | {"cutoff", "direction_asymmetry"} <= set(found.raised)
+    later = found.of_another_finger()
+    assert set(later.raised) == INSTRUMENT & set(found.raised)
+    assert of_the_rig <= {alarm.cause for alarm in named_alarms(later)}
+    before, after = (
+        dict(zip(CAUSES, watch.log_evidence, strict=True)) for watch in (found, later)
+    )
+    for cause in CAUSES:
+        assert after[cause] == (before[cause] if cause in INSTRUMENT else 0.0)
+    # Shares go on: fingers that follow each other do not have the level once each.
+    assert later.begun == found.begun
+
+
+@pytest.mark.parametrize(("off_s", "stays"), [(10e-6, True), (80e-6, False)])
+def test_a_delay_is_the_models_that_tells_it(
+    off_s: float, stays: bool, rng: np.random.Generator
+) -> None:
+    found = session(rng, [PAPER + np.array([0.0, 0.0, 0.0, 80e-6])] * 12).watch
+    assert "delay" in found.raised
+    later = found.of_another_model(off_s)
+    evidence = dict(zip(CAUSES, later.log_evidence, strict=True))
+    assert ("delay" in later.raised) is stays
+    assert bool(evidence["delay"] >= ALARM) is stays
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 80e-6])
+def test_after_another_finger_only_the_rig_is_judged_by_what_was_seen(
+    delay_s: float, rng: np.random.Generator
+) -> None:
+    """A rig that is right stays so, and the evidence of a wrong one goes on."""
+    rig = np.array([0.0, 0.0, 0.0, delay_s])
+    before = session(rng, [PAPER + rig] * 12).watch.of_another_finger()
+    other = PAPER + rig + np.array([0.5, 0.5, 0.8, 0.0])
+    after = session(rng, [other] * 5, watch=before).watch
+    assert after.suspected == (("delay",) if delay_s else ())
+    place = CAUSES.index("delay")
+    gained = after.log_evidence[place] - before.log_evidence[place]
+    assert bool(gained > 3.0) is bool(delay_s)
+
+
+def test_half_of_the_evidence_is_a_suspicion_of_the_rig_alone() -> None:
+    watch = ModelWatch.begin(MOUNT)
+    nats = np.full(len(CAUSES), 0.49 * ALARM)
+    assert replace(watch, log_evidence=nats).suspected == ()
+    assert set(replace(watch, log_evidence=nats / 0.97).suspected) == INSTRUMENT & set(CAUSES)
 
 
 def test_causes_of_the_rig_are_told_from_those_of_the_finger() -> None:

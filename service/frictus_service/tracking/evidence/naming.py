@@ -122,7 +122,7 @@ def _effect_left(sums: Sums, each: FloatArray, name: str, given: list[str]) -> f
     edge = SIZES[name].tolerated / SIZES[name].expected
     slack = UNMODELLED * np.sqrt(sums.certainty[process] * max(float(information), 0.0))
     ratio = log_ratio(score, information, edge, slack * SHAPED[own])
-    return float(sums.log_share[process] + ratio)
+    return float(sums.log_share[process, CAUSES.index(name)] + ratio)
 
 
 def _law_left(sums: Sums, each: FloatArray, number: int, given: list[str]) -> float:
@@ -136,7 +136,7 @@ def _law_left(sums: Sums, each: FloatArray, number: int, given: list[str]) -> fl
         [*map(_effect, given)],
     )
     edge = LAW_SIZES[number].tolerated / LAW_SIZES[number].expected
-    return float(sums.law_log_share[process] + log_ratio(score, information, edge))
+    return float(sums.log_share[process, number] + log_ratio(score, information, edge))
 
 
 def _conditional(

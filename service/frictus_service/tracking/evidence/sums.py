@@ -47,9 +47,9 @@ class Sums:
         Log likelihood ratios.
     certainty : ndarray, shape (n_begun,)
         Of all responses: inverse relative variances.
-    log_share, law_log_share : ndarray, shape (n_begun,)
-        Of the chance of an alarm, that each process has; of `LAW_CAUSES` only those count
-        that began with the model in force or later.
+    log_share : ndarray, shape (n_begun, n_causes)
+        Of the chance of an alarm, that each process has, by cause: `LAW_CAUSES`, effects, the
+        mains and what is unknown. -inf: what it has seen was of another finger or model.
     """
 
     score: FloatArray
@@ -61,7 +61,6 @@ class Sums:
     mains: FloatArray
     certainty: FloatArray
     log_share: FloatArray
-    law_log_share: FloatArray
 
     @classmethod
     def zeros(cls, count: int) -> Self:
@@ -82,8 +81,7 @@ class Sums:
             (patterns,),
             (2, AMPLITUDES_N.size),
             (),
-            (),
-            (),
+            (law + d + 2,),
         )
         return cls(*(np.zeros((count, *shape)) for shape in shapes))
 
@@ -98,8 +96,8 @@ class Sums:
         law = log_ratio(self.law_score[..., -1], self.law_information[..., -1, -1], _LAW_EDGE)
         unknown = _mean(self.patterns())
         mains = _mean(self.mains.reshape(self.mains.shape[0], -1))
-        shared = np.column_stack([effects, mains, unknown]) + self.log_share[:, np.newaxis]
-        return np.column_stack([law + self.law_log_share[:, np.newaxis], shared])
+        each: FloatArray = np.column_stack([law, effects, mains, unknown]) + self.log_share
+        return each
 
     def patterns(self) -> FloatArray:
         """Return the log likelihood ratio of each pattern, shape (n_begun, n_patterns)."""
@@ -133,7 +131,8 @@ def with_another(sums: Sums, begun: int) -> Sums:
     """
     # The shares 6 / (pi k)^2 of all that will ever begin sum to 1.
     share = np.log(6.0) - 2.0 * np.log(np.pi * begun)
-    fresh = replace(Sums.zeros(1), log_share=np.full(1, share), law_log_share=np.full(1, share))
+    fresh = Sums.zeros(1)
+    fresh = replace(fresh, log_share=fresh.log_share + share)
     both = zip(sums.arrays(), fresh.arrays(), strict=True)
     return Sums(*(np.concatenate(pair) for pair in both))
 

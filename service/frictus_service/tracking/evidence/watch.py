@@ -13,6 +13,7 @@ any law at all; what is unknown against any law with any effects.
 Ramdas, Grünwald, Vovk, Shafer 2023, Game-theoretic statistics and safe anytime-valid inference.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Final, Self
 
@@ -31,6 +32,7 @@ from frictus_service.tracking.evidence.signatures import (
     EFFECT_CAUSES,
     INSTRUMENT,
     LAW_CAUSES,
+    LAW_SIZES,
     PATTERNS,
     effect_directions,
     law_directions,
@@ -50,6 +52,9 @@ LEVEL: Final = 0.01
 """Chance that a session in which the model is right ever raises an alarm."""
 ALARM: Final = float(np.log(len(CAUSES) / LEVEL))
 """Of a cause's log evidence: causes share the level."""
+SUSPECTED: Final = 0.5 * ALARM
+"""Nats from which on a cause of the rig is waited for. While the rig is right one cause ever
+reaches them in at most 2 % of sessions."""
 BEGIN_BATCHES: Final = 20
 MOST: Final = 32
 """Processes of a cause that are followed; beyond, that with the least evidence ends."""
@@ -107,18 +112,48 @@ class ModelWatch:
         nothing = np.zeros(len(CAUSES))
         return cls(mount, 0, begun, 0.0, (), Sums.zeros(0), nothing, ())
 
-    def of_another_model(self) -> Self:
-        """Return the watch over another model, on the same finger.
+    def of_another_model(self, delay_off_s: float) -> Self:
+        """Return the watch over another model, on the same rig and finger.
 
-        What was seen of effects remains: it does not depend on the law in force.
+        What was seen of effects remains: it does not depend on the law in force. So does what
+        was seen of the delay, where the two models tell the same.
+
+        Parameters
+        ----------
+        delay_off_s : float
+            Of the model from that before, s.
         """
-        ended = np.full_like(self.sums.log_share, -np.inf)
-        sums = replace(self.sums, law_log_share=ended)
-        law = np.zeros(len(LAW_CAUSES))
-        evidence = np.concatenate([law, self.log_evidence[law.size :]])
-        filters = self.filters[:1] + self.filters[-1:]
+        as_late = abs(delay_off_s) <= LAW_SIZES[LAW_CAUSES.index("delay")].tolerated
+        judged_anew = set(LAW_CAUSES) - ({"delay"} if as_late else set())
+        return self._without(judged_anew, self.filters[:1] + self.filters[-1:])
+
+    def of_another_finger(self) -> Self:
+        """Return the watch over another finger on the same rig: what was the rig's remains."""
+        return self._without(set(CAUSES) - INSTRUMENT, ())
+
+    def _without(self, causes: Collection[str], filters: tuple[Nuisance, ...]) -> Self:
+        """Return the watch in which some causes are judged by what comes from now on.
+
+        An alarm of the rig stays, any other returns with the next batch if its evidence does.
+        """
+        kept = np.array([cause not in causes for cause in CAUSES])
+        shares = np.where(kept, self.sums.log_share, -np.inf)
         return replace(
-            self, batches=0, filters=filters, sums=sums, log_evidence=evidence, raised=()
+            self,
+            batches=0,
+            filters=filters,
+            sums=replace(self.sums, log_share=shares),
+            log_evidence=np.where(kept, self.log_evidence, 0.0),
+            raised=tuple(name for name in self.raised if name in INSTRUMENT - set(causes)),
+        )
+
+    @property
+    def suspected(self) -> tuple[str, ...]:
+        """Causes of the rig with an alarm, or half of the evidence for one."""
+        return tuple(
+            cause
+            for cause, nats in zip(CAUSES, self.log_evidence, strict=True)
+            if cause in INSTRUMENT and nats >= SUSPECTED
         )
 
     def seen(
@@ -159,7 +194,7 @@ class ModelWatch:
             batch, strokes, filters, estimate, own, self.mount, began
         )
         none = np.zeros(())
-        news += [line_evidence(batch, estimate, sample_rate_hz), certainty, none, none]
+        news += [line_evidence(batch, estimate, sample_rate_hz), certainty, none]
         sums, begun = self.sums, self.begun
         if self.batches % BEGIN_BATCHES == 0:
             begun += 1
