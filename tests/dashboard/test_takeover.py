@@ -1,5 +1,6 @@
 """Taking over the finger of the stage before a real daemon: by pointer, touch and keys."""
 
+import re
 from collections.abc import Iterator
 
 import pytest
@@ -16,8 +17,8 @@ pytestmark = pytest.mark.browser
 
 MIDDLE_MM = 17.5
 """Where it strokes by itself."""
-INVITED = "Take over the finger"
-TAKEN = "You are the simulated finger"
+INVITED = re.compile("^Take over the finger: ")
+TAKEN = re.compile("^You are the finger, a simulated one")
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +53,7 @@ def strokes_by_itself(lab: Lab) -> None:
 
 def test_a_pointer_takes_over_the_finger_and_gives_it_back(page: Page, lab: Lab) -> None:
     strokes_by_itself(lab)
-    expect(page.locator("#surface-help")).to_contain_text("A simulated finger")
+    expect(page.locator("#surface-help")).to_contain_text("The finger is simulated")
     box = screen(page)
     page.mouse.move(box["x"] + 0.2 * box["width"], box["y"] + 0.2 * box["height"])
     page.mouse.down()
@@ -90,9 +91,14 @@ def test_keys_take_it_over_and_the_spectrum_is_of_that_hand(page: Page, lab: Lab
     page.keyboard.down("ArrowRight")
     expect(page.locator("#takeover")).to_have_text(TAKEN)
     # At the right end it rests: nothing is averaged with what the strokes felt.
-    expect(page.locator("#spectrum-note")).to_contain_text("Waiting for a finger that slides")
     lab.finger(lambda finger: finger.x_mm > 69.0)
+    expect(page.locator("#spectrum-note")).to_contain_text("Waiting for a finger that slides")
     page.keyboard.up("ArrowRight")
+    page.keyboard.down("ArrowLeft")  # no lift from one stroke to the next
+    lab.finger(lambda finger: finger.x_mm < 20.0)
+    expect(page.locator("#takeover")).to_have_text(TAKEN)
+    expect_error(page, above=False)
+    page.keyboard.up("ArrowLeft")
     expect(page.locator("#takeover")).to_have_text(INVITED)
     expect_error(page, above=False)  # of the strokes again
     page.keyboard.press("Escape")

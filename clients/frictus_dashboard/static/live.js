@@ -205,8 +205,7 @@ export class Live {
     this.pointing.enable((pointer || takeover) && !theirs && may);
     this.listening.followed = pointer && this.pointing.enabled;
     const held = `The finger is a pointer's, and ${nameOf(owner, client)} holds the rig.`;
-    const words = takeover && this.pointing.enabled ? TAKEOVER : FINGERS[pointer ? may : source];
-    say(at("surface-help"), pointer && theirs ? held : words);
+    say(at("surface-help"), pointer && theirs ? held : FINGERS[pointer ? may : source]);
     this.#showTakeover();
   }
 
@@ -216,7 +215,7 @@ export class Live {
     const { touching } = pointing;
     at("takeover").hidden = !(pointing.enabled && state.status?.finger_takeover);
     at("takeover").toggleAttribute("data-taken", touching);
-    say(at("takeover"), touching ? "You are the simulated finger" : "Take over the finger");
+    say(at("takeover"), touching ? TAKEN : INVITATION);
   }
 
   #showStrip() {
@@ -288,9 +287,9 @@ export class Live {
   }
 }
 
-const TAKEOVER =
-  "A simulated finger: it strokes by itself. To take it over, press and slide on the screen, or " +
-  "focus it and hold an arrow key; let go, and it strokes again.";
+const INVITATION =
+  "Take over the finger: press and slide on the screen, or focus it and hold an arrow key.";
+const TAKEN = "You are the finger, a simulated one. Let go, and it strokes by itself again.";
 const FINGERS = {
   true: "Be the finger: press and slide on the screen, or focus it and hold an arrow key.",
   false: "The finger is a pointer's; moving it needs a token with the scope render.",

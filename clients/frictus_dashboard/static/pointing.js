@@ -4,6 +4,8 @@ import { at, say } from "./element.js";
 
 const POINT_MS = 15; // at most 60 a second on a display of 60 Hz
 const KEY_SPEED_MM_S = 50;
+/** So long the finger rests where a key let go of it: from one stroke to the next it stays on. */
+const KEY_REST_MS = 1_000;
 const KEYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 const HARDEST_N = 2;
 
@@ -21,6 +23,7 @@ export class Pointing {
     this.place = null;
     this.pressure = null;
     this.keys = new Set();
+    this.restsUntilMs = -Infinity;
     this.sentMs = -Infinity;
     this.touching = false;
     this.slider = at("press");
@@ -53,7 +56,8 @@ export class Pointing {
   tick(nowMs) {
     const elapsedMs = nowMs - this.sentMs;
     if (!this.enabled || elapsedMs < POINT_MS) return;
-    const pressed = this.keys.size > 0 || this.pressure !== null;
+    if (this.keys.size > 0) this.restsUntilMs = nowMs + KEY_REST_MS;
+    const pressed = this.pressure !== null || nowMs < this.restsUntilMs;
     if (!pressed && !this.touching) return;
     this.#steer(Math.min(elapsedMs, 50));
     this.sentMs = nowMs;
@@ -97,6 +101,7 @@ export class Pointing {
   #lift() {
     this.pressure = null;
     this.keys.clear();
+    this.restsUntilMs = -Infinity;
   }
 
   #key(event, down) {

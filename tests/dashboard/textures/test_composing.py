@@ -1,9 +1,12 @@
 """Textures as somebody composes with them: trimmed, seen, heard, undone, moved, compared."""
 
+import base64
+import io
 import re
 
 import numpy as np
 import pytest
+from PIL import Image
 from playwright.sync_api import FloatRect, Locator, Page, expect
 from tests.dashboard.lab import Lab
 from tests.dashboard.textures.view import LINES, choose, drop, links, names, part, wav
@@ -222,3 +225,36 @@ def test_two_textures_and_compensation_are_felt_one_against_the_other(
     expect(mode["Compensated"]).to_have_attribute("aria-pressed", "true")
     page.keyboard.press("Escape")
     expect(mode["Compensated"]).to_be_disabled()
+
+
+def test_an_image_becomes_a_map(page: Page, lab: Lab, rng: np.random.Generator) -> None:
+    colours = rng.integers(0, 256, (600, 800, 3), dtype=np.uint8)
+    colours[:300] = 255  # white above, noise below
+    file = io.BytesIO()
+    Image.fromarray(colours).save(file, "PNG")
+    recorded, preview = part(page, "A recording becomes a texture"), part(page, "Preview")
+    drop(page, "Rough Wall.png", file.getvalue())
+    expect(recorded).to_contain_text("greys, scaled down")
+    expect(recorded.get_by_label("Friction of white")).to_be_focused()
+    page.keyboard.type("0.08")
+    page.keyboard.press("Tab")
+    expect(preview.get_by_role("heading", name="The draft, not saved")).to_be_visible()
+    expect(preview).to_contain_text("A map from 0 N (black) to 0.08 N (white).")
+    expect(preview.get_by_role("img", name="The map")).to_be_visible()
+    assert "rough-wall" not in names(lab)
+    recorded.get_by_role("button", name="Make it a map").click()
+    expect(recorded).to_contain_text("The image is in the library as rough-wall")
+    saved = frictus.Map.model_validate(lab.ask("GET", "/textures/rough-wall"))
+    assert (saved.black_n, saved.white_n) == (0.0, 0.08)
+    with Image.open(io.BytesIO(base64.b64decode(saved.image_png))) as image:
+        grey = np.asarray(image.convert("RGB"), dtype=np.float64)
+    height, width, _ = grey.shape
+    assert width * height <= 65_536
+    assert width / height == pytest.approx(4.0 / 3.0, rel=0.01)
+    np.testing.assert_array_equal(np.ptp(grey, axis=2), 0.0)
+    assert np.all(grey[: height // 2 - 2] == 255.0)
+    weights = (0.2126, 0.7152, 0.0722)
+    below = float(grey[height // 2 + 2 :].mean())
+    assert below == pytest.approx(float((colours[300:] @ weights).mean()), abs=2.0)
+    drop(page, "torn.png", b"no picture")
+    expect(recorded).to_contain_text("torn.png cannot be read as an image")

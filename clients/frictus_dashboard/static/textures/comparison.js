@@ -67,7 +67,7 @@ export class Comparison {
       chosen.disabled = page.keptOut !== "" || !armed;
       press(chosen, armed && status.compensation.mode === mode);
     }
-    const idle = armed ? "" : `${rig} is not armed: arm it to feel them, and to compare compensation.`;
+    const idle = armed ? "" : `${rig} is not armed: arm it to feel them and to switch compensation.`;
     say(this.note, page.keptOut || idle);
   }
 

@@ -153,7 +153,7 @@ export function stroked(courses, speedMmS) {
   if (courses.length === 0) return null;
   const rates = courses.map(({ per, step }) => (per === "mm" ? speedMmS : 1) / step);
   const rateHz = Math.max(...rates);
-  const [longest] = courses.map(({ friction_n: n }, c) => n.length / rates[c]).toSorted((a, b) => b - a);
+  const longest = Math.max(...courses.map(({ friction_n: n }, c) => n.length / rates[c]));
   const samples = Array.from({ length: Math.round(2 * longest * rateHz) }, (_, i) =>
     courses.reduce((sum, { friction_n: friction }, c) => {
       const at = Math.floor((i * rates[c]) / rateHz) % (2 * friction.length);

@@ -1,10 +1,11 @@
-/** A recording or an effect file, dropped or chosen, becomes a texture of the library. */
+/** A recording, an effect file or an image, dropped or chosen, becomes a texture. */
 
 import { request } from "../api.js";
 import { element, say } from "../element.js";
 import { apply, labelled, name, number } from "../fields.js";
 import { figure } from "../figures.js";
 import { Outcome } from "../outcome.js";
+import { ImageMap, IMAGES } from "./image.js";
 import { Trim } from "./trim.js";
 
 const TYPES = {
@@ -14,17 +15,17 @@ const TYPES = {
   haptic: "haptics/x-haptic",
   hjif: "haptics/hjif",
 };
-const SUFFIXES = Object.keys(TYPES).map((suffix) => `.${suffix}`);
+const SUFFIXES = [...Object.keys(TYPES), ...IMAGES].map((suffix) => `.${suffix}`);
 const TIMEOUT_MS = 30_000;
 
 export class Recording {
   /**
    * @param {Element} into
-   * @param {(name: string) => void} made called when a texture is in the library
+   * @param {{drafted: (texture: object) => void, saved: (name: string) => void}} tell
    */
-  constructor(into, made) {
+  constructor(into, tell) {
     this.into = into;
-    this.made = made;
+    this.tell = tell;
     this.file = this.saved = null;
     this.picker = element("input", { type: "file", accept: SUFFIXES.join() });
     this.picker.addEventListener("change", () => this.#take(this.picker.files[0] ?? null));
@@ -50,13 +51,15 @@ export class Recording {
       element(
         "p",
         { class: "quiet" },
-        "Drop a recording (WAV, CSV) or a haptic effect (AHAP, .haptic, HJIF) anywhere here, or choose one.",
+        "Drop a recording (WAV, CSV), a haptic effect (AHAP, .haptic, HJIF) or an image " +
+          "anywhere here, or choose one.",
       ),
       element("div", { class: "fields" }, labelled("File", this.picker)),
       this.chosen,
       this.form,
       this.outcome.root,
     );
+    this.image = new ImageMap(into, tell);
     this.#take(null);
   }
 
@@ -111,6 +114,12 @@ export class Recording {
     this.form.hidden = !known;
     this.file = known ? file : null;
     this.trim.clear();
+    this.image.clear();
+    if (IMAGES.includes(suffix)) {
+      say(this.chosen, "");
+      this.image.take(file, nameOf(file.name));
+      return;
+    }
     say(this.chosen, known ? `${file.name}, ${figure(file.size / 1e3, 3)} kB` : "");
     if (file !== null && !known) this.outcome.bad(`${file.name}: ${SUFFIXES.join(", ")} are read`);
     if (!known) return;
@@ -167,7 +176,7 @@ export class Recording {
     this.outcome.good(
       [`${file.name} is in the library as ${made.name}`, ...made.notes].join("; "),
     );
-    this.made(made.name);
+    this.tell.saved(made.name);
   }
 }
 

@@ -8,6 +8,9 @@ import { RegionFields, WHOLE } from "./region.js";
 import { rendered, replaceScene, sceneIn, words } from "./scene.js";
 import { same, Undo } from "./undo.js";
 
+const HOW =
+  "Drag on the screen to draw a region, or add one. Drag a region to move it, or its edges to " +
+  "resize it; edges snap to others (with Shift, one is drawn inside another).";
 /** As many as a scene holds. */
 const MOST = 32;
 
@@ -18,6 +21,7 @@ export class Regions {
     this.rig = this.applying = null;
     this.names = [];
     this.now = element("p");
+    this.mark = element("p", { "data-unapplied": "" });
     this.note = element("p", { class: "quiet" });
     this.outcome = new Outcome();
     const drawn = element("div");
@@ -26,7 +30,7 @@ export class Regions {
       placed: (index, place, done) => this.#place(index, place, done),
     });
     this.undo = new Undo((state) => this.#restore(state));
-    drawn.append(this.note);
+    drawn.append(this.mark, this.note);
     this.list = element("div", { class: "regions" });
     this.name = element("input", { type: "text", maxlength: 100 });
     this.form = this.#form();
@@ -208,15 +212,15 @@ export class Regions {
 
   #tell() {
     const said = [];
+    say(this.mark, this.etag !== null && this.touched ? "Not applied yet." : "");
     if (this.etag !== null) {
-      said.push(this.touched ? "Not applied yet." : "Drawn as the rig has it.");
+      if (!this.touched) said.push("Drawn as the rig has it.");
       if (this.overtaken) said.push("The rig's scene has changed since this one was begun.");
     }
     if (this.page.can("render")) said.push(this.page.keptOut);
     if (this.drawing.full) said.push(`A scene has at most ${MOST} regions.`);
-    else if (this.drawing.enabled) said.push("Drag on the screen to draw a region, or add one; drag one to move it, its edges to resize it.");
+    else if (this.drawing.enabled) said.push(HOW);
     say(this.note, said.join(" "));
-    this.note.toggleAttribute("data-unapplied", this.etag !== null && this.touched);
   }
 
   async #apply() {

@@ -52,7 +52,10 @@ export class Thumbnails {
     const { name, etag } = canvas.dataset;
     const key = `${name} ${etag}`;
     if (!canvas.isConnected) return;
-    if (!this.known.has(key)) this.known.set(key, await pictureOf((await readTexture(name)).texture));
+    if (!this.known.has(key)) {
+      const { texture } = await readTexture(name);
+      this.known.set(key, await pictureOf(texture));
+    }
     const picture = this.known.get(key);
     fitted(canvas);
     if (picture instanceof HTMLImageElement) {

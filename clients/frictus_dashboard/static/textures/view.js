@@ -26,7 +26,10 @@ export class View {
     this.begin = button("New texture", () => this.editor.fresh());
     listed.append(element("p", {}, this.begin));
     this.recorded = part("A recording becomes a texture");
-    this.recording = new Recording(this.recorded, (name) => this.#made(name));
+    this.recording = new Recording(this.recorded, {
+      drafted: (texture) => this.chosen.draft(texture),
+      saved: (name) => this.#made(name),
+    });
     const edited = element("section", { "aria-label": "Editor" });
     this.editor = new Editor(edited, {
       drafted: (texture) => this.chosen.draft(texture),
