@@ -1,10 +1,12 @@
 """The campaign on gains counts studies whose gain has no interval, and those without a gain."""
 
+from typing import Any
+
 from tests.blind.fresh_gain import predicted, table
 
 
 def test_a_gain_without_an_interval_is_counted_and_not_judged() -> None:
-    lines = [
+    lines: list[dict[str, Any]] = [
         _line(1, {"heldout_loglik": 5.0, "ci95": [1.0, 9.0]}),
         _line(2, {"heldout_loglik": 4.0, "ci95": None}),
         {"number": 3, "seed": 30, "predicted": None},
@@ -21,7 +23,7 @@ def test_without_any_interval_or_any_gain_there_is_no_share() -> None:
     assert nothing == "1 studies, none of them with a gain."
 
 
-def _line(number: int, gain: dict[str, object]) -> dict[str, object]:
+def _line(number: int, gain: dict[str, Any]) -> dict[str, Any]:
     return {
         "number": number,
         "seed": 10 * number,
