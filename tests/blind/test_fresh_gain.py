@@ -23,7 +23,7 @@ def test_without_any_interval_or_any_gain_there_is_no_share() -> None:
     assert nothing == "1 studies, none of them with a gain."
 
 
-def _line(number: int, gain: dict[str, object]) -> dict[str, object]:
+def _line(number: int, gain: dict[str, Any]) -> dict[str, Any]:
     return {
         "number": number,
         "seed": 10 * number,

@@ -23,7 +23,7 @@ from frictus_service.discovery.beyond.characterise import (
     interval_of_mean,
 )
 from frictus_service.discovery.beyond.form_fit import Remainder
-from frictus_service.discovery.beyond.grammar import SHAPED
+from frictus_service.discovery.beyond.grammar import BENT
 from frictus_service.discovery.decision.decision import (
     CLEARLY_BETTER,
     CauseDecision,
@@ -204,7 +204,7 @@ def look_beyond(problem: DiscoveryProblem, found: Decision, flips: FloatArray) -
     """
     located = [each for each in found.unexplained if each.pattern.channel in RESPONSE]
     # Where a cause is there in another shape, the cause may leave little of it.
-    bent = any(_effect(problem, each) in SHAPED for each in found.named if each.is_family)
+    bent = any(_effect(problem, each) in BENT for each in found.named if each.is_family)
     if problem.response != "friction" or not (located or bent):
         return Beyond(problem)
     smooth = _smooth(problem, found.extended, [each.pattern.covariate for each in located])
@@ -247,19 +247,21 @@ def beside_form(beyond: Beyond, first: Decision, found: Decision) -> Decision:
     beyond : Beyond
         With a form.
     first : Decision
-        Without the form: a cause of which only another shape explains the data keeps its name,
-        and so does one of which the form is the shape; its size is that of the form.
+        Without the form. A cause of another shape than the catalogue's keeps its name where the
+        form may be that shape, and its size is that of the form; one that only stood in for the
+        form goes.
     found : Decision
         Beside the form.
     """
     assert beyond.form is not None
-    shaped = beyond.form.fitted.form.shape_of
+    shape_of = beyond.form.fitted.form.shape_of
     there = {each.candidate for each in found.named}
     kept = [
         replace(each, in_model=False)
         for each in first.named
-        if each.candidate not in there
-        and (not each.in_model or (each.is_family and _effect(beyond.problem, each) == shaped))
+        if each.is_family
+        and each.candidate not in there
+        and _effect(beyond.problem, each) in shape_of
     ]
     return replace(found, named=(*found.named, *kept))
 

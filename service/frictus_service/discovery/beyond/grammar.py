@@ -36,8 +36,8 @@ class Form:
         What has such a form.
     told_by : str
         The experiment that tells which.
-    shape_of : str or None
-        The cause of the catalogue of which it is another shape.
+    shape_of : frozenset of str
+        The causes of the catalogue of which it may be another shape.
     """
 
     id: str
@@ -47,7 +47,7 @@ class Form:
     what: str
     could_be: str
     told_by: str
-    shape_of: str | None = None
+    shape_of: frozenset[str] = frozenset()
 
     @property
     def dose(self) -> str:
@@ -128,7 +128,12 @@ _WORDS: Final[Mapping[str, _Words]] = {
     ),
 }
 
-_SHAPE_OF: Final[Mapping[tuple[str, str], str]] = {
+_PATHS_OF: Final[Mapping[str, frozenset[str]]] = {
+    "extra_resonance": frozenset({"mount_resonance_shift"}),
+    "echo": frozenset({"channel_delay"}),
+    "pole_zero_pair": frozenset({"charge_leakage", "fractional_rolloff"}),
+}
+_BENT: Final[Mapping[tuple[str, str], str]] = {
     ("gain", "speed"): "speed_dependent_gain",
     ("gain", "force"): "force_dependent_gain",
     ("gain", "time"): "gain_drift",
@@ -136,8 +141,8 @@ _SHAPE_OF: Final[Mapping[tuple[str, str], str]] = {
     ("cutoff", "force"): "force_dependent_cutoff",
     ("cutoff", "time"): "cutoff_drift",
 }
-SHAPED: Final = frozenset(_SHAPE_OF.values())
-"""Causes of which the grammar has other shapes."""
+BENT: Final = frozenset(_BENT.values())
+"""Causes that the grammar bends: they leave little of a shape that is not theirs."""
 
 _FREQUENCIES: Final = np.geomspace(30.0, 1900.0, 22)
 _FOLLOWING: Final[tuple[tuple[str, Held], ...]] = (
@@ -177,6 +182,7 @@ def _paths() -> Iterator[Form]:
                 what=words.what,
                 could_be=words.could_be,
                 told_by=words.told_by,
+                shape_of=_PATHS_OF[id_],
             )
 
 
@@ -198,5 +204,5 @@ def _scheduled() -> Iterator[Form]:
             what=words.what.replace("{part}", part),
             could_be=words.could_be,
             told_by=words.told_by,
-            shape_of=None if coupled else _SHAPE_OF[part, by],
+            shape_of=frozenset() if coupled else frozenset({_BENT[part, by]}),
         )
