@@ -69,7 +69,7 @@ class Workforce:
         found: dict[int, Outcome] = {}
         for count, (number, outcome) in enumerate(self._each(tasks), 1):
             task = tasks[number]
-            found[number] = left_out_by(outcome, task) or outcome  # type: ignore[assignment]
+            found[number] = _died(outcome, task) if isinstance(outcome, Crash) else outcome
             self.tell(f"{count} of {len(tasks)} studies: {task.name}{_said(found[number])}")
         return [found[number] for number in range(len(tasks))]
 
@@ -88,11 +88,8 @@ class Workforce:
             yield from work_through(reduce_study, tasks, workers, self.tell)
 
 
-def left_out_by(outcome: Outcome | Crash, task: StudyTask) -> StudyLeftOut | None:
-    """Return why a study is left out whose workers died; None where they did not."""
-    if not isinstance(outcome, Crash):
-        return None
-    reason = f"{outcome.workers} workers ended while they had it, the last one {outcome.how}"
+def _died(crash: Crash, task: StudyTask) -> StudyLeftOut:
+    reason = f"{crash.workers} workers ended while they had it, the last one {crash.how}"
     return StudyLeftOut(path=str(task.path), reason=reason)
 
 

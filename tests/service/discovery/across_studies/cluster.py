@@ -25,8 +25,11 @@ def cluster(workers: int) -> Iterator[str]:
     port = address.rpartition(":")[2]
     dask = [sys.executable, "-m", "dask"]
     quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    # They end by themselves, should this process be killed.
     scheduler = ["scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard"]
+    scheduler += ["--idle-timeout", "10 minutes"]
     worker = ["worker", address, "--nthreads", "1", "--no-dashboard", "--no-nanny"]
+    worker += ["--death-timeout", f"{STARTS_S:g}"]
     running = [
         subprocess.Popen([*dask, *words], **quiet) for words in (scheduler, *workers * [worker])
     ]
