@@ -5,6 +5,7 @@ from typing import Final
 
 import numpy as np
 from tests.campaigns.lines import Line
+from tests.campaigns.live_model import code
 
 ALIKE_DB: Final = 0.1
 WORSE_DB: Final = 0.02
@@ -41,10 +42,10 @@ def learned(lines: list[Line]) -> str:
         f"after 30 s the median error is {', and '.join(parts)}.",
         f" At least 100 runs are asked, and {runs} were made." if runs < 100 else "",
     )
-    waited = sum(_waited(line) for line in _of(lines, "learn/") + _of(lines, "known/"))
+    present = _present(_of(lines, "learn/") + _of(lines, "known/"))
     text += (
         " Evidence against the rig, short of an alarm, held the model back for a time in "
-        f"{waited} of {runs // 2} sessions."
+        f"{sum(map(_waited, present))} of {len(present)} sessions of the present code."
     )
     if held:
         text += (
@@ -52,6 +53,10 @@ def learned(lines: list[Line]) -> str:
             f"30 s: {'; '.join(whys) or _FITS}."
         )
     return text
+
+
+def _present(lines: list[Line]) -> list[Line]:
+    return [line for line in lines if line.get("code") == code()]
 
 
 def _waited(line: Line) -> bool:
@@ -175,7 +180,7 @@ def _sound(lines: list[Line]) -> list[Line]:
         *("learn/", "known/", "moisture/", "new_finger/", "drift/"),
         *("null/exact/", "null/scatter/"),
     )
-    return [line for kind in kinds for line in _of(lines, kind)]
+    return _present([line for kind in kinds for line in _of(lines, kind)])
 
 
 def rig(lines: list[Line]) -> str:
@@ -192,8 +197,8 @@ def rig(lines: list[Line]) -> str:
         " With an alarm of a cause of the rig nothing is put in force until it is mended, also "
         "where the placeholder is far off: from the placeholder that costs what the first "
         "column says. With half of the evidence for one nothing is put in force either, which "
-        f"held the model back in {sum(_waited(line) for line in found)} of these sessions, and "
-        f"in {sum(_waited(line) for line in sound)} of {len(sound)} in which the rig is right. "
+        f"held the model back in {sum(map(_waited, found))} of these sessions, and in "
+        f"{sum(map(_waited, sound))} of {len(sound)} in which the rig is right. "
         "What it does not prevent: with some textures a shift of the mount looks like a finger "
         "with another order of its roll-off (`rig/mount/later` with seed 1832686546 is "
         "one: the alarm says so, and the model is changed four times, up to 0.10 dB off)."

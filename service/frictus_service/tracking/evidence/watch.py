@@ -54,7 +54,7 @@ ALARM: Final = float(np.log(len(CAUSES) / LEVEL))
 """Of a cause's log evidence: causes share the level."""
 SUSPECTED: Final = 0.5 * ALARM
 """Nats from which on a cause of the rig is waited for. While the rig is right one cause ever
-reaches them in at most 2 % of sessions."""
+reaches them in at most 2.4 % of sessions."""
 BEGIN_BATCHES: Final = 20
 MOST: Final = 32
 """Processes of a cause that are followed; beyond, that with the least evidence ends."""
