@@ -2,12 +2,13 @@
 
 import asyncio
 import contextlib
+import functools
 import time
 from collections.abc import Awaitable, Callable
 from typing import Final
 
 import zenoh
-from fastapi.concurrency import run_in_threadpool
+from anyio import to_thread
 
 import frictus
 from frictus.errors import (
@@ -73,7 +74,9 @@ class Arming:
                 message = f"this page holds rig {self._asked.rig!r}: disarm it first"
                 raise RefusedViewerError("arm", "conflict", message, None)
             self._asked = asked
-            self._arming = asyncio.create_task(run_in_threadpool(self._armed, asked))
+            self._arming = asyncio.create_task(
+                to_thread.run_sync(self._armed, asked, limiter=self._hub.leases)
+            )
             try:
                 await asyncio.shield(self._arming)
             except FAULTS as error:
@@ -151,11 +154,10 @@ class Arming:
             )
             await self._tell(disarmed.model_dump_json())
 
-    @staticmethod
-    async def _end(lease: Lease) -> None:
+    async def _end(self, lease: Lease) -> None:
         # Renewals end in any case, and with them the output.
         with contextlib.suppress(*FAULTS):
-            await run_in_threadpool(lease.disarm)
+            await to_thread.run_sync(lease.disarm, limiter=self._hub.leases)
 
 
 def code_of(error: Exception) -> str:
@@ -237,17 +239,18 @@ class Pointing:
             await self._leave()
             self._moved = rig, rig.on_behalf_of(self._client)
         self._pressed = point.in_contact
-        published = run_in_threadpool(
+        publish = functools.partial(
             self._moved[1].point,
             point.x_mm,
             point.y_mm,
             in_contact=point.in_contact,
             normal_force_n=point.normal_force_n,
         )
+        published = to_thread.run_sync(publish, limiter=self._hub.updates)
         self._publishing = asyncio.create_task(published)
         await asyncio.shield(self._publishing)
 
     async def _leave(self) -> None:
         moved, self._moved = self._moved, None
         if moved is not None:
-            await run_in_threadpool(moved[1].close)
+            await to_thread.run_sync(moved[1].close, limiter=self._hub.updates)

@@ -33,7 +33,7 @@ MAX_VIEWERS: Final = 64
 MAX_CALLS: Final = 8
 """Calls of pages to rigs at once, but arming and disarming; others wait for a thread."""
 MAX_UPDATES: Final = 8
-"""Texture updates of pages that are handed to the network at once."""
+"""Texture updates and points of pages that are handed to the network at once."""
 _LOG: Final = logging.getLogger(__name__)
 
 
@@ -60,14 +60,17 @@ class Hub:
         Site of the rigs.
     linked : bool
         Whether the router can be reached, as far as is known.
+    leases : anyio.CapacityLimiter
+        Threads that arm and disarm, one for each page: no page waits for another to disarm.
     calls, updates : anyio.CapacityLimiter
-        Threads for pages' calls and texture updates: apart from those that disarm and stop.
+        Threads for pages' other calls, and for texture updates and points.
     """
 
     def __init__(self, link: RigConnection) -> None:
         self._link = link
         self.site = link.site
         self.linked = False
+        self.leases = anyio.CapacityLimiter(MAX_VIEWERS)
         self.calls = anyio.CapacityLimiter(MAX_CALLS)
         self.updates = anyio.CapacityLimiter(MAX_UPDATES)
         self._present: set[str] = set()
