@@ -486,6 +486,7 @@ export interface Spectrum {
   kind: "spectrum";
   components: Array<Component>;
   angle_deg?: number;
+  label?: string;
 }
 
 /** The texture stream has ended. */

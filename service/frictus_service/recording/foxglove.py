@@ -148,7 +148,6 @@ class _PlotWriter:
     aux: Sequence[AuxChannel]
     messages: int = 0
     _channels: dict[str, int] = field(default_factory=dict)
-    _channels: dict[str, int] = field(default_factory=dict)
     _times: SampleTimes = field(default_factory=SampleTimes)
     _before: dict[str, bytes] = field(default_factory=dict)
 
