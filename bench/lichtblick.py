@@ -25,7 +25,7 @@ from typing import Any, Final
 
 import numpy as np
 from PIL import Image
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, ConsoleMessage, Page, sync_playwright
 
 import frictus
 from frictus_laboratory.benchmarks.processes import config_of, serving
@@ -134,8 +134,16 @@ def look(browser: Browser, url: str, shot: Path) -> None:
     page = browser.new_page(viewport={"width": 1400, "height": 1000})
     page.set_default_timeout(1_000.0 * PATIENCE_S)
     complaints: list[str] = []
+    alerts: list[str] = []
+
+    def hear(told: ConsoleMessage) -> None:
+        if told.type == "error":
+            complaints.append(told.text)
+        elif told.text.startswith("Player alert"):
+            alerts.append(told.text[:200])
+
     page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.on("console", lambda told: complaints.append(told.text) if told.type == "error" else 0)
+    page.on("console", hear)
     page.goto(url)
     end_s, empty = time.monotonic() + PATIENCE_S, ["all panels"]
     while empty and time.monotonic() < end_s:
@@ -144,8 +152,6 @@ def look(browser: Browser, url: str, shot: Path) -> None:
             [] if coloured(page) else ["all panels"]
         )
     page.screenshot(path=shot)
-    page.get_by_role("tab", name="Alerts").click()
-    alerts = page.get_by_role("tabpanel").filter(visible=True).all_inner_texts()
     page.close()
     sys.stdout.write(f"{shot}: empty {empty}; complaints {complaints}; alerts {alerts}\n")
     if empty or complaints:
@@ -158,7 +164,7 @@ def coloured(page: Page) -> list[tuple[str, float]]:
     for number, canvas in enumerate(page.locator("canvas").all()):
         if (box := canvas.bounding_box()) is None or box["width"] < 100 or box["height"] < 50:
             continue
-        picture = Image.open(io.BytesIO(page.screenshot(clip=box))).convert("RGB")  # type: ignore[arg-type]
+        picture = Image.open(io.BytesIO(page.screenshot(clip=box))).convert("RGB")
         pixels = np.asarray(picture, int)
         share = float(np.mean(np.ptp(pixels, axis=2) > 60))
         found.append((f"panel {number}", share))
