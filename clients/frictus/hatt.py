@@ -82,7 +82,9 @@ class HattModel:
     Attributes
     ----------
     material : str
+        As the file names it.
     sample_rate_hz : float
+        Of the processes.
     nodes : tuple of HattNode
         At least one.
     """
@@ -165,7 +167,9 @@ def components_of(node: HattNode, sample_rate_hz: float) -> tuple[FloatArray, Fl
     Parameters
     ----------
     node : HattNode
+        Of a model.
     sample_rate_hz : float
+        Of the model.
 
     Returns
     -------

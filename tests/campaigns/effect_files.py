@@ -1,7 +1,9 @@
-"""Damaged effect files: `python -m tests.campaigns.effect_files lines.jsonl --cases 500`.
+"""Damaged effect files and HaTT models: `python -m tests.campaigns.effect_files
+lines.jsonl --cases 500`.
 
 Each is read as a texture by what every door uses, `frictus.recordings.import_texture`. What
-must hold: a texture or a refusal in words, in `MOST_S`, and at most `MOST_MB` of memory.
+must hold: a texture or a refusal in words, in `MOST_S` of processor time, and at most
+`MOST_MB` of memory.
 """
 
 import random
@@ -13,13 +15,15 @@ from pathlib import Path
 from typing import Any, Final
 
 from tests.campaigns.lines import Line, asked, go_on
-from tests.campaigns.mutations import draw_damaged
+from tests.campaigns.mutations import Mutant, draw_damaged, draw_damaged_text
 
 from frictus.effect_files import EFFECT_SUFFIXES
 from frictus.errors import TextureError
 from frictus.recordings import import_texture
 from frictus.sample_files import MAX_TEXT_BYTES
 
+HATT: Final = ".xml"
+SUFFIXES: Final = (*EFFECT_SUFFIXES, HATT)
 CASES: Final = 25
 """Of one batch."""
 MOST_S: Final = 20.0
@@ -30,7 +34,7 @@ Tree = dict[str, Any]
 def names(cases: int) -> list[str]:
     """Return the names of the batches that make up so many cases."""
     count = -(-cases // CASES)
-    return [f"{EFFECT_SUFFIXES[n % len(EFFECT_SUFFIXES)]}/{n}" for n in range(count)]
+    return [f"{SUFFIXES[n % len(SUFFIXES)]}/{n}" for n in range(count)]
 
 
 def run(name: str, seed: int, cases: int = CASES) -> Line:
@@ -41,17 +45,20 @@ def run(name: str, seed: int, cases: int = CASES) -> Line:
     with tempfile.TemporaryDirectory(prefix="frictus-") as folder:
         path = Path(folder) / f"damaged{suffix}"
         for case in range(cases):
-            mutant = draw_damaged(draw_effect(suffix, rng), MAX_TEXT_BYTES, rng)
+            mutant = _drawn(suffix, rng)
             path.write_bytes(mutant.payload)
-            begun_s = time.perf_counter()
+            begun_s = time.process_time()
             try:
-                import_texture(path, rng.choice([None, 40.0]), scale_n=0.5)
+                if suffix == HATT:
+                    import_texture(path, scale_n=0.01, node=(100.0, 1.0))
+                else:
+                    import_texture(path, rng.choice([None, 40.0]), scale_n=0.5)
                 outcomes["texture"] += 1
             except TextureError as error:
                 outcomes["refused" if str(error) else "refused without a word"] += 1
             except Exception as error:
                 failures.append({"what": f"case {case} ({mutant.how}): {error!r}"})
-            took_s = time.perf_counter() - begun_s
+            took_s = time.process_time() - begun_s
             slowest_s = max(slowest_s, took_s)
             if took_s > MOST_S:
                 failures.append({"what": f"case {case} ({mutant.how}): {took_s:.0f} s"})
@@ -64,6 +71,33 @@ def run(name: str, seed: int, cases: int = CASES) -> Line:
         "memory_mb": used,
         "failures": failures,
     }
+
+
+def _drawn(suffix: str, rng: random.Random) -> Mutant:
+    if suffix == HATT:
+        return draw_damaged_text(draw_hatt(rng), MAX_TEXT_BYTES, rng)
+    return draw_damaged(draw_effect(suffix, rng), MAX_TEXT_BYTES, rng)
+
+
+def draw_hatt(rng: random.Random) -> bytes:
+    """Return a valid HaTT model of some nodes."""
+    nodes = ""
+    for _ in range(rng.randint(1, 6)):
+        ar = [1.0, *(rng.uniform(-0.08, 0.08) for _ in range(10))]
+        values = "".join(f"<value>{number:.6f}</value>" for number in ar)
+        speed, force, var = (
+            rng.uniform(10.0, 200.0),
+            rng.uniform(0.1, 3.0),
+            rng.uniform(0.1, 9.0),
+        )
+        nodes += (
+            f"<model><ARcoeff>{values}</ARcoeff><ARlsf>{values}</ARlsf><var>{var:.6f}</var>"
+        )
+        nodes += f"<speedMod>{speed:.6f}</speedMod><forceMod>{force:.6f}</forceMod></model>"
+    head = (
+        "<material>Felt</material><SampleRate>10000</SampleRate><SpeedUnits>mm/s</SpeedUnits>"
+    )
+    return f'<?xml version="1.0" encoding="utf-8"?><modelSet>{head}{nodes}</modelSet>'.encode()
 
 
 def memory_mb() -> float | None:

@@ -8,6 +8,7 @@ import copy
 import json
 import math
 import random
+import re
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -37,6 +38,8 @@ OTHERS: Final[tuple[Any, ...]] = (
 """Values of other types."""
 Ways = dict[str, tuple[float, Callable[[], bytes]]]
 """How often each is drawn, and what it makes."""
+NUMBER_TEXT: Final = re.compile(rb"(?<=>)-?[0-9]+(\.[0-9]+)?(?=<)")
+"""A number between two tags."""
 DEPTHS: Final = (10, 127, 200, 1_000, 20_000)
 
 
@@ -96,6 +99,38 @@ def draw_damaged(valid: Tree, most_bytes: int, rng: random.Random) -> Mutant:
     ways = _ways_of_tree(valid, plain, rng) | _ways_of_bytes(plain, most_bytes, rng)
     ways["repeated"] = (1.0, lambda: _repeated(valid, most_bytes, rng))
     return _drawn(ways, rng)
+
+
+def draw_damaged_text(plain: bytes, most_bytes: int, rng: random.Random) -> Mutant:
+    """Return a text, such as XML, that is valid or no longer so; see `draw_damaged`.
+
+    Parameters
+    ----------
+    plain : bytes
+        Valid.
+    most_bytes : int
+        What its reader accepts.
+    rng : Random
+    """
+    ways = _ways_of_bytes(plain, most_bytes, rng)
+    ways["valid"] = (1.0, lambda: plain)
+    ways["number"] = (6.0, lambda: _with_number_texts(plain, rng))
+    ways["repeated"] = (1.0, lambda: _with_slice_repeated(plain, most_bytes, rng))
+    return _drawn(ways, rng)
+
+
+def _with_number_texts(plain: bytes, rng: random.Random) -> bytes:
+    """Replace one or two of the numbers that stand in a text."""
+    for place in rng.sample(list(NUMBER_TEXT.finditer(plain)), rng.choice([1, 1, 2])):
+        text = _number(float(place[0]), rng).encode()
+        plain = plain.replace(place[0], text, 1)
+    return plain
+
+
+def _with_slice_repeated(plain: bytes, most_bytes: int, rng: random.Random) -> bytes:
+    begin, end = sorted(rng.sample(range(len(plain)), 2))
+    times = rng.choice([2, 10, max(2, (most_bytes - len(plain)) // (end - begin))])
+    return plain[:begin] + plain[begin:end] * times + plain[end:]
 
 
 def _ways_of_tree(valid: Tree, plain: bytes, rng: random.Random) -> Ways:

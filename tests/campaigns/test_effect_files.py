@@ -10,11 +10,12 @@ from tests.campaigns import effect_files
 from tests.campaigns.lines import run_all
 
 from frictus.effect_files import EFFECT_SUFFIXES, render_effect
+from frictus.hatt import import_node
 
 SEED = 20
 
 
-@pytest.mark.parametrize("suffix", EFFECT_SUFFIXES)
+@pytest.mark.parametrize("suffix", effect_files.SUFFIXES)
 def test_a_few_damaged_files_end_in_a_texture_or_in_words(suffix: str) -> None:
     line = effect_files.run(f"{suffix}/0", SEED, cases=15)
     assert line["failures"] == []
@@ -28,6 +29,12 @@ def test_what_is_damaged_was_whole(suffix: str) -> None:
     for _ in range(5):
         effect = render_effect(json.dumps(effect_files.draw_effect(suffix, rng)), suffix)
         assert np.sqrt(np.mean(effect.signal**2)) > 0.01
+
+
+def test_what_is_damaged_of_hatt_was_whole() -> None:
+    rng = random.Random(SEED)
+    for _ in range(5):
+        assert import_node(effect_files.draw_hatt(rng).decode(), (100.0, 1.0), 0.01).components
 
 
 @pytest.mark.campaign

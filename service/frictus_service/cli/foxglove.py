@@ -56,6 +56,8 @@ def foxglove(
 ) -> None:
     """Show a rig's samples and states live in Foxglove or Lichtblick, until Ctrl-C."""
     try:
+        from foxglove import set_log_level
+
         from frictus_service.bridges.foxglove import STREAM_IDS, FoxgloveBridge
     except ModuleNotFoundError as error:
         raise typer.BadParameter(f"{error}: Foxglove needs {INSTALL}") from error
@@ -70,6 +72,7 @@ def foxglove(
         )
     if layout is not None:
         layout.write_bytes(LAYOUT.read_bytes())
+    set_log_level("CRITICAL")  # else a line for every message to a viewer that has gone
     target = TargetRig.of(config, router, site, rig)
     with (
         frictus.connect(target.router, tls=target.tls, reads_only=True) as client,

@@ -44,8 +44,11 @@ class PlotChannel:
     encoding : str
         Of its messages: `ros1` or `json`.
     schema_name, schema_encoding : str
+        What its messages are called, and how the schema is written: `ros1msg` or `jsonschema`.
     schema : bytes
+        Names and types of the fields.
     metadata : dict of str to str
+        The unit, of samples.
     """
 
     topic: str
@@ -119,6 +122,7 @@ def sample_messages(data: NDArray[np.float32]) -> list[bytes]:
     Parameters
     ----------
     data : ndarray of float32, shape (n_channels, n_samples)
+        In the channels' units.
     """
     rows = np.ascontiguousarray(data.T, "<f4")
     content, width = rows.tobytes(), rows.itemsize * rows.shape[1]
