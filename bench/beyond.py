@@ -99,7 +99,7 @@ def _older(lines: Sequence[dict[str, Any]]) -> str:
 
 def _score(line: dict[str, Any]) -> dict[str, Any]:
     """Return a score, and whether only the cause is named of which the hidden is a shape."""
-    score = line["score"]
+    score: dict[str, Any] = line["score"]
     cause = SHAPE_OF.get(line["kind"], "")
     return score | {"named": not score["form"] and score["causes"].get(cause) == "family"}
 
