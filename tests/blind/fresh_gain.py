@@ -93,13 +93,14 @@ def _scored(first: Path, fresh: Path, report: dict[str, Any]) -> dict[str, Any]:
 
 
 def _problem_of(path: Path) -> Any:
-    from frictus_service.discovery.evidence.evidence_rows import study_evidence, subjects_of
+    from frictus_service.discovery.evidence.evidence_rows import subjects_of
     from frictus_service.discovery.evidence.observation_table import (
         comparable,
         rows_of,
         units_of,
         used,
     )
+    from frictus_service.discovery.evidence.trial_evidence import study_evidence
     from frictus_service.discovery.problem.base_models import base_model, simulator_of
     from frictus_service.discovery.problem.candidates import candidates_of
     from frictus_service.discovery.problem.problem import DiscoveryProblem

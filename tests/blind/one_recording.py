@@ -127,7 +127,7 @@ def run(number: int, seed: int) -> dict[str, Any]:
 
 def _implausible(path: Path) -> list[str]:
     """Return the codes of what stops a recording before any fit; or why it is not even read."""
-    from frictus_service.discovery.evidence.evidence_rows import evidence_of
+    from frictus_service.discovery.evidence.trial_evidence import evidence_of
     from frictus_service.errors import TrialError
     from frictus_service.identification.plausibility.judge import judge_trial
     from frictus_service.study.importers import open_study

@@ -21,13 +21,7 @@ from frictus.aligned import AlignedSamples
 from frictus.recordings import texture_of
 from frictus.textures import Texture
 from frictus_hardware.simulated.config import draw_participant
-from frictus_laboratory.live_model.closed_loop import (
-    PIECE_SAMPLES,
-    ClosedLoop,
-    Moment,
-    SessionPlan,
-    motion_of,
-)
+from frictus_laboratory.live_model.closed_loop import PIECE_SAMPLES, ClosedLoop, Moment
 from frictus_laboratory.live_model.discovered import discovered
 from frictus_laboratory.live_model.disturbances import (
     FAULTS,
@@ -45,6 +39,7 @@ from frictus_laboratory.live_model.disturbances import (
 )
 from frictus_laboratory.live_model.laws import model_of
 from frictus_laboratory.live_model.motion import Motion, rendered_rows
+from frictus_laboratory.live_model.session_plan import SessionPlan, motion_of
 from frictus_service import tracking
 from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensability import placeholder_model

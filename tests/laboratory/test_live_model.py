@@ -10,12 +10,7 @@ from frictus.aligned import AlignedSamples
 from frictus.block import Flag
 from frictus.recordings import texture_of
 from frictus_hardware.simulated.config import SimulatedParticipant
-from frictus_laboratory.live_model.closed_loop import (
-    ClosedLoop,
-    SessionPlan,
-    config_of,
-    motion_of,
-)
+from frictus_laboratory.live_model.closed_loop import ClosedLoop
 from frictus_laboratory.live_model.discovered import discovered
 from frictus_laboratory.live_model.disturbances import (
     FAULTS,
@@ -32,6 +27,7 @@ from frictus_laboratory.live_model.disturbances import (
 )
 from frictus_laboratory.live_model.laws import error_db, model_of
 from frictus_laboratory.live_model.motion import KnownMotion, PredictedPath, rendered_rows
+from frictus_laboratory.live_model.session_plan import SessionPlan, config_of, motion_of
 from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.tracking.evidence.watch import INSTRUMENT

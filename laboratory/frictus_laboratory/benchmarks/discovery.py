@@ -19,7 +19,7 @@ from frictus_laboratory.reproduction.population import draw_people
 from frictus_laboratory.reproduction.simulate import STEPS, simulate_trial, study_info
 from frictus_service.discovery.discover import discover, discover_study
 from frictus_service.discovery.document import StudyFacts
-from frictus_service.discovery.evidence.evidence_rows import TrialEvidence, study_evidence
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence, study_evidence
 from frictus_service.discovery.problem.base_models import base_model
 from frictus_service.study.writer import StudyWriter
 

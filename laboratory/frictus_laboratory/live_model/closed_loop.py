@@ -9,16 +9,14 @@ go on from piece to piece, so that nothing restarts at their edges.
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from frictus.aligned import AlignedSamples
 from frictus.block import Flag
-from frictus.messages import AdaptationPolicy, TouchState
-from frictus.model import Model
-from frictus.textures import Texture
+from frictus.messages import TouchState
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.compiled import compiled
 from frictus_hardware.physics.linear import Mount
@@ -26,17 +24,14 @@ from frictus_hardware.physics.screen import Screen
 from frictus_hardware.physics.simulator import Simulator
 from frictus_hardware.physics.stages import Quantisation, SensorNoise
 from frictus_hardware.physics.twin import Signals, States, Twin
-from frictus_hardware.simulated.config import SimulatedConfig, SimulatedParticipant
-from frictus_hardware.simulated.human import HumanStrokes
-from frictus_laboratory.live_model.disturbances import Disturbance, SessionSpan
+from frictus_laboratory.live_model.disturbances import SessionSpan
 from frictus_laboratory.live_model.laws import error_db, law_of, values_of
 from frictus_laboratory.live_model.motion import (
-    KnownMotion,
     Motion,
     MotionPiece,
-    PredictedPath,
     rendered_rows,
 )
+from frictus_laboratory.live_model.session_plan import SessionPlan, config_of, motion_of
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.errors import EstimateError
@@ -84,67 +79,6 @@ class Moment:
     first_db: float
     changed: bool
     updated: bool
-
-
-@dataclass(frozen=True, slots=True)
-class SessionPlan:
-    """What a session is made of.
-
-    Attributes
-    ----------
-    person : SimulatedParticipant
-        Whose finger explores.
-    texture : Texture
-        Played as strongly as the drive allows.
-    seconds : float
-        How long.
-    seed : int
-        Of strokes and noise.
-    first : Model
-        In force at the beginning.
-    policy : {'observe', 'suggest', 'adapt'}
-        What becomes of the estimate.
-    disturbance : Disturbance
-        What is not as the tracker takes it to be.
-    known_motion : bool
-        Whether the rig knows the finger's motion, or predicts it from its sensors.
-    lift_probability : float
-        How often the finger leaves the screen between two strokes.
-    """
-
-    person: SimulatedParticipant
-    texture: Texture
-    seconds: float
-    seed: int
-    first: Model
-    policy: AdaptationPolicy = "observe"
-    disturbance: Disturbance = field(default_factory=Disturbance)
-    known_motion: bool = False
-    lift_probability: float = 0.0
-
-
-def config_of(plan: SessionPlan) -> SimulatedConfig:
-    """Return the rig and the finger of a session.
-
-    Parameters
-    ----------
-    plan : SessionPlan
-        What it is made of.
-    """
-    finger = HumanStrokes(lift_probability=plan.lift_probability)
-    return SimulatedConfig(seed=plan.seed, finger=finger, participant=plan.person)
-
-
-def motion_of(plan: SessionPlan) -> Motion:
-    """Return the finger's motion, and what the rig takes it to be.
-
-    Parameters
-    ----------
-    plan : SessionPlan
-        What the session is made of.
-    """
-    config = config_of(plan)
-    return KnownMotion(config) if plan.known_motion else PredictedPath(config, plan.seconds)
 
 
 class ClosedLoop:

@@ -17,13 +17,7 @@ from frictus_service.discovery.decision.caveats import caveats_on
 from frictus_service.discovery.decision.decision import decide
 from frictus_service.discovery.decision.trial_accounting import trials_left_out
 from frictus_service.discovery.document import CauseTest, Discovery, StudyFacts
-from frictus_service.discovery.evidence.evidence_rows import (
-    EvidenceRows,
-    TrialEvidence,
-    judged,
-    study_evidence,
-    subjects_of,
-)
+from frictus_service.discovery.evidence.evidence_rows import EvidenceRows, subjects_of
 from frictus_service.discovery.evidence.observation_table import (
     LEAST_UNITS,
     UnitAssignment,
@@ -31,6 +25,11 @@ from frictus_service.discovery.evidence.observation_table import (
     rows_of,
     units_of,
     used,
+)
+from frictus_service.discovery.evidence.trial_evidence import (
+    TrialEvidence,
+    judged,
+    study_evidence,
 )
 from frictus_service.discovery.inference.significance import signs
 from frictus_service.discovery.one_recording.analysis import rank_recording

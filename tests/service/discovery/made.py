@@ -18,8 +18,8 @@ from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.simulator import Prediction, Probe, Simulator, predict
 from frictus_service.discovery.discover import discover
 from frictus_service.discovery.document import Discovery, NamedCause, StudyFacts
-from frictus_service.discovery.evidence.evidence_rows import TrialEvidence
 from frictus_service.discovery.evidence.spectra import HarmonicResponse, Stretches
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 from frictus_service.discovery.problem.base_models import base_model, simulator_of
 from frictus_service.identification.observation.response import (
     ResponseRows,

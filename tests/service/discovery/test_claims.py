@@ -17,8 +17,8 @@ from tests.service.discovery.made import (
     named,
 )
 
-from frictus_service.discovery.evidence.evidence_rows import TrialEvidence
 from frictus_service.discovery.evidence.spectra import NO_HARMONICS
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 from frictus_service.discovery.problem.base_models import base_model, simulator_of
 from frictus_service.discovery.report.findings import verdict_sentence
 from frictus_service.identification.observation.response import ResponseRows

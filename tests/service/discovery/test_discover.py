@@ -25,9 +25,9 @@ from frictus.model import Model
 from frictus_hardware.physics.effects import EFFECTS, extended
 from frictus_hardware.physics.linear import Mount, TransferFunction
 from frictus_service.discovery.document import Discovery
-from frictus_service.discovery.evidence.evidence_rows import TrialEvidence
 from frictus_service.discovery.evidence.observation_table import LEAST_UNITS
 from frictus_service.discovery.evidence.spectra import HarmonicResponse, Stretches
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 from frictus_service.discovery.problem.base_models import base_model, simulator_of
 from frictus_service.errors import ImplausibleStudyError
 from frictus_service.identification.observation.response import ResponseRows

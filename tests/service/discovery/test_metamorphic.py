@@ -18,7 +18,7 @@ from tests.service.discovery.made import (
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery import discover as engine
-from frictus_service.discovery.evidence.evidence_rows import TrialEvidence
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 from frictus_service.discovery.problem.candidates import Candidate, candidates_of
 
 pytestmark = pytest.mark.long

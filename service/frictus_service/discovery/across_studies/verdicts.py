@@ -28,7 +28,7 @@ from frictus_service.discovery.across_studies.study_statistics import (
     sizes_of_people,
 )
 from frictus_service.discovery.catalogue.causes import separating_experiment
-from frictus_service.discovery.decision.decision import ALIKE
+from frictus_service.discovery.decision.naming import ALIKE
 from frictus_service.discovery.inference.linear_model import similarity
 from frictus_service.discovery.problem.candidates import Candidate
 from frictus_service.identification.inference.statistics import holm

@@ -24,11 +24,8 @@ from frictus_service.discovery.beyond.characterise import (
 )
 from frictus_service.discovery.beyond.form_fit import Remainder
 from frictus_service.discovery.beyond.grammar import BENT
-from frictus_service.discovery.decision.decision import (
-    CLEARLY_BETTER,
-    CauseDecision,
-    Decision,
-)
+from frictus_service.discovery.decision.decision import CLEARLY_BETTER, Decision
+from frictus_service.discovery.decision.naming import CauseDecision
 from frictus_service.discovery.inference.linearisation import Linearised, misfit
 from frictus_service.discovery.problem.problem import DiscoveryProblem
 

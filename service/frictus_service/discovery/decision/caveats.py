@@ -7,13 +7,14 @@ import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.decision.trial_accounting import account_for
-from frictus_service.discovery.evidence.evidence_rows import Subject, TrialEvidence
+from frictus_service.discovery.evidence.evidence_rows import Subject
 from frictus_service.discovery.evidence.observation_table import (
     LEAST_UNITS,
     ResponseName,
     UnitAssignment,
 )
 from frictus_service.discovery.evidence.residuals import Compared
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 from frictus_service.discovery.inference.linear_model import Unit, orthonormal
 from frictus_service.discovery.inference.linearisation import Linearised, columns_of
 from frictus_service.discovery.problem.candidates import (

@@ -7,7 +7,6 @@ from typing import Final
 import numpy as np
 
 from frictus_service.discovery.document import TrialsLeftOut
-from frictus_service.discovery.evidence.evidence_rows import TrialEvidence
 from frictus_service.discovery.evidence.observation_table import (
     LEAST_TRIALS,
     LEAST_UNITS,
@@ -15,6 +14,7 @@ from frictus_service.discovery.evidence.observation_table import (
     UnitAssignment,
     telling_of,
 )
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 from frictus_service.identification.observation.observe import (
     NO_SKIN,
     count_reasons,

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from frictus_hardware.arrays import ComplexArray, FloatArray, IntArray
 from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.simulator import Probe
-from frictus_service.discovery.evidence.evidence_rows import EvidenceRows, TrialEvidence
+from frictus_service.discovery.evidence.evidence_rows import EvidenceRows
 from frictus_service.discovery.evidence.residuals import Compared
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 
 ResponseName = Literal["friction", "mobility"]
 

@@ -14,11 +14,7 @@ from frictus.model import Model
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_service.discovery.document import OneRecording, ParameterEstimate, RankedModel
-from frictus_service.discovery.evidence.evidence_rows import (
-    EvidenceRows,
-    TrialEvidence,
-    subjects_of,
-)
+from frictus_service.discovery.evidence.evidence_rows import EvidenceRows, subjects_of
 from frictus_service.discovery.evidence.observation_table import (
     ResponseName,
     UnitAssignment,
@@ -26,6 +22,7 @@ from frictus_service.discovery.evidence.observation_table import (
     says,
     used,
 )
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 from frictus_service.discovery.one_recording.folds import (
     LEAST_APART_S,
     LEAST_FOLDS,

@@ -8,12 +8,12 @@ from scipy import signal
 
 from frictus_hardware.arrays import IntArray
 from frictus_service.discovery.evidence.bands import RANGE_HZ, WINDOW_S
-from frictus_service.discovery.evidence.evidence_rows import TrialEvidence
 from frictus_service.discovery.evidence.observation_table import (
     ResponseName,
     UnitAssignment,
     dealt,
 )
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 from frictus_service.identification.observation.observe import course_of
 from frictus_service.study.trial import Trial
 

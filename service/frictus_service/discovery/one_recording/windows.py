@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from frictus_service.discovery.evidence.evidence_rows import TrialEvidence, evidence_along
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence, evidence_along
 from frictus_service.identification.observation.observe import course_of
 from frictus_service.identification.observation.sweeps import Sweep, SweepThird, TouchMotion
 from frictus_service.study.trial import StudyInfo, Trial

@@ -9,18 +9,14 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from frictus_hardware.physics.linear import Mount, TransferFunction
-from frictus_service.discovery.evidence.evidence_rows import (
-    EvidenceRows,
-    TrialEvidence,
-    study_evidence,
-    subjects_of,
-)
+from frictus_service.discovery.evidence.evidence_rows import EvidenceRows, subjects_of
 from frictus_service.discovery.evidence.observation_table import (
     comparable,
     rows_of,
     units_of,
     used,
 )
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence, study_evidence
 from frictus_service.discovery.plan.assumptions import Assumptions, assumed, estimated
 from frictus_service.discovery.plan.documents import Plan, Setup, read_design, wanted_sizes
 from frictus_service.discovery.plan.plan import plan

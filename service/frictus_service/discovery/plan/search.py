@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from frictus_service.discovery.decision.decision import ALIKE
+from frictus_service.discovery.decision.naming import ALIKE
 from frictus_service.discovery.plan.ability import Ability, ability_of
 from frictus_service.discovery.plan.assumptions import Assumptions
 from frictus_service.discovery.plan.documents import Setup

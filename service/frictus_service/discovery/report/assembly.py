@@ -13,7 +13,8 @@ from frictus_hardware.physics.effects import EFFECTS
 from frictus_service.discovery.beyond.beyond import Beyond
 from frictus_service.discovery.beyond.phrasing import characterised_forms, discrepancy_of
 from frictus_service.discovery.catalogue.causes import cause_of, separating_experiment
-from frictus_service.discovery.decision.decision import CauseDecision, Decision
+from frictus_service.discovery.decision.decision import Decision
+from frictus_service.discovery.decision.naming import CauseDecision
 from frictus_service.discovery.decision.prediction_gain import (
     UnexplainedPattern,
     gain_of,

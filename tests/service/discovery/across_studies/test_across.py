@@ -13,7 +13,7 @@ from frictus_service.discovery.across_studies import page, study_work
 from frictus_service.discovery.across_studies.across import discover_across, names_of
 from frictus_service.discovery.across_studies.document import AcrossStudies
 from frictus_service.discovery.document import StudyFacts
-from frictus_service.discovery.evidence.evidence_rows import TrialEvidence
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 from frictus_service.errors import StudyError
 
 DESIGN = Design(6, (20.0, 100.0), (0.4,), repeats=1)

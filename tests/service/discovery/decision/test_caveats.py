@@ -8,13 +8,13 @@ from tests.service.discovery.made import Design, made
 
 from frictus_service.discovery.decision.caveats import caveats_on
 from frictus_service.discovery.decision.trial_accounting import missing_trials
-from frictus_service.discovery.evidence.evidence_rows import TrialEvidence
 from frictus_service.discovery.evidence.observation_table import (
     LEAST_TRIALS,
     comparable,
     units_of,
     used,
 )
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 
 
 def notes(evidence: list[TrialEvidence]) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from tests.service.identification.trials import (
 
 from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_service.discovery.evidence.bands import WINDOW_S, Bands
-from frictus_service.discovery.evidence.evidence_rows import TrialEvidence, evidence_of
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence, evidence_of
 from frictus_service.study.trial import Trial
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from tests.service.discovery.made import EVERY_MINUTES, Design, Scatter, made
 
-from frictus_service.discovery.evidence.evidence_rows import TrialEvidence, part_of, subjects_of
+from frictus_service.discovery.evidence.evidence_rows import part_of, subjects_of
 from frictus_service.discovery.evidence.observation_table import (
     LEAST_TRIALS,
     blocks_of,
@@ -16,6 +16,7 @@ from frictus_service.discovery.evidence.observation_table import (
     units_of,
     used,
 )
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 
 SMALL = Design(6, repeats=1)
 NO_SCATTER = Scatter(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -14,8 +14,8 @@ from tests.service.identification.trials import (
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.screen import Screen, screen_voltage
-from frictus_service.discovery.evidence.evidence_rows import evidence_of
 from frictus_service.discovery.evidence.spectra import HarmonicResponse, Stretches
+from frictus_service.discovery.evidence.trial_evidence import evidence_of
 from frictus_service.study.trial import Trial
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tests.service.identification.trials import RATE_HZ, STUDY, Made, numbered, trial
 
-from frictus_service.discovery.evidence.evidence_rows import (
+from frictus_service.discovery.evidence.trial_evidence import (
     EVIDENCE,
     TrialEvidence,
     evidence_of,

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 from tests.service.discovery.made import MOUNT, PAPER, USUAL, Design, made
 
-from frictus_service.discovery.evidence.evidence_rows import TrialEvidence, subjects_of
+from frictus_service.discovery.evidence.evidence_rows import subjects_of
 from frictus_service.discovery.evidence.observation_table import rows_of, units_of, used
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 from frictus_service.discovery.inference.linear_model import project_out, similarity
 from frictus_service.discovery.inference.linearisation import as_designed, linearise
 from frictus_service.discovery.problem.candidates import candidates_of

@@ -10,7 +10,7 @@ import pytest
 from tests.blind.generator.recording import Recording, make_recording
 
 from frictus_service.discovery.evidence.bands import WINDOW_S
-from frictus_service.discovery.evidence.evidence_rows import TrialEvidence
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 from frictus_service.discovery.one_recording.folds import (
     LEAST_FOLDS,
     correlation_time_s,

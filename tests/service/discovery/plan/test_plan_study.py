@@ -13,12 +13,9 @@ from typer.testing import CliRunner
 
 from frictus_service.cli.app import app
 from frictus_service.cli.options import Exit
-from frictus_service.discovery.evidence.evidence_rows import (
-    TrialEvidence,
-    study_evidence,
-    subjects_of,
-)
+from frictus_service.discovery.evidence.evidence_rows import subjects_of
 from frictus_service.discovery.evidence.observation_table import rows_of, units_of, used
+from frictus_service.discovery.evidence.trial_evidence import TrialEvidence, study_evidence
 from frictus_service.discovery.inference.linear_model import ProjectedUnits, project_out
 from frictus_service.discovery.inference.linearisation import linearise
 from frictus_service.discovery.inference.significance import standard_error
