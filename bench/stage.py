@@ -1,9 +1,9 @@
 """The stage, `frictus demo --page`, watched from outside: timed, or filmed.
 
-`uv run python bench/stage.py timing` prints the table of `docs/dashboard.md`: from the command
-to the first stroke on the page, and from a click to compensation that is switched, medians of
-several. `uv run python bench/stage.py walk` writes the walk-through `docs/stage.webp`. Both run
-the command as a newcomer does, and watch its page in Chromium.
+`uv run python bench/stage.py timing` prints a table: from the command to the first stroke on
+the page, and from a click to compensation that is switched, medians of several.
+`uv run python bench/stage.py walk` writes the walk-through `docs/stage.webp`. Both run the
+command as a newcomer does, and watch its page in Chromium.
 """
 
 import argparse
