@@ -39,7 +39,7 @@ def cluster(workers: int) -> Iterator[str]:
             client.wait_for_workers(workers, timeout=STARTS_S)
         yield address
     finally:
-        for process in reversed(running):
-            process.terminate()
         for process in running:
-            process.wait(timeout=STARTS_S)
+            process.kill()  # a worker that is only asked to end finishes its study first
+        for process in running:
+            process.wait()
