@@ -65,6 +65,32 @@ def _own_skin(base: Simulator, own: FloatArray) -> Simulator:
     )
 
 
+def law_with_own(
+    law: FirstOrderSpeedLaw | MassSpringDamper, response: ResponseName, own: FloatArray
+) -> FirstOrderSpeedLaw | MassSpringDamper:
+    """Return a base law with somebody's own values.
+
+    Parameters
+    ----------
+    law : FirstOrderSpeedLaw or MassSpringDamper
+        Of the response.
+    response : {'friction', 'mobility'}
+    own : ndarray, shape (n_nuisance,)
+        Logarithms of the multiples of the law's values, in the order of `NUISANCE`.
+    """
+    scale = dict(zip(NUISANCE[response], np.exp(own).tolist(), strict=True))
+    if isinstance(law, MassSpringDamper):
+        own_values = {name: getattr(law, name) * value for name, value in scale.items()}
+        return law.model_copy(update=own_values)
+    return law.model_copy(
+        update={
+            "gain_n": law.gain_n * scale["gain_n"],
+            "cutoff_0_hz": law.cutoff_0_hz * scale["cutoff_hz"],
+            "slope_hz_per_mm_s": law.slope_hz_per_mm_s * scale["cutoff_hz"],
+        }
+    )
+
+
 NUISANCE_SCALED: Final = {"friction": _own_friction, "mobility": _own_skin}
 
 

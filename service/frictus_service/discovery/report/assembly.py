@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from scipy import stats
 
-from frictus.model import Effect, FirstOrderSpeedLaw, MassSpringDamper, Model
+from frictus.model import Effect, Model
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_service.discovery.beyond.beyond import Beyond
@@ -35,14 +35,12 @@ from frictus_service.discovery.document import (
     Verdict,
 )
 from frictus_service.discovery.evidence.evidence_rows import EvidenceRows
-from frictus_service.discovery.evidence.observation_table import (
-    UnitAssignment,
-)
+from frictus_service.discovery.evidence.observation_table import UnitAssignment
 from frictus_service.discovery.inference.linear_model import project_out
 from frictus_service.discovery.inference.linearisation import Linearised, linearise
 from frictus_service.discovery.inference.predictive_density import UnitCoefficients
 from frictus_service.discovery.inference.selection import with_refitted_nuisance
-from frictus_service.discovery.problem.base_models import NUISANCE
+from frictus_service.discovery.problem.base_models import law_with_own
 from frictus_service.discovery.problem.candidates import Candidate
 from frictus_service.discovery.problem.problem import DiscoveryProblem
 from frictus_service.discovery.report.figures import level_bins, residual_bins, rests_of
@@ -272,23 +270,7 @@ class Assembly:
         """Return the base model with the population's own values and the named effects."""
         if not self._chosen and self._beyond.effect is None:
             return self._base
-        scale = dict(
-            zip(NUISANCE[self._problem.response], np.exp(model.own.mean(axis=0)), strict=True)
-        )
-        base = self._base.base
-        law: FirstOrderSpeedLaw | MassSpringDamper
-        if isinstance(base, FirstOrderSpeedLaw):
-            law = base.model_copy(
-                update={
-                    "gain_n": base.gain_n * scale["gain_n"],
-                    "cutoff_0_hz": base.cutoff_0_hz * scale["cutoff_hz"],
-                    "slope_hz_per_mm_s": base.slope_hz_per_mm_s * scale["cutoff_hz"],
-                }
-            )
-        else:
-            law = base.model_copy(
-                update={name: getattr(base, name) * value for name, value in scale.items()}
-            )
+        law = law_with_own(self._base.base, self._problem.response, model.own.mean(axis=0))
         effects = [
             Effect(
                 id=self._problem.candidates[each.candidate].effect,
