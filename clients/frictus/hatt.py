@@ -94,7 +94,13 @@ class HattModel:
     nodes: tuple[HattNode, ...]
 
     def nearest(self, speed_mm_s: float, force_n: float) -> int:
-        """Return which node is nearest, speeds and forces in shares of their largest."""
+        """Return which node is nearest, speeds and forces in shares of their largest.
+
+        Parameters
+        ----------
+        speed_mm_s, force_n : float
+            Of the node that is looked for; 0 or above.
+        """
         at = np.array([(one.speed_mm_s, one.force_n) for one in self.nodes])
         off = (at - (speed_mm_s, force_n)) / at.max(axis=0)
         return int(np.argmin(np.sum(off**2, axis=1)))

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from tests.blind.campaign import analyse
 from tests.blind.cases import REALISTIC, cause
 from tests.blind.generator import Case, Design, Seeds, make_study
@@ -16,6 +17,7 @@ SHOWN = sorted(set(REALISTIC) - {"stick_slip", "speed_dependent_cutoff"})
 too few people for the other, whose own slopes differ."""
 
 
+@pytest.mark.long
 def test_what_is_hidden_is_found(tmp_path: Path, rng: np.random.Generator) -> None:
     case = Case("single", (cause(str(rng.choice(SHOWN)), SIZE, rng),), SMALL)
     print(f"hidden: {case.hidden}")  # noqa: T201 - shown by pytest on failure

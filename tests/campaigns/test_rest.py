@@ -22,6 +22,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
         yield bench
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scope", ["none", "all"])
 def test_what_is_answered_is_documented(bench: Bench, scope: str) -> None:
     # The first preview loads compiled code, beside whatever else this machine is doing.
@@ -31,6 +32,7 @@ def test_what_is_answered_is_documented(bench: Bench, scope: str) -> None:
     assert bench.faults() == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "kind", ["half bodies", "floods", "malformed frames", "compressed bombs"]
 )

@@ -70,6 +70,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
         yield bench
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mode", MODES)
 def test_no_payload_ends_trips_or_drives_anything(bench: Bench, mode: Mode) -> None:
     line = Batch(bench, mode, SEED).run(SHORT)

@@ -76,7 +76,12 @@ def test_over_the_websocket(service: Config, tmp_path: Path) -> None:
     assert " 0 samples lost" in said
 
 
-@pytest.mark.parametrize("name", OFFLINE)
+LONG = {"own_importer": pytest.mark.long}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=LONG.get(name, ())) for name in OFFLINE]
+)
 def test_without_a_rig(name: str, tmp_path: Path) -> None:
     assert OFFLINE[name] in said_by(name, tmp_path)
 

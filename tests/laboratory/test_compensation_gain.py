@@ -1,6 +1,7 @@
 """The loop closes: a finger with an effect feels what was asked for once the model has it."""
 
 import numpy as np
+import pytest
 
 from frictus.recordings import texture_of
 from frictus_hardware.physics.friction import FrictionLaw
@@ -30,6 +31,7 @@ TWICE_REALISTIC = {
 }
 
 
+@pytest.mark.long
 def test_the_extended_model_takes_the_error_away(rng: np.random.Generator) -> None:
     flat = texture_of((SHIPPED / "flat.json").read_text(encoding="utf-8"))
     finger = SteadyStrokes(speed_mm_s=90.0, press=Press(target_n=0.3))

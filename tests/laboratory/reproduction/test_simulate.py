@@ -148,6 +148,7 @@ def test_faults_show(rng: np.random.Generator) -> None:
     assert np.mean(shares) == pytest.approx(0.5, abs=0.15)
 
 
+@pytest.mark.long
 def test_study_holds_the_same_whatever_the_workers(
     rng: np.random.Generator, tmp_path: Path
 ) -> None:

@@ -45,6 +45,7 @@ class TakenAtTheLastMoment(ModelSlot):
 @dataclass
 class Info:
     finger_source: str
+    finger_takeover: bool = False
 
 
 class NoFinger:
@@ -56,9 +57,8 @@ class NoFinger:
 class Finger:
     """A backend whose virtual finger clients move."""
 
-    info = Info("pointer")
-
-    def __init__(self) -> None:
+    def __init__(self, info: Info | None = None) -> None:
+        self.info = info or Info("pointer")
         self.moves: list[tuple[float, float, bool, float]] = []
 
     def move_finger(

@@ -421,6 +421,14 @@ def test_virtual_finger_follows_its_clients() -> None:
     assert desk.backend.moves == [(1.0, 2.0, True, 0.4)]
 
 
+def test_a_finger_is_taken_over_by_those_with_whom_the_rig_is_shared() -> None:
+    desk = Desk(backend=Finger(Info("simulated", finger_takeover=True)))
+    assert desk.call("arm", share_with=["ben"]).ok
+    assert desk.call("pointer", "ben", x_mm=1.0, y_mm=2.0, in_contact=True).ok
+    assert desk.call("pointer", "eve", x_mm=9.0, y_mm=9.0, in_contact=True).code == "not_owner"
+    assert desk.backend.moves == [(1.0, 2.0, True, 0.4)]
+
+
 TONE = {"hz": 100.0, "amplitude": 0.5}
 
 

@@ -56,6 +56,7 @@ def laboratories(
     return [tmp_path / f"{name}.h5" for name in (*evidence, "bad")], read
 
 
+@pytest.mark.long
 def test_what_is_used_left_out_kept_and_said(
     laboratories: tuple[list[Path], list[str]], tmp_path: Path
 ) -> None:
