@@ -47,7 +47,7 @@ _TOLD: Final[dict[str, type[Message]]] = {
 A = TypeVar("A", bound=Message)
 
 
-class Value(NamedTuple):
+class RigValue(NamedTuple):
     """A message of a rig that the service has passed on."""
 
     op: str
@@ -55,7 +55,7 @@ class Value(NamedTuple):
     message: Message
 
 
-Heard = Frame | Value | Message
+Heard = Frame | RigValue | Message
 
 
 class _Waiting(NamedTuple):
@@ -252,7 +252,7 @@ class Connection:
         op = told["op"]
         if op in VALUES:
             kind = MESSAGES[VALUES[op].message]
-            self._hear(Value(op, str(told["rig"]), kind.model_validate(told[op])))
+            self._hear(RigValue(op, str(told["rig"]), kind.model_validate(told[op])))
         elif op in _TOLD:  # else of a later 1.x
             self._answered(_TOLD[op].model_validate(told))
 

@@ -9,7 +9,7 @@ from frictus.errors import ArgumentError, LeaseLostError, LinkError, RefusedErro
 from frictus.keys import STREAMS
 from frictus.messages import Message
 from frictus.watched_rig import BLOCKS
-from frictus.websocket.connection import Connection, Heard, Value
+from frictus.websocket.connection import Connection, Heard, RigValue
 from frictus.websocket.feeds import Feed, fingers_of, samples_of
 from frictus.websocket.frames import Frame, Kind
 from frictus.websocket.held import Lease, TextureStream
@@ -170,7 +170,7 @@ class Session:
 
         Parameters
         ----------
-        heard : Frame, Value or Message
+        heard : Frame, RigValue or Message
             As it came.
         """
         match heard:
@@ -178,7 +178,7 @@ class Session:
                 # Those that come before the rig's first message are of the one watched before.
                 if self._heard_of_rig:
                     self._take(heard)
-            case Value(rig=rig) if rig == self._rig:
+            case RigValue(rig=rig) if rig == self._rig:
                 self._heard_of_rig = True
                 self.values[heard.op] = heard.message
                 self._put(heard.op, heard.message)

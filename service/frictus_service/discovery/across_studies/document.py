@@ -17,7 +17,7 @@ class _Document(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
 
 
-class StudySummary(_Document):
+class StudyOutcome(_Document):
     """One study by itself."""
 
     name: str
@@ -130,7 +130,7 @@ class AcrossStudies(_Document):
     causes: tuple[CauseAcross, ...]
     """Every cause of the catalogue for this response, the clearest first."""
     base_parameters: tuple[BaseParameterAcross, ...]
-    studies: tuple[StudySummary, ...]
+    studies: tuple[StudyOutcome, ...]
     left_out: tuple[StudyLeftOut, ...]
     notes: tuple[str, ...] = ()
 

@@ -20,7 +20,7 @@ from pydantic import BaseModel, ConfigDict
 from threadpoolctl import threadpool_limits
 
 from frictus.model import Model
-from frictus_service.discovery.across_studies.document import StudyLeftOut, StudySummary
+from frictus_service.discovery.across_studies.document import StudyLeftOut, StudyOutcome
 from frictus_service.discovery.across_studies.study_statistics import (
     StudyStatistics,
     condense,
@@ -107,7 +107,7 @@ class StudyResult:
 
     Attributes
     ----------
-    summary : StudySummary
+    summary : StudyOutcome
         By itself.
     statistics : StudyStatistics
         About the model with the chosen causes.
@@ -115,7 +115,7 @@ class StudyResult:
         Hashes of the content of its trials.
     """
 
-    summary: StudySummary
+    summary: StudyOutcome
     statistics: StudyStatistics
     trials: tuple[str, ...]
 
@@ -208,9 +208,9 @@ def statistics_of(problem: DiscoveryProblem, chosen: Sequence[int]) -> StudyStat
     )
 
 
-def _summary(task: StudyTask, found: Discovery) -> StudySummary:
+def _summary(task: StudyTask, found: Discovery) -> StudyOutcome:
     study, evidence = found.study, found.evidence
-    return StudySummary(
+    return StudyOutcome(
         name=task.name,
         path=str(task.path),
         sha256=study.sha256,

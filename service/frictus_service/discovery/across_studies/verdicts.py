@@ -14,7 +14,7 @@ from frictus_service.discovery.across_studies.document import (
     PooledEstimate,
     SizeInStudy,
     SizesVerdict,
-    StudySummary,
+    StudyOutcome,
 )
 from frictus_service.discovery.across_studies.meta_analysis import (
     LEAST_STUDIES,
@@ -65,7 +65,7 @@ class StudiesAbout:
 
     Attributes
     ----------
-    summaries : sequence of StudySummary
+    summaries : sequence of StudyOutcome
         Of each study.
     statistics : sequence of StudyStatistics
         Likewise.
@@ -75,7 +75,7 @@ class StudiesAbout:
         Candidates in the model.
     """
 
-    summaries: Sequence[StudySummary]
+    summaries: Sequence[StudyOutcome]
     statistics: Sequence[StudyStatistics]
     candidates: Sequence[Candidate]
     chosen: tuple[int, ...]
