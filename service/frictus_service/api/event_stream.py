@@ -2,10 +2,10 @@
 
 import logging
 from collections.abc import AsyncIterator, Callable, Sequence
-from typing import Final, Protocol
+from typing import Annotated, Final, Protocol
 
 import anyio
-from fastapi import Request
+from fastapi import Header, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.sse import ServerSentEvent
 from starlette.types import ASGIApp, Receive, Scope, Send
@@ -15,6 +15,8 @@ from frictus_service.api.limits import RequestLimits
 _LOG: Final = logging.getLogger(__name__)
 LOOK_S: Final = 0.2
 """How often a stream of events looks for more."""
+LastEventId = Annotated[int, Header(ge=0, le=2**31 - 1, description="Begin behind this event")]
+"""What a client that comes back has heard already."""
 
 
 class Event(Protocol):

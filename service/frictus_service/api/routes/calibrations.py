@@ -3,13 +3,13 @@
 from collections.abc import AsyncIterator
 from typing import Annotated, Final
 
-from fastapi import APIRouter, Depends, Header, Path, Query, Request, Response
+from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from pydantic import BaseModel, Field, TypeAdapter
 
 from frictus_service.api import problems
 from frictus_service.api.access import needs
-from frictus_service.api.event_stream import follow, place
+from frictus_service.api.event_stream import LastEventId, follow, place
 from frictus_service.api.requests import (
     JSON,
     IdempotencyKey,
@@ -145,9 +145,7 @@ def get_calibration(found: Existing) -> Calibration:
 async def follow_calibration(
     found: Existing,
     given: Given,
-    last_event_id: Annotated[
-        int, Header(ge=0, le=2**31 - 1, description="Begin behind this event")
-    ] = 0,
+    last_event_id: LastEventId = 0,
 ) -> AsyncIterator[ServerSentEvent]:
     """Follow a calibration: `state` and `progress` events, from the first one on.
 

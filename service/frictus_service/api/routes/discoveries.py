@@ -3,14 +3,14 @@
 from collections.abc import AsyncIterator
 from typing import Annotated, Final
 
-from fastapi import APIRouter, Depends, Header, Path, Request, Response
+from fastapi import APIRouter, Depends, Path, Request, Response
 from fastapi.responses import FileResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from pydantic import TypeAdapter
 
 from frictus_service.api import problems
 from frictus_service.api.access import needs
-from frictus_service.api.event_stream import follow, place
+from frictus_service.api.event_stream import LastEventId, follow, place
 from frictus_service.api.requests import JSON, parse_json, raw_body, require_media
 from frictus_service.api.routes.models import body_of
 from frictus_service.api.services import Services, services
@@ -103,9 +103,7 @@ def get_discovery(found: Existing) -> DiscoveryJob:
 async def follow_discovery(
     found: Existing,
     given: Given,
-    last_event_id: Annotated[
-        int, Header(ge=0, le=2**31 - 1, description="Begin behind this event")
-    ] = 0,
+    last_event_id: LastEventId = 0,
 ) -> AsyncIterator[ServerSentEvent]:
     """Follow a discovery: `state` and `progress` events, from the first one on.
 
