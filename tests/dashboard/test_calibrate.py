@@ -34,7 +34,7 @@ BRIEF = {
     "Forces, N": "0.4",
     "Precision, %": "10",
     "Longest recording, s": "30",
-    "Approach, s": "0.8",
+    "Approach, s": "1.4",
     "Recorded, s": "2",
 }
 ENDLESS = {**BRIEF, "Precision, %": "0.01", "Longest recording, s": "7000"}
@@ -54,10 +54,14 @@ def end(lab: Lab, calibration: str) -> None:
 
 @pytest.fixture(scope="module")
 def lab(browser: object, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
-    """A daemon whose finger follows guidance, faster than time."""
+    """A daemon whose finger follows guidance, faster than time.
+
+    It acts on it only after the shortest approach (the lead and 0.25 s), so that a trial without
+    a longer one is rejected on however quick a machine.
+    """
     folder = tmp_path_factory.mktemp("lab")
     backend = SimulatedConfig(
-        finger=GuidedStrokes(), participant=STRANGER, clock=FASTER, lead_ms=240.0
+        finger=GuidedStrokes(reaction_s=0.6), participant=STRANGER, clock=FASTER, lead_ms=240.0
     )
     with running(folder, backend=backend, block_ms=20.0) as lab:
         yield lab
