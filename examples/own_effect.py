@@ -28,7 +28,7 @@ class WarmUp:
         return 1.0 + self.rise * (1.0 - np.exp(-circumstances.minutes / self.tau_minutes))
 
 
-def extend(simulator: Simulator, parameters: Values) -> Simulator:
+def apply(simulator: Simulator, parameters: Values) -> Simulator:
     """Return a simulator whose gain follows the skin's temperature."""
     factor = WarmUp(parameters["rise"], parameters["tau_minutes"])
     return with_term(simulator, "gain_factors", factor)
@@ -43,7 +43,7 @@ EFFECT = EffectDefinition(
         Parameter("rise", "1", 0.0, 1.0, 0.01),
         Parameter("tau_minutes", "min", 0.5, 60.0, 0.1, default=5.0),
     ),
-    extend=extend,
+    apply=apply,
 )
 
 minutes = np.array([0.0, 5.0, 30.0])

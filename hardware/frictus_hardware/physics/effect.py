@@ -51,9 +51,9 @@ class EffectDefinition:
         Whose parameters they are: each finger's own, or the rig's.
     parameters : tuple of Parameter
         The dose first.
-    extend : callable
-        ``extend(simulator, parameters)`` returns the simulator with the effect. It does not
-        check bounds; `effects.extended` does.
+    apply : callable
+        ``apply(simulator, values)`` returns the simulator with the effect, given the value of
+        every parameter.
     """
 
     id: str
@@ -61,7 +61,23 @@ class EffectDefinition:
     response: Literal["friction", "mobility", "both"]
     scope: Literal["participant", "instrument"]
     parameters: tuple[Parameter, ...]
-    extend: Callable[[Simulator, Values], Simulator]
+    apply: Callable[[Simulator, Values], Simulator]
+
+    def extend(self, simulator: Simulator, given: Values) -> Simulator:
+        """Return the simulator with the effect in it.
+
+        Parameters
+        ----------
+        simulator : Simulator
+            A rig and one finger.
+        given : mapping of str to float
+            What is not given is at its default. Bounds are not checked here, but in
+            `effects.extended`.
+        """
+        usual = {
+            each.name: each.default for each in self.parameters if each.default is not None
+        }
+        return self.apply(simulator, {**usual, **given})
 
 
 def with_term(

@@ -59,8 +59,8 @@ def _path(
 ) -> Callable[[Simulator, Values], Simulator]:
     def extend(simulator: Simulator, values: Values) -> Simulator:
         rates: tuple[tuple[Quantity, float], ...] = (
-            ("speed_mm_s", values.get("by_speed", 0.0)),
-            ("normal_force_n", values.get("by_force", 0.0)),
+            ("speed_mm_s", values["by_speed"]),
+            ("normal_force_n", values["by_force"]),
         )
         path = ParallelPath(Dose(values[dose], rates), branch(values))
         return replace(simulator, paths=(*simulator.paths, path))
@@ -88,9 +88,7 @@ _PATHS: Final = (
             _BY_SPEED,
             _BY_FORCE,
         ),
-        extend=_path(
-            "depth", lambda v: band_pass(v.get("frequency_hz", 200.0), v.get("damping", 0.07))
-        ),
+        apply=_path("depth", lambda v: band_pass(v["frequency_hz"], v["damping"])),
     ),
     EffectDefinition(
         id="echo",
@@ -103,7 +101,7 @@ _PATHS: Final = (
             _BY_SPEED,
             _BY_FORCE,
         ),
-        extend=_path("share", lambda v: DelayLine(v.get("delay_s", 1e-3))),
+        apply=_path("share", lambda v: DelayLine(v["delay_s"])),
     ),
     EffectDefinition(
         id="pole_zero_pair",
@@ -119,7 +117,7 @@ _PATHS: Final = (
             _BY_SPEED,
             _BY_FORCE,
         ),
-        extend=_path("share", lambda v: _high_pass(v.get("corner_hz", 100.0))),
+        apply=_path("share", lambda v: _high_pass(v["corner_hz"])),
     ),
 )
 
@@ -148,7 +146,7 @@ def _switch(part: Part, by: str) -> EffectDefinition:
     threshold = _threshold(by)
 
     def term(values: Values) -> Term:
-        at = values.get(threshold.name, threshold.default or 0.0)
+        at = values[threshold.name]
         return Switch(QUANTITIES[by], at, WIDTHS[by], values["log_change"])
 
     return EffectDefinition(
@@ -160,7 +158,7 @@ def _switch(part: Part, by: str) -> EffectDefinition:
         response="friction",
         scope="participant",
         parameters=(Parameter("log_change", "1", -3.0, 3.0, 0.005), threshold),
-        extend=_scheduled(part, term),
+        apply=_scheduled(part, term),
     )
 
 
@@ -168,7 +166,7 @@ def _knee(part: Part, by: str, side: str) -> EffectDefinition:
     threshold = _threshold(by)
 
     def term(values: Values) -> Term:
-        at = values.get(threshold.name, threshold.default or 0.0)
+        at = values[threshold.name]
         return Knee(QUANTITIES[by], at, values["exponent"], side == "above")
 
     return EffectDefinition(
@@ -180,7 +178,7 @@ def _knee(part: Part, by: str, side: str) -> EffectDefinition:
         response="friction",
         scope="participant",
         parameters=(Parameter("exponent", "1", -4.0, 4.0, 0.01), threshold),
-        extend=_scheduled(part, term),
+        apply=_scheduled(part, term),
     )
 
 
@@ -191,7 +189,7 @@ def _coupling(part: Part) -> EffectDefinition:
         response="friction",
         scope="participant",
         parameters=(Parameter("exponent", "1", -2.0, 2.0, 0.01),),
-        extend=_scheduled(part, lambda values: Coupling(values["exponent"])),
+        apply=_scheduled(part, lambda values: Coupling(values["exponent"])),
     )
 
 
@@ -205,7 +203,7 @@ def _empirical(by: str) -> EffectDefinition:
 
     def extend(simulator: Simulator, values: Values) -> Simulator:
         bands = tuple(
-            (values.get(name, 0.0), band_pass(float(centre), 0.5 / QUALITY))
+            (values[name], band_pass(float(centre), 0.5 / QUALITY))
             for centre, name in zip(BANDS_HZ, band_names(), strict=True)
         )
         dose = Dose(values["strength"], rates, level=0.0 if rates else 1.0)
@@ -225,7 +223,7 @@ def _empirical(by: str) -> EffectDefinition:
             Parameter("strength", "1", 0.0, 1.0, 0.05),
             *(Parameter(name, "1", -0.9, 3.0, 0.005, default=0.0) for name in band_names()),
         ),
-        extend=extend,
+        apply=extend,
     )
 
 

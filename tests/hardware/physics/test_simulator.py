@@ -14,7 +14,7 @@ from tests.hardware.physics.sliding import (
     tones,
 )
 
-from frictus_hardware.physics.effects import EFFECTS, extended
+from frictus_hardware.physics.effects import EFFECTS, KNOWN, extended
 from frictus_hardware.physics.screen import Screen
 from frictus_hardware.physics.simulator import Simulator, predict
 from frictus_hardware.physics.stages import Quantisation, SensorNoise, standard_twin
@@ -222,6 +222,15 @@ def test_none_of_an_effect_changes_nothing(id_: str, rng: np.random.Generator) -
     )
     for name in ("friction", "second", "third", "mobility", "line_n", "low_n2"):
         np.testing.assert_allclose(getattr(as_is, name), getattr(expected, name), rtol=1e-12)
+
+
+@pytest.mark.parametrize("id_", sorted(KNOWN))
+def test_what_is_not_given_is_at_its_default(id_: str) -> None:
+    effect = KNOWN[id_]
+    given = {each.name: each.low for each in effect.parameters if each.default is None}
+    usual = {each.name: each.default for each in effect.parameters if each.default is not None}
+    whole = effect.apply(Simulator(), {**given, **usual})
+    assert repr(effect.extend(Simulator(), given)) == repr(whole)
 
 
 def test_order_of_effects_does_not_matter(rng: np.random.Generator) -> None:

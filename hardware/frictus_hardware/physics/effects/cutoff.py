@@ -44,7 +44,7 @@ EFFECTS = (
         response="friction",
         scope="participant",
         parameters=(Parameter("slope_hz_per_mm_s", "Hz per mm/s", -100.0, 100.0, 0.2),),
-        extend=_with_speed,
+        apply=_with_speed,
     ),
     EffectDefinition(
         id="force_dependent_cutoff",
@@ -52,7 +52,7 @@ EFFECTS = (
         response="friction",
         scope="participant",
         parameters=(Parameter("exponent", "1", -2.0, 2.0, 0.01),),
-        extend=_with_force,
+        apply=_with_force,
     ),
     EffectDefinition(
         id="cutoff_drift",
@@ -60,7 +60,7 @@ EFFECTS = (
         response="friction",
         scope="participant",
         parameters=(Parameter("per_minute", "1/min", -1.0, 1.0, 0.001),),
-        extend=_with_time,
+        apply=_with_time,
     ),
     EffectDefinition(
         id="fractional_rolloff",
@@ -68,6 +68,6 @@ EFFECTS = (
         response="friction",
         scope="participant",
         parameters=(Parameter("excess_order", "1", -0.5, 0.5, 0.005),),
-        extend=_order,
+        apply=_order,
     ),
 )

@@ -50,7 +50,7 @@ EFFECTS = (
         response="friction",
         scope="participant",
         parameters=(Parameter("exponent", "1", -2.0, 2.0, 0.01),),
-        extend=_with_speed,
+        apply=_with_speed,
     ),
     EffectDefinition(
         id="force_dependent_gain",
@@ -58,7 +58,7 @@ EFFECTS = (
         response="friction",
         scope="participant",
         parameters=(Parameter("exponent", "1", -2.0, 2.0, 0.01),),
-        extend=_with_force,
+        apply=_with_force,
     ),
     EffectDefinition(
         id="position_dependent_gain",
@@ -66,7 +66,7 @@ EFFECTS = (
         response="friction",
         scope="instrument",
         parameters=(Parameter("per_mm", "1/mm", -0.1, 0.1, 0.0002),),
-        extend=_with_position,
+        apply=_with_position,
     ),
     EffectDefinition(
         id="direction_asymmetry",
@@ -76,7 +76,7 @@ EFFECTS = (
         response="friction",
         scope="participant",
         parameters=(Parameter("share", "1", -0.9, 0.9, 0.005),),
-        extend=_with_direction,
+        apply=_with_direction,
     ),
     EffectDefinition(
         id="gain_drift",
@@ -84,6 +84,6 @@ EFFECTS = (
         response="friction",
         scope="participant",
         parameters=(Parameter("per_minute", "1/min", -1.0, 1.0, 0.001),),
-        extend=_with_time,
+        apply=_with_time,
     ),
 )

@@ -43,7 +43,7 @@ def _resonance(simulator: Simulator, values: Values) -> Simulator:
 
 
 def _mains(simulator: Simulator, values: Values) -> Simulator:
-    hum = Hum(values["amplitude_n"], values.get("frequency_hz", MAINS_HZ))
+    hum = Hum(values["amplitude_n"], values["frequency_hz"])
     return replace(simulator, hum=(*simulator.hum, hum))
 
 
@@ -57,7 +57,7 @@ EFFECTS = (
         response="friction",
         scope="instrument",
         parameters=(Parameter("share", "1", -0.25, 0.125, 0.0005),),
-        extend=_compression,
+        apply=_compression,
     ),
     EffectDefinition(
         id="residual_quadratic",
@@ -68,7 +68,7 @@ EFFECTS = (
         response="friction",
         scope="instrument",
         parameters=(Parameter("share", "1", -0.25, 0.25, 0.0005),),
-        extend=_quadratic,
+        apply=_quadratic,
     ),
     EffectDefinition(
         id="charge_leakage",
@@ -76,7 +76,7 @@ EFFECTS = (
         response="friction",
         scope="instrument",
         parameters=(Parameter("corner_hz", "Hz", 0.0, 50.0, 0.1),),
-        extend=_leakage,
+        apply=_leakage,
     ),
     EffectDefinition(
         id="channel_delay",
@@ -86,7 +86,7 @@ EFFECTS = (
         response="both",
         scope="instrument",
         parameters=(Parameter("delay_s", "s", 0.0, 0.002, 2e-7),),
-        extend=_delay,
+        apply=_delay,
     ),
     EffectDefinition(
         id="mount_resonance_shift",
@@ -94,7 +94,7 @@ EFFECTS = (
         response="both",
         scope="instrument",
         parameters=(Parameter("share", "1", -0.5, 0.5, 0.0005),),
-        extend=_resonance,
+        apply=_resonance,
     ),
     EffectDefinition(
         id="mains_interference",
@@ -105,6 +105,6 @@ EFFECTS = (
             Parameter("amplitude_n", "N", 0.0, 1.0, 0.0005),
             Parameter("frequency_hz", "Hz", 45.0, 65.0, 0.01, default=MAINS_HZ),
         ),
-        extend=_mains,
+        apply=_mains,
     ),
 )

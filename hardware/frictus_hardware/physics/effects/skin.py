@@ -32,8 +32,8 @@ def _damping(simulator: Simulator, values: Values) -> Simulator:
 def _second_mode(simulator: Simulator, values: Values) -> Simulator:
     mode = SecondMode(
         values["share"],
-        values.get("frequency_hz", SECOND_MODE_HZ),
-        values.get("quality", SECOND_MODE_QUALITY),
+        values["frequency_hz"],
+        values["quality"],
     )
     modes = (*simulator.skin.further_modes, mode)
     return replace(simulator, skin=replace(simulator.skin, further_modes=modes))
@@ -51,7 +51,7 @@ EFFECTS = (
         response="mobility",
         scope="participant",
         parameters=(Parameter("exponent", "1", -2.0, 2.0, 0.01),),
-        extend=_mass,
+        apply=_mass,
     ),
     EffectDefinition(
         id="speed_dependent_stiffness",
@@ -59,7 +59,7 @@ EFFECTS = (
         response="mobility",
         scope="participant",
         parameters=(Parameter("exponent", "1", -2.0, 2.0, 0.01),),
-        extend=_stiffness,
+        apply=_stiffness,
     ),
     EffectDefinition(
         id="fractional_damping",
@@ -69,7 +69,7 @@ EFFECTS = (
         response="mobility",
         scope="participant",
         parameters=(Parameter("excess_order", "1", -0.5, 0.5, 0.005),),
-        extend=_damping,
+        apply=_damping,
     ),
     EffectDefinition(
         id="second_mode",
@@ -84,7 +84,7 @@ EFFECTS = (
             Parameter("frequency_hz", "Hz", 50.0, 2000.0, 1.0, default=SECOND_MODE_HZ),
             Parameter("quality", "1", 0.5, 50.0, 0.05, default=SECOND_MODE_QUALITY),
         ),
-        extend=_second_mode,
+        apply=_second_mode,
     ),
     EffectDefinition(
         id="stick_slip",
@@ -95,6 +95,6 @@ EFFECTS = (
         response="friction",
         scope="participant",
         parameters=(Parameter("amplitude_n", "N", 0.0, 2.0, 0.005),),
-        extend=_stick_slip,
+        apply=_stick_slip,
     ),
 )

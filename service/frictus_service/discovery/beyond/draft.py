@@ -105,7 +105,7 @@ SAID = (
 """Write the equation here."""
 
 
-def _extend(simulator: Simulator, values: Values) -> Simulator:
+def _apply(simulator: Simulator, values: Values) -> Simulator:
     return FORM.extend(simulator, {{**SHAPE, **values}})
 
 
@@ -115,7 +115,7 @@ EFFECTS = (
         id="{name}",
         equation=SAID,
         parameters=FORM.parameters[:1],
-        extend=_extend,
+        apply=_apply,
     ),
 )
 '''
