@@ -3,7 +3,8 @@
 A backend moves blocks and keeps the output within its limit; the daemon does all else. What
 each method promises stands in `frictus_hardware.base.Backend`, and
 `tests/hardware/test_contract.py` holds every backend to it. To have the daemon open it, give it
-a configuration with a `kind` of its own and add both to `frictus_hardware/__init__.py`.
+a configuration, a `RigConfig` with a `kind` of its own, and name that in
+`frictus_hardware/__init__.py`.
 """
 
 import numpy as np

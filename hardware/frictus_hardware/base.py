@@ -8,12 +8,14 @@ nothing of textures.
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from frictus_hardware.arguments import StrictModel
 from frictus_hardware.arrays import FloatArray
 
 
@@ -269,3 +271,63 @@ class GrowingLead(Protocol):
             If the rig is not open; or the fault that lasts.
         """
         ...
+
+
+class RigConfig(StrictModel, ABC):
+    """A backend as a configuration file names it, by its `kind`.
+
+    It is read in processes that need no backend: what `make` needs is imported there.
+
+    Attributes
+    ----------
+    kind : str
+        Each backend's own word.
+    """
+
+    kind: str
+
+    @property
+    @abstractmethod
+    def nominal_rate_hz(self) -> float:
+        """Samples per second of the device's clock."""
+
+    @property
+    def clock_scale(self) -> float:
+        """Seconds of the device's clock per second of this machine's."""
+        return 1.0
+
+    @property
+    def files(self) -> Mapping[tuple[str, ...], Path]:
+        """The files that the rig is made from, by the keys that name them."""
+        return {}
+
+    def within(self, folder: Path) -> Self:
+        """Return this configuration with relative files made relative to `folder`.
+
+        Parameters
+        ----------
+        folder : Path
+            Of the configuration file.
+        """
+        return self
+
+    @abstractmethod
+    def make(self) -> Backend:
+        """Return the rig, not yet open: its sample clock starts with `open`.
+
+        Raises
+        ------
+        ConfigError
+            If the configuration does not fit the device.
+        """
+
+    def reset(self) -> None:
+        """Bring the device's output to zero after the process that drove it has died.
+
+        A rig simulated inside that process has died with it, and needs nothing.
+
+        Raises
+        ------
+        HardwareError
+            If the device cannot be reached.
+        """

@@ -19,12 +19,8 @@ from frictus.session import DEFAULT_ROUTER
 from frictus.tls import SCHEME, Tls
 from frictus_hardware import (
     BackendConfig,
-    NiRigConfig,
-    ReplayConfig,
     SimulatedConfig,
-    SimulatedDeviceConfig,
 )
-from frictus_hardware.simulated.clock import scale_of
 from frictus_service.errors import ConfigurationError
 
 Scope = Literal["read", "render", "calibrate", "admin"]
@@ -278,10 +274,7 @@ class Config(_Section):
         files: dict[Place, Path] = {}
         if self.model_file is not None:
             files["model_file",] = self.model_file
-        if isinstance(self.backend, ReplayConfig):
-            files["backend", "file"] = self.backend.file
-        if isinstance(self.backend, NiRigConfig):
-            files["backend", "force", "calibration"] = self.backend.force.calibration
+        files |= {("backend", *keys): file for keys, file in self.backend.files.items()}
         return files
 
     @property
@@ -292,10 +285,7 @@ class Config(_Section):
     @property
     def sample_rate_hz(self) -> float:
         """Nominal rate of the backend's clock."""
-        backend = self.backend
-        if isinstance(backend, SimulatedDeviceConfig):
-            return backend.rig.sample_rate_hz
-        return backend.sample_rate_hz
+        return self.backend.nominal_rate_hz
 
     @property
     def block_samples(self) -> int:
@@ -305,10 +295,7 @@ class Config(_Section):
     @property
     def clock_scale(self) -> float:
         """Seconds of the backend's clock per second of this machine's."""
-        backend = self.backend
-        if isinstance(backend, SimulatedDeviceConfig):
-            backend = backend.rig
-        return 1.0 if isinstance(backend, NiRigConfig) else scale_of(backend.clock)
+        return self.backend.clock_scale
 
     @model_validator(mode="after")
     def _encrypted_with_certificates(self) -> Self:

@@ -9,7 +9,6 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from frictus_hardware import located
 from frictus_service.config import DEFAULT_FILE, Config, Place
 from frictus_service.errors import ConfigurationError
 
@@ -79,7 +78,7 @@ def parse(text: str, path: Path, *, runs_rig: bool = False) -> Config:
             "registry": config.registry.within(folder),
             "tracker": config.tracker.within(folder),
             "security": config.security and config.security.within(folder),
-            "backend": located(config.backend, folder),
+            "backend": config.backend.within(folder),
         }
     )
     absent = [

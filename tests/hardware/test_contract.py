@@ -19,7 +19,6 @@ from frictus_hardware import (
     SimulatedConfig,
     SimulatedDeviceConfig,
     TouchReport,
-    make_backend,
 )
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import GrowingLead
@@ -67,9 +66,9 @@ def make(request: pytest.FixtureRequest) -> Iterator[Maker]:
                 path = request.getfixturevalue("tmp_path") / f"{len(made)}.npz"
                 with path.open("xb") as file:
                     write_tape(file, sine_tape())
-                made.append(make_backend(ReplayConfig(file=path, clock="virtual")))
+                made.append(ReplayConfig(file=path, clock="virtual").make())
             else:
-                made.append(make_backend(configured(request.param, address)))
+                made.append(configured(request.param, address).make())
             return made[-1]
 
         yield make_one
@@ -109,7 +108,7 @@ def starved(request: pytest.FixtureRequest) -> Iterator[Backend]:
             config = config.model_copy(update={"rig": rig})
         else:
             config = config.model_copy(update={"faults": faults})
-    with make_backend(config) as backend:
+    with config.make() as backend:
         yield backend
 
 

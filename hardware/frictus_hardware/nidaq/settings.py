@@ -1,11 +1,13 @@
 """The rig on an NI device as it stands in a configuration file."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
 from frictus_hardware.arguments import Positive, StrictModel
+from frictus_hardware.base import Backend, RigConfig
 from frictus_hardware.nidaq.config import (
     AuxInput,
     Inputs,
@@ -202,7 +204,7 @@ class TlsSettings(StrictModel):
     certificate: Path | None = None
 
 
-class NiRigConfig(StrictModel):
+class NiRigConfig(RigConfig):
     """A rig on an NI device, local or behind NI's gRPC device server.
 
     Attributes
@@ -270,6 +272,40 @@ class NiRigConfig(StrictModel):
             interlock=None if line is None else InterlockLine(line.line, line.timeout_ms),
             deadline_s=self.deadline_s,
         )
+
+    @property
+    def nominal_rate_hz(self) -> float:
+        """Samples per second of the device's clock."""
+        return self.sample_rate_hz
+
+    @property
+    def files(self) -> Mapping[tuple[str, ...], Path]:
+        """The calibration of the force sensor, by the keys that name it."""
+        return {("force", "calibration"): self.force.calibration}
+
+    def make(self) -> Backend:
+        """Return the rig, not yet open.
+
+        Raises
+        ------
+        ConfigError
+            If the configuration does not fit the device.
+        """
+        from frictus_hardware.nidaq.assembly import make_rig
+
+        return make_rig(self)
+
+    def reset(self) -> None:
+        """Put the outputs of the device to 0 V, whoever drives it.
+
+        Raises
+        ------
+        HardwareError
+            If the device cannot be reached; its output may still hold its last value.
+        """
+        from frictus_hardware.nidaq.assembly import reset
+
+        reset(self.wiring)
 
     def within(self, folder: Path) -> Self:
         """Return this configuration with relative files made relative to `folder`."""

@@ -5,19 +5,22 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, BinaryIO, Final, Literal, Self
+from typing import TYPE_CHECKING, Any, BinaryIO, Final, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from frictus_hardware.arguments import StrictModel
 from frictus_hardware.arrays import FloatArray, IntArray
+from frictus_hardware.base import RigConfig
 from frictus_hardware.errors import ConfigError
-from frictus_hardware.simulated.clock import ClockSetting
+from frictus_hardware.simulated.clock import ClockSetting, scale_of
+
+if TYPE_CHECKING:
+    from frictus_hardware.replay.rig import ReplayRig
 
 
-class ReplayConfig(StrictModel):
+class ReplayConfig(RigConfig):
     """A recording that plays as a rig.
 
     Lead, screen, limit of the output and latency of the touch sensor are the recorded rig's.
@@ -40,6 +43,33 @@ class ReplayConfig(StrictModel):
     sample_rate_hz: float = Field(default=20_000.0, ge=1_000.0, le=200_000.0)
     clock: ClockSetting = "real"
     at_end: Literal["stop", "loop"] = "stop"
+
+    @property
+    def nominal_rate_hz(self) -> float:
+        """Samples per second of the device's clock."""
+        return self.sample_rate_hz
+
+    @property
+    def clock_scale(self) -> float:
+        """Seconds of the device's clock per second of this machine's."""
+        return scale_of(self.clock)
+
+    @property
+    def files(self) -> Mapping[tuple[str, ...], Path]:
+        """The recording, by the key that names it."""
+        return {("file",): self.file}
+
+    def make(self) -> "ReplayRig":
+        """Return the rig, not yet open.
+
+        Raises
+        ------
+        ConfigError
+            If the file cannot be read, or is not such a recording.
+        """
+        from frictus_hardware.replay.rig import ReplayRig
+
+        return ReplayRig(self, read_tape(self.file))
 
     def within(self, folder: Path) -> Self:
         """Return this configuration with a relative file made relative to `folder`."""

@@ -13,8 +13,9 @@ from frictus_hardware.arguments import (
     longest_lead_ms,
     require_max_lead,
 )
+from frictus_hardware.base import Backend, RigConfig
 from frictus_hardware.physics.screen import Screen
-from frictus_hardware.simulated.clock import ClockSetting
+from frictus_hardware.simulated.clock import ClockSetting, scale_of
 from frictus_hardware.simulated.faults import Fault
 from frictus_hardware.simulated.guided import ClientFinger, GuidedStrokes
 from frictus_hardware.simulated.human import HumanStrokes
@@ -161,7 +162,7 @@ FingerConfig = Annotated[
 ]
 
 
-class SimulatedConfig(StrictModel):
+class SimulatedConfig(RigConfig):
     """A rig that exists in software only.
 
     Attributes
@@ -219,6 +220,22 @@ class SimulatedConfig(StrictModel):
     faults: Annotated[tuple[Fault, ...], Field(strict=False)] = ()
 
     @property
+    def nominal_rate_hz(self) -> float:
+        """Samples per second of the device's clock."""
+        return self.sample_rate_hz
+
+    @property
+    def clock_scale(self) -> float:
+        """Seconds of the device's clock per second of this machine's."""
+        return scale_of(self.clock)
+
+    def make(self) -> Backend:
+        """Return the rig, not yet open."""
+        from frictus_hardware.simulated.rig import SimulatedRig
+
+        return SimulatedRig(self)
+
+    @property
     def lead_samples(self) -> int:
         """The lead, in samples of the device."""
         return round(self.lead_ms * 1e-3 * self.sample_rate_hz)
@@ -240,7 +257,7 @@ class SimulatedConfig(StrictModel):
         return Screen(peak_v=self.screen_peak_v, size_mm=self.screen_mm)
 
 
-class SimulatedDeviceConfig(StrictModel):
+class SimulatedDeviceConfig(RigConfig):
     """A simulated rig in a process of its own, which outlives its client and holds its output.
 
     Attributes
@@ -260,6 +277,28 @@ class SimulatedDeviceConfig(StrictModel):
     authkey: str = Field(default="frictus", min_length=1)
     timeout_s: float = Field(default=5.0, gt=0.0, le=60.0)
     rig: SimulatedConfig = SimulatedConfig()
+
+    @property
+    def nominal_rate_hz(self) -> float:
+        """Samples per second of the device's clock."""
+        return self.rig.sample_rate_hz
+
+    @property
+    def clock_scale(self) -> float:
+        """Seconds of the device's clock per second of this machine's."""
+        return self.rig.clock_scale
+
+    def make(self) -> Backend:
+        """Return the rig, not yet open."""
+        from frictus_hardware.simulated.device_rig import SimulatedDeviceRig
+
+        return SimulatedDeviceRig(self)
+
+    def reset(self) -> None:
+        """Put the output of the device to zero, whoever drives it."""
+        from frictus_hardware.simulated.device_rig import reset
+
+        reset(self)
 
     @property
     def endpoint(self) -> tuple[str, int]:

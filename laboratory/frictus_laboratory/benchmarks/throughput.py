@@ -20,7 +20,7 @@ from zenoh.handlers import Callback
 from frictus.block import Block, FingerSensor, Flag
 from frictus.keys import STREAMS, RigKeys, Topic, Topics
 from frictus.session import open_router, open_session
-from frictus_hardware import SimulatedConfig, open_backend
+from frictus_hardware import SimulatedConfig
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_laboratory.benchmarks.figure import Figure, Target, interleaved
 from frictus_laboratory.benchmarks.processes import Neighbour, Pipe, await_subscriber, neighbour
@@ -122,7 +122,7 @@ class OneTurn:
         self._streams = {stream: wire.publishers[topic] for stream, topic in STREAMS.items()}
         self._finger = wire.publishers[Topics.FINGER]
         config = SimulatedConfig(clock="virtual")
-        with open_backend(config) as rig:
+        with config.make() as rig:
             chain = make_chain(rig, FrictionLaw(), config.screen, BLOCK_SAMPLES)
             steps = [chain.step(False) for _ in range(40)]  # until a touch was reported
             self._info = rig.info

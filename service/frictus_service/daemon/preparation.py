@@ -20,7 +20,7 @@ from PIL import Image
 from frictus.messages import Excitation, Tone
 from frictus.stream import StreamFrame
 from frictus.textures import Component, Map, Region, Scene, Spectrum
-from frictus_hardware import SimulatedConfig, open_backend
+from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.human import HumanStrokes
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.synthesis.chain import Chain, make_chain
@@ -194,7 +194,7 @@ def warm_up(sample_rate_hz: float, block_samples: int) -> float:
     coming: tuple[Playable, ...] = (scene, excited, scene, budget.quiet, streamed)
     # Only a human finger has compiled code that is not every other finger's too.
     HumanStrokes().start(config.screen_mm, np.random.default_rng(0)).at(np.zeros(1))
-    with open_backend(config) as rig:
+    with config.make() as rig:
         rig.arm()
         chain = make_chain(rig, law, screen, block_samples)
         for playable in coming:

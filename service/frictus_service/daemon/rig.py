@@ -13,7 +13,6 @@ from frictus.errors import FrameError, TextureError
 from frictus.messages import FaultKind
 from frictus.model import Model
 from frictus.session import open_session
-from frictus_hardware import open_backend
 from frictus_hardware.physics.screen import Screen
 from frictus_service.config import Config
 from frictus_service.daemon.block_loop.lead import RetryingBackend
@@ -124,7 +123,9 @@ def read_model(path: Path | None) -> Model:
 
 @contextlib.contextmanager
 def _opened(config: Config) -> Iterator[RetryingBackend]:
-    backend = RetryingBackend(open_backend(config.backend), time.monotonic_ns)
+    device = config.backend.make()
+    device.open()
+    backend = RetryingBackend(device, time.monotonic_ns)
     try:
         yield backend
     finally:

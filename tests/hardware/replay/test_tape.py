@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tests.hardware.replay.tapes import sine_tape
 
-from frictus_hardware import ReplayConfig, make_backend
+from frictus_hardware import ReplayConfig
 from frictus_hardware.errors import ConfigError
 from frictus_hardware.replay.tape import FORMS, Tape, read_tape, write_tape
 
@@ -55,7 +55,7 @@ def test_another_program_may_write_plain_floats(tmp_path: Path) -> None:
 
 def refused(path: Path) -> str:
     with pytest.raises(ConfigError) as caught:
-        make_backend(ReplayConfig(file=path))
+        ReplayConfig(file=path).make()
     text = str(caught.value)
     assert text.startswith(f"backend.file {path}: ")
     return text

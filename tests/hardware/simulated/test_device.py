@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from frictus_hardware import SimulatedConfig, SimulatedDeviceConfig, reset_device
+from frictus_hardware import SimulatedConfig, SimulatedDeviceConfig
 from frictus_hardware.errors import ConfigError, DeviceLostError, LinkLostError
 from frictus_hardware.simulated.device_rig import SimulatedDeviceRig, recent_output
 from frictus_hardware.simulated.guided import ClientFinger
@@ -15,9 +15,10 @@ from frictus_hardware.simulated.guided import ClientFinger
 DYING_CLIENT = """
 import os, sys
 import numpy as np
-from frictus_hardware import SimulatedConfig, SimulatedDeviceConfig, open_backend
+from frictus_hardware import SimulatedConfig, SimulatedDeviceConfig
 rig = SimulatedConfig(lead_ms=800.0)  # what is late on a busy machine is never held
-backend = open_backend(SimulatedDeviceConfig(address=sys.argv[1], rig=rig))
+backend = SimulatedDeviceConfig(address=sys.argv[1], rig=rig).make()
+backend.open()
 backend.arm()
 for _ in range(10):
     backend.exchange(np.full(100, 40.0))
@@ -39,7 +40,7 @@ def test_holds_its_last_value_when_its_client_dies_until_reset(
         pass  # what is queued plays first
     assert output.armed
     assert np.all(recent_output(config, 0.001).voltage_v == 40.0)
-    reset_device(config)
+    config.reset()
     output = recent_output(config, 5.0)
     assert not output.holding
     assert not output.armed
@@ -57,7 +58,7 @@ def test_whoever_drives_it_loses_it_on_reset(config: SimulatedDeviceConfig) -> N
     with SimulatedDeviceRig(config) as rig:
         rig.arm()
         rig.exchange(np.full(100, 40.0))
-        reset_device(config)
+        config.reset()
         for call in (lambda: rig.exchange(np.full(100, 40.0)), rig.arm):
             with pytest.raises(DeviceLostError, match="reset"):
                 call()
@@ -115,7 +116,7 @@ def test_a_wrong_authkey_is_refused_and_harms_nobody(config: SimulatedDeviceConf
 
 def test_no_device_is_a_lost_link(unused_address: str) -> None:
     config = SimulatedDeviceConfig(address=unused_address)
-    for call in (SimulatedDeviceRig(config).open, lambda: reset_device(config)):
+    for call in (SimulatedDeviceRig(config).open, config.reset):
         with pytest.raises(LinkLostError, match="start one"):
             call()
 
@@ -125,7 +126,7 @@ def test_a_frozen_device_is_a_lost_link() -> None:
         address = "{}:{}".format(*frozen.getsockname())
         config = SimulatedDeviceConfig(address=address, timeout_s=0.05)
         with pytest.raises(LinkLostError, match="frozen"):
-            reset_device(config)
+            config.reset()
 
 
 def test_a_client_that_freezes_in_the_handshake_keeps_nobody_out(

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from frictus_hardware import SimulatedConfig, open_backend
+from frictus_hardware import SimulatedConfig
 from frictus_hardware.errors import ConfigError
 from frictus_hardware.simulated.config import FingerConfig
 from frictus_hardware.simulated.guided import FASTEST_MM_S, GuidedFinger, GuidedStrokes
@@ -162,7 +162,7 @@ def test_a_rig_guides_only_a_guided_finger() -> None:
     adapter: TypeAdapter[Any] = TypeAdapter(FingerConfig)
     config = adapter.validate_python({"kind": "guided"})
     assert isinstance(config, GuidedStrokes)
-    with open_backend(SimulatedConfig(clock="virtual", finger=config)) as rig:
+    with SimulatedConfig(clock="virtual", finger=config).make() as rig:
         assert isinstance(rig, SimulatedRig)
         assert rig.follows_guidance
         assert rig.info.finger_source == "simulated"
@@ -170,7 +170,7 @@ def test_a_rig_guides_only_a_guided_finger() -> None:
         truths = [rig.exchange(np.zeros(1_000)).truth for _ in range(40)]
         assert truths[-1] is not None
         assert np.abs(truths[-1].velocity_mm_s[:, 0]).max() > 20.0
-    with open_backend(SimulatedConfig(clock="virtual", finger=SteadyStrokes())) as other:
+    with SimulatedConfig(clock="virtual", finger=SteadyStrokes()).make() as other:
         assert isinstance(other, SimulatedRig)
         assert not other.follows_guidance
         with pytest.raises(ConfigError, match="guided"):

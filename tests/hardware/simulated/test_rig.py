@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from frictus_hardware import SimulatedConfig, open_backend, reset_device
+from frictus_hardware import SimulatedConfig
 from frictus_hardware.errors import ConfigError
 from frictus_hardware.physics import friction
 from frictus_hardware.physics.screen import Screen, drive_fraction_of, screen_voltage
@@ -116,9 +116,9 @@ def test_other_fingers_do_not_follow_points() -> None:
 
 
 def test_opened_by_its_configuration() -> None:
-    with open_backend(VIRTUAL) as backend:
+    with VIRTUAL.make() as backend:
         assert backend.exchange(np.zeros(10)).first_sample == 0
-    reset_device(VIRTUAL)  # nothing to do
+    VIRTUAL.reset()  # nothing to do
 
 
 @pytest.mark.parametrize(

@@ -69,7 +69,6 @@ def selftest(
 
 
 def _outcomes(config: "Config", yes: bool, interactive: bool) -> "Iterator[Outcome]":
-    from frictus_hardware import make_backend
     from frictus_hardware.errors import HardwareError
     from frictus_service.selftest.report import Outcome
     from frictus_service.selftest.suite import RigUnderTest, run_tests
@@ -82,8 +81,8 @@ def _outcomes(config: "Config", yes: bool, interactive: bool) -> "Iterator[Outco
     if not simulated and not yes:
         _require_nobody(interactive)
     try:
-        backend = make_backend(_without_finger(config.backend))
-        stroked = make_backend(config.backend) if backend.info.simulated else None
+        backend = _without_finger(config.backend).make()
+        stroked = config.backend.make() if backend.info.simulated else None
     except HardwareError as error:
         yield Outcome("device", "fail", str(error), "correct the configuration")
         return
@@ -170,11 +169,10 @@ def zero(config: ConfigFile = None, as_json: AsJson = False) -> None:
 
     A rig that drives the device loses it, and trips.
     """
-    from frictus_hardware import reset_device
     from frictus_service.config_file import load
 
     backend = load(config).backend
-    reset_device(backend)
+    backend.reset()
     if wants_lines(as_json):
         write_line(event="reset", backend=backend.kind)
     else:

@@ -25,7 +25,6 @@ from frictus.errors import FrameError, LinkError
 from frictus.keys import Topics
 from frictus.messages import Fault, FaultKind, RigStatus
 from frictus.session import declare_latest_publisher, open_session
-from frictus_hardware import reset_device
 from frictus_hardware.errors import HardwareError
 from frictus_service.config import Config
 from frictus_service.daemon.processes.child_process import (
@@ -327,7 +326,7 @@ class Supervisor:
     def _make_safe(self, part: _Part, reason: str) -> str:
         """Reset the device, then tell everybody; return the reason with what came of it."""
         try:
-            reset_device(self._config.backend)
+            self._config.backend.reset()
             reason += "; the device was reset"
         except HardwareError as error:
             reason += f"; the device could NOT be reset ({error}): switch it off by hand"
@@ -384,7 +383,7 @@ class Supervisor:
             part.told.close()
         if part.name == "rig" and killed:
             try:
-                reset_device(self._config.backend)
+                self._config.backend.reset()
             except HardwareError as error:
                 self._say(f"the device could NOT be reset ({error}): switch it off by hand")
 
