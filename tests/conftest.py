@@ -12,8 +12,8 @@ import pytest
 from hypothesis import settings
 from threadpoolctl import threadpool_limits
 
-# Many tests start processes, each of which imports numba and scipy: compiled anew every time, where
-# a container's environment says that nothing is kept, that takes longer than what they test.
+# Many tests start processes, each of which imports numba and scipy. Compiled anew every time,
+# as where a container's environment keeps no bytecode, this takes longer than what they test.
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
