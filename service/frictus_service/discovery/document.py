@@ -22,8 +22,8 @@ COVARIATES: dict[Covariate, str] = {
 
 
 REPORT: Final = "report.html"
-"""Beside it in its folder: the document for people, who need no matplotlib to find it."""
 DOCUMENT: Final = "report.json"
+"""Files of a discovery's folder; who only looks for them need not load what draws."""
 
 
 class _Document(BaseModel):
