@@ -1,7 +1,9 @@
 """Fixtures that every test may use."""
 
+import os
 import secrets
 import signal
+import sys
 import zlib
 from collections.abc import Iterator
 
@@ -9,6 +11,11 @@ import numpy as np
 import pytest
 from hypothesis import settings
 from threadpoolctl import threadpool_limits
+
+# Many tests start processes, each of which imports numba and scipy. Compiled anew every time,
+# as where a container's environment keeps no bytecode, this takes longer than what they test.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 settings.register_profile(
     "frictus",

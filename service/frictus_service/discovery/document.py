@@ -1,6 +1,6 @@
 """`discovery/1`: what a discovery says. JSON; null where something is not known."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
@@ -19,6 +19,11 @@ COVARIATES: dict[Covariate, str] = {
     "position": "mm",
 }
 """What the figures are drawn over, and the unit."""
+
+
+REPORT: Final = "report.html"
+DOCUMENT: Final = "report.json"
+"""Files of a discovery's folder; who only looks for them need not load what draws."""
 
 
 class _Document(BaseModel):
