@@ -1,4 +1,4 @@
-"""Fits the dose and the shape of a form to what a model leaves of many people: Gauss-Newton.
+"""Fits the dose and the shape of a form to what a model leaves of many people: a trust region.
 
 The readings, their whitening and what is everybody's own are those of the catalogue's
 estimator; the form extends the base model, so that it predicts what the twin would do.
@@ -188,11 +188,17 @@ def fit_form(
             columns.append([slope * (b - a) for a, b in zip(moved, rests, strict=True)])
         return [np.column_stack(each) for each in zip(*columns, strict=True)]
 
+    def left_at(x: FloatArray) -> FloatArray:
+        return np.concatenate(left(plain(x)))
+
+    def jacobian_at(x: FloatArray) -> FloatArray:
+        return -np.concatenate(jacobian(plain(x)))
+
     low, high = np.array([[_on_scale(n, b) for b in bounds[n]] for n in names]).T
     found = least_squares(
-        lambda x: np.concatenate(left(plain(x))),
+        left_at,
         np.array([_on_scale(name, values[name]) for name in names]),
-        lambda x: -np.concatenate(jacobian(plain(x))),
+        jacobian_at,
         (low, high),
         x_scale="jac",
         ftol=SETTLED,

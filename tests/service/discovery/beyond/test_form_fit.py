@@ -35,7 +35,8 @@ class Analytic(Remainder):
 
     def rest(self, unit: int, effect: str, values: Mapping[str, float]) -> FloatArray:
         left = _log_factor(effect, self.true) - _log_factor(effect, values)
-        return left / NOISE + self.noise[unit]
+        readings: FloatArray = left / NOISE + self.noise[unit]
+        return readings
 
     def accuracy(self, unit: int) -> FloatArray:
         return np.full(2 * TONES_HZ.size, 1e-3)
