@@ -31,7 +31,8 @@ and people, contacts and sensors as in `blind.md`. What is characterised is desc
 family that was hidden. *Another*: a form of another family is given. *Named*: no form is given,
 but the cause of which it is another shape (`family`). *Within*: the parameter that says where
 it is lies in its 95 % interval, of those with the right form. *Gain*: of those given a form,
-held-out people are predicted better, with the interval above 0.
+held-out people are predicted better, with the interval above 0. *Kept* is what is asked, by the
+count; the interval beside it says how much so many studies can show.
 """
 OTHER_SHAPES: Final = """## Stick-slip and the mains
 
