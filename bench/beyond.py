@@ -12,8 +12,10 @@ from typing import Any, Final
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # so that a script finds the tests
 
+from bench.blind import of_rate, table
 from tests.blind.beyond import DESIGNS, FORMS, MISTAKEN, SHAPE_OF, SHAPES
 from tests.blind.campaign import read
+from tests.blind.judgement import Rate
 
 ROOT: Final = Path(__file__).parents[1]
 HEAD: Final = """# Beyond the catalogue
@@ -29,7 +31,8 @@ and people, contacts and sensors as in `blind.md`. What is characterised is desc
 family that was hidden. *Another*: a form of another family is given. *Named*: no form is given,
 but the cause of which it is another shape (`family`). *Within*: the parameter that says where
 it is lies in its 95 % interval, of those with the right form. *Gain*: of those given a form,
-held-out people are predicted better, with the interval above 0.
+held-out people are predicted better, with the interval above 0. *Kept* is what is asked, by the
+count; the interval beside it says how much so many studies can show.
 """
 OTHER_SHAPES: Final = """## Stick-slip and the mains
 
@@ -51,16 +54,16 @@ def main() -> None:
 
 
 def page(lines: Sequence[dict[str, Any]]) -> str:
-    """Return the page of a campaign's lines."""
-    scored = [line for line in lines if "score" in line]
+    """Return the page of a campaign's lines; those of an earlier analysis are not counted."""
+    now = [line for line in lines if "before" not in line]
+    scored = [line for line in now if "score" in line]
     of_kind = {
         kind: [_score(line) for line in scored if line["kind"] == kind] for kind in DESIGNS
     }
     forms = {kind: of_kind[kind] for kind in FORMS}
     forms["all"] = [score for scores in forms.values() for score in scores]
-    named = sum(bool(score["form"]) for score in of_kind["null"])
     accused = sum(bool(score["causes"]) for score in of_kind["null"])
-    failed = sum("error" in line for line in lines)
+    failed = sum("error" in line for line in now)
     return "\n".join(
         [
             HEAD,
@@ -69,8 +72,13 @@ def page(lines: Sequence[dict[str, Any]]) -> str:
                 {kind: _of_forms(scores) for kind, scores in forms.items()},
             ),
             "",
-            f"Of {len(of_kind['null'])} studies with nothing hidden, {named} were given a form "
-            f"and {accused} a cause. {failed} studies ended in an error.{_older(lines)}",
+            f"Of {len(of_kind['null'])} studies with nothing hidden, {accused} were given a "
+            f"cause. {failed} studies ended in an error.{_older(lines)}",
+            "",
+            table(
+                ["all kinds", "count", "share, 95 %", "asked", "kept"],
+                list(map(of_rate, _rates(forms["all"], of_kind["null"]))),
+            ),
             "",
             OTHER_SHAPES,
             _table(
@@ -92,9 +100,26 @@ def _older(lines: Sequence[dict[str, Any]]) -> str:
     """Return which studies an earlier state of the analysis was tried on."""
     older = Counter(line["before"] for line in lines if "before" in line)
     return "".join(
-        f" {count} of all {len(lines)} studies were analysed before {what}."
+        f" {count} more, not counted here, were analysed before {what}."
         for what, count in older.items()
     )
+
+
+def _rates(scores: Sequence[dict[str, Any]], nulls: Sequence[dict[str, Any]]) -> list[Rate]:
+    """Return what was measured over all kinds, against what is asked."""
+    given = [score for score in scores if score["form"]]
+    covered = [score["covered"] for score in scores if score["right"] and "covered" in score]
+    named = sum(bool(score["form"]) for score in nulls)
+    ahead = sum(score["nats"] > 0.0 for score in given)
+    flagged = sum(score["flagged"] for score in scores)
+    right = sum(score["right"] for score in scores)
+    return [
+        Rate("flagged", flagged, len(scores), least=0.98),
+        Rate("form right", right, len(scores), least=0.80),
+        Rate("parameter within its interval", sum(covered), len(covered), 0.90, 0.98),
+        Rate("held-out people predicted better", ahead, len(given), least=0.95),
+        Rate("nothing hidden, and a form given", named, len(nulls), most=0.02),
+    ]
 
 
 def _score(line: dict[str, Any]) -> dict[str, Any]:

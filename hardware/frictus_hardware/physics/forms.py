@@ -29,7 +29,7 @@ QUANTITIES: Final[Mapping[str, Quantity]] = {
 }
 """By the word in an id."""
 WIDTHS: Final = {"speed": 4.0, "force": 0.03, "time": 0.2}
-"""Over which a switch turns, in the quantity's unit."""
+"""Over which a switch turns if nothing is said of it, in the quantity's unit."""
 BANDS_HZ: Final = (31, 62, 125, 250, 500, 1000, 2000)
 """Centres of the octaves of an empirical discrepancy."""
 QUALITY: Final = math.sqrt(2.0)
@@ -128,6 +128,9 @@ _LIMITS: Final = {
 }
 
 
+_SOFTNESS: Final = Parameter("softness", "1", 0.01, 0.5, 0.002, default=0.01)
+
+
 def _threshold(by: str) -> Parameter:
     name, unit, low, high, default = _LIMITS[by]
     return Parameter(name, unit, low, high, 1e-3 * default, default=default)
@@ -142,22 +145,29 @@ def _scheduled(
     return lambda simulator, values: with_term(simulator, place, term(values))
 
 
+def _width(by: str) -> Parameter:
+    unit, usual = _LIMITS[by][1], WIDTHS[by]
+    name = _LIMITS[by][0].replace("threshold", "width")
+    return Parameter(name, unit, 0.25 * usual, 5.0 * usual, 0.02 * usual, default=usual)
+
+
 def _switch(part: Part, by: str) -> EffectDefinition:
-    threshold = _threshold(by)
+    threshold, width = _threshold(by), _width(by)
 
     def term(values: Values) -> Term:
         at = values[threshold.name]
-        return Switch(QUANTITIES[by], at, WIDTHS[by], values["log_change"])
+        over = values[width.name]
+        return Switch(QUANTITIES[by], at, over, values["log_change"])
 
     return EffectDefinition(
         id=f"{part}_switch_by_{by}",
         equation=(
             f"The {part} is another beyond a threshold of {by}: times ``exp(log_change)``, "
-            f"over a width of {WIDTHS[by]:g} {threshold.unit}."
+            "over a width."
         ),
         response="friction",
         scope="participant",
-        parameters=(Parameter("log_change", "1", -3.0, 3.0, 0.005), threshold),
+        parameters=(Parameter("log_change", "1", -3.0, 3.0, 0.005), threshold, width),
         apply=_scheduled(part, term),
     )
 
@@ -167,17 +177,18 @@ def _knee(part: Part, by: str, side: str) -> EffectDefinition:
 
     def term(values: Values) -> Term:
         at = values[threshold.name]
-        return Knee(QUANTITIES[by], at, values["exponent"], side == "above")
+        softness = values["softness"]
+        return Knee(QUANTITIES[by], at, values["exponent"], side == "above", softness)
 
     return EffectDefinition(
         id=f"{part}_knee_{side}_{by}",
         equation=(
             f"The {part} follows the {by} {side} a threshold only: "
-            "``(x / threshold)^exponent``."
+            "``(x / threshold)^exponent``, bending within a softness of ``ln x``."
         ),
         response="friction",
         scope="participant",
-        parameters=(Parameter("exponent", "1", -4.0, 4.0, 0.01), threshold),
+        parameters=(Parameter("exponent", "1", -4.0, 4.0, 0.01), threshold, _SOFTNESS),
         apply=_scheduled(part, term),
     )
 

@@ -135,18 +135,24 @@ class Switch:
 
 @dataclass(frozen=True, slots=True)
 class Knee:
-    """``(x / threshold)^exponent`` to one side of a threshold, 1 to the other."""
+    """``(x / threshold)^exponent`` far to one side of a threshold, 1 far to the other.
+
+    It bends within ``softness`` of ``ln x`` around the threshold.
+    """
 
     quantity: Quantity
     threshold: float
     exponent: float
     above: bool
+    softness: float
 
     def at(self, circumstances: SlidingConditions) -> FloatArray:
         """Return it in given circumstances."""
-        x: FloatArray = getattr(circumstances, self.quantity) / self.threshold
-        bent: FloatArray = np.maximum(x, 1.0) if self.above else np.minimum(x, 1.0)
-        return bent**self.exponent
+        x = np.log(getattr(circumstances, self.quantity) / self.threshold)
+        side = 1.0 if self.above else -1.0
+        bent = side * self.softness * np.logaddexp(0.0, side * x / self.softness)
+        factor: FloatArray = np.exp(self.exponent * bent)
+        return factor
 
 
 @dataclass(frozen=True, slots=True)

@@ -76,6 +76,20 @@ def test_a_switch_turns_at_its_threshold_and_a_knee_bends_there() -> None:
         0.8**0.5
     )
     assert times("gain_knee_below_force", exponent=-0.5, threshold_n=0.4) == pytest.approx(1.0)
+    # At its threshold a soft bend has gone the softness times ln 2; far from it, it is sharp.
+    soft = {"exponent": -0.5, "softness": 0.1}
+    for side in ("above", "below"):
+        sign = 1.0 if side == "above" else -1.0
+        assert times(f"gain_knee_{side}_force", threshold_n=0.5, **soft) == pytest.approx(
+            2.0 ** (-0.05 * sign)
+        )
+    assert times("gain_knee_above_force", threshold_n=0.2, **soft) == pytest.approx(
+        0.4**0.5, rel=1e-4
+    )
+    # A width after its threshold, a switch has done 1 / (1 + 1 / e) of it.
+    assert times("gain_switch_by_force", log_change=0.3, threshold_n=0.45, width_n=0.05) == (
+        pytest.approx(np.exp(0.3 / (1.0 + np.exp(-1.0))))
+    )
     assert times("gain_coupling_of_speed_and_force", exponent=0.4) == pytest.approx(
         np.exp(0.4 * np.log(80 / 60) * np.log(0.5 / 0.4))
     )

@@ -17,7 +17,7 @@ from scipy import stats
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effects import extended
 from frictus_service.discovery.beyond.form_fit import FittedForm, Remainder, fit_form
-from frictus_service.discovery.beyond.grammar import Form, grammar
+from frictus_service.discovery.beyond.grammar import Form, Held, grammar
 from frictus_service.discovery.decision.prediction_gain import (
     OMNIBUS,
     find_unexplained,
@@ -108,9 +108,7 @@ def characterise(
     best = compared.best
     if interval_of_mean(compared.honest)[0] <= 0.0:
         return None
-    fitted = fit_form(
-        remainder, best, screen.begin(best, range(len(screen.units))), range(len(screen.units))
-    )
+    fitted = _fit(remainder, screen, best, range(len(screen.units)))
     fitted, beside = _again(problem, model, fitted)
     left = find_unexplained(
         beside[0], beside[1], [u.beyond(model.chosen) for u in beside[1].units], flips
@@ -213,12 +211,27 @@ class _Screen:
         }
         return sorted(best, key=lambda form: -best[form])[:PROMISING]
 
-    def begin(self, form: Form, units: Sequence[int]) -> dict[str, float]:
-        """Return dose and shapes of a form at which it explains most of some units."""
+    def begins(self, form: Form, units: Sequence[int]) -> list[dict[str, float]]:
+        """Return dose and shapes at which a form explains most of some units.
+
+        One for each sharpness of its grid: what is narrow and far from where it belongs sees
+        none of the tones that would draw it there.
+        """
         gains, sizes = self._gains(units)
-        own = [k for k, each in enumerate(self.forms) if each is form]
-        at = max(own, key=lambda k: float(gains[k]))
-        return {form.dose: float(sizes[at]), **dict(self.candidates[at].held)}
+        best: dict[Held, int] = {}
+        for k, each in enumerate(self.forms):
+            sharpness = self.candidates[k].held[1:]
+            if each is form and gains[k] >= gains[best.get(sharpness, k)]:
+                best[sharpness] = k
+        return [
+            {form.dose: float(sizes[k]), **dict(self.candidates[k].held)} for k in best.values()
+        ]
+
+
+def _fit(remainder: Remainder, screen: _Screen, form: Form, units: Sequence[int]) -> FittedForm:
+    """Return a form fitted to some units, from wherever the screen finds most of it."""
+    fits = [fit_form(remainder, form, begin, units) for begin in screen.begins(form, units)]
+    return min(fits, key=lambda fitted: fitted.cost)
 
 
 @dataclass(frozen=True)
@@ -273,7 +286,7 @@ def _compare(remainder: Remainder, screen: _Screen) -> _Compared:
     for fold, units, own in zip(folds, trained, chosen, strict=True):
         inside = {}
         for form in forms:
-            fitted = fit_form(remainder, form, screen.begin(form, units), units)
+            fitted = _fit(remainder, screen, form, units)
             inside[form] = sum(_gain(remainder, fitted, unit) for unit in units)
             inside[form] -= 0.5 * PENALTY * (1 + len(form.shapes))
             for unit in fold:

@@ -1,4 +1,4 @@
-"""Fits the dose and the shape of a form to what a model leaves of many people: Gauss-Newton.
+"""Fits the dose and the shape of a form to what a model leaves of many people: a trust region.
 
 The readings, their whitening and what is everybody's own are those of the catalogue's
 estimator; the form extends the base model, so that it predicts what the twin would do.
@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 from scipy import stats
+from scipy.optimize import least_squares
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effects import FORMS, extended
@@ -19,15 +20,15 @@ from frictus_service.discovery.inference.linear_model import orthonormal
 from frictus_service.discovery.inference.linearisation import Linearised
 from frictus_service.discovery.problem.problem import DiscoveryProblem
 
-ROUNDS: Final = 12
-SETTLED: Final = 1e-4
-LEAST_STEP: Final = 1e-3
-MOST_STEP: Final = 0.5
-"""Of a logarithm, or of a plain parameter, in one round."""
+ROUNDS: Final = 60
+SETTLED: Final = 1e-5
+"""Share of the sum of squares, or of the parameters, below which a step is none."""
 RIDGE: Final = 1e-6
 NEAR: Final = 0.2
-"""Of half a parameter's interval."""
-LOGARITHMIC: Final = frozenset({"frequency_hz", "damping", "delay_s", "corner_hz"})
+"""Of half a parameter's interval: by so much it, and its interval, may differ."""
+LOGARITHMIC: Final = frozenset(
+    {"frequency_hz", "damping", "delay_s", "corner_hz", "width_mm_s", "width_n", "softness"}
+)
 """Parameters that are fitted on a log scale."""
 
 
@@ -128,10 +129,14 @@ class FittedForm:
         return max(ends[0], bounds.low), min(ends[1], bounds.high)
 
     def is_near(self, other: "FittedForm") -> bool:
-        """Return whether no fitted parameter is further from another fit's than `NEAR`."""
+        """Return whether another fit has the same parameters and intervals, within `NEAR`.
+
+        An interval that is still wide because the fit is poor must not end the search.
+        """
         return all(
             abs(_on_scale(name, self.values[name]) - _on_scale(name, other.values[name]))
             <= NEAR * half
+            and abs(half - other.half_width[name]) <= NEAR * half
             for name, half in self.half_width.items()
         )
 
@@ -165,11 +170,17 @@ def fit_form(
     steps = {p.name: p.step for p in FORMS[form.id].parameters}
     values = {name: float(np.clip(begin[name], *bounds[name])) for name in names}
 
+    def plain(x: FloatArray) -> dict[str, float]:
+        return {
+            name: float(np.clip(np.exp(at) if name in LOGARITHMIC else at, *bounds[name]))
+            for name, at in zip(names, x, strict=True)
+        }
+
     def left(values: Mapping[str, float]) -> list[FloatArray]:
         return [remainder.rest(unit, form.id, values) for unit in units]
 
-    def jacobian(values: dict[str, float], rests: list[FloatArray]) -> list[FloatArray]:
-        columns = []
+    def jacobian(values: dict[str, float]) -> list[FloatArray]:
+        rests, columns = left(values), []
         for name in names:
             step = steps[name] * (-1.0 if values[name] + steps[name] > bounds[name][1] else 1.0)
             moved = left({**values, name: values[name] + step})
@@ -177,29 +188,27 @@ def fit_form(
             columns.append([slope * (b - a) for a, b in zip(moved, rests, strict=True)])
         return [np.column_stack(each) for each in zip(*columns, strict=True)]
 
+    def left_at(x: FloatArray) -> FloatArray:
+        return np.concatenate(left(plain(x)))
+
+    def jacobian_at(x: FloatArray) -> FloatArray:
+        return -np.concatenate(jacobian(plain(x)))
+
+    low, high = np.array([[_on_scale(n, b) for b in bounds[n]] for n in names]).T
+    found = least_squares(
+        left_at,
+        np.array([_on_scale(name, values[name]) for name in names]),
+        jacobian_at,
+        (low, high),
+        x_scale="jac",
+        ftol=SETTLED,
+        xtol=SETTLED,
+        gtol=None,
+        max_nfev=ROUNDS,
+    )
+    values = plain(found.x)
     rests = left(values)
-    cost = _squares(rests)
-    for _ in range(ROUNDS):
-        slopes = jacobian(values, rests)
-        move = _step(slopes, rests)
-        share, better = 1.0, None
-        while share > LEAST_STEP:
-            tried = {
-                name: _moved(name, values[name], share * float(each), bounds[name])
-                for name, each in zip(names, move, strict=True)
-            }
-            after = left(tried)
-            if _squares(after) <= cost:
-                better = tried
-                break
-            share /= 3.0
-        if better is None:
-            break
-        gained = cost - _squares(after)
-        values, rests, cost = better, after, _squares(after)
-        if gained < SETTLED * (1.0 + cost) and np.all(np.abs(move) < 0.01):
-            break
-    slopes = jacobian(values, rests)
+    slopes = jacobian(values)
     half = _half_widths(slopes, rests, [remainder.accuracy(u) for u in units])
     mean, half[0] = _mean_dose(values[form.dose], slopes, rests, float(half[0]))
     values = {**values, form.dose: float(np.clip(mean, *bounds[form.dose]))}
@@ -231,11 +240,6 @@ def _mean_dose(
     return float(own.mean()), max(half, least)
 
 
-def _moved(name: str, value: float, step: float, bounds: tuple[float, float]) -> float:
-    new = value * float(np.exp(step)) if name in LOGARITHMIC else value + step
-    return float(np.clip(new, *bounds))
-
-
 def _squares(rests: Sequence[FloatArray]) -> float:
     return float(sum(rest @ rest for rest in rests))
 
@@ -243,11 +247,6 @@ def _squares(rests: Sequence[FloatArray]) -> float:
 def _gram(slopes: Sequence[FloatArray]) -> FloatArray:
     gram: FloatArray = np.sum([each.T @ each for each in slopes], axis=0)
     return gram + RIDGE * np.diag(np.maximum(np.diagonal(gram), 1e-12))
-
-
-def _step(slopes: Sequence[FloatArray], rests: Sequence[FloatArray]) -> FloatArray:
-    along = np.sum([j.T @ rest for j, rest in zip(slopes, rests, strict=True)], axis=0)
-    return np.clip(np.linalg.solve(_gram(slopes), along), -MOST_STEP, MOST_STEP)
 
 
 def _half_widths(

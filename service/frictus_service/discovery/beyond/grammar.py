@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from frictus_hardware.physics.effects import FORMS
+from frictus_hardware.physics.forms import WIDTHS
 from frictus_service.discovery.problem.candidates import Candidate
 
 Held = tuple[tuple[str, float], ...]
@@ -87,12 +88,13 @@ _WORDS: Final[Mapping[str, _Words]] = {
         "the corner",
     ),
     "switch_by_speed": _Words(
-        "the {part} changes by exp({log_change}) beyond {threshold_mm_s} mm/s",
+        "the {part} changes by exp({log_change}) beyond {threshold_mm_s} mm/s, over "
+        "{width_mm_s} mm/s",
         "a change of regime of sliding, or a limit of the tracker",
         "speeds in small steps around the threshold, rising and falling",
     ),
     "switch_by_force": _Words(
-        "the {part} changes by exp({log_change}) beyond {threshold_n} N",
+        "the {part} changes by exp({log_change}) beyond {threshold_n} N, over {width_n} N",
         "contact that is lost below a force, or that saturates beyond it",
         "forces in small steps around the threshold, and the contact area filmed",
     ),
@@ -102,22 +104,26 @@ _WORDS: Final[Mapping[str, _Words]] = {
         "the log of the session at that time, and the first trials repeated at the end",
     ),
     "knee_above_speed": _Words(
-        "the {part} follows the speed above {threshold_mm_s} mm/s only, exponent {exponent}",
+        "the {part} follows the speed above {threshold_mm_s} mm/s only, exponent {exponent}, "
+        "bending within {softness} of its logarithm",
         "a regime of sliding that begins there, such as contact that lifts",
         "three speeds beyond the threshold",
     ),
     "knee_below_speed": _Words(
-        "the {part} follows the speed below {threshold_mm_s} mm/s only, exponent {exponent}",
+        "the {part} follows the speed below {threshold_mm_s} mm/s only, exponent {exponent}, "
+        "bending within {softness} of its logarithm",
         "adhesion or sweat, that matter while the finger is slow",
         "three speeds below the threshold, on a dry and on a wiped screen",
     ),
     "knee_above_force": _Words(
-        "the {part} follows the force above {threshold_n} N only, exponent {exponent}",
+        "the {part} follows the force above {threshold_n} N only, exponent {exponent}, "
+        "bending within {softness} of its logarithm",
         "a fingertip that flattens no further: its area of contact saturates",
         "three forces beyond the threshold, and the contact area filmed",
     ),
     "knee_below_force": _Words(
-        "the {part} follows the force below {threshold_n} N only, exponent {exponent}",
+        "the {part} follows the force below {threshold_n} N only, exponent {exponent}, "
+        "bending within {softness} of its logarithm",
         "contact that is lost in part when the finger presses lightly",
         "three forces below the threshold, and the contact area filmed",
     ),
@@ -155,6 +161,15 @@ _THRESHOLDS: Final[Mapping[str, Sequence[float]]] = {
     "force": np.arange(0.225, 0.6, 0.025).tolist(),
     "time": np.arange(1.0, 20.0, 0.5).tolist(),
 }
+
+_RISES: Final[Mapping[str, float]] = {
+    "width_mm_s": WIDTHS["speed"],
+    "width_n": WIDTHS["force"],
+    "width_min": WIDTHS["time"],
+    "softness": 0.1,
+}
+"""From which the sharpness of a switch and of a knee is fitted: no finger changes on an edge,
+and where a threshold is depends on how sharp it is."""
 
 
 def grammar() -> tuple[Form, ...]:
@@ -195,7 +210,12 @@ def _scheduled() -> Iterator[Form]:
         by = rest.rpartition("_")[2]
         shapes = tuple(each.name for each in effect.parameters[1:])
         coupled = not shapes
-        grid = ((),) if coupled else tuple(((shapes[0], at),) for at in _THRESHOLDS[by])
+        grid: tuple[Held, ...] = ((),)
+        if not coupled:
+            rise = tuple((name, _RISES[name]) for name in shapes[1:])
+            grid = tuple(((shapes[0], float(at)), *rise) for at in _THRESHOLDS[by])
+        if by == "time":  # what is changed between two trials changes at once
+            shapes = shapes[:1]
         yield Form(
             id=id_,
             family=f"{part} by speed and force" if coupled else f"{part} bends by {by}",

@@ -1,0 +1,106 @@
+"""A form is fitted to the bottom: remainders that are the form itself, without a study."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+
+from frictus_hardware.arrays import FloatArray
+from frictus_hardware.physics.effects import extended
+from frictus_hardware.physics.paths import factor_of
+from frictus_hardware.physics.schedule import SlidingConditions
+from frictus_hardware.physics.simulator import Simulator
+from frictus_service.discovery.beyond.form_fit import FittedForm, Remainder, fit_form
+from frictus_service.discovery.beyond.grammar import Form, grammar
+
+TONES_HZ = np.array(
+    """
+    35.4 50.0 64.9 85.9 107.3 142.6 199.5 256.9 294.4 434.1 566.9 715.5 1030.5 1375.0 1833.9
+    """.split(),
+    dtype=np.float64,
+)
+"""Of a study in which a resonance at 745 Hz was found at 828 Hz."""
+NOISE = 0.01
+N_UNITS = 8
+
+
+@dataclass(frozen=True)
+class Analytic(Remainder):
+    """What an extra resonance with noise leaves, in size and phase at each tone."""
+
+    noise: FloatArray = field(default_factory=lambda: np.zeros((N_UNITS, 2 * TONES_HZ.size)))
+    true: Mapping[str, float] = field(default_factory=dict)
+
+    def rest(self, unit: int, effect: str, values: Mapping[str, float]) -> FloatArray:
+        left = _log_factor(effect, self.true) - _log_factor(effect, values)
+        readings: FloatArray = left / NOISE + self.noise[unit]
+        return readings
+
+    def accuracy(self, unit: int) -> FloatArray:
+        return np.full(2 * TONES_HZ.size, 1e-3)
+
+
+def _log_factor(effect: str, values: Mapping[str, float]) -> FloatArray:
+    if not values:
+        return np.zeros(2 * TONES_HZ.size)
+    everywhere = np.ones(TONES_HZ.size)
+    at = SlidingConditions(
+        speed_mm_s=60.0 * everywhere,
+        normal_force_n=0.4 * everywhere,
+        position_mm=35.0 * everywhere,
+        direction=everywhere,
+        minutes=everywhere,
+    )
+    paths = extended(Simulator(), [(effect, values)]).paths
+    log = np.log(factor_of(paths, TONES_HZ, at) * everywhere)
+    return np.concatenate([log.real, log.imag])
+
+
+def _resonance() -> Form:
+    return next(each for each in grammar() if each.id == "extra_resonance")
+
+
+def _left_by(true: Mapping[str, float], noise: FloatArray) -> Remainder:
+    nothing: Any = None  # of a study and its model it asks nothing
+    return Analytic(nothing, nothing, (), (1.0,) * N_UNITS, noise, true)
+
+
+@pytest.mark.parametrize(("depth", "begin_hz"), [(0.2, 862.0), (0.3, 600.0)])
+def test_a_resonance_between_two_tones_is_found_from_the_next_of_the_grid(
+    depth: float, begin_hz: float
+) -> None:
+    """Depth, damping and frequency trade: cut off one by one, a step no longer leads down."""
+    true = {"depth": 0.39, "frequency_hz": 745.0, "damping": 0.07}
+    remainder = _left_by(true, np.zeros((N_UNITS, 2 * TONES_HZ.size)))
+    begin = {"depth": depth, "frequency_hz": begin_hz, "damping": 0.05}
+    fitted = fit_form(remainder, _resonance(), begin, range(N_UNITS))
+    assert fitted.values == pytest.approx(true, rel=1e-3)
+    assert fitted.cost < 1e-3
+
+
+def test_an_interval_holds_the_truth_as_often_as_it_says(rng: np.random.Generator) -> None:
+    true = {"depth": 0.39, "frequency_hz": 745.0, "damping": 0.07}
+    begin = {"depth": 0.3, "frequency_hz": 765.0, "damping": 0.1}
+    held = 0
+    for _ in range(25):
+        remainder = _left_by(true, rng.normal(size=(N_UNITS, 2 * TONES_HZ.size)))
+        low, high = fit_form(remainder, _resonance(), begin, range(N_UNITS)).interval(
+            "frequency_hz"
+        )
+        held += low <= true["frequency_hz"] <= high
+    assert held >= 18  # of 25; at 95 % fewer are as rare as 1 in 1e4
+
+
+def test_a_fit_goes_on_while_its_interval_changes() -> None:
+    form = _resonance()
+    values = {"depth": 0.3, "frequency_hz": 745.0, "damping": 0.07}
+    half = {"depth": 0.1, "frequency_hz": 0.03, "damping": 0.2}
+    settled = FittedForm(form, values, half, 1.0)
+    elsewhere = FittedForm(form, {**values, "frequency_hz": 828.0}, half, 1.0)
+    vague = FittedForm(form, values, {**half, "frequency_hz": 0.1}, 1.0)
+    assert settled.is_near(settled)
+    assert not settled.is_near(elsewhere)
+    assert not settled.is_near(vague)
+    assert not vague.is_near(settled)
