@@ -113,8 +113,8 @@ def import_texture(
     times `scale_n`, one column of samples or two columns, time in s and sample; a header line
     may stand first. ``.json``: a texture document as `frictus.textures` describes it.
     ``.ahap``, ``.haptic``, ``.hjif`` and ``.hmpg``: effects, rendered as
-    `frictus.effect_files` describes it; full scale is ``scale_n`` newtons. ``.xml``: one node of a Penn HaTT model, see
-    `frictus.hatt`.
+    `frictus.effect_files` describes it; full scale is ``scale_n`` newtons.
+    ``.xml``: one node of a Penn HaTT model, see `frictus.hatt`.
 
     A recording or effect becomes a `Profile` that repeats without end, over position where its
     speed is given, otherwise over time. Its mean is removed, since friction is relative: the

@@ -64,10 +64,11 @@ def hjif_of(data: bytes) -> Tree:
         at += _UNIT_BYTES
         if length > len(data) - at:
             raise TextureError(
-                f"{unit.where} has {length} bytes, of which {len(data) - at} are there: the file "
-                "is cut, or no MPEG haptics stream (.hmpg)"
+                f"{unit.where} has {length} bytes, of which {len(data) - at} are there: the "
+                "file is cut, or no MPEG haptics stream (.hmpg)"
             )
         end, packets = at + length, packets + 1
+        _check(packets)
         while at < end:
             head = _Bits(data[at : at + _PACKET_BYTES], f"the packet at byte {at}")
             kind, size = head.read(6), head.read(17)
@@ -76,10 +77,14 @@ def hjif_of(data: bytes) -> Tree:
                 raise TextureError(f"{head.where} is longer than its unit")
             stream.take(kind, _Bits(data[at : at + size], head.where))
             at, packets = at + size, packets + 1
-            if packets > MAX_PACKETS:
-                raise TextureError(f"more than {MAX_PACKETS} packets and units")
+            _check(packets)
         stream.time += duration
     return {"timescale": stream.timescale, "perceptions": list(stream.perceptions.values())}
+
+
+def _check(packets: int) -> None:
+    if packets > MAX_PACKETS:
+        raise TextureError(f"more than {MAX_PACKETS} packets and units")
 
 
 class _Stream:
@@ -214,7 +219,9 @@ class _Stream:
             mask = bits.read(2) if kind == "VectorialWave" else 3
             held = (mask & 1, 1, mask & 2 and kind != "Curve")
             fields = (_AMPLITUDE, _POSITION, _FREQUENCY)
-            frames.append(bits.keyframe([f for f, is_held in zip(fields, held, strict=True) if is_held]))
+            frames.append(
+                bits.keyframe([f for f, is_held in zip(fields, held, strict=True) if is_held])
+            )
         made["keyframes"] = frames
 
     def _granted(self, bits: "_Bits") -> int:
@@ -268,8 +275,8 @@ class _Bits:
         code = self.read(count)
         if code >= len(names):
             raise TextureError(
-                f"{self.where}: {what} {code}; 0 to {len(names) - 1} are read: the file is damaged, "
-                "or no MPEG haptics stream (.hmpg)"
+                f"{self.where}: {what} {code}; 0 to {len(names) - 1} are read: the file is "
+                "damaged, or no MPEG haptics stream (.hmpg)"
             )
         return names[code]
 

@@ -129,7 +129,8 @@ def wavelet_band(
     left.samples -= max(end - first, count * len(coded))
     if left.samples < 0:
         raise TextureError(
-            f"{where}: more than {MAX_SAMPLES} samples of wavelet bands up to here, gaps included"
+            f"{where}: more than {MAX_SAMPLES} samples of wavelet bands up to here, gaps "
+            "included"
         )
     coefficients = np.zeros((len(coded), count))
     for row, n in zip(coefficients, coded, strict=True):
@@ -167,8 +168,8 @@ def _stream(effect: dict[str, Any], where: str) -> bytes:
     stream = effect.get("wavelet_stream")
     if not isinstance(stream, str):
         raise TextureError(
-            f"{where}: a text 'wavelet_stream' was expected; drafts from before the standard have "
-            "keyframes instead: code the signal anew"
+            f"{where}: a text 'wavelet_stream' was expected; drafts from before the standard "
+            "have keyframes instead: code the signal anew"
         )
     if len(stream) > MAX_STREAM:
         raise TextureError(f"{where}: {len(stream)} characters; at most {MAX_STREAM} accepted")
