@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 
 from frictus.effect_files.document import LARGEST, items, within, word
 from frictus.effect_files.spiht import TooManyDecisionsError, decode_block
-from frictus.effect_files.timeline import FloatArray, Timeline
+from frictus.effect_files.timeline import DRAWN_HZ, FloatArray, Timeline
 from frictus.errors import TextureError
 
 BLOCK_SAMPLES: Final = (16, 32_768)
-MAX_SAMPLES: Final = 5_000_000
-"""Of all wavelet bands of a document together, gaps included: 10 minutes at 8 kHz."""
+MAX_SAMPLES: Final = 3_000_000
+"""Of all wavelet bands of a document together, gaps included: 6 minutes at 8 kHz."""
+LEAST_SAMPLES: Final = 1_000
+"""That a band counts as."""
 MAX_DECISIONS: Final = 6_000_000
 """Of all blocks of a document together: what bounds the time of decoding."""
 MAX_STREAM: Final = 100_000
@@ -73,18 +75,15 @@ class WaveletBand:
     def render(self, timeline: Timeline) -> None:
         """Add the band to an effect, interpolated without new frequencies."""
         span, _ = timeline.span(self.first / self.rate_hz, self.end_s)
-        rate_hz = round(timeline.rate_hz)
-        common = math.gcd(rate_hz, self.rate_hz)
-        whole, lead = self.rate_hz // common, self.first % (self.rate_hz // common)
-        # Between two samples that both rates have, with some silence behind.
-        length = whole * -(-(lead + self.samples.size + whole) // whole)
+        # From a sample that both rates have to another, with some silence behind.
+        whole = _common_samples(self.rate_hz)
+        lead = self.first % whole
+        length = whole * _smooth(-(-(lead + self.samples.size + whole) // whole))
         padded = np.zeros(length)
         padded[lead : lead + self.samples.size] = self.samples
-        spectrum = np.fft.rfft(padded)
-        if rate_hz < self.rate_hz:
-            spectrum = spectrum[: length * rate_hz // self.rate_hz // 2 + 1]
-        count = length * rate_hz // self.rate_hz
-        begin = (self.first - lead) * rate_hz // self.rate_hz
+        count = length * DRAWN_HZ // self.rate_hz
+        begin = (self.first - lead) * DRAWN_HZ // self.rate_hz
+        spectrum = np.fft.rfft(padded)[: count // 2 + 1]
         signal = np.fft.irfft(spectrum, count) * (count / length)
         timeline.samples[span] += self.gain * signal[span.start - begin : span.stop - begin]
 
@@ -126,7 +125,8 @@ def wavelet_band(
         return None
     coded = [n for n, bits in enumerate(streams) if any(bits)]
     first, end = min(begins), max(begins) + count
-    left.samples -= max(end - first, count * len(coded))
+    rendered = end - first + 2 * _common_samples(rate_hz)
+    left.samples -= max(rendered, count * len(coded), LEAST_SAMPLES)
     if left.samples < 0:
         raise TextureError(
             f"{where}: more than {MAX_SAMPLES} samples of wavelet bands up to here, gaps "
@@ -146,6 +146,17 @@ def wavelet_band(
     for n, block in zip(coded, synthesis(coefficients), strict=True):
         samples[begins[n] - first : begins[n] - first + count] += block
     return WaveletBand(gain, rate_hz, first, samples)
+
+
+def _common_samples(rate_hz: int) -> int:
+    """Return how many samples last a whole number of the timeline's."""
+    return rate_hz // math.gcd(rate_hz, DRAWN_HZ)
+
+
+def _smooth(least: int) -> int:
+    """Return the least product of 2, 3 and 5 that is no less: soon transformed."""
+    odd = (3**b * 5**c for b in range(14) for c in range(10))
+    return min(n << (-(-least // n) - 1).bit_length() for n in odd)
 
 
 def _block_samples(ticks: float, rate_hz: int, timescale: float, where: str) -> int:

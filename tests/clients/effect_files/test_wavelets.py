@@ -175,18 +175,25 @@ def test_what_cannot_be_decoded_is_refused(made: dict[str, Any], complaint: str)
 
 def test_documents_cannot_ask_for_more_than_is_granted(rng: np.random.Generator) -> None:
     noise = wavelet_band(stream(rng.standard_normal(BLOCK)))
-    left = Budget(samples=3 * BLOCK, decisions=30_000)
+    left = Budget(samples=5_000, decisions=30_000)
     wavelets.wavelet_band(noise, "first", 1_000.0, 1.0, left)
-    assert left.samples == 2 * BLOCK
+    assert left.samples == 5_000 - wavelets.LEAST_SAMPLES
     assert 5_000 < 30_000 - left.decisions < 16 * 2 * BLOCK
     with pytest.raises(
         TextureError, match=r"second.effects\[0\]: more than 6000000 coded deci"
     ):
         wavelets.wavelet_band(noise, "second", 1_000.0, 1.0, Budget(decisions=5_000))
+    odd = wavelet_band(
+        "", block_length=TICKS * RATE_HZ // 65_521 + 1, upper_frequency_limit=65_521
+    )
+    with pytest.raises(
+        TextureError, match=r"bands\[22\]: more than 3000000 samples of wavelet"
+    ):
+        render_effect(hjif(*[odd] * 23), ".hjif")
     far = wavelet_band("", "")
     far["effects"][1]["position"] = 150_000
-    with pytest.raises(TextureError, match=r"bands\[4\]: more than 5000000 samples of wavelet"):
-        render_effect(hjif(*[far] * 5), ".hjif")
+    with pytest.raises(TextureError, match=r"bands\[2\]: more than 3000000 samples of wavelet"):
+        render_effect(hjif(*[far] * 3), ".hjif")
 
 
 def test_text_and_bytes_of_a_stream_are_one() -> None:
