@@ -155,7 +155,7 @@ def _common_samples(rate_hz: int) -> int:
 
 def _smooth(least: int) -> int:
     """Return the least product of 2, 3 and 5 that is no less: soon transformed."""
-    odd = (3**b * 5**c for b in range(14) for c in range(10))
+    odd = (int(3**b * 5**c) for b in range(14) for c in range(10))
     return min(n << (-(-least // n) - 1).bit_length() for n in odd)
 
 
