@@ -35,7 +35,7 @@ def main() -> None:
         seen.add(digest)
         files[suffix] += 1
         try:
-            render_effect(content.decode("utf-8-sig"), suffix)
+            render_effect(content, suffix)
             signals[suffix] += 1
             import_texture(path, given.speed, scale_n=0.5)
             textures[suffix] += 1

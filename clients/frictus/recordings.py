@@ -16,7 +16,7 @@ from pydantic import TypeAdapter, ValidationError
 from frictus.effect_files import EFFECT_SUFFIXES, render_effect
 from frictus.errors import TextureError, explain
 from frictus.hatt import import_node
-from frictus.sample_files import read_csv, read_text, read_wav, require
+from frictus.sample_files import read_bytes, read_csv, read_text, read_wav, require
 from frictus.textures import (
     BAND_HZ,
     MAX_PROFILE_SAMPLES,
@@ -112,9 +112,9 @@ def import_texture(
     ``.wav``: PCM of 8, 16, 24 or 32 bits; full scale is ``scale_n`` newtons. ``.csv``: newtons
     times `scale_n`, one column of samples or two columns, time in s and sample; a header line
     may stand first. ``.json``: a texture document as `frictus.textures` describes it.
-    ``.ahap``, ``.haptic`` and ``.hjif``: effects, rendered as `frictus.effect_files` describes
-    it; full scale is ``scale_n`` newtons. ``.xml``: one node of a Penn HaTT model, see
-    `frictus.hatt`.
+    ``.ahap``, ``.haptic``, ``.hjif`` and ``.hmpg``: effects, rendered as
+    `frictus.effect_files` describes it; full scale is ``scale_n`` newtons.
+    ``.xml``: one node of a Penn HaTT model, see `frictus.hatt`.
 
     A recording or effect becomes a `Profile` that repeats without end, over position where its
     speed is given, otherwise over time. Its mean is removed, since friction is relative: the
@@ -205,14 +205,12 @@ def _read_rated(
     if suffix == ".wav":
         return *read_wav(path, channel), ()
     if suffix in EFFECT_SUFFIXES:
-        effect = render_effect(read_text(path), suffix)
+        effect = render_effect(read_bytes(path), suffix)
         require(bool(np.any(effect.signal)), "the effect is silent: there is nothing to feel")
         notes, mean = effect.notes, float(np.mean(effect.signal))
         if abs(mean) > LEAST_MEAN:
             notes += (f"its mean, {mean:.2g} of full scale, is removed: friction is relative",)
         return effect.signal, effect.sample_rate_hz, notes
-    if suffix in (".hmpg", ".gmpg"):
-        raise TextureError("the binary form of MPEG haptics is not read; convert it to .hjif")
     raise TextureError(f".wav, .csv, .json, .xml, {', '.join(EFFECT_SUFFIXES)} are accepted")
 
 

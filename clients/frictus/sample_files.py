@@ -147,6 +147,24 @@ def _rate_of(time_s: FloatArray, name: str) -> float:
     return float(1.0 / step_s)
 
 
+def read_bytes(path: Path) -> bytes:
+    """Return the content of a file of at most `MAX_TEXT_BYTES`.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+
+    Raises
+    ------
+    TextureError
+        If it is longer.
+    """
+    size = path.stat().st_size
+    require(size <= MAX_TEXT_BYTES, f"{path.name}: {size} bytes; at most {MAX_TEXT_BYTES}")
+    return path.read_bytes()
+
+
 def read_text(path: Path) -> str:
     """Return the text of a file of at most `MAX_TEXT_BYTES`.
 
@@ -160,10 +178,8 @@ def read_text(path: Path) -> str:
     TextureError
         If it is longer, or no UTF-8.
     """
-    size = path.stat().st_size
-    require(size <= MAX_TEXT_BYTES, f"{path.name}: {size} bytes; at most {MAX_TEXT_BYTES}")
     try:
-        return path.read_text(encoding="utf-8-sig")
+        return read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise TextureError(f"{path.name} is not text in UTF-8: {error}") from error
 

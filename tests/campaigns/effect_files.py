@@ -14,8 +14,16 @@ from collections import Counter
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 from tests.campaigns.lines import Line, asked, go_on
-from tests.campaigns.mutations import Mutant, draw_damaged, draw_damaged_text
+from tests.campaigns.mutations import (
+    Mutant,
+    draw_damaged,
+    draw_damaged_bytes,
+    draw_damaged_text,
+)
+from tests.clients.effect_files.hmpg_writer import hmpg
+from tests.clients.effect_files.wavelet_coder import stream
 
 from frictus.effect_files import EFFECT_SUFFIXES
 from frictus.errors import TextureError
@@ -23,6 +31,7 @@ from frictus.recordings import import_texture
 from frictus.sample_files import MAX_TEXT_BYTES
 
 HATT: Final = ".xml"
+BINARY: Final = ".hmpg"
 SUFFIXES: Final = (*EFFECT_SUFFIXES, HATT)
 CASES: Final = 25
 """Of one batch."""
@@ -76,7 +85,14 @@ def run(name: str, seed: int, cases: int = CASES) -> Line:
 def _drawn(suffix: str, rng: random.Random) -> Mutant:
     if suffix == HATT:
         return draw_damaged_text(draw_hatt(rng), MAX_TEXT_BYTES, rng)
+    if suffix == BINARY:
+        return draw_damaged_bytes(draw_hmpg(rng), MAX_TEXT_BYTES, rng)
     return draw_damaged(draw_effect(suffix, rng), MAX_TEXT_BYTES, rng)
+
+
+def draw_hmpg(rng: random.Random) -> bytes:
+    """Return a valid binary file with something of all that its format has."""
+    return hmpg(_hjif(rng), rng.choice([50, 128, 10**6]))
 
 
 def draw_hatt(rng: random.Random) -> bytes:
@@ -151,6 +167,7 @@ def _haptic(rng: random.Random) -> Tree:
 
 def _hjif(rng: random.Random) -> Tree:
     bands = []
+    bands.append(_blocks(rng))
     for kind in rng.choices(["Transient", "VectorialWave", "Curve"], k=rng.randint(1, 4)):
         effects: list[Tree] = [{"effect_type": "Reference", "id": 1, "position": 700}]
         for position in sorted(rng.randrange(3_000) for _ in range(rng.randint(1, 4))):
@@ -158,12 +175,25 @@ def _hjif(rng: random.Random) -> Tree:
             effect = {"effect_type": "Basis", "base_signal": signal, "phase": rng.random()}
             effects.append(effect | {"position": position, "keyframes": _keyframes(rng)})
         curve = rng.choice(["Cubic", "Linear", "Akima", "Unknown"])
-        bands.append({"band_type": kind, "curve_type": curve, "effects": effects})
+        band = {"band_type": kind, "curve_type": curve, "upper_frequency_limit": 1_000}
+        bands.append(band | {"effects": effects})
     library = [{"id": 1, "effect_type": "Basis", "position": 0, "keyframes": _keyframes(rng)}]
     channels = [{"gain": rng.uniform(0.1, 3.0), "mixing_coefficient": 1.0, "bands": bands}]
-    perception = {"perception_modality": "Vibrotactile", "effect_library": library}
+    perception = {"id": 3, "perception_modality": "Vibrotactile", "effect_library": library}
     perceptions = [perception | {"perception_unit_exponent": 0, "channels": channels}]
     return {"version": "2023", "timescale": 1_000, "perceptions": perceptions}
+
+
+def _blocks(rng: random.Random) -> Tree:
+    """Return a wavelet band of three blocks, one of them silent."""
+    course = [rng.gauss(0.0, 0.2) for _ in range(256)]
+    streams = [stream(np.array(course), rng.randint(3, 10)) for _ in range(2)]
+    effects = [
+        {"effect_type": "Basis", "position": 32 * n, "wavelet_stream": text}
+        for n, text in enumerate([streams[0], "", streams[1]])
+    ]
+    made = {"band_type": "WaveletWave", "block_length": 32, "upper_frequency_limit": 8_000}
+    return made | {"effects": effects}
 
 
 def _keyframes(rng: random.Random) -> list[Tree]:

@@ -101,6 +101,24 @@ def draw_damaged(valid: Tree, most_bytes: int, rng: random.Random) -> Mutant:
     return _drawn(ways, rng)
 
 
+def draw_damaged_bytes(plain: bytes, most_bytes: int, rng: random.Random) -> Mutant:
+    """Return a binary file that is valid or no longer so; see `draw_damaged`.
+
+    Parameters
+    ----------
+    plain : bytes
+        Valid.
+    most_bytes : int
+        What its reader accepts.
+    rng : Random
+    """
+    ways = _ways_of_bytes(plain, most_bytes, rng)
+    ways["valid"] = (1.0, lambda: plain)
+    ways["flipped"] = (6.0, ways["flipped"][1])
+    ways["repeated"] = (1.0, lambda: _with_slice_repeated(plain, most_bytes, rng))
+    return _drawn(ways, rng)
+
+
 def draw_damaged_text(plain: bytes, most_bytes: int, rng: random.Random) -> Mutant:
     """Return a text, such as XML, that is valid or no longer so; see `draw_damaged`.
 

@@ -13,6 +13,7 @@ from typing import Any, Final
 from frictus.effect_files.ahap import render_ahap
 from frictus.effect_files.document import parsed
 from frictus.effect_files.haptic import render_haptic
+from frictus.effect_files.hmpg import hjif_of
 from frictus.effect_files.mpeg import render_hjif
 from frictus.effect_files.timeline import RenderedEffect
 from frictus.errors import TextureError
@@ -22,19 +23,20 @@ _RENDERERS: Final[dict[str, Callable[[dict[str, Any]], RenderedEffect]]] = {
     ".haptic": render_haptic,
     ".hjif": render_hjif,
 }
-EFFECT_SUFFIXES: Final = tuple(_RENDERERS)
+_BINARY: Final = ".hmpg"
+EFFECT_SUFFIXES: Final = (*_RENDERERS, _BINARY)
 
 
-def render_effect(text: str, suffix: str) -> RenderedEffect:
+def render_effect(content: str | bytes, suffix: str) -> RenderedEffect:
     """Render an effect file.
 
     Parameters
     ----------
-    text : str
+    content : str or bytes
         The file.
     suffix : str
-        Which format: ``.ahap`` (Apple Core Haptics), ``.haptic`` (Lofelt and Meta, version 1)
-        or ``.hjif`` (MPEG haptics, ISO/IEC 23090-31).
+        Which format: ``.ahap`` (Apple Core Haptics), ``.haptic`` (Lofelt and Meta, version 1),
+        ``.hjif`` or ``.hmpg`` (MPEG haptics, ISO/IEC 23090-31, as JSON or binary).
 
     Returns
     -------
@@ -46,9 +48,11 @@ def render_effect(text: str, suffix: str) -> RenderedEffect:
     TextureError
         If it cannot be rendered; the text says what is missing, and where.
     """
+    if suffix == _BINARY:
+        return render_hjif(hjif_of(content.encode() if isinstance(content, str) else content))
     if suffix not in _RENDERERS:
         raise TextureError(f"{suffix}: {', '.join(EFFECT_SUFFIXES)} are rendered")
-    return _RENDERERS[suffix](parsed(text))
+    return _RENDERERS[suffix](parsed(content))
 
 
 __all__ = ["EFFECT_SUFFIXES", "RenderedEffect", "render_effect"]

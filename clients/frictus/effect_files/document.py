@@ -11,12 +11,12 @@ LARGEST: Final = 1e9
 """Magnitude of a number."""
 
 
-def parsed(text: str) -> dict[str, Any]:
+def parsed(text: str | bytes) -> dict[str, Any]:
     """Parse a document whose outermost value is an object.
 
     Parameters
     ----------
-    text : str
+    text : str or bytes
         JSON.
 
     Raises

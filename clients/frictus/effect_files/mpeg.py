@@ -8,6 +8,7 @@ import numpy as np
 
 from frictus.effect_files.document import LARGEST, items, number, within, word
 from frictus.effect_files.timeline import MAX_HZ, FloatArray, RenderedEffect, Timeline
+from frictus.effect_files.wavelets import Budget, WaveletBand, wavelet_band
 from frictus.errors import TextureError
 
 Curve = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
@@ -98,12 +99,32 @@ class _Band:
     pieces: list[_Piece]
     keyframes: int
 
+    @property
+    def end_s(self) -> float:
+        """Where its last effect ends, s."""
+        return max(piece.begin_s + piece.lasts_s for piece in self.pieces)
+
+    def render(self, timeline: Timeline) -> None:
+        """Add its effects."""
+        for piece in self.pieces:
+            if self.kind == "Transient":
+                for time_s, value in zip(*piece.amplitude, strict=True):
+                    begin_s = piece.begin_s + float(time_s)
+                    timeline.burst(begin_s, self.gain * float(value), 2.0 / BURST_S)
+                continue
+            span, time_s = timeline.span(piece.begin_s, piece.begin_s + piece.lasts_s)
+            if self.kind == "VectorialWave":
+                rendered = _wave(piece, timeline, time_s)
+            else:
+                rendered = CURVES[self.curve](time_s, *piece.amplitude)
+            timeline.samples[span] += self.gain * rendered
+
 
 def render_hjif(document: dict[str, Any]) -> RenderedEffect:
     """Render an HJIF document.
 
-    Bands of type `Transient`, `VectorialWave` and `Curve` are rendered, all effects of a band,
-    at their positions, references through the library. Channels are added, each with its gain,
+    Bands of all types are rendered, all effects of a band, at their positions, references
+    through the library. Channels are added, each with its gain,
     mixing coefficient and the perception's unit exponent. Perceptions of other senses are left
     out, which is reported.
 
@@ -115,29 +136,16 @@ def render_hjif(document: dict[str, Any]) -> RenderedEffect:
     Raises
     ------
     TextureError
-        For wavelet bands, whose coefficients are SPIHT-coded; Bezier and B-spline curves;
-        composite effects; perceptions over distance alone; what is missing or out of range.
+        For Bezier and B-spline curves; composite effects; perceptions over distance alone;
+        what is missing or out of range.
     """
     bands, notes = _bands_of(document)
     if not bands:
         left_out = f": {'; '.join(notes)}" if notes else ""
         raise TextureError(f"the document holds no band to render{left_out}")
-    timeline = Timeline(
-        max(piece.begin_s + piece.lasts_s for band in bands for piece in band.pieces)
-    )
+    timeline = Timeline(max(band.end_s for band in bands))
     for band in bands:
-        for piece in band.pieces:
-            if band.kind == "Transient":
-                for time_s, value in zip(*piece.amplitude, strict=True):
-                    begin_s = piece.begin_s + float(time_s)
-                    timeline.burst(begin_s, band.gain * float(value), 2.0 / BURST_S)
-                continue
-            span, time_s = timeline.span(piece.begin_s, piece.begin_s + piece.lasts_s)
-            if band.kind == "VectorialWave":
-                rendered = _wave(piece, timeline, time_s)
-            else:
-                rendered = CURVES[band.curve](time_s, *piece.amplitude)
-            timeline.samples[span] += band.gain * rendered
+        band.render(timeline)
     return timeline.finished(notes)
 
 
@@ -148,10 +156,11 @@ def _wave(piece: _Piece, timeline: Timeline, time_s: FloatArray) -> FloatArray:
     return wave * np.interp(time_s, *piece.amplitude) if piece.amplitude[0].size else wave
 
 
-def _bands_of(document: dict[str, Any]) -> tuple[list[_Band], list[str]]:
+def _bands_of(document: dict[str, Any]) -> tuple[list[_Band | WaveletBand], list[str]]:
     """Return what is rendered, and what is left out."""
     timescale = within(document, "timescale", "document", 1.0, 1e6, 1_000.0)
-    bands, notes, channels, left = [], [], 0, MAX_KEYFRAMES
+    bands, notes = list[_Band | WaveletBand](), list[str]()
+    channels, left, budget = 0, MAX_KEYFRAMES, Budget()
     for where, perception in items(document, "perceptions", "document"):
         if "tracks" in perception:
             raise TextureError(
@@ -172,7 +181,10 @@ def _bands_of(document: dict[str, Any]) -> tuple[list[_Band], list[str]]:
             gain *= number(channel, "mixing_coefficient", at, 1.0)
             channels += 1
             for place, band in items(channel, "bands", at):
-                if (found := _band(band, place, library, timescale, gain, left)).pieces:
+                if word(band, "band_type", place) == "WaveletWave":
+                    if blocks := wavelet_band(band, place, timescale, gain, budget):
+                        bands.append(blocks)
+                elif (found := _band(band, place, library, timescale, gain, left)).pieces:
                     bands.append(found)
                     left -= found.keyframes
     if channels > 1:
@@ -189,14 +201,10 @@ def _band(
     left: int,
 ) -> _Band:
     kind = word(band, "band_type", where)
-    if kind == "WaveletWave":
-        raise TextureError(
-            f"{where}: a wavelet band, whose SPIHT-coded coefficients are not read; encode the "
-            "signal as vectorial bands, or render it with the reference software to WAV"
-        )
     if kind not in ("Transient", "VectorialWave", "Curve"):
         raise TextureError(
-            f"{where}: band type {kind!r}; Transient, VectorialWave and Curve are rendered"
+            f"{where}: band type {kind!r}; Transient, VectorialWave, Curve and WaveletWave are "
+            "rendered"
         )
     curve = word(band, "curve_type", where, "Unknown")
     if kind == "Curve" and curve not in CURVES:
@@ -212,6 +220,7 @@ def _band(
     pieces = [
         _piece(basis, at, kind, timescale, within(effect, "position", at, 0.0, LARGEST, 0.0))
         for basis, (at, effect) in zip(bases, effects, strict=True)
+        if basis.get("keyframes") != []  # as AHAP converted by the reference encoder has them
     ]
     return _Band(kind, curve, gain, pieces, keyframes)
 

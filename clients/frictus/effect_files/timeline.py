@@ -26,7 +26,9 @@ MAX_DURATION_S: Final = 180.0
 MAX_TOTAL_S: Final = 1_800.0
 """Of all waves and bursts of an effect together: what bounds the time of rendering."""
 BURST_CYCLES: Final = 2.0
-_FINE: Final = 4  # steps and square waves are drawn finer, so that little of them folds back
+_FINE: Final = 4
+DRAWN_HZ: Final = RATE_HZ * _FINE
+"""Steps and square waves are drawn finer, so that little of them folds back."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +78,7 @@ class Timeline:
             raise TextureError(
                 f"the effect lasts {duration_s:.6g} s; at most {MAX_DURATION_S:g} s accepted"
             )
-        self.rate_hz = float(RATE_HZ * _FINE)
+        self.rate_hz = float(DRAWN_HZ)
         self.samples = np.zeros(_FINE * math.ceil(duration_s * RATE_HZ - 1e-6))
         self._total_s = 0.0
 

@@ -119,7 +119,9 @@ def test_a_csv_is_chosen_by_keyboard_and_a_malformed_one_refused_with_the_reason
     page.keyboard.press("Enter")
     expect(recorded).to_contain_text("is not a WAV file with PCM samples")
     drop(page, "notes.txt", b"hello")
-    expect(recorded).to_contain_text("notes.txt: .wav, .csv, .ahap, .haptic, .hjif, .png, .jpg")
+    expect(recorded).to_contain_text(
+        "notes.txt: .wav, .csv, .ahap, .haptic, .hjif, .hmpg, .png"
+    )
     expect(recorded.get_by_role("button", name="Make it a texture")).to_be_hidden()
     drop(page, "huge.wav", bytes(11_000_000))
     page.keyboard.type("40")

@@ -14,6 +14,7 @@ const TYPES = {
   ahap: "haptics/x-ahap",
   haptic: "haptics/x-haptic",
   hjif: "haptics/hjif",
+  hmpg: "haptics/hmpg",
 };
 const SUFFIXES = [...Object.keys(TYPES), ...IMAGES].map((suffix) => `.${suffix}`);
 const TIMEOUT_MS = 30_000;

@@ -46,8 +46,10 @@ EFFECTS: Final = {
     "haptics/x-ahap": "ahap",
     "haptics/x-haptic": "haptic",
     "haptics/hjif": "hjif",
+    "haptics/hmpg": "hmpg",
 }
-"""Media types of effect files, and their suffixes; RFC 9695 registers the last."""
+"""Media types of effect files, and their suffixes; RFC 9695 registers the last two."""
+_BINARY: Final = (WAV[0], "haptics/hmpg")
 _TEXTURE: Final[TypeAdapter[Texture]] = TypeAdapter(Texture)
 _READ: Final = (
     problems.UnauthenticatedError,
@@ -73,9 +75,11 @@ _BODY: Final = {
         "required": True,
         "content": {
             JSON: {"schema": TEXTURE_SCHEMA},
-            WAV[0]: {"schema": {"type": "string", "contentMediaType": WAV[0]}},
-            CSV: {"schema": {"type": "string", "contentMediaType": CSV}},
             **{kind: {"schema": {"type": "object"}} for kind in EFFECTS},
+            **{
+                kind: {"schema": {"type": "string", "contentMediaType": kind}}
+                for kind in (*_BINARY, CSV)
+            },
         },
     }
 }

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fastapi.testclient import TestClient
+from tests.clients.effect_files.hmpg_writer import hmpg
 from tests.clients.effect_files.made import (
     ahap,
     band,
@@ -212,9 +213,10 @@ LONG = keyframes((0, 0.5, 80), (12_000, 0.5, 80))
         ("haptics/x-ahap", ahap(continuous(0.0, 12.0), event("AudioCustom", 0.0))),
         ("haptics/x-haptic", haptic([(0.0, 0.5), (12.0, 0.5)])),
         ("haptics/hjif", hjif(band("VectorialWave", basis(0, LONG)))),
+        ("haptics/hmpg", hmpg(json.loads(hjif(band("VectorialWave", basis(0, LONG)))))),
     ],
 )
-def test_effects(api: TestClient, kind: str, content: str) -> None:
+def test_effects(api: TestClient, kind: str, content: str | bytes) -> None:
     headers = {**NEW, "Content-Type": kind}
     refused = api.put("/v1/textures/long", content=content, headers=headers)
     assert refused.status_code == 422
@@ -246,6 +248,7 @@ def test_effects(api: TestClient, kind: str, content: str) -> None:
         ("audio/wav", b"RIFFxxxx", {}),
         ("audio/wav", b"", {}),
         ("haptics/hjif", b"{}", {}),
+        ("haptics/hmpg", b"{}", {}),
         ("haptics/x-ahap", b"\xff", {}),
         ("haptics/x-haptic", b"[" * 9_999, {}),
     ],
