@@ -54,8 +54,8 @@ LEVEL: Final = 0.01
 ALARM: Final = float(np.log(len(CAUSES) / LEVEL))
 """Of a cause's log evidence: causes share the level."""
 SUSPECTED: Final = 0.5 * ALARM
-"""Nats from which on a cause of the rig, or one like it, is waited for. While the rig is right one cause ever
-reaches them in at most 2.4 % of sessions."""
+"""Nats from which on a cause of the rig, or one like it, is waited for. While the rig is right
+one cause ever reaches them in at most 2.4 % of sessions."""
 BEGIN_BATCHES: Final = 20
 MOST: Final = 32
 """Processes of a cause that are followed; beyond, that with the least evidence ends."""
