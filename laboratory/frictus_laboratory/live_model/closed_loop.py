@@ -40,7 +40,7 @@ from frictus_service.fidelity.path import BLOCK_SAMPLES
 from frictus_service.synthesis.compensation import as_inverse
 from frictus_service.synthesis.estimator import PredictedMotion
 from frictus_service.synthesis.renderer import Renderer
-from frictus_service.tracking.evidence.signatures import INSTRUMENT
+from frictus_service.tracking.evidence.signatures import NOT_FITTED
 from frictus_service.tracking.model_in_force import ModelInForce
 from frictus_service.tracking.policy import (
     Circumstances,
@@ -307,7 +307,7 @@ class ClosedLoop:
                 self.in_force,
                 self._prior,
                 self.tracker.speeds_mm_s,
-                INSTRUMENT & set(self._alarms),
+                NOT_FITTED & set(self._alarms),
                 now,
             )
             model = (

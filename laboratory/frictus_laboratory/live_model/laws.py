@@ -12,6 +12,7 @@ from frictus_service.calibration import coordinates
 from frictus_service.fidelity.preview import NOMINAL_HZ
 
 SPEEDS_MM_S: Final = np.array([20.0, 40.0, 60.0, 80.0, 100.0])
+FREQUENCY_HZ: Final = np.array(NOMINAL_HZ)
 
 
 def error_db(at: FloatArray, true: FloatArray) -> float:
@@ -27,11 +28,10 @@ def error_db(at: FloatArray, true: FloatArray) -> float:
     float
         dB rms over third octaves at 20 to 100 mm/s.
     """
-    frequency = np.array(NOMINAL_HZ)
     ratio = 0.0
     for one, sign in ((true, 1.0), (at, -1.0)):
         cutoff = coordinates.cutoff_hz(one, SPEEDS_MM_S)[:, np.newaxis]
-        size = np.exp(one[2]) * cutoff / np.hypot(cutoff, frequency)
+        size = np.exp(one[2]) * cutoff / np.hypot(cutoff, FREQUENCY_HZ)
         ratio = ratio + sign * 20.0 * np.log10(size)
     return float(np.sqrt(np.mean(np.square(ratio))))
 

@@ -1,5 +1,6 @@
 """A finger's motion piece by piece, and what the rig takes it to be."""
 
+from bisect import bisect_left
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -62,7 +63,9 @@ class PredictedPath:
 
     def __init__(self, config: SimulatedConfig, seconds: float) -> None:
         self._path = walk(config, seconds)
-        self._late = config.touch.declared_s * config.sample_rate_hz
+        late = config.touch.declared_s * config.sample_rate_hz
+        self._touches = sorted(self._path.touches, key=lambda report: report.measured_sample)
+        self._arrivals = [report.measured_sample + late for report in self._touches]
 
     def piece(self, first_sample: int, n_samples: int) -> MotionPiece:
         """Return whole blocks of it.
@@ -73,6 +76,7 @@ class PredictedPath:
             Multiples of `BLOCK_SAMPLES`.
         """
         path, cut = self._path, slice(first_sample, first_sample + n_samples)
+        arrived = (bisect_left(self._arrivals, at) for at in (cut.start, cut.stop))
         blocks = range(first_sample - path.lead_samples, cut.stop - path.lead_samples, 100)
         return MotionPiece(
             path.position_mm[cut],
@@ -80,11 +84,7 @@ class PredictedPath:
             path.normal_force_n[cut],
             path.in_contact[cut],
             tuple(path.courses[at // BLOCK_SAMPLES] if at >= 0 else None for at in blocks),
-            tuple(
-                report
-                for report in path.touches
-                if cut.start <= report.measured_sample + self._late < cut.stop
-            ),
+            tuple(self._touches[slice(*arrived)]),
         )
 
 

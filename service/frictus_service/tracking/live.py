@@ -35,7 +35,7 @@ from frictus_service.recording.samples import Coalescer
 from frictus_service.tracking.adaptation import law_values
 from frictus_service.tracking.audit import ModelChangeLog
 from frictus_service.tracking.carried import carried
-from frictus_service.tracking.evidence.watch import INSTRUMENT
+from frictus_service.tracking.evidence.signatures import NOT_FITTED
 from frictus_service.tracking.model_in_force import ModelInForce
 from frictus_service.tracking.policy import (
     Circumstances,
@@ -274,7 +274,7 @@ class LiveTracker:
             tracker.in_force,
             self._population,
             tracker.speeds_mm_s,
-            INSTRUMENT.intersection(alarms),
+            NOT_FITTED.intersection(alarms),
             Circumstances(
                 source=self._scene.source if self._scene else "scene",
                 compensated=self.status.compensation.mode == "model",

@@ -18,6 +18,7 @@ from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.errors import EstimateError
 from frictus_service.tracking.adaptation import ADAPT_EVERY_S
+from frictus_service.tracking.evidence.signatures import SHAPED_BY_A_FINGER
 from frictus_service.tracking.law_estimate import LawEstimate
 
 KNOWN_WITHIN: Final = 0.05
@@ -70,7 +71,7 @@ class Circumstances:
     watched_before : bool
         Whether the rig was watched for `WATCHED_WINDOWS` with the finger before.
     suspected : collection of str
-        Causes of the rig for which there is evidence, if not enough for an alarm.
+        Likewise, with evidence that is not enough for an alarm.
     """
 
     source: str = "scene"
@@ -110,7 +111,7 @@ def held_back(
     speeds_mm_s : tuple of float
         Slowest and fastest that were explored.
     wrong : collection of str
-        Causes of the rig with an alarm.
+        Causes with an alarm that no finger is fitted to (`signatures.NOT_FITTED`).
     now : Circumstances
         What the rig is doing.
     """
@@ -118,6 +119,12 @@ def held_back(
         return "nothing was felt yet: play a texture, and slide over it at 10 to 150 mm/s"
     if in_force is None:
         return "the model in force has effects, or another law than gain and cutoff"
+    if like := SHAPED_BY_A_FINGER.intersection(wrong):
+        return (
+            f"no gain and cutoff have the shape of the response ({', '.join(sorted(like))}), "
+            "and a mount that has shifted may look so too: check the mount, or run "
+            "`frictus discover` on a recording"
+        )
     if wrong:
         return (
             f"the rig seems wrong ({', '.join(sorted(wrong))}), which no finger is fitted to: "

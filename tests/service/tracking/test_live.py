@@ -6,38 +6,28 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.service.tracking.served import (
+    PATIENCE_S,
+    PERSON,
+    config_in,
+    first,
+    follows,
+    playing,
+)
 
 import frictus
 from frictus.errors import RefusedError, SilenceError
 from frictus.keys import Topics
 from frictus.messages import AdaptationPolicy, EstimateState
 from frictus.model import FirstOrderSpeedLaw, Model
-from frictus.recordings import texture_of
-from frictus.rig import Rig
-from frictus.textures import Region, Scene
-from frictus_hardware import SimulatedConfig
 from frictus_hardware.physics.linear import Mount
-from frictus_hardware.simulated.config import ParticipantEffect, SimulatedParticipant
-from frictus_hardware.simulated.strokes import SteadyStrokes
+from frictus_hardware.simulated.config import ParticipantEffect
 from frictus_service.calibration.coordinates import Prior
-from frictus_service.config import (
-    ApiConfig,
-    Config,
-    Limits,
-    RegistryConfig,
-    RouterConfig,
-    TrackerConfig,
-)
-from frictus_service.daemon.processes.supervisor import Supervisor
-from frictus_service.library import SHIPPED
-from frictus_service.processes import free_endpoint
 from frictus_service.registry.store import Registry
 from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.tracking.audit import ModelChangeLog
@@ -46,66 +36,11 @@ from frictus_service.tracking.policy import WATCHED_WINDOWS
 
 pytestmark = pytest.mark.long
 
-PERSON = SimulatedParticipant(gain_n=0.3, cutoff_0_hz=700.0, slope_hz_per_mm_s=25.0)
-PATIENCE_S = 100.0
-
-
-def config_in(
-    folder: Path,
-    policy: AdaptationPolicy = "observe",
-    rig: str = "rig1",
-    person: SimulatedParticipant = PERSON,
-) -> Config:
-    return Config(
-        rig=rig,
-        backend=SimulatedConfig(
-            finger=SteadyStrokes(speed_mm_s=40.0), participant=person, lead_ms=100.0
-        ),
-        block_ms=10.0,
-        router=RouterConfig(endpoint=free_endpoint()),
-        api=ApiConfig(port=0),
-        registry=RegistryConfig(url=f"sqlite:///{(folder / 'frictus.db').as_posix()}"),
-        tracker=TrackerConfig(policy=policy, audit=folder / "audit" / "changes.jsonl"),
-        limits=Limits(freeze_ms=5_000, missed_deadlines=1_000),  # for busy machines
-    )
-
-
-@contextmanager
-def playing(
-    config: Config, *parts: str, model: Model | None = None
-) -> Iterator[tuple[Supervisor, Rig]]:
-    """A texture plays on an armed rig, by a model that is set beforehand, if any."""
-    flat = texture_of((SHIPPED / "flat.json").read_text(encoding="utf-8"))
-    with Supervisor(config, ("rig", *parts), say=lambda _line: None) as supervisor:  # type: ignore[arg-type]
-        supervisor.wait_ready(PATIENCE_S)
-        with frictus.connect(config.router.endpoint, "test") as client:
-            rig = client.rig(config.rig, wait_s=5.0)
-            if model is not None:
-                rig.set_model(model)
-            rig.set_scene(Scene(regions=[Region(texture=flat, gain=0.5)]))
-            with rig.arm(lease_ms=10_000):
-                yield supervisor, rig
-
-
-def follows(told: EstimateState) -> bool:
-    """Return whether the model was adapted, and predicts well since."""
-    return bool(told.changes) and told.error_db.get("in_force", 9.0) < 0.3
-
 
 def cutoff_at_40(model: Model) -> float:
     law = model.base
     assert isinstance(law, FirstOrderSpeedLaw)
     return law.cutoff_0_hz + 40.0 * law.slope_hz_per_mm_s
-
-
-def first(rig: Rig, holds: Callable[[EstimateState], bool]) -> EstimateState:
-    """Return the first estimate for which something holds."""
-    with rig.watch(Topics.ESTIMATE, timeout_s=PATIENCE_S) as states:
-        for state in states:
-            assert isinstance(state, EstimateState)
-            if holds(state):
-                return state
-    raise AssertionError("the feed has ended")
 
 
 @pytest.mark.timeout(300)

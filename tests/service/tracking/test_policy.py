@@ -12,6 +12,12 @@ from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.errors import EstimateError
 from frictus_service.synthesis.compensability import placeholder_model
+from frictus_service.tracking.evidence.signatures import (
+    EFFECT_CAUSES,
+    INSTRUMENT,
+    NOT_FITTED,
+    SHAPED,
+)
 from frictus_service.tracking.law_estimate import HIGHEST_HZ, RESPONSE_WITHIN, LawEstimate
 from frictus_service.tracking.policy import (
     KNOWN_WITHIN,
@@ -64,6 +70,17 @@ def test_what_is_wrong_with_the_rig_holds_it_back() -> None:
     assert "delay" in told(estimate(TWICE), wrong=("delay",))
     suspicion = replace(FREE, suspected=("mount_resonance_shift",))
     assert "may be wrong (mount_resonance_shift)" in told(estimate(TWICE), suspicion)
+
+
+def test_a_response_of_another_shape_is_not_fitted_by_gain_and_cutoff() -> None:
+    """With some textures a mount that has shifted looks like another order of the roll-off."""
+    shaped = {name for name, of in zip(EFFECT_CAUSES, SHAPED, strict=True) if of}
+    assert shaped <= NOT_FITTED
+    assert INSTRUMENT < NOT_FITTED
+    for cause in NOT_FITTED - INSTRUMENT:
+        why = told(estimate(TWICE), wrong=(cause,))
+        assert cause in why
+        assert "check the mount" in why
 
 
 def test_what_is_not_known_well_holds_it_back() -> None:

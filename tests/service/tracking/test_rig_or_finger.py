@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from tests.service.tracking.played import lift, parts, played, tracker
 
@@ -10,7 +11,7 @@ from frictus_hardware.simulated.config import ParticipantEffect, SimulatedPartic
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.tracking.carried import carried
-from frictus_service.tracking.evidence.watch import INSTRUMENT
+from frictus_service.tracking.evidence.watch import CAUSES, INSTRUMENT, SUSPECTED
 from frictus_service.tracking.model_in_force import ModelInForce
 from frictus_service.tracking.policy import (
     WATCHED_WINDOWS,
@@ -102,6 +103,22 @@ def test_another_finger_is_no_evidence_against_the_rig(felt: Signals) -> None:
     until_another_finger(found, felt)
     assert found.suspected == ()
     assert not INSTRUMENT.intersection(found.state(1).alarms)
+
+
+@pytest.mark.parametrize(
+    ("cause", "waited_for"),
+    [("mount_resonance_shift", True), ("fractional_rolloff", True), ("gain", False)],
+)
+def test_half_of_an_alarm_is_waited_for_where_it_may_be_the_rig(
+    felt: Signals, cause: str, waited_for: bool
+) -> None:
+    found = tracker()
+    for part in parts(felt):
+        found.take(part)
+    evidence = np.zeros(len(CAUSES))
+    evidence[CAUSES.index(cause)] = SUSPECTED
+    found._watch = replace(found._watch, log_evidence=evidence)
+    assert found.suspected == ((cause,) if waited_for else ())
 
 
 def test_a_model_says_whether_it_is_a_contacts_or_the_persons(felt: Signals) -> None:

@@ -119,6 +119,14 @@ SHAPED: Final = np.array(
 )
 """Of `EFFECT_CAUSES`: those that change how the response goes over frequency, and not only how
 gain and cutoff follow the conditions. A lasting error of some bands may look like them."""
+SHAPED_BY_A_FINGER: Final = frozenset(
+    name for name, shaped in zip(EFFECT_CAUSES, SHAPED, strict=True) if shaped
+).difference(INSTRUMENT)
+"""Of a finger, and shaped as else only what is the rig's: with some textures a mount that has
+shifted looks like a finger whose roll-off has another order."""
+NOT_FITTED: Final = INSTRUMENT | SHAPED_BY_A_FINGER
+"""Causes with which no gain and cutoff are put in force: they are not the finger's, or may not
+be, or are a finger's to whose response no gain and cutoff fit."""
 
 
 def law_directions(at: FloatArray) -> FloatArray:

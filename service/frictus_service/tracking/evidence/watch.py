@@ -33,6 +33,7 @@ from frictus_service.tracking.evidence.signatures import (
     INSTRUMENT,
     LAW_CAUSES,
     LAW_SIZES,
+    NOT_FITTED,
     PATTERNS,
     effect_directions,
     law_directions,
@@ -53,8 +54,8 @@ LEVEL: Final = 0.01
 ALARM: Final = float(np.log(len(CAUSES) / LEVEL))
 """Of a cause's log evidence: causes share the level."""
 SUSPECTED: Final = 0.5 * ALARM
-"""Nats from which on a cause of the rig is waited for. While the rig is right one cause ever
-reaches them in at most 2.4 % of sessions."""
+"""Nats from which on a cause of the rig, or one like it, is waited for. While the rig is right
+one cause ever reaches them in at most 2.4 % of sessions."""
 BEGIN_BATCHES: Final = 20
 MOST: Final = 32
 """Processes of a cause that are followed; beyond, that with the least evidence ends."""
@@ -149,11 +150,11 @@ class ModelWatch:
 
     @property
     def suspected(self) -> tuple[str, ...]:
-        """Causes of the rig with an alarm, or half of the evidence for one."""
+        """Causes of the rig, or like them, with an alarm, or half of the evidence for one."""
         return tuple(
             cause
             for cause, nats in zip(CAUSES, self.log_evidence, strict=True)
-            if cause in INSTRUMENT and nats >= SUSPECTED
+            if cause in NOT_FITTED and nats >= SUSPECTED
         )
 
     def seen(
