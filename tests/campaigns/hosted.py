@@ -22,8 +22,8 @@ from tests.campaigns.service import START_S, Said
 from frictus_hardware import SimulatedDeviceConfig
 from frictus_hardware.simulated.device_rig import recent_output
 from frictus_service.config import Config
-from frictus_service.daemon.child_process import PartName
-from frictus_service.daemon.supervisor import ALL, Supervisor
+from frictus_service.daemon.processes.child_process import PartName
+from frictus_service.daemon.processes.supervisor import ALL, Supervisor
 
 Pipe: TypeAlias = "Connection[Any, Any]"
 LEASE_MS: Final = 300

@@ -30,8 +30,8 @@ from frictus_service.config import (
     RouterConfig,
     SecurityConfig,
 )
-from frictus_service.daemon.child_process import PartName
-from frictus_service.daemon.supervisor import ALL, Supervisor
+from frictus_service.daemon.processes.child_process import PartName
+from frictus_service.daemon.processes.supervisor import ALL, Supervisor
 from frictus_service.processes import free_endpoint, free_port
 from frictus_service.security.authority import issue, make_authority
 from frictus_service.security.files import AUTHORITY, write

@@ -32,7 +32,7 @@ from frictus_laboratory.benchmarks.load import Tally, subscribe
 from frictus_laboratory.benchmarks.processes import RIG, Neighbour, Pipe, neighbour
 from frictus_laboratory.benchmarks.viewers import STREAMS, view
 from frictus_service.config import Config
-from frictus_service.daemon.supervisor import ALL, Supervisor
+from frictus_service.daemon.processes.supervisor import ALL, Supervisor
 
 PROCESSES: Final = 4
 LEASE_MS: Final = 5_000

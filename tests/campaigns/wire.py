@@ -41,7 +41,7 @@ from frictus_hardware.simulated.config import FingerConfig
 from frictus_hardware.simulated.guided import ClientFinger, GuidedStrokes
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.config import Config
-from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.errors import RecordingError
 from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.summary import summarise

@@ -23,8 +23,8 @@ from frictus_service.config import (
     RouterConfig,
     Token,
 )
-from frictus_service.daemon.child_process import PartName
-from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.daemon.processes.child_process import PartName
+from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.processes import free_endpoint, free_port
 
 READER = "a-token-that-only-reads"

@@ -56,8 +56,8 @@ def end(lab: Lab, calibration: str) -> None:
 def lab(browser: object, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
     """A daemon whose finger follows guidance, faster than time.
 
-    It acts on it only after the shortest approach (the lead and 0.25 s), so that a trial without
-    a longer one is rejected on however quick a machine.
+    It acts on it only after the shortest approach (the lead and 0.25 s), so that a trial with
+    no longer one is rejected on however quick a machine.
     """
     folder = tmp_path_factory.mktemp("lab")
     backend = SimulatedConfig(

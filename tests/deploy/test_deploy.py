@@ -16,7 +16,7 @@ from frictus_hardware.nidaq.driver import RESET_S
 from frictus_service.cli.app import app
 from frictus_service.config import Config
 from frictus_service.config_file import load
-from frictus_service.daemon.supervisor import STOP_S
+from frictus_service.daemon.processes.supervisor import STOP_S
 from frictus_service.processes import LOOP_PRIORITY, PUBLISHER_PRIORITY
 
 ROOT: Final = Path(__file__).parents[2]

@@ -14,7 +14,7 @@ from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.cli.app import app
 from frictus_service.cli.options import Exit
 from frictus_service.config import Config, RouterConfig
-from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.processes import free_endpoint
 
 

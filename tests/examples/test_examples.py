@@ -12,7 +12,7 @@ from tests.campaigns.service import Said, config_in, serving
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.config import Config, RouterConfig
-from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.daemon.processes.supervisor import Supervisor
 
 FOLDER = Path(__file__).parents[2] / "examples"
 ONLINE = {

@@ -17,7 +17,7 @@ from frictus_hardware import SimulatedConfig
 from frictus_service.command_validation import MAX_VALUES
 from frictus_service.config import Config, RouterConfig
 from frictus_service.daemon.commands import UNNAMED_BYTES
-from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.processes import free_endpoint
 
 SECONDS = 6.0

@@ -12,8 +12,8 @@ COMPILER = {"numba", "scipy"}
     "module",
     [
         "frictus_service.config",
-        "frictus_service.daemon.supervisor",
-        "frictus_service.daemon.child_process",
+        "frictus_service.daemon.processes.supervisor",
+        "frictus_service.daemon.processes.child_process",
         "frictus_service.recording.recorder",
         "frictus_service.api.server",
         "frictus_service.cli.demo_page",

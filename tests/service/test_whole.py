@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from frictus_hardware import SimulatedConfig
 from frictus_service.cli.app import app
 from frictus_service.config import Config, RouterConfig
-from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.library import SHIPPED
 from frictus_service.processes import free_endpoint
 

@@ -24,7 +24,7 @@ from frictus_laboratory.benchmarks.processes import (
     neighbour,
     serving,
 )
-from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.daemon.processes.supervisor import Supervisor
 
 LEASE_MS: Final = 300
 LIMIT_MS: Final = 100.0

@@ -18,7 +18,7 @@ from frictus_laboratory.benchmarks.kernel import TEXTURE
 from frictus_laboratory.benchmarks.latency import BLOCK_S
 from frictus_laboratory.benchmarks.load import STREAMS, Tally, loaded
 from frictus_laboratory.benchmarks.processes import RIG, Pipe, config_of, neighbour, serving
-from frictus_service.daemon.block_checks import KEPT_BLOCKS
+from frictus_service.daemon.block_loop.block_checks import KEPT_BLOCKS
 from frictus_service.daemon.preparation import budget_for, raise_priority
 from frictus_service.library import SHIPPED, TextureLibrary
 from frictus_service.processes import LOOP_PRIORITY

@@ -24,8 +24,8 @@ from frictus.session import is_read
 from frictus_hardware import BackendConfig, SimulatedConfig
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
-from frictus_service.daemon.child_process import PATIENCE_S, PartName, StartProgress
-from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.daemon.processes.child_process import PATIENCE_S, PartName, StartProgress
+from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.errors import StartError
 from frictus_service.processes import free_endpoint, free_port
 

@@ -22,7 +22,7 @@ from frictus.session import open_session
 from frictus_laboratory.benchmarks.figure import Figure, Target
 from frictus_laboratory.benchmarks.processes import config_of
 from frictus_service.config import Config
-from frictus_service.daemon.child_process import PATIENCE_S, StartProgress
+from frictus_service.daemon.processes.child_process import PATIENCE_S, StartProgress
 from frictus_service.errors import StartError
 from frictus_service.security.router import open_secured_router
 

@@ -24,8 +24,13 @@ from frictus_hardware import SimulatedConfig, open_backend
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_laboratory.benchmarks.figure import Figure, Target, interleaved
 from frictus_laboratory.benchmarks.processes import Neighbour, Pipe, await_subscriber, neighbour
-from frictus_service.daemon.block_record import BlockRecord, blocks_of, finger_of, flags_of
-from frictus_service.daemon.timebase import Timebase, UtcReading
+from frictus_service.daemon.block_loop.block_record import (
+    BlockRecord,
+    blocks_of,
+    finger_of,
+    flags_of,
+)
+from frictus_service.daemon.block_loop.timebase import Timebase, UtcReading
 from frictus_service.processes import free_endpoint
 from frictus_service.recording.records import RecordingInfo
 from frictus_service.recording.writer import SYNC_S, RecordingWriter

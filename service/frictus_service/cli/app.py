@@ -5,25 +5,11 @@ from typing import Annotated
 
 import typer
 
-from frictus_service.cli import (
-    calibrate,
-    discover,
-    doctor,
-    experiment,
-    foxglove,
-    identify,
-    lsl,
-    models,
-    pki,
-    play,
-    record,
-    selftest,
-    serve,
-    study,
-    study_import,
-    track,
-)
+from frictus_service.cli import calibrate, experiment, models, pki, serve
+from frictus_service.cli.checks import doctor, selftest
 from frictus_service.cli.options import AsJson, CommandGroup, Workers
+from frictus_service.cli.streams import foxglove, lsl, play, record, track
+from frictus_service.cli.studies import discover, identify, study, study_import
 
 app = typer.Typer(
     name="frictus",
@@ -46,37 +32,16 @@ def frictus(
     """Feel textures on a friction-modulated touchscreen, over the network."""
 
 
-app.command()(serve.serve)
-app.command()(serve.rig)
-app.command()(serve.api)
-app.command()(serve.router)
-app.command()(play.play)
-app.command()(play.watch)
-app.command()(record.record)
-app.command()(lsl.lsl)
-app.command()(foxglove.foxglove)
-app.command()(experiment.experiment)
-app.command()(track.track)
-app.command()(serve.recorder)
-app.command()(serve.tracker)
-app.command()(record.verify)
-app.command()(record.recover)
-app.command()(study.export)
-app.command()(doctor.doctor)
-app.command()(selftest.selftest)
-app.command()(selftest.zero)
-app.command()(calibrate.calibrate)
-app.command()(identify.identify)
-app.command()(identify.mount)
-app.command()(discover.discover)
-app.command()(discover.plan)
-study.study.command("import")(study_import.import_recordings)
-app.add_typer(study.study, name="study")
-app.add_typer(models.models, name="models")
-app.add_typer(pki.pki, name="pki")
+BEGIN = "Begin here"
+RIG = "Run a rig"
+STREAMS = "Feel, watch and record"
+PEOPLE = "Calibrate and ask people"
+STUDIES = "Analyse studies"
+CHECKS = "Check and measure"
+KEPT = "Models and certificates"
 
 
-@app.command()
+@app.command(rich_help_panel=BEGIN)
 def demo(
     as_json: AsJson = False,
     plot: Annotated[
@@ -115,7 +80,37 @@ def demo(
     run(as_json=as_json, plot=plot, seconds=seconds or 10.0, seed=seed)
 
 
-@app.command()
+for panel, commands in {
+    RIG: (serve.serve, serve.rig, serve.api, serve.router, serve.recorder, serve.tracker),
+    STREAMS: (
+        play.play,
+        play.watch,
+        track.track,
+        record.record,
+        record.verify,
+        record.recover,
+        lsl.lsl,
+        foxglove.foxglove,
+    ),
+    PEOPLE: (calibrate.calibrate, experiment.experiment),
+    STUDIES: (
+        study.export,
+        identify.identify,
+        discover.discover,
+        discover.plan,
+        identify.mount,
+    ),
+    CHECKS: (doctor.doctor, selftest.selftest, selftest.zero),
+}.items():
+    for command in commands:
+        app.command(rich_help_panel=panel)(command)
+study.study.command("import")(study_import.import_recordings)
+app.add_typer(study.study, name="study", rich_help_panel=STUDIES)
+app.add_typer(models.models, name="models", rich_help_panel=KEPT)
+app.add_typer(pki.pki, name="pki", rich_help_panel=KEPT)
+
+
+@app.command(rich_help_panel=CHECKS)
 def bench(as_json: AsJson = False) -> None:
     """Measure kernel, wire and loop on this machine, each beside its bare counterpart."""
     from frictus_laboratory.benchmarks.report import bench as run
@@ -123,7 +118,7 @@ def bench(as_json: AsJson = False) -> None:
     run(as_json=as_json)
 
 
-@app.command()
+@app.command(rich_help_panel=STUDIES)
 def paper(
     as_json: AsJson = False,
     participants: Annotated[

@@ -19,12 +19,12 @@ from frictus.recordings import texture_of
 from frictus.textures import Spectrum
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.human import HumanStrokes
-from frictus_service.cli.felt import Display, Observer
 from frictus_service.cli.options import wants_lines, write_line
 from frictus_service.cli.serve import said
-from frictus_service.cli.track import line_of
+from frictus_service.cli.streams.felt import Display, Observer
+from frictus_service.cli.streams.track import line_of
 from frictus_service.config import Config
-from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.demonstration.comparison import BandComparison, compare, draw
 from frictus_service.demonstration.explorer import Heard, explore, profile_of
 from frictus_service.demonstration.learning import Learned, learn, learning_config, same_strokes

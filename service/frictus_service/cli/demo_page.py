@@ -10,8 +10,8 @@ from typing import Final
 
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_hardware.simulated.takeover import TakeoverStrokes
-from frictus_service.cli.play import scene_of
 from frictus_service.cli.serve import said
+from frictus_service.cli.streams.play import scene_of
 from frictus_service.demonstration.stage import demo_config, stage
 from frictus_service.library import SHIPPED
 from frictus_service.processes import free_port

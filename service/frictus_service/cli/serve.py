@@ -16,8 +16,8 @@ def serve(config: ConfigFile = None, as_json: AsJson = False) -> None:
     from frictus_service.config_file import load
 
     settings = load(config, runs_rig=True)
-    from frictus_service.daemon import serve as daemon  # seconds, so after the configuration
-    from frictus_service.daemon.supervisor import ALL
+    from frictus_service.daemon.processes import serve as daemon  # seconds: after the file
+    from frictus_service.daemon.processes.supervisor import ALL
 
     say = said(as_json)
     if settings.api.enabled:
@@ -51,7 +51,7 @@ def rig(config: ConfigFile = None, as_json: AsJson = False) -> None:
     from frictus_service.config_file import load
 
     settings = load(config, runs_rig=True)
-    from frictus_service.daemon import serve as daemon  # seconds, so after the configuration
+    from frictus_service.daemon.processes import serve as daemon  # seconds: after the file
 
     daemon.serve(settings, ("rig",), host_router=False, say=said(as_json))
 
@@ -61,7 +61,7 @@ def api(config: ConfigFile = None, as_json: AsJson = False) -> None:
     from frictus_service.config_file import load
 
     settings = load(config)
-    from frictus_service.daemon import serve as daemon  # seconds, so after the configuration
+    from frictus_service.daemon.processes import serve as daemon  # seconds: after the file
 
     say = said(as_json)
     say(where_to_look(settings.api))
@@ -73,7 +73,7 @@ def router(config: ConfigFile = None, as_json: AsJson = False) -> None:
     from frictus_service.config_file import load
 
     settings = load(config)
-    from frictus_service.daemon import serve as daemon  # seconds, so after the configuration
+    from frictus_service.daemon.processes import serve as daemon  # seconds: after the file
 
     daemon.serve(settings, (), host_router=True, say=said(as_json))
 
@@ -83,7 +83,7 @@ def recorder(config: ConfigFile = None, as_json: AsJson = False) -> None:
     from frictus_service.config_file import load
 
     settings = load(config)
-    from frictus_service.daemon import serve as daemon  # seconds, so after the configuration
+    from frictus_service.daemon.processes import serve as daemon  # seconds: after the file
 
     daemon.serve(settings, ("recorder",), host_router=False, say=said(as_json))
 
@@ -93,6 +93,6 @@ def tracker(config: ConfigFile = None, as_json: AsJson = False) -> None:
     from frictus_service.config_file import load
 
     settings = load(config)
-    from frictus_service.daemon import serve as daemon  # seconds, so after the configuration
+    from frictus_service.daemon.processes import serve as daemon  # seconds: after the file
 
     daemon.serve(settings, ("tracker",), host_router=False, say=said(as_json))

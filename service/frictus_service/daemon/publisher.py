@@ -26,20 +26,20 @@ from frictus.messages import (
 )
 from frictus.session import declare_latest_publisher, declare_publisher, is_read
 from frictus_hardware.base import RigInfo
-from frictus_service.daemon.block_record import (
+from frictus_service.daemon.block_loop.block_record import (
     BlockRecord,
     blocks_of,
     finger_of,
     flags_of,
     touch_of,
 )
+from frictus_service.daemon.block_loop.loop import HANDOVER_BLOCKS, BlockLoop
+from frictus_service.daemon.block_loop.timebase import Timebase
 from frictus_service.daemon.commands import Commands
 from frictus_service.daemon.control import EndedLease, Interlock
-from frictus_service.daemon.loop import HANDOVER_BLOCKS, BlockLoop
 from frictus_service.daemon.model_controller import ModelController
 from frictus_service.daemon.safety import ACTIONS
 from frictus_service.daemon.scene_controller import SceneController
-from frictus_service.daemon.timebase import Timebase
 
 STATUS_S: Final = 0.5
 """A status is published at least so often, and whenever the safety state changes."""

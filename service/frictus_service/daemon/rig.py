@@ -16,11 +16,11 @@ from frictus.session import open_session
 from frictus_hardware import open_backend
 from frictus_hardware.physics.screen import Screen
 from frictus_service.config import Config
+from frictus_service.daemon.block_loop.lead import RetryingBackend
+from frictus_service.daemon.block_loop.loop import BlockLoop
 from frictus_service.daemon.commands import Commands
 from frictus_service.daemon.control import Control, Interlock
 from frictus_service.daemon.inboxes import LoopInbox, ModelSlot
-from frictus_service.daemon.lead import RetryingBackend
-from frictus_service.daemon.loop import BlockLoop
 from frictus_service.daemon.model_controller import ModelController, rendered_model
 from frictus_service.daemon.preparation import (
     RealTimeBudget,

@@ -20,7 +20,7 @@ from frictus_hardware.physics.stages import standard_twin
 from frictus_hardware.simulated.config import SimulatedParticipant
 from frictus_hardware.simulated.human import HumanStrokes
 from frictus_service.config import LOCAL, Config, TrackerConfig
-from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.demonstration.comparison import WINDOW_SAMPLES
 from frictus_service.demonstration.stage import START_S, STARTED_S, demo_config
 from frictus_service.fidelity.measure import feel

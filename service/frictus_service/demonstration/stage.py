@@ -10,7 +10,7 @@ from frictus.textures import Scene
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.config import FingerConfig
 from frictus_service.config import LOCAL, ApiConfig, Config, RegistryConfig, RouterConfig
-from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.processes import free_endpoint
 
 START_S: Final = 120.0

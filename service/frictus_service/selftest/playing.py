@@ -13,7 +13,7 @@ import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Backend, Exchange
-from frictus_service.daemon.lead import RetryingBackend
+from frictus_service.daemon.block_loop.lead import RetryingBackend
 from frictus_service.errors import ServiceError
 from frictus_service.processes import garbage_collection_off
 

@@ -6,7 +6,7 @@ import pytest
 
 from frictus_laboratory.benchmarks.lateness import compute
 from frictus_laboratory.benchmarks.processes import _await_word, neighbour
-from frictus_service.daemon.child_process import StartProgress
+from frictus_service.daemon.processes.child_process import StartProgress
 from frictus_service.errors import StartError
 
 

@@ -20,7 +20,7 @@ import frictus
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
-from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.processes import free_endpoint
 
 SAMPLES = 80_000

@@ -35,7 +35,7 @@ from frictus_service.calibration.job import (
 from frictus_service.calibration.run import run_calibration
 from frictus_service.cli.app import app
 from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
-from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.errors import CalibrationError, CancelledError, FolderError
 from frictus_service.fidelity.measure import (
     compare,

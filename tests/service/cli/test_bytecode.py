@@ -7,7 +7,7 @@ from types import ModuleType
 
 import pytest
 
-from frictus_service.cli.doctor import keep_bytecode
+from frictus_service.cli.checks.doctor import keep_bytecode
 
 
 def module_of(source: Path) -> ModuleType:

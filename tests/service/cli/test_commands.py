@@ -240,7 +240,7 @@ def test_services_start_their_parts(
         started.append((settings.rig, parts, host_router))
         say("ready")
 
-    monkeypatch.setattr("frictus_service.daemon.serve.serve", serve)
+    monkeypatch.setattr("frictus_service.daemon.processes.serve.serve", serve)
     result = run(name, "-c", config, "--json")
     assert result.exit_code == Exit.OK
     assert started == [("fake", parts, host_router)]
@@ -258,7 +258,7 @@ def test_parts_that_are_not_wanted_are_not_started(
     def serve(_settings: Config, parts: tuple[str, ...], say: object) -> None:
         started.append(parts)
 
-    monkeypatch.setattr("frictus_service.daemon.serve.serve", serve)
+    monkeypatch.setattr("frictus_service.daemon.processes.serve.serve", serve)
     assert run("serve", "-c", file, "--json").exit_code == Exit.OK
     assert started == [("rig", "recorder")]
 

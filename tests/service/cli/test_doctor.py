@@ -18,10 +18,10 @@ from typer.testing import CliRunner
 from frictus_hardware import NiRigConfig, SimulatedConfig
 from frictus_hardware.nidaq.settings import NeonodeSettings
 from frictus_hardware.sensors import hid
-from frictus_service.cli import doctor, machine_checks
 from frictus_service.cli.app import app
-from frictus_service.cli.machine_checks import Kept, leap_of
-from frictus_service.cli.service_checks import device_checks, ni_device
+from frictus_service.cli.checks import doctor, machine_checks
+from frictus_service.cli.checks.machine_checks import Kept, leap_of
+from frictus_service.cli.checks.service_checks import device_checks, ni_device
 from frictus_service.config_file import parse
 from frictus_service.daemon import preparation
 

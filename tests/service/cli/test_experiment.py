@@ -24,7 +24,7 @@ from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.cli.app import app
 from frictus_service.config import Limits
-from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.samples import Samples
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from frictus_service.cli import machine_checks, service_checks
-from frictus_service.cli.felt import RigSnapshot, band_rms, table_of
+from frictus_service.cli.checks import machine_checks, service_checks
+from frictus_service.cli.streams.felt import RigSnapshot, band_rms, table_of
 
 RATE_HZ = 20_000.0
 NOTHING = RigSnapshot(None, None, None, None, None, {"force": 0}, {"force": 0}, {}, 5.0)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from frictus_service.cli.service_checks import MEASURED, cost_of, lead_cost
+from frictus_service.cli.checks.service_checks import MEASURED, cost_of, lead_cost
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "lead.md"
 ROW = re.compile(r"^\| ([\d.]+) ms \| ([\d.]+) mm \| ([\d.]+) dB \|", re.MULTILINE)

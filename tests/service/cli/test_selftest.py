@@ -12,8 +12,8 @@ from tests.hardware.nidaq.wired import section, sensor_volts
 from typer.testing import CliRunner
 
 from frictus_hardware.arrays import FloatArray
-from frictus_service.cli import selftest
 from frictus_service.cli.app import app
+from frictus_service.cli.checks import selftest
 from frictus_service.cli.options import Exit
 from frictus_service.selftest.playing import PEAK_V
 from frictus_service.selftest.report import Measure, Outcome

@@ -17,11 +17,11 @@ from frictus_hardware.simulated.clock import VirtualClock
 from frictus_hardware.simulated.rig import SimulatedRig
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.config import Config, Limits
-from frictus_service.daemon.block_record import BlockRecord
+from frictus_service.daemon.block_loop.block_record import BlockRecord
+from frictus_service.daemon.block_loop.lead import RetryingBackend
+from frictus_service.daemon.block_loop.loop import BlockLoop
 from frictus_service.daemon.control import Interlock
 from frictus_service.daemon.inboxes import LoopInbox, ModelSlot, SceneUpdate
-from frictus_service.daemon.lead import RetryingBackend
-from frictus_service.daemon.loop import BlockLoop
 from frictus_service.daemon.model_controller import rendered_model
 from frictus_service.daemon.safety import Arm, Event
 from frictus_service.synthesis.compensability import placeholder_model

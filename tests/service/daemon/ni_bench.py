@@ -20,11 +20,11 @@ from frictus_hardware.nidaq.sensing import Sensed
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.config import Config
-from frictus_service.daemon.block_record import BlockRecord
+from frictus_service.daemon.block_loop.block_record import BlockRecord
+from frictus_service.daemon.block_loop.lead import RetryingBackend
+from frictus_service.daemon.block_loop.loop import BlockLoop
 from frictus_service.daemon.control import Interlock
 from frictus_service.daemon.inboxes import LoopInbox, SceneUpdate
-from frictus_service.daemon.lead import RetryingBackend
-from frictus_service.daemon.loop import BlockLoop
 from frictus_service.daemon.safety import Arm, Reset
 from frictus_service.synthesis.compensability import placeholder_model, screen_of
 from frictus_service.synthesis.scene import compile_scene

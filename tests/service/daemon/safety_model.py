@@ -27,9 +27,9 @@ from frictus_hardware.output import RETURN_S, OutputQueue
 from frictus_hardware.physics.screen import Screen
 from frictus_hardware.simulated.faults import ERRORS
 from frictus_service.config import Config, Limits
+from frictus_service.daemon.block_loop.loop import LOST, BlockLoop
 from frictus_service.daemon.control import Interlock
 from frictus_service.daemon.inboxes import ModelSlot, ModelUpdate, RenderedModel, SceneUpdate
-from frictus_service.daemon.loop import LOST, BlockLoop
 from frictus_service.daemon.model_controller import rendered_model
 from frictus_service.daemon.safety import Arm, ClientVanished, Disarm, Event, Renew, Reset, Stop
 from frictus_service.synthesis.compensability import placeholder_model
@@ -582,8 +582,8 @@ def search(
 ) -> Found:
     """Visit the states that events lead to in any order, nearest first."""
     with (
-        patch("frictus_service.daemon.loop.HEALTH_BLOCKS", 1),
-        patch("frictus_service.daemon.block_checks.RING_SAMPLES", 1 << 9),
+        patch("frictus_service.daemon.block_loop.loop.HEALTH_BLOCKS", 1),
+        patch("frictus_service.daemon.block_loop.block_checks.RING_SAMPLES", 1 << 9),
     ):
         first = World(block_samples)
         paths: dict[tuple[object, ...], tuple[str, ...]] = {first.key(): ()}

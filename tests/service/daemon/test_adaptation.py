@@ -25,8 +25,8 @@ from frictus_service.daemon.inboxes import (
     SceneUpdate,
 )
 from frictus_service.daemon.model_controller import rendered_model
+from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.daemon.safety import Arm, Disarm, FaultRaised, OutputQuiet, Safety, Stop
-from frictus_service.daemon.supervisor import Supervisor
 from frictus_service.processes import free_endpoint
 from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.synthesis.compensation import Inverse

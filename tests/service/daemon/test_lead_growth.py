@@ -10,11 +10,11 @@ from frictus.keys import RENDER, TRUTH, VOLTAGE
 from frictus.textures import Scene
 from frictus_hardware.physics.screen import Screen, screen_voltage
 from frictus_hardware.simulated.faults import EmptyOutput, LostSamples
-from frictus_service.daemon.block_checks import RING_SAMPLES
-from frictus_service.daemon.block_record import blocks_of, flags_of
-from frictus_service.daemon.lead import LeadGrowth, grown_lead
+from frictus_service.daemon.block_loop.block_checks import RING_SAMPLES
+from frictus_service.daemon.block_loop.block_record import blocks_of, flags_of
+from frictus_service.daemon.block_loop.lead import LeadGrowth, grown_lead
+from frictus_service.daemon.block_loop.timebase import Stamp
 from frictus_service.daemon.safety import Disarm
-from frictus_service.daemon.timebase import Stamp
 
 LEAD_MS = 5.0
 LONGER = 200

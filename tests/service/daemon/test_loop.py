@@ -31,14 +31,14 @@ from frictus_hardware.simulated.faults import (
     SilentTouch,
 )
 from frictus_service.config import Limits
-from frictus_service.daemon.block_record import blocks_of, flags_of
+from frictus_service.daemon.block_loop.block_record import blocks_of, flags_of
+from frictus_service.daemon.block_loop.lead import RetryingBackend
+from frictus_service.daemon.block_loop.loop import HANDOVER_BLOCKS
+from frictus_service.daemon.block_loop.timebase import Stamp
 from frictus_service.daemon.inboxes import ModelUpdate, SceneUpdate
-from frictus_service.daemon.lead import RetryingBackend
-from frictus_service.daemon.loop import HANDOVER_BLOCKS
 from frictus_service.daemon.model_controller import ModelController, rendered_model
 from frictus_service.daemon.safety import ClientVanished, Disarm, FaultRaised, Reset, Stop
 from frictus_service.daemon.scene_controller import SceneController
-from frictus_service.daemon.timebase import Stamp
 from frictus_service.json_text import etag_of
 from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.synthesis.compensator import Inverter

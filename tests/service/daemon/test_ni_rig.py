@@ -36,7 +36,7 @@ from frictus_service.calibration.job import CalibrationSpec, Progress, QuickProt
 from frictus_service.calibration.run import run_calibration
 from frictus_service.config import Config
 from frictus_service.config_file import parse
-from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.processes import free_endpoint
 from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.samples import Samples

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from frictus_service.daemon.child_process import ServiceManager
+from frictus_service.daemon.processes.child_process import ServiceManager
 from frictus_service.processes import free_endpoint
 
 pytestmark = pytest.mark.skipif(
@@ -21,7 +21,7 @@ WAIT_S = 60.0
 LOOK_S = 1.0
 SERVE = """
 import sys; from pathlib import Path; from frictus_service.config_file import load
-from frictus_service.daemon.serve import serve
+from frictus_service.daemon.processes.serve import serve
 serve(load(Path(sys.argv[1])), ("rig",))
 """
 

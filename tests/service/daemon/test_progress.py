@@ -7,8 +7,8 @@ import pytest
 from numba import njit
 
 from frictus_service.config import Config
-from frictus_service.daemon.child_process import StartProgress, compiling_told
-from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.daemon.processes.child_process import StartProgress, compiling_told
+from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.errors import StartError
 
 

@@ -16,10 +16,10 @@ from frictus.keys import RigKeys, Topics
 from frictus.session import open_router, open_session
 from frictus_hardware.simulated.faults import EmptyOutput
 from frictus_laboratory.benchmarks.processes import await_subscriber
+from frictus_service.daemon.block_loop.timebase import BIN_BLOCKS
 from frictus_service.daemon.control import Interlock
 from frictus_service.daemon.publisher import UNREAD_BLOCKS, UNREAD_S, Publisher
 from frictus_service.daemon.safety import Disarm, Safety
-from frictus_service.daemon.timebase import BIN_BLOCKS
 from frictus_service.processes import free_endpoint
 
 KEYS = RigKeys("lab", "rig")

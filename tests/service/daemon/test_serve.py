@@ -21,7 +21,7 @@ from frictus_hardware import SimulatedConfig, SimulatedDeviceConfig
 from frictus_hardware.simulated.device_rig import launched, recent_output
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
-from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.errors import StartError
 from frictus_service.processes import free_endpoint
 
@@ -423,7 +423,7 @@ def served(tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
     path.write_text(f'[router]\nendpoint = "{free_endpoint()}"\n', encoding="utf-8")
     code = (
         "import sys; from pathlib import Path; from frictus_service.config_file import load;"
-        "from frictus_service.daemon.serve import serve;"
+        "from frictus_service.daemon.processes.serve import serve;"
         "serve(load(Path(sys.argv[1])), ('rig',))"
     )
     new_process_group = 0x200 if sys.platform == "win32" else 0

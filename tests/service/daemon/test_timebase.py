@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from frictus_service.daemon.timebase import Stamp, Timebase, UtcReading
+from frictus_service.daemon.block_loop.timebase import Stamp, Timebase, UtcReading
 
 RATE_HZ = 20_000.0
 BLOCK = 100

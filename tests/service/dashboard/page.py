@@ -22,7 +22,7 @@ from frictus_service.config import (
     RouterConfig,
     Token,
 )
-from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.processes import free_endpoint, free_port
 
 TOKENS = {

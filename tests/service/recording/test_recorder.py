@@ -27,9 +27,9 @@ from frictus_hardware.replay.tape import read_tape
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.api.server import build_app
 from frictus_service.cli.app import app
-from frictus_service.cli.record import lines_of
+from frictus_service.cli.streams.record import lines_of
 from frictus_service.config import ApiConfig, Config, Limits, RegistryConfig, RouterConfig
-from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.processes import free_endpoint
 from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.recording import RecordingSession

@@ -27,14 +27,19 @@ from frictus_service.cli.app import app
 from frictus_service.cli.options import Exit
 from frictus_service.config import Config
 from frictus_service.config_file import parse
-from frictus_service.daemon.block_record import BlockRecord, blocks_of, flags_of, touch_of
+from frictus_service.daemon.block_loop.block_record import (
+    BlockRecord,
+    blocks_of,
+    flags_of,
+    touch_of,
+)
+from frictus_service.daemon.block_loop.lead import RetryingBackend
+from frictus_service.daemon.block_loop.loop import BlockLoop
+from frictus_service.daemon.block_loop.timebase import Stamp
 from frictus_service.daemon.control import Interlock
 from frictus_service.daemon.inboxes import LoopInbox, ModelSlot, SceneUpdate
-from frictus_service.daemon.lead import RetryingBackend
-from frictus_service.daemon.loop import BlockLoop
 from frictus_service.daemon.model_controller import rendered_model
 from frictus_service.daemon.safety import Arm
-from frictus_service.daemon.timebase import Stamp
 from frictus_service.errors import ExportError, NotWrittenError
 from frictus_service.recording.records import RecordingInfo
 from frictus_service.recording.tape import Taped, export_tape

@@ -10,7 +10,7 @@ from frictus.keys import Topics
 from frictus_service.api.server import build_app
 from frictus_service.config import Config, RegistryConfig, RouterConfig, SecurityConfig
 from frictus_service.config_file import load, parse
-from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.errors import ConfigurationError
 from frictus_service.processes import free_endpoint
 from frictus_service.security.members import tls_of_rig

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from frictus_service.cli.app import app
 from frictus_service.cli.options import Exit
-from frictus_service.cli.study import print_summary
+from frictus_service.cli.studies.study import print_summary
 from frictus_service.study.reader import StudyReader
 from frictus_service.study.summary import summarise
 from frictus_service.study.trial import Trial

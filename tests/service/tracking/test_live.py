@@ -35,7 +35,7 @@ from frictus_service.config import (
     RouterConfig,
     TrackerConfig,
 )
-from frictus_service.daemon.supervisor import Supervisor
+from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.library import SHIPPED
 from frictus_service.processes import free_endpoint
 from frictus_service.registry.store import Registry

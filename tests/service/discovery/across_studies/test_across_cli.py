@@ -6,8 +6,8 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from frictus_service.cli.across import folder_of, studies_of
 from frictus_service.cli.app import app
+from frictus_service.cli.studies.across import folder_of, studies_of
 
 
 def run(*words: str) -> tuple[int, str]:

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 from tests.service.discovery.found import cause, discovery, left, pair
 
-from frictus_service.cli.discover import NOT_PRINTED, show, summary
+from frictus_service.cli.studies.discover import NOT_PRINTED, show, summary
 from frictus_service.discovery.catalogue.cause import title
 from frictus_service.discovery.catalogue.causes import CAUSES
 from frictus_service.discovery.document import (

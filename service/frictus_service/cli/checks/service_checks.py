@@ -23,7 +23,7 @@ from frictus_hardware.nidaq.assembly import conversion_of
 from frictus_hardware.nidaq.devices import INSTALL, mismatches, survey
 from frictus_hardware.nidaq.settings import NeonodeSettings
 from frictus_hardware.sensors.hid import HidPort
-from frictus_service.cli.machine_checks import (
+from frictus_service.cli.checks.machine_checks import (
     DoctorCheck,
     clock_resolution,
     clock_synchronised,

@@ -21,14 +21,19 @@ from frictus_hardware.errors import (
     UnderrunError,
 )
 from frictus_service.config import Config
-from frictus_service.daemon.block_checks import BlockChecks, Lateness, LoopCounters, OutputFlags
-from frictus_service.daemon.block_record import BlockRecord
+from frictus_service.daemon.block_loop.block_checks import (
+    BlockChecks,
+    Lateness,
+    LoopCounters,
+    OutputFlags,
+)
+from frictus_service.daemon.block_loop.block_record import BlockRecord
+from frictus_service.daemon.block_loop.lead import LeadGrowth
+from frictus_service.daemon.block_loop.rendering import LoopRendering
+from frictus_service.daemon.block_loop.timebase import UtcReading
 from frictus_service.daemon.control import Interlock
 from frictus_service.daemon.inboxes import LoopInbox
-from frictus_service.daemon.lead import LeadGrowth
-from frictus_service.daemon.rendering import LoopRendering
 from frictus_service.daemon.safety import Event, FaultCleared, FaultRaised, OutputQuiet, Safety
-from frictus_service.daemon.timebase import UtcReading
 from frictus_service.processes import Heartbeat
 from frictus_service.synthesis.chain import RenderedBlock
 from frictus_service.synthesis.renderer import RAMP_S

@@ -36,7 +36,7 @@ def watch(
 ) -> None:
     """Show finger, status, loop health, blocks and gaps of a rig as they come."""
     import frictus
-    from frictus_service.cli.felt import Display, Observer
+    from frictus_service.cli.streams.felt import Display, Observer
 
     target = TargetRig.of(config, router, site, rig)
     with frictus.connect(target.router, tls=target.tls, reads_only=True) as client:
@@ -106,7 +106,7 @@ def play(
 ) -> None:
     """Make a rig feel like TEXTURE, and show what the finger feels; disarms at the end."""
     import frictus
-    from frictus_service.cli.felt import Display, Observer
+    from frictus_service.cli.streams.felt import Display, Observer
 
     mode = compensation_of(compensation)
     target = TargetRig.of(config, router, site, rig)

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frictus_service.cli.across import finish, folder_of, studies_of
 from frictus_service.cli.options import (
     AsJson,
     Exit,
@@ -16,6 +15,7 @@ from frictus_service.cli.options import (
     wants_lines,
     write_line,
 )
+from frictus_service.cli.studies.across import finish, folder_of, studies_of
 
 if TYPE_CHECKING:
     from rich.console import Console

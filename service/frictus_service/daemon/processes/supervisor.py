@@ -28,7 +28,12 @@ from frictus.session import declare_latest_publisher, open_session
 from frictus_hardware import reset_device
 from frictus_hardware.errors import HardwareError
 from frictus_service.config import Config
-from frictus_service.daemon.child_process import PATIENCE_S, PartName, StartProgress, run_part
+from frictus_service.daemon.processes.child_process import (
+    PATIENCE_S,
+    PartName,
+    StartProgress,
+    run_part,
+)
 from frictus_service.daemon.safety import ACTIONS
 from frictus_service.errors import StartError
 from frictus_service.security.members import tls_of_rig

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from frictus_service.cli.bridging import run_bridge
 from frictus_service.cli.options import (
     AsJson,
     ConfigFile,
@@ -18,6 +17,7 @@ from frictus_service.cli.options import (
     wants_lines,
     write_line,
 )
+from frictus_service.cli.streams.bridging import run_bridge
 
 if TYPE_CHECKING:
     from frictus_service.bridges.foxglove import FoxgloveReport

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from types import FrameType
 
 from frictus_service.config import Config
-from frictus_service.daemon.child_process import PartName, ServiceManager
-from frictus_service.daemon.supervisor import ALL, Supervisor, to_stderr
+from frictus_service.daemon.processes.child_process import PartName, ServiceManager
+from frictus_service.daemon.processes.supervisor import ALL, Supervisor, to_stderr
 
 
 def serve(

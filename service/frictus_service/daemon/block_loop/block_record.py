@@ -11,7 +11,7 @@ from frictus.block import Block, FingerSensor, Flag
 from frictus.keys import ACCEL, AUX, FORCE, RENDER, STREAMS, TRUTH, VOLTAGE
 from frictus.messages import FingerState, TouchState
 from frictus_hardware.base import Exchange, RigInfo, TouchReport
-from frictus_service.daemon.timebase import Stamp, UtcReading
+from frictus_service.daemon.block_loop.timebase import Stamp, UtcReading
 from frictus_service.synthesis.kernel import BlockMotion
 
 

@@ -4,7 +4,6 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from frictus_service.cli.bridging import run_bridge
 from frictus_service.cli.options import (
     AsJson,
     ConfigFile,
@@ -14,6 +13,7 @@ from frictus_service.cli.options import (
     SiteOption,
     TargetRig,
 )
+from frictus_service.cli.streams.bridging import run_bridge
 
 if TYPE_CHECKING:
     from frictus_service.bridges.lsl import BridgeReport

@@ -50,7 +50,7 @@ def show(
 ) -> None:
     """Show who did what in FILE, and which trials cannot be used."""
     if friction:
-        from frictus_service.cli.friction import show_friction
+        from frictus_service.cli.studies.friction import show_friction
 
         show_friction(files, map_file, as_json)
         return

@@ -12,7 +12,7 @@ import typer
 from frictus_service.cli.options import AsJson, ConfigFile, Exit, RouterOption, write_line
 
 if TYPE_CHECKING:
-    from frictus_service.cli.machine_checks import DoctorCheck
+    from frictus_service.cli.checks.machine_checks import DoctorCheck
 
 COLOUR = {"ok": "green", "warn": "yellow", "fail": "red"}
 
@@ -64,7 +64,7 @@ def doctor(
     warm: Warm = False,
 ) -> None:
     """Check installation, configuration, device, disk, router, rigs, clocks and timer."""
-    from frictus_service.cli.service_checks import all_checks
+    from frictus_service.cli.checks.service_checks import all_checks
 
     if warm:
         _compile(as_json)
@@ -81,8 +81,8 @@ def doctor(
 def _compile(as_json: bool) -> None:
     """Fill the cache of compiled functions, each of which is kept as soon as it is made."""
     from frictus_service.config import Config
-    from frictus_service.daemon.child_process import compiling_told
     from frictus_service.daemon.preparation import warm_up
+    from frictus_service.daemon.processes.child_process import compiling_told
 
     def tell(name: str) -> None:
         if as_json:

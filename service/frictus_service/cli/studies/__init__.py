@@ -1,0 +1,1 @@
+"""Commands on recorded studies: import, export, identification and discovery."""
