@@ -24,7 +24,6 @@ from frictus.websocket.messages import MAX_BYTES
 from frictus_service.api import error_handlers, problems
 from frictus_service.api.dashboard import asyncapi, conversation, pages
 from frictus_service.api.dashboard.hub import Hub
-from frictus_service.api.event_stream import Departures
 from frictus_service.api.limits import (
     HEAD_BYTES,
     OriginCheck,
@@ -222,7 +221,7 @@ def build_app(
         app.include_router(part.router)
     app.mount(pages.PAGE, pages.DashboardFiles(), name="dashboard")
     error_handlers.install(app)
-    app.add_middleware(Departures)
+    app.add_middleware(error_handlers.Departures)
     app.add_middleware(
         OriginCheck, loopback_only=config.api.loopback, allowed=config.api.origins
     )

@@ -1,21 +1,37 @@
 """The calibrations of one site: one on a rig at a time, kept by the registry."""
 
 import logging
-from typing import Any, Final
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final
 
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Progress
 from frictus_service.config import Config
 from frictus_service.errors import CalibrationStateError, RegistryUnavailableError
 from frictus_service.jobs.engine import JobEngine
-from frictus_service.jobs.work import CalibrationWork, RigAccount
-from frictus_service.registry.calibrations import RESUMABLE
-from frictus_service.registry.database import Once
+from frictus_service.jobs.process import ParentLink, RigAccount, Work
 from frictus_service.registry.documents import Calibration, Published
-from frictus_service.registry.store import Registry, earlier_people
+
+if TYPE_CHECKING:
+    from frictus_service.registry.database import Once
+    from frictus_service.registry.store import Registry
 
 CALIBRATE: Final = "frictus_service.calibration.run:run_calibration"
 AT_ONCE: Final = 64
 _LOG: Final = logging.getLogger(__name__)
+
+
+class CalibrationWork(Work):
+    """As `frictus_service.calibration.run.run_calibration` is called."""
+
+    account: RigAccount
+    spec: CalibrationSpec
+
+    def carry_out(self, run: Callable[..., Any], parent: ParentLink) -> CalibrationResult:
+        """Calibrate."""
+        with self.account.connect() as client:
+            given = (self.spec, self.folder, client)
+            result: CalibrationResult = run(*given, parent.report, parent.cancelled)
+        return result
 
 
 class CalibrationEngine(JobEngine[Calibration]):
@@ -33,14 +49,14 @@ class CalibrationEngine(JobEngine[Calibration]):
 
     kind = "calibration"
     cancellable = ("queued", "running", "interrupted")
-    resumable = RESUMABLE
+    resumable = ("interrupted", "failed")
 
-    def __init__(self, config: Config, registry: Registry, run: str = CALIBRATE) -> None:
+    def __init__(self, config: Config, registry: "Registry", run: str = CALIBRATE) -> None:
         self._config, self._registry, self._run = config, registry, run
         self.store = registry.calibrations
         super().__init__(self.store, self._interrupt_left, AT_ONCE)
 
-    def start(self, spec: CalibrationSpec, *, by: str, once: Once | None) -> Calibration:
+    def start(self, spec: CalibrationSpec, *, by: str, once: "Once | None") -> Calibration:
         """Start a calibration; return it as it was queued.
 
         A quick protocol that uses a prior, and was given none, learns from the published models
@@ -62,6 +78,9 @@ class CalibrationEngine(JobEngine[Calibration]):
         self.recover()
         protocol = spec.protocol
         if protocol.kind == "quick" and protocol.use_prior and not spec.prior:
+            # The process of a calibration, too, loads this module; it needs no database.
+            from frictus_service.registry.store import earlier_people
+
             earlier = earlier_people(self._registry, spec.participant)
             spec = spec.model_copy(update={"prior": earlier})
         calibration, is_new = self.store.create(spec, site=self._config.site, by=by, once=once)

@@ -1,5 +1,7 @@
 """The discoveries of this machine: one at a time, as each uses all processors."""
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Final
 
 from frictus_service.config import Config
@@ -11,9 +13,22 @@ from frictus_service.discovery.jobs import (
     DiscoveryStore,
 )
 from frictus_service.jobs.engine import JobEngine
-from frictus_service.jobs.work import DiscoveryWork
+from frictus_service.jobs.process import ParentLink, Work
 
 DISCOVER: Final = "frictus_service.discovery.jobs:carry_out"
+
+
+class DiscoveryWork(Work):
+    """As `frictus_service.discovery.jobs.carry_out` is called."""
+
+    spec: DiscoverySpec
+    study: Path
+
+    def carry_out(self, run: Callable[..., Any], parent: ParentLink) -> DiscoveryResult:
+        """Discover."""
+        given = (self.spec, self.study, self.folder)
+        result: DiscoveryResult = run(*given, parent.report, parent.cancelled)
+        return result
 
 
 class DiscoveryEngine(JobEngine[DiscoveryJob]):

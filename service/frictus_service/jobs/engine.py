@@ -8,14 +8,13 @@ import logging
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Generic, Protocol, TypeVar
 
 from frictus_service.errors import ServiceError
 from frictus_service.job_folder import ACTIVE, State
-from frictus_service.jobs.process import JobProcess, Word
-from frictus_service.jobs.work import Work
+from frictus_service.jobs.process import JobProcess, Word, Work
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -59,6 +58,7 @@ class JobStore(Protocol[Kept]):
 class _Running:
     """A job that is queued or runs."""
 
+    turn: "Future[None] | None" = None
     process: JobProcess | None = None
     cancelled: bool = False
 
@@ -133,7 +133,7 @@ class JobEngine(ABC, Generic[Job]):
         return self._store.get(job)
 
     def cancel(self, job: str) -> Job:
-        """Tell a job to stop; it is cancelled once its process has ended.
+        """Cancel a job that waits for its turn; or have it end, and be cancelled then.
 
         Raises
         ------
@@ -144,7 +144,10 @@ class JobEngine(ABC, Generic[Job]):
             running = self._jobs.get(job)
             if running is not None:
                 running.cancelled = True
-                if running.process is not None:
+                if running.turn is not None and running.turn.cancel():
+                    del self._jobs[job]
+                    running = None
+                elif running.process is not None:
                     running.process.stop()
         if running is not None:
             return self._store.get(job)
@@ -179,7 +182,7 @@ class JobEngine(ABC, Generic[Job]):
         running = _Running()
         with self._lock:
             self._jobs[job.id] = running
-        self._turns.submit(self._follow, job, running)
+            running.turn = self._turns.submit(self._follow, job, running)
 
     def _process_of(self, job: str) -> JobProcess | None:
         """Return the process of a job that runs; called with the lock held."""

@@ -1,9 +1,13 @@
 """The experiments of this machine: one on a rig at a time, answered by pages."""
 
 import threading
+from collections.abc import Callable
 from typing import Any, Final
 
+from pydantic import TypeAdapter
+
 from frictus.errors import ArgumentError
+from frictus.experiment import Protocol
 from frictus.experiment.tasks import checked
 from frictus_service.config import Config
 from frictus_service.errors import JobStateError, RigInExperimentError
@@ -13,15 +17,32 @@ from frictus_service.experiments.job import (
     ExperimentJob,
     ExperimentSpec,
     ExperimentStore,
+    Input,
     ParticipantScreen,
     Pause,
 )
 from frictus_service.jobs.engine import JobEngine
-from frictus_service.jobs.work import ExperimentWork, RigAccount
+from frictus_service.jobs.process import ParentLink, RigAccount, Work
 
 PRESENT: Final = "frictus_service.experiments.run:run_experiment"
 AT_ONCE: Final = 16
 RESTING: Final = ("ready", "break")
+
+
+class ExperimentWork(Work):
+    """As `frictus_service.experiments.run.run_experiment` is called."""
+
+    inputs = TypeAdapter(Input)
+    account: RigAccount
+    site: str
+    job: ExperimentJob
+    protocol: Protocol
+
+    def carry_out(self, run: Callable[..., Any], parent: ParentLink) -> None:
+        """Present the trials."""
+        with self.account.connect() as client:
+            given = (self.job, self.protocol, self.folder, client, self.site)
+            run(*given, parent.inputs, parent.report, parent.cancelled)
 
 
 class ExperimentEngine(JobEngine[ExperimentJob]):

@@ -1,15 +1,99 @@
-"""The process of one job as whoever started it sees it, and what it says."""
+"""The process of one job as whoever started it sees it: what it is given, what it says."""
 
+import queue
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from abc import abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
 from types import TracebackType
-from typing import Final, Literal, Self
+from typing import Any, ClassVar, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, TypeAdapter
 
+import frictus
+from frictus.tls import Tls
+from frictus_service.config import Config
 from frictus_service.errors import JobStateError
+
+
+@dataclass(frozen=True, slots=True)
+class ParentLink:
+    """What the work of a job has to do with whoever started its process.
+
+    Attributes
+    ----------
+    report : callable
+        Takes what the job is at.
+    inputs : queue
+        What it is given while it runs.
+    cancelled : callable
+        Whether it is to stop.
+    """
+
+    report: Callable[[BaseModel], None]
+    inputs: "queue.SimpleQueue[Any]"
+    cancelled: Callable[[], bool]
+
+
+class Work(BaseModel):
+    """What the process of a job is given as its first line, and what it does with it."""
+
+    model_config = ConfigDict(frozen=True)
+    inputs: ClassVar[TypeAdapter[Any] | None] = None
+    """Of the lines that follow; None: there are none."""
+    run: str
+    """``module:function`` that does it."""
+    folder: Path
+    """Of this job alone."""
+
+    @abstractmethod
+    def carry_out(self, run: Callable[..., Any], parent: ParentLink) -> BaseModel | None:
+        """Do it in the process of the job, and return what came of it.
+
+        Parameters
+        ----------
+        run : callable
+            As `run` names it.
+        parent : ParentLink
+            Whoever started the process.
+        """
+
+
+class RigAccount(BaseModel):
+    """By what name, and how, a job reaches the rigs."""
+
+    model_config = ConfigDict(frozen=True)
+    client: str
+    router: str
+    tls: Tls | None = None
+
+    @classmethod
+    def of(cls, config: Config, created_by: str, kind: str, job: str) -> Self:
+        """Return the account of a job.
+
+        Parameters
+        ----------
+        config : Config
+            Its router and certificates are used.
+        created_by : str
+            Who began the job: whoever finds the rig held reads it.
+        kind, job : str
+            Kind and id of the job.
+        """
+        client = f"{created_by}.{kind}-{job[-8:]}"
+        return cls(client=client, router=config.router.endpoint, tls=config.tls("client"))
+
+    def connect(self) -> frictus.Client:
+        """Return a client of that name.
+
+        Raises
+        ------
+        LinkError
+        """
+        return frictus.connect(self.router, self.client, tls=self.tls)
 
 
 class Word(BaseModel):
@@ -33,15 +117,16 @@ class JobProcess:
 
     Parameters
     ----------
-    work : BaseModel
-        What the process is given: one of `jobs.work`.
+    work : Work
+        What the process is given.
     """
 
-    def __init__(self, work: BaseModel) -> None:
+    def __init__(self, work: Work) -> None:
         # Not of multiprocessing: the API process is itself a daemon, which may have no children
         # there. Both ends close with either process, however it ends.
+        kind = f"{type(work).__module__}:{type(work).__name__}"
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "frictus_service.jobs.worker"],
+            [sys.executable, "-P", "-m", "frictus_service.jobs.worker", kind],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
         )

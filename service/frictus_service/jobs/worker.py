@@ -1,4 +1,4 @@
-"""The process of one job: ``python -m frictus_service.jobs.worker``.
+"""The process of one job: ``python -m frictus_service.jobs.worker MODULE:WORK``.
 
 It reads its work from its input, then what an experiment's pages answer, and says on its
 output how it goes. The input ends when the job is cancelled, and when whoever started it is
@@ -12,7 +12,8 @@ import signal
 import sys
 import threading
 import traceback
-from typing import IO, Final
+from collections.abc import Callable
+from typing import IO, Any, Final
 
 from pydantic import BaseModel
 
@@ -23,9 +24,7 @@ from frictus_service.errors import (
     ExperimentCancelledError,
     ServiceError,
 )
-from frictus_service.experiments.job import Input
-from frictus_service.jobs.process import Word
-from frictus_service.jobs.work import INPUT, WORK, AnyWork, ParentLink
+from frictus_service.jobs.process import ParentLink, Word, Work
 from frictus_service.processes import quiet_numerics
 
 GRACE_S: Final = 3.0
@@ -40,10 +39,15 @@ def main() -> None:
     line, rest = _read_line()
     if not line:
         return  # it was cancelled before it was given any
-    work = WORK.validate_json(line)
+    work: Work = _named(sys.argv[1]).model_validate_json(line)
     stop = threading.Event()
-    inputs: queue.SimpleQueue[Input] = queue.SimpleQueue()
-    threading.Thread(target=_follow_input, args=(rest, inputs, stop), daemon=True).start()
+    inputs: queue.SimpleQueue[Any] = queue.SimpleQueue()
+
+    def take(line: bytes) -> None:
+        if work.inputs is not None:
+            inputs.put(work.inputs.validate_json(line))
+
+    threading.Thread(target=_follow_input, args=(rest, take, stop), daemon=True).start()
 
     def say(word: Word) -> None:
         output.write(word.model_dump_json().encode() + b"\n")
@@ -58,10 +62,14 @@ def main() -> None:
         pass  # nobody is left to be told; what is finished stands in the folder
 
 
-def _carry_out(work: AnyWork, parent: ParentLink) -> Word:
-    module, _, function = work.run.partition(":")
+def _named(name: str) -> Any:
+    module, _, what = name.partition(":")
+    return getattr(importlib.import_module(module), what)
+
+
+def _carry_out(work: Work, parent: ParentLink) -> Word:
     try:
-        result = work.carry_out(getattr(importlib.import_module(module), function), parent)
+        result = work.carry_out(_named(work.run), parent)
     except (CancelledError, DiscoveryCancelledError, ExperimentCancelledError):
         return Word(kind="stopped")
     except (ServiceError, FrictusError) as error:
@@ -94,14 +102,12 @@ def _read_line() -> tuple[bytes, bytes]:
     return first, rest
 
 
-def _follow_input(
-    rest: bytes, inputs: "queue.SimpleQueue[Input]", stop: threading.Event
-) -> None:
+def _follow_input(rest: bytes, take: Callable[[bytes], None], stop: threading.Event) -> None:
     """Pass on what is answered; when the input ends, the job is to stop."""
     while True:
         *lines, rest = rest.split(b"\n")
         for line in lines:
-            inputs.put(INPUT.validate_json(line))
+            take(line)
         if not (more := os.read(sys.stdin.fileno(), 1 << 16)):
             break
         rest += more

@@ -25,7 +25,6 @@ from frictus_service.registry.documents import (
 )
 from frictus_service.registry.tables import calibration_events, calibrations, models
 
-RESUMABLE: Final[tuple[State, ...]] = ("interrupted", "failed")
 _ALL: Final = (
     select(calibrations, models.c.name, models.c.version)
     .select_from(calibrations)

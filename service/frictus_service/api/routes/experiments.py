@@ -12,9 +12,8 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from frictus.experiment import events_table
 from frictus_service.api import problems
 from frictus_service.api.access import needs
-from frictus_service.api.event_stream import place
 from frictus_service.api.requests import body_of, json_body
-from frictus_service.api.routes.jobs import ASKED, BODY, JobRoutes, id_of
+from frictus_service.api.routes.jobs import ASKED, BODY, JobRoutes, id_of, place
 from frictus_service.api.services import Given
 from frictus_service.experiments.job import (
     LOG,

@@ -1,22 +1,56 @@
-"""The paths that every kind of job has: where it stands, its events, cancel, resume."""
+"""The paths that every kind of job has: where it stands, its events, cancel, resume.
+
+The events of a job are a stream, until it runs no more.
+"""
 
 from collections.abc import AsyncIterator, Callable, Sequence
-from typing import Any, Final, Generic
+from typing import Annotated, Any, Final, Generic, Protocol
 
-from fastapi import APIRouter, Depends, Path
+import anyio
+from fastapi import APIRouter, Depends, Header, Path, Request
+from fastapi.concurrency import run_in_threadpool
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 
 from frictus_service.api import problems
 from frictus_service.api.access import needs
-from frictus_service.api.event_stream import Event, LastEventId, follow, place
+from frictus_service.api.limits import RequestLimits
 from frictus_service.api.services import Given, Services
 from frictus_service.config import Scope
 from frictus_service.job_folder import ACTIVE
 from frictus_service.jobs.engine import Job, JobEngine
 
+LOOK_S: Final = 0.2
+"""How often a stream of events looks for more."""
+LastEventId = Annotated[int, Header(ge=0, le=2**31 - 1, description="Begin behind this event")]
+"""What a client that comes back has heard already."""
 Problems = tuple[type[problems.ApiError], ...]
 ASKED: Final[Problems] = (problems.UnauthenticatedError, problems.MissingScopeError)
+"""Problems of any path that a token opens."""
 BODY: Final[Problems] = (problems.TooLargeError, problems.UnsupportedMediaError)
+"""Problems of any path that takes a body."""
+
+
+class Event(Protocol):
+    """One thing that a job told."""
+
+    @property
+    def number(self) -> int:
+        """From 1, without gaps."""
+
+    @property
+    def kind(self) -> str:
+        """``state`` or ``progress``."""
+
+    @property
+    def data(self) -> str:
+        """JSON."""
+
+
+async def place(request: Request) -> AsyncIterator[None]:
+    """Hold one of the places for streams of events while a request is served; a dependency."""
+    limits: RequestLimits = request.app.state.limits
+    with limits.streams.held():
+        yield
 
 
 def id_of(kind: str) -> Any:
@@ -100,16 +134,22 @@ class JobRoutes(Generic[Job]):
         async def follow_job(
             given: Given, found: Any = self.existing, last_event_id: LastEventId = 0
         ) -> AsyncIterator[ServerSentEvent]:
-            jobs, told = engine(given), events(given)
+            jobs, number = engine(given), last_event_id
 
-            def active() -> bool:
-                return jobs.get(found.id).state in ACTIVE
+            def look() -> tuple[bool, Sequence[Event]]:
+                # First the state: what was told before it changed is then among the events.
+                active = jobs.get(found.id).state in ACTIVE
+                return active, events(given)(found.id, number)
 
-            def behind(number: int) -> Sequence[Event]:
-                return told(found.id, number)
-
-            async for event in follow(active, behind, lambda: jobs.closing, last_event_id):
-                yield event
+            while not jobs.closing:
+                active, told = await run_in_threadpool(look)
+                for event in told:
+                    number = event.number
+                    yield ServerSentEvent(raw_data=event.data, event=event.kind, id=str(number))
+                if not told:
+                    if not active:
+                        return
+                    await anyio.sleep(LOOK_S)
 
         self.router.add_api_route(
             f"/{{{self._kind}}}/events",
