@@ -11,7 +11,7 @@ import re
 import secrets
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, Generic, Literal, TypeVar
 
@@ -138,7 +138,7 @@ class JobFolder(Generic[Job]):
         """Return all jobs, newest first."""
         return list(self.newest())
 
-    def change(self, job: str, to: State, *, of: tuple[State, ...], **fields: Any) -> Job:
+    def change(self, job: str, to: State, *, of: Sequence[State], **fields: Any) -> Job:
         """Put a job into another state, and return it.
 
         Parameters
@@ -147,7 +147,7 @@ class JobFolder(Generic[Job]):
             Its id.
         to : str
             The new state.
-        of : tuple of str
+        of : sequence of str
             States that it may be in now.
         **fields : Any
             Of the document, with the new state; without ``failure`` there is none.

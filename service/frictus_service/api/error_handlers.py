@@ -1,13 +1,15 @@
-"""What each exception is answered with: the error of the API that stands for it."""
+"""What each exception is answered with: the error of the API that stands for it; or nothing."""
 
 import logging
 from typing import Final
 
+import anyio
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import Response
 from starlette.exceptions import HTTPException
 from starlette.routing import Match
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from frictus import errors
 from frictus.errors import (
@@ -121,6 +123,28 @@ def install(app: FastAPI) -> None:
         app.add_exception_handler(kind, answer)
     for foreign in _FOREIGN:
         app.add_exception_handler(foreign, answer)
+
+
+class Departures:
+    """ASGI middleware: a client that leaves its stream of events is no fault of the server.
+
+    FastAPI then raises what its keep-alive met, an end of its own stream.
+
+    Parameters
+    ----------
+    app : ASGIApp
+        What is behind it.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve a request until its client has all of the answer, or has left."""
+        try:
+            await self._app(scope, receive, send)
+        except* anyio.BrokenResourceError:
+            _LOG.info("%s: its client left", scope["path"])
 
 
 def _allowed(request: Request) -> list[str]:

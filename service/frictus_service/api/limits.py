@@ -20,6 +20,7 @@ from contextlib import contextmanager
 from typing import Any, Final
 from urllib.parse import urlsplit
 
+import anyio
 import h11
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
@@ -41,6 +42,8 @@ MAX_BODY_BYTES: Final = 64_000_000
 LARGE_BYTES: Final = 1_000_000
 MAX_LARGE: Final = 2
 """Bodies beyond `LARGE_BYTES` that are parsed at once; others wait."""
+MAX_STOPS: Final = 64
+"""Rigs that are stopped at once, in threads of their own: no stop waits for other requests."""
 BURST_S: Final = 2.0
 CLIENTS: Final = 10_000
 
@@ -86,6 +89,7 @@ class RequestLimits:
         self.streams = Places(MAX_STREAMS, "streams of events")
         self.bodies = Places(MAX_BODY_BYTES, "bytes of bodies")
         self.large = asyncio.Semaphore(MAX_LARGE)
+        self.stops = anyio.CapacityLimiter(MAX_STOPS)
 
 
 class Rate:

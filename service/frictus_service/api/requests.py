@@ -7,8 +7,8 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Annotated, Any, Final, Literal, TypeVar
 
-from fastapi import Header, Request, Response
-from pydantic import TypeAdapter, ValidationError
+from fastapi import Depends, Header, Request, Response
+from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic_core import from_json
 from starlette.requests import ClientDisconnect
 
@@ -155,6 +155,34 @@ def parse_json(
             raise InvalidError(f"the body is not JSON: {first['ctx']['error']}") from error
         found = places(error.errors(include_url=False, include_input=False), ("body",))
         raise InvalidError(f"the body has {len(found)} fault(s), see errors", found) from error
+
+
+def json_body(
+    kind: type[BaseModel], extra: Literal["forbid", "allow"] | None = "forbid"
+) -> Any:
+    """Return the dependency that gives what a JSON body holds, as `parse_json` reads it.
+
+    Parameters
+    ----------
+    kind : type
+        What is accepted.
+    extra : str or None
+        What becomes of unknown fields.
+    """
+    adapter = TypeAdapter(kind)
+
+    def read(request: Request, body: Annotated[bytes, Depends(raw_body)]) -> BaseModel:
+        require_media(request, JSON)
+        return parse_json(adapter, body, extra)
+
+    return Depends(read)
+
+
+def body_of(kind: type[BaseModel]) -> dict[str, object]:
+    """Return the entry of the OpenAPI page for a body that is read by `parse_json`."""
+    schema = kind.model_json_schema(ref_template="#/components/schemas/{model}")
+    schema.pop("$defs", None)
+    return {"requestBody": {"required": True, "content": {JSON: {"schema": schema}}}}
 
 
 def _not_finite(document: Any) -> list[Place]:

@@ -24,7 +24,6 @@ from frictus.websocket.messages import MAX_BYTES
 from frictus_service.api import error_handlers, problems
 from frictus_service.api.dashboard import asyncapi, conversation, pages
 from frictus_service.api.dashboard.hub import Hub
-from frictus_service.api.event_stream import Departures
 from frictus_service.api.limits import (
     HEAD_BYTES,
     OriginCheck,
@@ -49,9 +48,9 @@ from frictus_service.api.routes import (
 from frictus_service.api.services import ConnectedPages, RigConnection, Services
 from frictus_service.config import Config
 from frictus_service.errors import RegistryUnavailableError, StartError
-from frictus_service.jobs.discoveries import DISCOVER, Discoveries
-from frictus_service.jobs.experiments import PRESENT, Experiments
-from frictus_service.jobs.jobs import RUN, Jobs
+from frictus_service.jobs.calibrations import CALIBRATE, CalibrationEngine
+from frictus_service.jobs.discoveries import DISCOVER, DiscoveryEngine
+from frictus_service.jobs.experiments import PRESENT, ExperimentEngine
 from frictus_service.library import TextureLibrary
 from frictus_service.processes import ReadySignal, StopSignal, existing_objects_frozen
 from frictus_service.registry.store import Registry
@@ -157,7 +156,7 @@ _PARTS: Final = (
 
 
 def build_app(
-    config: Config, run: str = RUN, discover: str = DISCOVER, present: str = PRESENT
+    config: Config, calibrate: str = CALIBRATE, discover: str = DISCOVER, present: str = PRESENT
 ) -> FastAPI:
     """Return the API of one site.
 
@@ -167,7 +166,7 @@ def build_app(
     ----------
     config : Config
         Its site, router, registry, API section, folders and size limits are used.
-    run : str
+    calibrate : str
         ``module:function`` that carries out a calibration in a process of its own.
     discover : str
         The same for a discovery.
@@ -177,24 +176,26 @@ def build_app(
     link = RigConnection(config.router.endpoint, config.site, tls_of_client(config))
     hub = Hub(link)
     registry = Registry(config.registry.url)
-    jobs = Jobs(config, registry, run)
-    analyses = Discoveries(config, discover)
-    trials = Experiments(config, present)
+    jobs = (
+        CalibrationEngine(config, registry, calibrate),
+        DiscoveryEngine(config, discover),
+        ExperimentEngine(config, present),
+    )
+    library = TextureLibrary(config.textures)
+    given = Services(config, link, library, registry, *jobs, ConnectedPages())
 
     def recover() -> None:
-        analyses.shelf.interrupt()
-        trials.shelf.interrupt()
-        try:
-            if registry.database.exists:  # or nothing was ever calibrated
-                jobs.recover()
-        except RegistryUnavailableError as error:
-            # Rigs are served without it; whoever asks for a model is told.
-            _LOG.warning("%s", error)
+        for engine in jobs:
+            try:
+                engine.recover()
+            except RegistryUnavailableError as error:
+                # Rigs are served without it; whoever asks for a model is told.
+                _LOG.warning("%s", error)
 
     def close() -> None:
-        trials.close()
-        analyses.close()
-        jobs.close()
+        given.stop_jobs()
+        for engine in jobs:
+            engine.close()
         registry.close()
         link.close()
 
@@ -212,10 +213,7 @@ def build_app(
         lifespan=linked,
         separate_input_output_schemas=False,  # a scene is read and written in one form
     )
-    library = TextureLibrary(config.textures)
-    app.state.services = Services(
-        config, link, library, registry, jobs, analyses, trials, ConnectedPages()
-    )
+    app.state.services = given
     app.state.hub = hub
     app.state.limits = RequestLimits()
     app.state.metrics = monitoring.ApiMetrics(link)
@@ -223,7 +221,7 @@ def build_app(
         app.include_router(part.router)
     app.mount(pages.PAGE, pages.DashboardFiles(), name="dashboard")
     error_handlers.install(app)
-    app.add_middleware(Departures)
+    app.add_middleware(error_handlers.Departures)
     app.add_middleware(
         OriginCheck, loopback_only=config.api.loopback, allowed=config.api.origins
     )

@@ -12,18 +12,18 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
-from fastapi import Request
+from fastapi import Depends, Request
 
 import frictus
 from frictus.calls import require_present
 from frictus.errors import LinkError
 from frictus.keys import RigKeys
 from frictus_service.config import Config
-from frictus_service.jobs.discoveries import Discoveries
-from frictus_service.jobs.experiments import Experiments
-from frictus_service.jobs.jobs import Jobs
+from frictus_service.jobs.calibrations import CalibrationEngine
+from frictus_service.jobs.discoveries import DiscoveryEngine
+from frictus_service.jobs.experiments import ExperimentEngine
 from frictus_service.library import TextureLibrary
 from frictus_service.registry.store import Registry
 
@@ -180,20 +180,20 @@ class RigConnection:
 
 @dataclass(frozen=True, slots=True)
 class Services:
-    """Configuration, rigs, texture library, registry, jobs of each kind, pages."""
+    """Configuration, rigs, texture library, registry, engines of each kind of job, pages."""
 
     config: Config
     link: RigConnection
     library: TextureLibrary
     registry: Registry
-    jobs: Jobs
-    discoveries: Discoveries
-    experiments: Experiments
+    calibrations: CalibrationEngine
+    discoveries: DiscoveryEngine
+    experiments: ExperimentEngine
     pages: ConnectedPages
 
     def stop_jobs(self) -> None:
         """Tell all jobs to stop: streams of their events end, too."""
-        for each in (self.jobs, self.discoveries, self.experiments):
+        for each in (self.calibrations, self.discoveries, self.experiments):
             each.stop()
 
 
@@ -201,3 +201,11 @@ def services(request: Request) -> Services:
     """Return the services of the app that serves `request`."""
     found: Services = request.app.state.services
     return found
+
+
+async def _given(request: Request) -> Services:
+    return services(request)  # in the event loop: a stop may not wait for a thread
+
+
+Given = Annotated[Services, Depends(_given)]
+"""The services, as a path asks for them."""

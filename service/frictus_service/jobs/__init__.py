@@ -1,1 +1,1 @@
-"""Calibrations, discoveries, experiments: each in a process of its own, followed by the API."""
+"""Calibrations, discoveries, experiments: each in a process of its own, run by one engine."""

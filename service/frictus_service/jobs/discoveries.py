@@ -1,16 +1,37 @@
-"""The discoveries that this API process runs: one at a time, as each uses all processors."""
+"""The discoveries of this machine: one at a time, as each uses all processors."""
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Final
 
 from frictus_service.config import Config
-from frictus_service.discovery.jobs import DiscoveryJob, DiscoverySpec, DiscoveryStore
-from frictus_service.jobs.folder_jobs import FolderJobs
-from frictus_service.jobs.process import DiscoveryOrder, Found, Looked, Said
+from frictus_service.discovery.jobs import (
+    DiscoveryJob,
+    DiscoveryProgress,
+    DiscoveryResult,
+    DiscoverySpec,
+    DiscoveryStore,
+)
+from frictus_service.jobs.engine import JobEngine
+from frictus_service.jobs.process import ParentLink, Work
 
 DISCOVER: Final = "frictus_service.discovery.jobs:carry_out"
 
 
-class Discoveries(FolderJobs[DiscoveryJob]):
+class DiscoveryWork(Work):
+    """As `frictus_service.discovery.jobs.carry_out` is called."""
+
+    spec: DiscoverySpec
+    study: Path
+
+    def carry_out(self, run: Callable[..., Any], parent: ParentLink) -> DiscoveryResult:
+        """Discover."""
+        given = (self.spec, self.study, self.folder)
+        result: DiscoveryResult = run(*given, parent.report, parent.cancelled)
+        return result
+
+
+class DiscoveryEngine(JobEngine[DiscoveryJob]):
     """Runs discoveries. All methods may be called from any thread.
 
     Parameters
@@ -21,10 +42,12 @@ class Discoveries(FolderJobs[DiscoveryJob]):
         ``module:function`` that carries out one discovery.
     """
 
+    kind = "discovery"
+
     def __init__(self, config: Config, run: str = DISCOVER) -> None:
-        self.shelf = DiscoveryStore(config.studies)
+        self.store = DiscoveryStore(config.studies)
         self._run = run
-        super().__init__(self.shelf, at_once=1)
+        super().__init__(self.store, self.store.interrupt, at_once=1)
 
     def start(self, spec: DiscoverySpec, by: str) -> DiscoveryJob:
         """Start a discovery; return it as it was queued.
@@ -40,21 +63,21 @@ class Discoveries(FolderJobs[DiscoveryJob]):
         ------
         UnknownStudyError
         """
-        job = self.shelf.create(spec, by)
+        self.recover()
+        job = self.store.create(spec, by)
         self._launch(job)
         return job
 
-    def _order(self, job: DiscoveryJob) -> DiscoveryOrder:
-        return DiscoveryOrder(
+    def _work(self, job: DiscoveryJob) -> DiscoveryWork:
+        return DiscoveryWork(
             run=self._run,
+            folder=self.store.folder(job.id),
             spec=job.spec,
-            study=self.shelf.study(job.spec.study),
-            folder=self.shelf.folder(job.id),
+            study=self.store.study(job.spec.study),
         )
 
-    def _hear(self, job: str, word: Said) -> None:
-        if isinstance(word, Looked):
-            self.shelf.progress(job, word.progress)
+    def _hear(self, job: str, progress: str) -> None:
+        self.store.progress(job, DiscoveryProgress.model_validate_json(progress))
 
-    def _outcome(self, last: Said | None) -> dict[str, Any] | None:
-        return {"result": last.result} if isinstance(last, Found) else None
+    def _outcome(self, result: str) -> dict[str, Any]:
+        return {"result": DiscoveryResult.model_validate_json(result)}

@@ -1,9 +1,13 @@
-"""The experiments that this API process runs: one on a rig at a time, answered by pages."""
+"""The experiments of this machine: one on a rig at a time, answered by pages."""
 
 import threading
+from collections.abc import Callable
 from typing import Any, Final
 
+from pydantic import TypeAdapter
+
 from frictus.errors import ArgumentError
+from frictus.experiment import Protocol
 from frictus.experiment.tasks import checked
 from frictus_service.config import Config
 from frictus_service.errors import JobStateError, RigInExperimentError
@@ -13,20 +17,35 @@ from frictus_service.experiments.job import (
     ExperimentJob,
     ExperimentSpec,
     ExperimentStore,
+    Input,
     ParticipantScreen,
     Pause,
 )
-from frictus_service.job_folder import State
-from frictus_service.jobs.folder_jobs import FolderJobs
-from frictus_service.jobs.process import Completed, ExperimentOrder, Said, ScreenChanged
+from frictus_service.jobs.engine import JobEngine
+from frictus_service.jobs.process import ParentLink, RigAccount, Work
 
 PRESENT: Final = "frictus_service.experiments.run:run_experiment"
 AT_ONCE: Final = 16
-RESUMABLE: Final[tuple[State, ...]] = ("interrupted", "failed", "cancelled")
 RESTING: Final = ("ready", "break")
 
 
-class Experiments(FolderJobs[ExperimentJob]):
+class ExperimentWork(Work):
+    """As `frictus_service.experiments.run.run_experiment` is called."""
+
+    inputs = TypeAdapter(Input)
+    account: RigAccount
+    site: str
+    job: ExperimentJob
+    protocol: Protocol
+
+    def carry_out(self, run: Callable[..., Any], parent: ParentLink) -> None:
+        """Present the trials."""
+        with self.account.connect() as client:
+            given = (self.job, self.protocol, self.folder, client, self.site)
+            run(*given, parent.inputs, parent.report, parent.cancelled)
+
+
+class ExperimentEngine(JobEngine[ExperimentJob]):
     """Runs experiments. All methods may be called from any thread.
 
     Parameters
@@ -37,18 +56,21 @@ class Experiments(FolderJobs[ExperimentJob]):
         ``module:function`` that carries out one experiment.
     """
 
+    kind = "experiment"
+    resumable = ("interrupted", "failed", "cancelled")
+
     def __init__(self, config: Config, run: str = PRESENT) -> None:
-        self.shelf = ExperimentStore(config.studies)
+        self.store = ExperimentStore(config.studies)
         self._config, self._run = config, run
         self._screens: dict[str, ParticipantScreen] = {}
         self._shown = 0
         self._starting = threading.Lock()
-        super().__init__(self.shelf, AT_ONCE)
+        super().__init__(self.store, self.store.interrupt, AT_ONCE)
 
     @property
     def changes(self) -> int:
         """Grows whenever any experiment shows something else, or is in another state."""
-        return self.shelf.changes + self._shown
+        return self.store.changes + self._shown
 
     def start(self, spec: ExperimentSpec, by: str) -> ExperimentJob:
         """Start an experiment; return it as it was queued.
@@ -64,28 +86,36 @@ class Experiments(FolderJobs[ExperimentJob]):
         ------
         ArgumentError, RigInExperimentError
         """
+        self.recover()
         with self._starting:
             self._require_free(spec.rig)
-            job = self.shelf.create(spec, by)
+            job = self.store.create(spec, by)
         self._launch(job)
         return job
 
-    def resume(self, experiment: str) -> ExperimentJob:
+    def get(self, job: str) -> ExperimentJob:
+        """Return where an experiment stands, with what its pages show now.
+
+        Raises
+        ------
+        UnknownExperimentError
+        """
+        return self.with_screen(super().get(job))
+
+    def resume(self, job: str) -> ExperimentJob:
         """Go on with an experiment: after a pause, or from its log where it has ended early.
 
         Raises
         ------
         UnknownExperimentError, JobStateError, RigInExperimentError
         """
-        job = self.shelf.get(experiment)
-        if job.state == "running":
-            return self.pause(experiment, False)
+        found = self.get(job)
+        if found.state == "running":
+            return self.pause(job, False)
         with self._starting:
-            if job.state in RESUMABLE:
-                self._require_free(job.rig)
-            job = self.shelf.change(experiment, "queued", of=RESUMABLE)
-        self._launch(job)
-        return job
+            if found.state in self.resumable:
+                self._require_free(found.rig)
+            return super().resume(job)
 
     def pause(self, experiment: str, wanted: bool = True) -> ExperimentJob:
         """Have an experiment pause before its next trial, or go on.
@@ -101,7 +131,7 @@ class Experiments(FolderJobs[ExperimentJob]):
         ------
         UnknownExperimentError, JobStateError
         """
-        job = self.shelf.get(experiment)
+        job = self.store.get(experiment)
         with self._lock:
             process, screen = self._process_of(experiment), self._screens.get(experiment)
             if process is None or screen is None:
@@ -110,7 +140,7 @@ class Experiments(FolderJobs[ExperimentJob]):
                 )
             process.tell(Pause(pause=wanted))
             self._show(experiment, screen.model_copy(update={"pausing": wanted}))
-        return self.stands(experiment)
+        return self.get(experiment)
 
     def answer(self, experiment: str, given: Answer) -> ExperimentJob:
         """Pass an answer on; the same question takes no other one.
@@ -128,7 +158,7 @@ class Experiments(FolderJobs[ExperimentJob]):
         ArgumentError
             If the task has no such answer.
         """
-        job = self.shelf.get(experiment)
+        job = self.store.get(experiment)
         with self._lock:
             process, screen = self._process_of(experiment), self._screens.get(experiment)
             if process is None or screen is None:
@@ -146,16 +176,7 @@ class Experiments(FolderJobs[ExperimentJob]):
                 raise ArgumentError(f"{answer!r}: {GO_ON!r} is accepted now")
             process.tell(given.model_copy(update={"answer": answer}))
             self._show(experiment, screen.model_copy(update={"phase": "wait"}))
-        return self.stands(experiment)
-
-    def stands(self, experiment: str) -> ExperimentJob:
-        """Return where an experiment stands, with what its pages show now.
-
-        Raises
-        ------
-        UnknownExperimentError
-        """
-        return self.with_screen(self.shelf.get(experiment))
+        return self.get(experiment)
 
     def with_screen(self, job: ExperimentJob) -> ExperimentJob:
         """Return a job with what its pages show now.
@@ -169,34 +190,29 @@ class Experiments(FolderJobs[ExperimentJob]):
         return job.model_copy(update={"screen": screen})
 
     def _require_free(self, rig: str) -> None:
-        if (other := self.shelf.active_on(rig)) is not None:
+        if (other := self.store.active_on(rig)) is not None:
             raise RigInExperimentError(
                 f"experiment {other.id} ({other.protocol}, {other.participant}) is under way "
                 f"on rig {rig!r}: wait for its end, or stop it"
             )
 
-    def _order(self, job: ExperimentJob) -> ExperimentOrder:
-        config = self._config
+    def _work(self, job: ExperimentJob) -> ExperimentWork:
         self._screens.pop(job.id, None)  # of an earlier run
-        return ExperimentOrder(
+        return ExperimentWork(
             run=self._run,
-            # Whoever finds the rig held reads who began it.
-            client=f"{job.created_by}.experiment-{job.id[-8:]}",
-            router=config.router.endpoint,
-            tls=config.tls("client"),
-            site=config.site,
+            folder=self.store.folder(job.id),
+            account=RigAccount.of(self._config, job.created_by, self.kind, job.id),
+            site=self._config.site,
             job=job,
-            protocol=self.shelf.protocol(job.id),
-            folder=self.shelf.folder(job.id),
+            protocol=self.store.protocol(job.id),
         )
 
-    def _hear(self, job: str, word: Said) -> None:
-        if isinstance(word, ScreenChanged):
-            with self._lock:
-                self._show(job, word.screen)
+    def _hear(self, job: str, progress: str) -> None:
+        with self._lock:
+            self._show(job, ParticipantScreen.model_validate_json(progress))
 
-    def _outcome(self, last: Said | None) -> dict[str, Any] | None:
-        return {} if isinstance(last, Completed) else None
+    def _outcome(self, result: str) -> dict[str, Any]:
+        return {}
 
     def _show(self, experiment: str, screen: ParticipantScreen) -> None:
         self._screens[experiment] = screen

@@ -1,140 +1,109 @@
-"""The process of one job as whoever started it sees it, and what both say to one another."""
+"""The process of one job as whoever started it sees it: what it is given, what it says."""
 
+import queue
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from abc import abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Annotated, Final, Literal, Self
+from typing import Any, ClassVar, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+from pydantic import BaseModel, ConfigDict, TypeAdapter
 
-from frictus.experiment import Protocol
+import frictus
 from frictus.tls import Tls
-from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Progress
-from frictus_service.discovery.jobs import (
-    DiscoveryProgress,
-    DiscoveryResult,
-    DiscoverySpec,
-)
+from frictus_service.config import Config
 from frictus_service.errors import JobStateError
-from frictus_service.experiments.job import ExperimentJob, Input, ParticipantScreen
 
 
-class _Word(BaseModel):
+@dataclass(frozen=True, slots=True)
+class ParentLink:
+    """What the work of a job has to do with whoever started its process.
+
+    Attributes
+    ----------
+    report : callable
+        Takes what the job is at.
+    inputs : queue
+        What it is given while it runs.
+    cancelled : callable
+        Whether it is to stop.
+    """
+
+    report: Callable[[BaseModel], None]
+    inputs: "queue.SimpleQueue[Any]"
+    cancelled: Callable[[], bool]
+
+
+class Work(BaseModel):
+    """What the process of a job is given as its first line, and what it does with it."""
+
     model_config = ConfigDict(frozen=True)
-
-
-class Order(_Word):
-    """The one line that the process of a calibration is given."""
-
-    kind: Literal["calibration"] = "calibration"
+    inputs: ClassVar[TypeAdapter[Any] | None] = None
+    """Of the lines that follow; None: there are none."""
     run: str
-    """``module:function``, called as `frictus_service.calibration.run.run_calibration` is."""
+    """``module:function`` that does it."""
+    folder: Path
+    """Of this job alone."""
+
+    @abstractmethod
+    def carry_out(self, run: Callable[..., Any], parent: ParentLink) -> BaseModel | None:
+        """Do it in the process of the job, and return what came of it.
+
+        Parameters
+        ----------
+        run : callable
+            As `run` names it.
+        parent : ParentLink
+            Whoever started the process.
+        """
+
+
+class RigAccount(BaseModel):
+    """By what name, and how, a job reaches the rigs."""
+
+    model_config = ConfigDict(frozen=True)
     client: str
-    """Its name to the rigs."""
     router: str
     tls: Tls | None = None
-    spec: CalibrationSpec
-    folder: Path
-    """Of this calibration alone."""
+
+    @classmethod
+    def of(cls, config: Config, created_by: str, kind: str, job: str) -> Self:
+        """Return the account of a job.
+
+        Parameters
+        ----------
+        config : Config
+            Its router and certificates are used.
+        created_by : str
+            Who began the job: whoever finds the rig held reads it.
+        kind, job : str
+            Kind and id of the job.
+        """
+        client = f"{created_by}.{kind}-{job[-8:]}"
+        return cls(client=client, router=config.router.endpoint, tls=config.tls("client"))
+
+    def connect(self) -> frictus.Client:
+        """Return a client of that name.
+
+        Raises
+        ------
+        LinkError
+        """
+        return frictus.connect(self.router, self.client, tls=self.tls)
 
 
-class DiscoveryOrder(_Word):
-    """The one line that the process of a discovery is given."""
+class Word(BaseModel):
+    """One thing that the process of a job says; all but ``progress`` are its last."""
 
-    kind: Literal["discovery"] = "discovery"
-    run: str
-    """``module:function``, called as `discovery.jobs.carry_out` is."""
-    spec: DiscoverySpec
-    study: Path
-    folder: Path
-    """Of this discovery alone."""
-
-
-class ExperimentOrder(_Word):
-    """What the process of an experiment is given; a line for each `Input` follows."""
-
-    kind: Literal["experiment"] = "experiment"
-    run: str
-    """``module:function``, called as `experiments.run.run_experiment` is."""
-    client: str
-    """Its name to the rigs."""
-    router: str
-    tls: Tls | None = None
-    site: str
-    job: ExperimentJob
-    protocol: Protocol
-    folder: Path
-    """Of this experiment alone."""
-
-
-AnyOrder = Annotated[Order | DiscoveryOrder | ExperimentOrder, Field(discriminator="kind")]
-"""When the input of a process ends behind it, it shall stop."""
-ORDER: Final[TypeAdapter[AnyOrder]] = TypeAdapter(AnyOrder)
-INPUT: Final[TypeAdapter[Input]] = TypeAdapter(Input)
-
-
-class Moved(_Word):
-    """A calibration goes on."""
-
-    kind: Literal["moved"] = "moved"
-    progress: Progress
-
-
-class Done(_Word):
-    """A calibration has ended well."""
-
-    kind: Literal["done"] = "done"
-    result: CalibrationResult
-
-
-class Looked(_Word):
-    """A discovery goes on."""
-
-    kind: Literal["looked"] = "looked"
-    progress: DiscoveryProgress
-
-
-class Found(_Word):
-    """A discovery has ended well."""
-
-    kind: Literal["found"] = "found"
-    result: DiscoveryResult
-
-
-class ScreenChanged(_Word):
-    """An experiment shows something else."""
-
-    kind: Literal["shown"] = "shown"
-    screen: ParticipantScreen
-
-
-class Completed(_Word):
-    """An experiment has had its last trial."""
-
-    kind: Literal["completed"] = "completed"
-
-
-class Failed(_Word):
-    """It cannot go on."""
-
-    kind: Literal["failed"] = "failed"
-    reason: str
-
-
-class Stopped(_Word):
-    """It has ended because it was told to."""
-
-    kind: Literal["stopped"] = "stopped"
-
-
-Said = Annotated[
-    Moved | Done | Looked | Found | ScreenChanged | Completed | Failed | Stopped,
-    Field(discriminator="kind"),
-]
-SAID: Final[TypeAdapter[Said]] = TypeAdapter(Said)
+    model_config = ConfigDict(frozen=True)
+    kind: Literal["progress", "done", "failed", "stopped"]
+    """``stopped``: it has ended because it was told to."""
+    data: str = ""
+    """JSON: what it is at, or what came of it; plain: why it failed."""
 
 
 MOST_UNHEARD: Final = 16
@@ -148,22 +117,26 @@ class JobProcess:
 
     Parameters
     ----------
-    order : Order, DiscoveryOrder or ExperimentOrder
-        What the process is told.
+    work : Work
+        What the process is given.
     """
 
-    def __init__(self, order: AnyOrder) -> None:
+    def __init__(self, work: Work) -> None:
         # Not of multiprocessing: the API process is itself a daemon, which may have no children
         # there. Both ends close with either process, however it ends.
+        kind = f"{type(work).__module__}:{type(work).__name__}"
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "frictus_service.jobs.worker"],
+            [sys.executable, "-P", "-m", "frictus_service.jobs.worker", kind],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
         )
-        self._order = order
-        self._closing = threading.Lock()
+        self._work = work
+        self._telling = threading.Lock()
         self._unheard = 0
-        self._last_resort: threading.Timer | None = None
+        self._stopping = False
+        self._to_stop = threading.Lock()
+        self._last_resort = threading.Timer(GRACE_S, self._process.kill)
+        self._last_resort.daemon = True
 
     @property
     def pid(self) -> int:
@@ -171,8 +144,8 @@ class JobProcess:
         return self._process.pid
 
     def __enter__(self) -> Self:
-        """Give the order."""
-        self.tell(self._order)
+        """Give it its work."""
+        self.tell(self._work)
         return self
 
     def __exit__(
@@ -186,8 +159,7 @@ class JobProcess:
         assert self._process.stdout is not None
         self._process.stdout.close()
         self._process.wait()
-        if self._last_resort is not None:
-            self._last_resort.cancel()
+        self._last_resort.cancel()
 
     def tell(self, word: BaseModel) -> None:
         """Give it a line; from any thread. One that has ended, or was told to stop, gets none.
@@ -195,7 +167,7 @@ class JobProcess:
         Parameters
         ----------
         word : BaseModel
-            Its order, or what it waits for.
+            Its work, or what it waits for.
 
         Raises
         ------
@@ -203,7 +175,7 @@ class JobProcess:
             If it has said nothing to the last 16 words: a full pipe would hold up who tells.
         """
         assert self._process.stdin is not None
-        with self._closing:
+        with self._telling:
             if self._unheard >= MOST_UNHEARD:
                 raise JobStateError(
                     f"its process takes nothing in since it was told {MOST_UNHEARD} things: "
@@ -215,24 +187,33 @@ class JobProcess:
                 self._process.stdin.flush()
             except (OSError, ValueError):
                 pass  # it has ended already: nothing will be said
+        if self._stopping:
+            self._end_input()
 
-    def said(self) -> Iterator[Said]:
+    def said(self) -> Iterator[Word]:
         """Yield what it says, until it ends."""
         assert self._process.stdout is not None
         for line in self._process.stdout:
             if line.endswith(b"\n"):  # or it was killed while it said this
                 self._unheard = 0
-                yield SAID.validate_json(line)
+                yield Word.model_validate_json(line)
 
     def stop(self) -> None:
         """Tell it to stop; from any thread, any number of times. One that stays is killed."""
-        assert self._process.stdin is not None
-        with self._closing:
-            if self._last_resort is None:
-                self._last_resort = threading.Timer(GRACE_S, self._process.kill)
-                self._last_resort.daemon = True
+        with self._to_stop:
+            if not self._stopping:
+                self._stopping = True
                 self._last_resort.start()
+        self._end_input()
+
+    def _end_input(self) -> None:
+        # Work may be larger than a pipe, and one that is stuck takes none: whoever holds the
+        # lock then ends the input once it is free.
+        if self._telling.acquire(blocking=False):
+            assert self._process.stdin is not None
             try:
                 self._process.stdin.close()
             except OSError:
                 pass  # what was not sent yet needs not be sent any more
+            finally:
+                self._telling.release()

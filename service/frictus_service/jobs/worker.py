@@ -1,6 +1,6 @@
-"""The process of one job: ``python -m frictus_service.jobs.worker``.
+"""The process of one job: ``python -m frictus_service.jobs.worker MODULE:WORK``.
 
-It reads its order from its input, then what an experiment's pages answer, and says on its
+It reads its work from its input, then what an experiment's pages answer, and says on its
 output how it goes. The input ends when the job is cancelled, and when whoever started it is
 gone: then it stops, its rig disarmed.
 """
@@ -13,36 +13,18 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable
-from typing import IO, Final
+from typing import IO, Any, Final
 
-import frictus
+from pydantic import BaseModel
+
 from frictus.errors import FrictusError
-from frictus_service.calibration.job import CalibrationResult, Progress
-from frictus_service.discovery.jobs import DiscoveryProgress, DiscoveryResult
 from frictus_service.errors import (
     CancelledError,
     DiscoveryCancelledError,
     ExperimentCancelledError,
     ServiceError,
 )
-from frictus_service.experiments.job import Input, ParticipantScreen
-from frictus_service.jobs.process import (
-    INPUT,
-    ORDER,
-    AnyOrder,
-    Completed,
-    DiscoveryOrder,
-    Done,
-    ExperimentOrder,
-    Failed,
-    Found,
-    Looked,
-    Moved,
-    Order,
-    Said,
-    ScreenChanged,
-    Stopped,
-)
+from frictus_service.jobs.process import ParentLink, Word, Work
 from frictus_service.processes import quiet_numerics
 
 GRACE_S: Final = 3.0
@@ -50,90 +32,54 @@ GRACE_S: Final = 3.0
 
 
 def main() -> None:
-    """Carry out the order."""
+    """Do the work."""
     quiet_numerics()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for whoever started us
     output = _take_output()
     line, rest = _read_line()
-    order = ORDER.validate_json(line)
+    if not line:
+        return  # it was cancelled before it was given any
+    work: Work = _named(sys.argv[1]).model_validate_json(line)
     stop = threading.Event()
-    inputs: queue.SimpleQueue[Input] = queue.SimpleQueue()
-    threading.Thread(target=_follow_input, args=(rest, inputs, stop), daemon=True).start()
+    inputs: queue.SimpleQueue[Any] = queue.SimpleQueue()
 
-    def say(word: Said) -> None:
-        output.write(word.model_dump_json(by_alias=True).encode() + b"\n")
+    def take(line: bytes) -> None:
+        if work.inputs is not None:
+            inputs.put(work.inputs.validate_json(line))
+
+    threading.Thread(target=_follow_input, args=(rest, take, stop), daemon=True).start()
+
+    def say(word: Word) -> None:
+        output.write(word.model_dump_json().encode() + b"\n")
         output.flush()
 
+    def report(progress: BaseModel) -> None:
+        say(Word(kind="progress", data=progress.model_dump_json(by_alias=True)))
+
     try:
-        say(_carry_out(order, inputs, say, stop.is_set))
+        say(_carry_out(work, ParentLink(report, inputs, stop.is_set)))
     except BrokenPipeError:
         pass  # nobody is left to be told; what is finished stands in the folder
 
 
-def _carry_out(
-    order: AnyOrder,
-    inputs: "queue.SimpleQueue[Input]",
-    say: Callable[[Said], None],
-    cancelled: Callable[[], bool],
-) -> Said:
-    module, _, function = order.run.partition(":")
+def _named(name: str) -> Any:
+    module, _, what = name.partition(":")
+    return getattr(importlib.import_module(module), what)
+
+
+def _carry_out(work: Work, parent: ParentLink) -> Word:
     try:
-        run = getattr(importlib.import_module(module), function)
-        if isinstance(order, DiscoveryOrder):
-            return _discover(run, order, say, cancelled)
-        if isinstance(order, ExperimentOrder):
-            return _experiment(run, order, inputs, say, cancelled)
-        return _calibrate(run, order, say, cancelled)
+        result = work.carry_out(_named(work.run), parent)
     except (CancelledError, DiscoveryCancelledError, ExperimentCancelledError):
-        return Stopped()
+        return Word(kind="stopped")
     except (ServiceError, FrictusError) as error:
-        return Failed(reason=str(error))
+        return Word(kind="failed", data=str(error))
     except BrokenPipeError:
         raise
     except Exception as error:
         traceback.print_exc()
-        return Failed(reason=f"unexpected {type(error).__name__}: {error}")
-
-
-def _calibrate(
-    run: Callable[..., CalibrationResult],
-    order: Order,
-    say: Callable[[Said], None],
-    cancelled: Callable[[], bool],
-) -> Said:
-    def tell(progress: Progress) -> None:
-        say(Moved(progress=progress))
-
-    with frictus.connect(order.router, order.client, tls=order.tls) as client:
-        return Done(result=run(order.spec, order.folder, client, tell, cancelled))
-
-
-def _discover(
-    run: Callable[..., DiscoveryResult],
-    order: DiscoveryOrder,
-    say: Callable[[Said], None],
-    cancelled: Callable[[], bool],
-) -> Said:
-    def tell(progress: DiscoveryProgress) -> None:
-        say(Looked(progress=progress))
-
-    return Found(result=run(order.spec, order.study, order.folder, tell, cancelled))
-
-
-def _experiment(
-    run: Callable[..., None],
-    order: ExperimentOrder,
-    inputs: "queue.SimpleQueue[Input]",
-    say: Callable[[Said], None],
-    cancelled: Callable[[], bool],
-) -> Said:
-    def tell(screen: ParticipantScreen) -> None:
-        say(ScreenChanged(screen=screen))
-
-    with frictus.connect(order.router, order.client, tls=order.tls) as client:
-        given = (order.job, order.protocol, order.folder, client, order.site)
-        run(*given, inputs, tell, cancelled)
-    return Completed()
+        return Word(kind="failed", data=f"unexpected {type(error).__name__}: {error}")
+    return Word(kind="done", data=result.model_dump_json(by_alias=True) if result else "")
 
 
 def _take_output() -> IO[bytes]:
@@ -144,26 +90,24 @@ def _take_output() -> IO[bytes]:
 
 
 def _read_line() -> tuple[bytes, bytes]:
-    """Return the order, and what came behind it."""
+    """Return the work, empty if none comes, and what came behind it."""
     # Not by sys.stdin: its lock would be held by the thread that waits for the end.
     line = b""
     while b"\n" not in line:
         more = os.read(sys.stdin.fileno(), 1 << 16)
         if not more:
-            raise EOFError("the order did not come")
+            return b"", b""
         line += more
     first, _, rest = line.partition(b"\n")
     return first, rest
 
 
-def _follow_input(
-    rest: bytes, inputs: "queue.SimpleQueue[Input]", stop: threading.Event
-) -> None:
+def _follow_input(rest: bytes, take: Callable[[bytes], None], stop: threading.Event) -> None:
     """Pass on what is answered; when the input ends, the job is to stop."""
     while True:
         *lines, rest = rest.split(b"\n")
         for line in lines:
-            inputs.put(INPUT.validate_json(line))
+            take(line)
         if not (more := os.read(sys.stdin.fileno(), 1 << 16)):
             break
         rest += more

@@ -16,17 +16,15 @@ from frictus_service.errors import (
     RigBusyError,
     UnknownCalibrationError,
 )
+from frictus_service.job_folder import ACTIVE, State
 from frictus_service.registry.database import Database, Once
 from frictus_service.registry.documents import (
     Calibration,
     CalibrationEvent,
     CalibrationPage,
-    CalibrationState,
 )
 from frictus_service.registry.tables import calibration_events, calibrations, models
 
-ACTIVE: Final = ("queued", "running")
-RESUMABLE: Final[tuple[CalibrationState, ...]] = ("interrupted", "failed")
 _ALL: Final = (
     select(calibrations, models.c.name, models.c.version)
     .select_from(calibrations)
@@ -110,7 +108,7 @@ class Calibrations:
         *,
         rig: str | None = None,
         participant: str | None = None,
-        state: CalibrationState | None = None,
+        state: State | None = None,
         after: str = "",
         limit: int = 100,
     ) -> CalibrationPage:
@@ -142,9 +140,9 @@ class Calibrations:
     def change(
         self,
         calibration: str,
-        to: CalibrationState,
+        to: State,
         *,
-        of: Sequence[CalibrationState],
+        of: Sequence[State],
         result: CalibrationResult | None = None,
         failure: str | None = None,
     ) -> Calibration:

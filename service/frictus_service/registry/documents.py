@@ -18,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from frictus.model import Model
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Progress
 from frictus_service.errors import ProvenanceError, RegistryNameError
+from frictus_service.job_folder import State
 
 _PART: Final = r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}"
 NAME: Final = rf"{_PART}(/{_PART})?"
@@ -151,9 +152,6 @@ def _is_text(value: Any) -> bool:
     return isinstance(value, str) and bool(value.strip())
 
 
-CalibrationState = Literal["queued", "running", "interrupted", "cancelled", "failed", "done"]
-
-
 class _Document(BaseModel):
     model_config = ConfigDict(frozen=True)
 
@@ -246,7 +244,7 @@ class Calibration(_Document):
     site: str
     rig: str
     participant: str
-    state: CalibrationState
+    state: State
     created_utc_ns: int
     created_by: str
     updated_utc_ns: int

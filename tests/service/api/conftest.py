@@ -37,9 +37,9 @@ from frictus.session import open_router, open_session
 from frictus.textures import Component, Region, Scene, Spectrum
 from frictus_service.api.server import build_app
 from frictus_service.config import ApiConfig, Config, RegistryConfig, RouterConfig, Token
+from frictus_service.jobs.calibrations import CALIBRATE
 from frictus_service.jobs.discoveries import DISCOVER
 from frictus_service.jobs.experiments import PRESENT
-from frictus_service.jobs.jobs import RUN
 from frictus_service.processes import free_endpoint
 
 SITE = "lab"
@@ -245,7 +245,7 @@ def serve(router: str, tmp_path: Path) -> Iterator[Serve]:
     def start(
         tokens: bool = False,
         endpoint: str = router,
-        run: str = RUN,
+        calibrate: str = CALIBRATE,
         discover: str = DISCOVER,
         present: str = PRESENT,
         **changes: Any,
@@ -257,7 +257,7 @@ def serve(router: str, tmp_path: Path) -> Iterator[Serve]:
                 for scope, value in TOKENS.items()
             )
         config = configuration(endpoint, tmp_path / "textures", **given)
-        app = build_app(config.model_copy(update=changes), run, discover, present)
+        app = build_app(config.model_copy(update=changes), calibrate, discover, present)
         client = TestClient(
             app, base_url="http://127.0.0.1:8420", raise_server_exceptions=False
         )

@@ -16,7 +16,7 @@ from fastapi.testclient import TestClient
 from tests.service.api.test_server import configuration, get
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from frictus_service.api import event_stream, limits, requests
+from frictus_service.api import error_handlers, limits, requests
 from frictus_service.api.problems import BusyError, GoneError
 from frictus_service.api.server import run_api
 from frictus_service.api.services import RigConnection
@@ -283,9 +283,9 @@ def test_who_leaves_a_stream_of_events_leaves_no_fault() -> None:
         raise ExceptionGroup("", [anyio.BrokenResourceError(), ValueError()])
 
     scope = {"type": "http", "path": "/v1/discoveries/0/events"}
-    asyncio.run(event_stream.Departures(left)(scope, None, None))  # type: ignore[arg-type]
+    asyncio.run(error_handlers.Departures(left)(scope, None, None))  # type: ignore[arg-type]
     with pytest.raises(ExceptionGroup) as raised:
-        asyncio.run(event_stream.Departures(failed)(scope, None, None))  # type: ignore[arg-type]
+        asyncio.run(error_handlers.Departures(failed)(scope, None, None))  # type: ignore[arg-type]
     assert raised.value.subgroup(ValueError) is not None
     assert raised.value.subgroup(anyio.BrokenResourceError) is None
 

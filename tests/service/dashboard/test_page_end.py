@@ -41,8 +41,13 @@ class Link:
 class Refusing:
     """A rig that nobody gets."""
 
+    closed = False
+
     def arm(self, **how: Any) -> Any:
         raise RefusedError("conflict", "another holds it")
+
+    def close(self) -> None:
+        self.closed = True
 
 
 class Stream:
@@ -71,15 +76,36 @@ def test_a_refused_arming_ends_no_watch_over_the_lease(monkeypatch: Any) -> None
     monkeypatch.setattr(control, "LOOK_S", 0.0)  # it looks in every turn of the loop
 
     async def scene() -> None:
-        arming = Arming(Hub(Link(Refusing())), "page", ignore)  # type: ignore[arg-type]
+        rig = Refusing()
+        arming = Arming(Hub(Link(rig)), "page", ignore)  # type: ignore[arg-type]
         watch = asyncio.create_task(arming.run())
         with pytest.raises(RefusedViewerError, match="another holds it"):
             await arming.arm(PageArmRequest(op="arm", rig="rig1"))
         assert not watch.done()
+        assert rig.closed
         watch.cancel()
         await arming.close()
 
     asyncio.run(scene())
+
+
+def test_a_rig_that_is_given_back_is_closed_whatever_it_says() -> None:
+    done: list[str] = []
+
+    def refuse() -> None:
+        done.append("disarm")
+        raise LinkError("no answer")
+
+    lease = SimpleNamespace(loss=None, disarm=refuse)
+    rig = SimpleNamespace(arm=lambda **how: lease, close=lambda: done.append("close"))
+
+    async def scene() -> None:
+        arming = Arming(Hub(Link(rig)), "page", ignore)  # type: ignore[arg-type]
+        await arming.arm(PageArmRequest(op="arm", rig="rig1"))
+        await arming.close()
+
+    asyncio.run(scene())
+    assert done == ["disarm", "close"]
 
 
 def test_a_fault_at_the_end_keeps_no_other_part_open(monkeypatch: Any) -> None:

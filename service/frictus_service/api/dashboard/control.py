@@ -5,7 +5,7 @@ import contextlib
 import functools
 import time
 from collections.abc import Awaitable, Callable
-from typing import Final
+from typing import Final, NamedTuple
 
 import zenoh
 from anyio import to_thread
@@ -29,6 +29,18 @@ FAULTS: Final = (FrictusError, zenoh.ZError)
 """What a command to a rig may end with."""
 
 
+class _ArmedRig(NamedTuple):
+    """A rig that a page has armed."""
+
+    rig: frictus.Rig
+    lease: Lease
+
+    def disarm(self) -> None:
+        """Give it back; whatever it says, it is closed."""
+        with contextlib.closing(self.rig):
+            self.lease.disarm()
+
+
 class Arming:
     """Holds the lease of one page on at most one rig.
 
@@ -48,7 +60,7 @@ class Arming:
         self._tell = tell
         self._asked: PageArmRequest | None = None
         # A task of its own: what a worker thread has armed is known even if nobody waits.
-        self._arming: asyncio.Task[Lease] | None = None
+        self._arming: asyncio.Task[_ArmedRig] | None = None
         self._changing = asyncio.Lock()
         self._heard_s = time.monotonic()
 
@@ -85,9 +97,14 @@ class Arming:
             self.hear()
             await self._tell(Armed(rig=asked.rig, id=asked.id).model_dump_json())
 
-    def _armed(self, asked: PageArmRequest) -> Lease:
+    def _armed(self, asked: PageArmRequest) -> _ArmedRig:
         rig = self._hub.rig_of(asked.rig, self._client)
-        return rig.arm(share_with=asked.share_with, keep_model=asked.keep_model)
+        try:
+            lease = rig.arm(share_with=asked.share_with, keep_model=asked.keep_model)
+        except BaseException:
+            rig.close()
+            raise
+        return _ArmedRig(rig, lease)
 
     async def disarm(self, asked: PageDisarmRequest) -> None:
         """Give a rig back and tell the page.
@@ -111,12 +128,12 @@ class Arming:
         """Watch the lease and the page, for ever."""
         while True:
             await asyncio.sleep(LOOK_S)
-            lease, asked = self._held(), self._asked
-            if lease is None or asked is None:
+            held, asked = self._held(), self._asked
+            if held is None or asked is None:
                 continue
             silence_s = asked.lease_ms / 1_000
-            if lease.loss is not None:
-                await self._give_back(lease.loss.reason, loss=lease.loss)
+            if (loss := held.lease.loss) is not None:
+                await self._give_back(loss.reason, loss=loss)
             elif time.monotonic() - self._heard_s > silence_s:
                 # It may be frozen: it keeps no screen driven.
                 await self._give_back(f"the page said nothing for {silence_s:g} s")
@@ -130,7 +147,7 @@ class Arming:
             finally:
                 self._arming = None
 
-    def _held(self) -> Lease | None:
+    def _held(self) -> _ArmedRig | None:
         arming = self._arming
         if arming is None or not arming.done() or arming.exception() is not None:
             return None  # why it failed is for who waits for it
@@ -140,10 +157,10 @@ class Arming:
         self, reason: str, request: int | None = None, loss: LeaseLostError | None = None
     ) -> None:
         async with self._changing:
-            lease, asked = self._held(), self._asked
-            if lease is None or asked is None:
+            held, asked = self._held(), self._asked
+            if held is None or asked is None:
                 return
-            await self._end(lease)
+            await self._end(held)
             self._arming = None
             disarmed = Disarmed(
                 rig=asked.rig,
@@ -154,10 +171,10 @@ class Arming:
             )
             await self._tell(disarmed.model_dump_json())
 
-    async def _end(self, lease: Lease) -> None:
+    async def _end(self, held: _ArmedRig) -> None:
         # Renewals end in any case, and with them the output.
         with contextlib.suppress(*FAULTS):
-            await to_thread.run_sync(lease.disarm, limiter=self._hub.leases)
+            await to_thread.run_sync(held.disarm, limiter=self._hub.leases)
 
 
 def code_of(error: Exception) -> str:

@@ -1,22 +1,15 @@
 """The path by which a rig is given a published model."""
 
-from typing import Annotated, Final
+from typing import Annotated
 
-from fastapi import APIRouter, Depends, Request
-from pydantic import BaseModel, Field, TypeAdapter
+from fastapi import APIRouter, Depends
+from pydantic import BaseModel, Field
 
 from frictus_service.api import problems
 from frictus_service.api.access import acts_as, needs
-from frictus_service.api.requests import (
-    JSON,
-    IfMatch,
-    parse_json,
-    raw_body,
-    require_media,
-    required_match,
-)
-from frictus_service.api.routes.models import body_of
-from frictus_service.api.routes.rigs import REPLACE, Given, RigName
+from frictus_service.api.requests import IfMatch, body_of, json_body, required_match
+from frictus_service.api.routes.rigs import REPLACE, RigName
+from frictus_service.api.services import Given
 from frictus_service.registry.documents import REFERENCE, Activation
 
 router = APIRouter(prefix="/v1/rigs", tags=["models"])
@@ -44,9 +37,6 @@ class Activated(Activation):
     message: Annotated[str, Field(description="What the rig has to say of it, or empty")]
 
 
-_WANTED: Final[TypeAdapter[Wanted]] = TypeAdapter(Wanted)
-
-
 @router.post(
     "/{rig}/model/activate",
     responses=problems.documented(
@@ -59,16 +49,14 @@ def activate(
     given: Given,
     by: Annotated[str, Depends(needs("calibrate"))],
     client: Annotated[str, Depends(acts_as("calibrate"))],
-    request: Request,
-    body: Annotated[bytes, Depends(raw_body)],
+    wanted: Annotated[Wanted, json_body(Wanted)],
     if_match: IfMatch = None,
 ) -> Activated:
     """Give a rig a published model, only while it is disarmed, and return what it confirmed.
 
     `If-Match`, if it is sent, names the model that the rig must have now.
     """
-    require_media(request, JSON)
-    version = given.registry.get(parse_json(_WANTED, body).model)
+    version = given.registry.get(wanted.model)
     asked = given.link.rig(rig)
     replaces = "*"
     if if_match is not None:

@@ -1,138 +1,65 @@
 """Paths of discoveries: started, followed by events, cancelled, and their reports."""
 
-from collections.abc import AsyncIterator
-from typing import Annotated, Final
+from typing import Annotated
 
-from fastapi import APIRouter, Depends, Path, Request, Response
+from fastapi import Depends, Response
 from fastapi.responses import FileResponse
-from fastapi.sse import EventSourceResponse, ServerSentEvent
-from pydantic import TypeAdapter
 
 from frictus_service.api import problems
 from frictus_service.api.access import needs
-from frictus_service.api.event_stream import LastEventId, follow, place
-from frictus_service.api.requests import JSON, parse_json, raw_body, require_media
-from frictus_service.api.routes.models import body_of
-from frictus_service.api.services import Services, services
+from frictus_service.api.requests import body_of, json_body
+from frictus_service.api.routes.jobs import ASKED, BODY, JobRoutes
+from frictus_service.api.services import Given
 from frictus_service.discovery.document import DOCUMENT, REPORT, Discovery
-from frictus_service.discovery.jobs import (
-    DiscoveryEvent,
+from frictus_service.discovery.jobs import DiscoveryJob, DiscoveryJobs, DiscoverySpec
+
+jobs = JobRoutes(
+    "discovery",
+    "discoveries",
     DiscoveryJob,
-    DiscoveryJobs,
-    DiscoverySpec,
-)
-from frictus_service.job_folder import ACTIVE
-
-Given = Annotated[Services, Depends(services)]
-Id = Annotated[
-    str, Path(pattern=r"^[0-9a-f-]{1,64}$", description="Id of the discovery, as it was made")
-]
-
-_READ: Final = (
-    problems.UnauthenticatedError,
-    problems.MissingScopeError,
-    problems.InvalidError,
+    lambda given: given.discoveries,
     problems.DiscoveryNotFoundError,
 )
-_WRITE: Final = (*_READ, problems.WrongStateError)
-_SPEC: Final[TypeAdapter[DiscoverySpec]] = TypeAdapter(DiscoverySpec)
-router = APIRouter(prefix="/v1/discoveries", tags=["discoveries"])
+router = jobs.router
 
 
 @router.post(
     "",
     status_code=202,
     responses=problems.documented(
-        *_READ[:3],
-        problems.StudyNotFoundError,
-        problems.TooLargeError,
-        problems.UnsupportedMediaError,
+        *ASKED, problems.InvalidError, problems.StudyNotFoundError, *BODY
     ),
     openapi_extra=body_of(DiscoverySpec),
 )
 def start_discovery(
     given: Given,
     by: Annotated[str, Depends(needs("calibrate"))],
-    request: Request,
     response: Response,
-    body: Annotated[bytes, Depends(raw_body)],
+    spec: Annotated[DiscoverySpec, json_body(DiscoverySpec, extra=None)],
 ) -> DiscoveryJob:
     """Find out what a model gets wrong in a study; `Location` is where it can be followed.
 
     One runs at a time; others wait for their turn.
     """
-    require_media(request, JSON)
-    job = given.discoveries.start(parse_json(_SPEC, body, extra=None), by)
+    job = given.discoveries.start(spec, by)
     response.headers["Location"] = f"/v1/discoveries/{job.id}"
     return job
 
 
-@router.get(
-    "", dependencies=[Depends(needs("read"))], responses=problems.documented(*_READ[:2])
-)
+@router.get("", dependencies=[Depends(needs("read"))], responses=problems.documented(*ASKED))
 def list_discoveries(given: Given) -> DiscoveryJobs:
     """List the discoveries in this machine's folder of studies, newest first."""
-    return DiscoveryJobs(discoveries=given.discoveries.shelf.all())
+    return DiscoveryJobs(discoveries=given.discoveries.store.all())
 
 
-def existing(discovery: Id, given: Given) -> DiscoveryJob:
-    """Return the discovery that a path names; a dependency."""
-    return given.discoveries.shelf.get(discovery)
-
-
-Existing = Annotated[DiscoveryJob, Depends(existing)]
-
-
-@router.get(
-    "/{discovery}",
-    dependencies=[Depends(needs("read"))],
-    responses=problems.documented(*_READ),
+jobs.add_get("Return where a discovery stands: state, progress, verdict.")
+jobs.add_events(lambda given: given.discoveries.store.events)
+jobs.add_cancel(
+    "Cancel a discovery; it ends within moments. What trials said is kept for the next one."
 )
-def get_discovery(found: Existing) -> DiscoveryJob:
-    """Return where a discovery stands: state, progress, verdict."""
-    return found
 
 
-@router.get(
-    "/{discovery}/events",
-    dependencies=[Depends(needs("read")), Depends(place)],
-    response_class=EventSourceResponse,
-    responses=problems.documented(*_READ),
-)
-async def follow_discovery(
-    found: Existing,
-    given: Given,
-    last_event_id: LastEventId = 0,
-) -> AsyncIterator[ServerSentEvent]:
-    """Follow a discovery: `state` and `progress` events, from the first one on.
-
-    The stream ends when the discovery does not run any more. After a break, `Last-Event-ID`
-    gives what was missed.
-    """
-    jobs = given.discoveries
-
-    def active() -> bool:
-        return jobs.shelf.get(found.id).state in ACTIVE
-
-    def events(after: int) -> list[DiscoveryEvent]:
-        return jobs.shelf.events(found.id, after)
-
-    async for event in follow(active, events, lambda: jobs.closing, last_event_id):
-        yield event
-
-
-@router.delete(
-    "/{discovery}",
-    status_code=202,
-    dependencies=[Depends(needs("calibrate"))],
-    responses=problems.documented(*_WRITE),
-)
-def cancel_discovery(discovery: Id, given: Given) -> DiscoveryJob:
-    """Cancel a discovery; it ends within moments. What trials said is kept for the next one."""
-    return given.discoveries.cancel(discovery)
-
-
-def finished(found: Existing) -> DiscoveryJob:
+def finished(found: Annotated[DiscoveryJob, jobs.existing]) -> DiscoveryJob:
     """Return a discovery that has a report; a dependency."""
     if found.state != "done":
         raise problems.WrongStateError(
@@ -147,11 +74,11 @@ Finished = Annotated[DiscoveryJob, Depends(finished)]
 @router.get(
     "/{discovery}/report",
     dependencies=[Depends(needs("read"))],
-    responses=problems.documented(*_WRITE),
+    responses=problems.documented(*jobs.write),
 )
 def get_report(found: Finished, given: Given) -> Discovery:
     """Return the report: causes, what is unexplained, the extended model (`discovery/1`)."""
-    path = given.discoveries.shelf.folder(found.id) / DOCUMENT
+    path = given.discoveries.store.folder(found.id) / DOCUMENT
     return Discovery.model_validate_json(path.read_bytes())
 
 
@@ -159,9 +86,9 @@ def get_report(found: Finished, given: Given) -> Discovery:
     "/{discovery}/report.html",
     dependencies=[Depends(needs("read"))],
     response_class=FileResponse,
-    responses=problems.documented(*_WRITE),
+    responses=problems.documented(*jobs.write),
 )
 def get_page(found: Finished, given: Given) -> FileResponse:
     """Return the report as a page with figures."""
-    path = given.discoveries.shelf.folder(found.id) / REPORT
+    path = given.discoveries.store.folder(found.id) / REPORT
     return FileResponse(path, media_type="text/html")

@@ -2,18 +2,19 @@
 
 from typing import Annotated, Final
 
-from fastapi import APIRouter, Depends, Request, Response
-from pydantic import Field, TypeAdapter
+from fastapi import APIRouter, Depends, Response
+from pydantic import Field
 
 from frictus.errors import LinkError
 from frictus.messages import EstimateState
 from frictus.rig import Rig
 from frictus_service.api import problems
 from frictus_service.api.access import needs
-from frictus_service.api.requests import JSON, parse_json, raw_body, require_media
+from frictus_service.api.requests import body_of, json_body
 from frictus_service.api.routes.calibrations import Publication
-from frictus_service.api.routes.models import body_of
-from frictus_service.api.routes.rigs import Given, RigName
+from frictus_service.api.routes.jobs import BODY
+from frictus_service.api.routes.rigs import RigName
+from frictus_service.api.services import Given
 from frictus_service.registry.documents import Published
 
 router = APIRouter(prefix="/v1/rigs", tags=["rigs"])
@@ -41,9 +42,6 @@ class EstimatePublication(Publication):
     ] = None
 
 
-_PUBLICATION: Final[TypeAdapter[EstimatePublication]] = TypeAdapter(EstimatePublication)
-
-
 def _estimate(rig: Rig) -> EstimateState:
     try:
         return rig.estimate()
@@ -64,25 +62,17 @@ def get_estimate(rig: RigName, given: Given) -> EstimateState:
 @router.post(
     "/{rig}/estimate/publish",
     status_code=201,
-    responses=problems.documented(
-        *_READ,
-        problems.NoRegistryError,
-        problems.TooLargeError,
-        problems.UnsupportedMediaError,
-    ),
+    responses=problems.documented(*_READ, problems.NoRegistryError, *BODY),
     openapi_extra=body_of(EstimatePublication),
 )
 def publish_estimate(
     rig: RigName,
     given: Given,
     by: Annotated[str, Depends(needs("calibrate"))],
-    request: Request,
     response: Response,
-    body: Annotated[bytes, Depends(raw_body)],
+    wanted: Annotated[EstimatePublication, json_body(EstimatePublication)],
 ) -> Published:
     """Publish the estimate as the next version of a name, with the provenance `live`."""
-    require_media(request, JSON)
-    wanted = parse_json(_PUBLICATION, body)
     model = _estimate(given.link.rig(rig)).model
     if model is None:
         raise problems.NoEstimateError(

@@ -5,18 +5,16 @@ from itertools import islice
 from typing import Annotated, Final
 
 import anyio
-from fastapi import APIRouter, Depends, Path, Query, Request, Response
+from fastapi import Depends, Query, Response
 from fastapi.concurrency import run_in_threadpool
 from fastapi.sse import EventSourceResponse, ServerSentEvent
-from pydantic import TypeAdapter
 
 from frictus.experiment import events_table
 from frictus_service.api import problems
 from frictus_service.api.access import needs
-from frictus_service.api.event_stream import place
-from frictus_service.api.requests import JSON, parse_json, raw_body, require_media
-from frictus_service.api.routes.models import body_of
-from frictus_service.api.services import Services, services
+from frictus_service.api.requests import body_of, json_body
+from frictus_service.api.routes.jobs import ASKED, BODY, JobRoutes, id_of, place
+from frictus_service.api.services import Given
 from frictus_service.experiments.job import (
     LOG,
     Answer,
@@ -28,51 +26,43 @@ from frictus_service.experiments.job import (
 from frictus_service.experiments.report import ExperimentReport, report, rows_of
 from frictus_service.job_folder import ACTIVE
 
-Given = Annotated[Services, Depends(services)]
-Id = Annotated[
-    str, Path(pattern=r"^[0-9a-f-]{1,64}$", description="Id of the experiment, as it was made")
-]
-
 LOOK_S: Final = 0.05
 """How often a stream looks for something else to show; what is seen is late by it."""
-_READ: Final = (
-    problems.UnauthenticatedError,
-    problems.MissingScopeError,
-    problems.InvalidError,
+jobs = JobRoutes(
+    "experiment",
+    "experiments",
+    ExperimentJob,
+    lambda given: given.experiments,
     problems.ExperimentNotFoundError,
 )
-_WRITE: Final = (*_READ, problems.WrongStateError)
-_BODY: Final = (problems.TooLargeError, problems.UnsupportedMediaError)
-_SPEC: Final[TypeAdapter[ExperimentSpec]] = TypeAdapter(ExperimentSpec)
-_ANSWER: Final[TypeAdapter[Answer]] = TypeAdapter(Answer)
-router = APIRouter(prefix="/v1/experiments", tags=["experiments"])
+router = jobs.router
+Id = Annotated[str, id_of("experiment")]
+Existing = Annotated[ExperimentJob, jobs.existing]
 
 
 @router.post(
     "",
     status_code=202,
     responses=problems.documented(
-        *_READ[:3],
+        *ASKED,
+        problems.InvalidError,
         problems.RigNotFoundError,
         problems.NoLinkError,
         problems.RigCalibratingError,
-        *_BODY,
+        *BODY,
     ),
     openapi_extra=body_of(ExperimentSpec),
 )
 def start_experiment(
     given: Given,
     by: Annotated[str, Depends(needs("calibrate"))],
-    request: Request,
     response: Response,
-    body: Annotated[bytes, Depends(raw_body)],
+    spec: Annotated[ExperimentSpec, json_body(ExperimentSpec, extra=None)],
 ) -> ExperimentJob:
     """Start an experiment, which **arms the rig**; `Location` is where it can be followed.
 
     One runs on a rig at a time. Nothing is felt before the participant has answered `go`.
     """
-    require_media(request, JSON)
-    spec = parse_json(_SPEC, body, extra=None)
     given.link.rig(spec.rig)  # 404 now, rather than an experiment that fails
     job = given.experiments.start(spec, by)
     response.headers["Location"] = f"/v1/experiments/{job.id}"
@@ -80,7 +70,9 @@ def start_experiment(
 
 
 @router.get(
-    "", dependencies=[Depends(needs("read"))], responses=problems.documented(*_READ[:3])
+    "",
+    dependencies=[Depends(needs("read"))],
+    responses=problems.documented(*ASKED, problems.InvalidError),
 )
 def list_experiments(
     given: Given,
@@ -89,40 +81,23 @@ def list_experiments(
 ) -> ExperimentList:
     """List the experiments of this machine, newest first, and the protocols that are ready."""
     experiments = given.experiments
-    found = (job for job in experiments.shelf.newest() if rig in (None, job.rig))
+    found = (job for job in experiments.store.newest() if rig in (None, job.rig))
     return ExperimentList(
         experiments=[experiments.with_screen(job) for job in islice(found, limit)],
         ready=ready_list(),
     )
 
 
-def existing(experiment: Id, given: Given) -> ExperimentJob:
-    """Return the experiment that a path names; a dependency."""
-    return given.experiments.stands(experiment)
-
-
-Existing = Annotated[ExperimentJob, Depends(existing)]
-
-
-@router.get(
-    "/{experiment}",
-    dependencies=[Depends(needs("read"))],
-    responses=problems.documented(*_READ),
-)
-def get_experiment(found: Existing) -> ExperimentJob:
-    """Return where an experiment stands, and what the participant's page shows now."""
-    return found
+jobs.add_get("Return where an experiment stands, and what the participant's page shows now.")
 
 
 @router.get(
     "/{experiment}/events",
     dependencies=[Depends(needs("read")), Depends(place)],
     response_class=EventSourceResponse,
-    responses=problems.documented(*_READ),
+    responses=problems.documented(*jobs.read),
 )
-async def follow_experiment(
-    experiment: Id, found: Existing, given: Given
-) -> AsyncIterator[ServerSentEvent]:
+async def follow_experiment(found: Existing, given: Given) -> AsyncIterator[ServerSentEvent]:
     """Follow an experiment: `state` events, each with all that GET answers.
 
     The first comes at once. What changes faster than it is read is left out. The stream ends
@@ -133,7 +108,7 @@ async def follow_experiment(
     while not experiments.closing:
         if (now := experiments.changes) != seen:
             seen = now
-            found = await run_in_threadpool(experiments.stands, experiment)
+            found = await run_in_threadpool(experiments.get, found.id)
             if (data := found.model_dump_json(by_alias=True)) != told:
                 told = data
                 yield ServerSentEvent(raw_data=data, event="state", id=str(now))
@@ -145,7 +120,7 @@ async def follow_experiment(
 @router.get(
     "/{experiment}/report",
     dependencies=[Depends(needs("read"))],
-    responses=problems.documented(*_WRITE),
+    responses=problems.documented(*jobs.write),
 )
 def get_report(
     found: Existing,
@@ -153,9 +128,9 @@ def get_report(
     most: Annotated[int, Query(ge=1, le=10_000, description="Newest trials listed")] = 200,
 ) -> ExperimentReport:
     """Return what its trials say so far: the newest of them, thresholds, curves, in words."""
-    shelf = given.experiments.shelf
-    rows = rows_of(shelf.folder(found.id) / LOG)
-    return report(shelf.protocol(found.id), rows, most)
+    store = given.experiments.store
+    rows = rows_of(store.folder(found.id) / LOG)
+    return report(store.protocol(found.id), rows, most)
 
 
 @router.get(
@@ -164,12 +139,12 @@ def get_report(
     response_class=Response,
     responses={
         200: {"content": {"text/tab-separated-values": {}}},
-        **problems.documented(*_READ),
+        **problems.documented(*jobs.read),
     },
 )
 def get_events_table(found: Existing, given: Given) -> Response:
     """Return the answered trials as a table of events (BIDS 1.10)."""
-    table = events_table(rows_of(given.experiments.shelf.folder(found.id) / LOG))
+    table = events_table(rows_of(given.experiments.store.folder(found.id) / LOG))
     return Response(table, media_type="text/tab-separated-values; charset=utf-8")
 
 
@@ -177,51 +152,35 @@ def get_events_table(found: Existing, given: Given) -> Response:
     "/{experiment}/answers",
     status_code=202,
     dependencies=[Depends(needs("render"))],
-    responses=problems.documented(*_WRITE, *_BODY),
+    responses=problems.documented(*jobs.write, *BODY),
     openapi_extra=body_of(Answer),
 )
 def answer(
     experiment: Id,
     given: Given,
-    request: Request,
-    body: Annotated[bytes, Depends(raw_body)],
+    answered: Annotated[Answer, json_body(Answer)],
 ) -> ExperimentJob:
     """Answer the question that is on the screen; each takes one answer.
 
     Accepted are the keys of the task; `go` where the participant is to begin or has a break.
     """
-    require_media(request, JSON)
-    return given.experiments.answer(experiment, parse_json(_ANSWER, body))
+    return given.experiments.answer(experiment, answered)
 
 
 @router.post(
     "/{experiment}/pause",
     status_code=202,
     dependencies=[Depends(needs("calibrate"))],
-    responses=problems.documented(*_WRITE),
+    responses=problems.documented(*jobs.write),
 )
 def pause_experiment(experiment: Id, given: Given) -> ExperimentJob:
     """Have a pause before the next trial; the screen is smooth, the rig stays armed."""
     return given.experiments.pause(experiment)
 
 
-@router.post(
-    "/{experiment}/resume",
-    status_code=202,
-    dependencies=[Depends(needs("calibrate"))],
-    responses=problems.documented(*_WRITE, problems.RigCalibratingError),
+jobs.add_resume(
+    "Go on after a pause; or, where it ended early, with the trial that would have come."
 )
-def resume_experiment(experiment: Id, given: Given) -> ExperimentJob:
-    """Go on after a pause; or, where it ended early, with the trial that would have come."""
-    return given.experiments.resume(experiment)
-
-
-@router.delete(
-    "/{experiment}",
-    status_code=202,
-    dependencies=[Depends(needs("calibrate"))],
-    responses=problems.documented(*_WRITE),
+jobs.add_cancel(
+    "Stop an experiment; it ends, the rig disarmed, within moments. Its trials are kept."
 )
-def cancel_experiment(experiment: Id, given: Given) -> ExperimentJob:
-    """Stop an experiment; it ends, the rig disarmed, within moments. Its trials are kept."""
-    return given.experiments.cancel(experiment)

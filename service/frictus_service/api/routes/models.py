@@ -3,7 +3,7 @@
 from typing import Annotated, Any, Final, Literal
 
 from fastapi import APIRouter, Depends, Path, Query, Request, Response
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+from pydantic import BaseModel, ConfigDict, Field
 
 from frictus.model import Model
 from frictus_service.api import problems
@@ -14,22 +14,21 @@ from frictus_service.api.requests import (
     IdempotencyKey,
     IfMatch,
     IfNoneMatch,
+    body_of,
+    json_body,
     not_modified,
     once_of,
-    parse_json,
     quoted,
     raw_body,
-    require_media,
     required_match,
 )
-from frictus_service.api.services import Services, services
+from frictus_service.api.services import Given
 from frictus_service.errors import AliasConflictError, UnknownModelError
 from frictus_service.registry import documents
 from frictus_service.registry.aliases import Aliases
 from frictus_service.registry.comparison import Comparison, compare
 from frictus_service.registry.documents import Alias, Audit, Published, VersionPage
 
-Given = Annotated[Services, Depends(services)]
 _OF_NAMES: Final = {"pattern": f"^{documents.NAME}$"}
 _OF_REFERENCES: Final = {"pattern": f"^{documents.REFERENCE}$"}
 Reference = Annotated[
@@ -113,17 +112,6 @@ class AliasList(BaseModel):
     aliases: list[Alias]
 
 
-_NEW: Final[TypeAdapter[NewVersion]] = TypeAdapter(NewVersion)
-_TARGET: Final[TypeAdapter[AliasTarget]] = TypeAdapter(AliasTarget)
-
-
-def body_of(kind: type[BaseModel]) -> dict[str, object]:
-    """Return the entry of the OpenAPI page for a body that is read by `parse_json`."""
-    schema = kind.model_json_schema(ref_template="#/components/schemas/{model}")
-    schema.pop("$defs", None)
-    return {"requestBody": {"required": True, "content": {JSON: {"schema": schema}}}}
-
-
 @router.get("", dependencies=[Depends(needs("read"))], responses=problems.documented(*_READ))
 def list_models(
     given: Given,
@@ -165,6 +153,7 @@ def publish_model(
     request: Request,
     response: Response,
     body: Annotated[bytes, Depends(raw_body)],
+    new: Annotated[NewVersion, json_body(NewVersion, extra=None)],
     idempotency_key: IdempotencyKey = None,
 ) -> Published:
     """Publish a model as the next version of its name; it never changes afterwards.
@@ -172,8 +161,6 @@ def publish_model(
     With an `Idempotency-Key` the request may be sent again, after a crash of either side too:
     it gets the first one's answer.
     """
-    require_media(request, JSON)
-    new = parse_json(_NEW, body, extra=None)
     published = given.registry.publish(
         new.model,
         new.name,
@@ -279,15 +266,12 @@ def move_alias(
     alias: AliasName,
     given: Given,
     by: Annotated[str, Depends(needs("admin"))],
-    request: Request,
     response: Response,
-    body: Annotated[bytes, Depends(raw_body)],
+    target: Annotated[AliasTarget, json_body(AliasTarget)],
     if_match: IfMatch = None,
     create: Create = None,
 ) -> Alias:
     """Make an alias (`If-None-Match: *`) or move it (`If-Match`); the audit keeps who, why."""
-    require_media(request, JSON)
-    target = parse_json(_TARGET, body)
     replaces = _replaced(given.registry.aliases, name, alias, if_match, create)
     moved = given.registry.aliases.move(
         name, alias, target.version, by=by, reason=target.reason, replaces=replaces

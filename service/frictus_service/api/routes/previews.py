@@ -13,9 +13,7 @@ from frictus_service.api import problems
 from frictus_service.api.access import needs
 from frictus_service.api.requests import JSON, large_body, parse_json, require_media
 from frictus_service.api.routes.textures import TEXTURE_SCHEMA
-from frictus_service.api.services import Services, services
-
-Given = Annotated[Services, Depends(services)]
+from frictus_service.api.services import Given
 
 _TEXTURE: Final[TypeAdapter[Texture]] = TypeAdapter(Texture)
 router = APIRouter(prefix="/v1/preview", tags=["textures"])

@@ -5,17 +5,18 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from typing import Annotated, Final
 
-from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi import APIRouter, Depends, Query, Response
 from fastapi import Path as PathParameter
 from fastapi.responses import FileResponse
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+from pydantic import BaseModel, ConfigDict, Field
 
 from frictus.errors import RefusedError
 from frictus.messages import RecordingState
 from frictus_service.api import problems
 from frictus_service.api.access import needs
-from frictus_service.api.requests import JSON, parse_json, raw_body, require_media
-from frictus_service.api.routes.rigs import Given, RigName
+from frictus_service.api.requests import body_of, json_body
+from frictus_service.api.routes.rigs import RigName
+from frictus_service.api.services import Given
 
 _RIG: Final[tuple[type[problems.ApiError], ...]] = (
     problems.UnauthenticatedError,
@@ -76,9 +77,6 @@ def _conflicts() -> Iterator[None]:
         if error.code != "conflict":
             raise
         raise problems.RecordingConflictError(str(error)) from error
-
-
-_ASKED: Final[TypeAdapter[RecordingAsked]] = TypeAdapter(RecordingAsked)
 
 
 @router.get(
@@ -154,23 +152,15 @@ def get_recording(rig: RigName, given: Given) -> RecordingState:
     dependencies=[Depends(needs("calibrate"))],
     status_code=201,
     responses=problems.documented(*_ASK, problems.UnsupportedMediaError),
-    openapi_extra={
-        "requestBody": {
-            "required": True,
-            "content": {JSON: {"schema": RecordingAsked.model_json_schema()}},
-        }
-    },
+    openapi_extra=body_of(RecordingAsked),
 )
 def start_recording(
     rig: RigName,
     given: Given,
-    request: Request,
     response: Response,
-    body: Annotated[bytes, Depends(raw_body)],
+    asked: Annotated[RecordingAsked, json_body(RecordingAsked)],
 ) -> RecordingState:
     """Have the rig's recorder record everything that the rig publishes."""
-    require_media(request, JSON)
-    asked = parse_json(_ASKED, body)
     with _conflicts():
         state = given.link.rig(rig).record(asked.name, asked.participant, asked.notes)
     response.headers["Location"] = f"/v1/rigs/{rig}/recording"

@@ -2,6 +2,7 @@
 
 from typing import Annotated, Final
 
+import anyio
 from fastapi import APIRouter, Depends, Path, Request, Response
 from pydantic import BaseModel, Field, TypeAdapter
 
@@ -10,26 +11,25 @@ from frictus.model import Compensation, Model
 from frictus.textures import Scene
 from frictus_service.api import problems
 from frictus_service.api.access import acts_as, needs
+from frictus_service.api.limits import RequestLimits
 from frictus_service.api.requests import (
     JSON,
     IfMatch,
     IfNoneMatch,
+    body_of,
+    json_body,
     large_body,
     not_modified,
     parse_json,
     quoted,
-    raw_body,
     require_media,
     required_match,
 )
-from frictus_service.api.services import Services, services
+from frictus_service.api.services import Given
 
 RigName = Annotated[str, Path(pattern=r"^[A-Za-z0-9._-]{1,64}$", description="Name of the rig")]
-Given = Annotated[Services, Depends(services)]
 
 _SCENE: Final[TypeAdapter[Scene]] = TypeAdapter(Scene)
-_MODEL: Final[TypeAdapter[Model]] = TypeAdapter(Model)
-_COMPENSATION: Final[TypeAdapter[Compensation]] = TypeAdapter(Compensation)
 _RIG: Final[tuple[type[problems.ApiError], ...]] = (
     problems.UnauthenticatedError,
     problems.MissingScopeError,
@@ -84,9 +84,6 @@ class AdaptationChoice(Adaptation):
     undo: bool = Field(
         default=False, description="Put the model back that was set before it was adapted"
     )
-
-
-_ADAPTATION: Final[TypeAdapter[AdaptationChoice]] = TypeAdapter(AdaptationChoice)
 
 
 def _body(name: str) -> dict[str, object]:
@@ -194,16 +191,13 @@ def put_compensation(
     rig: RigName,
     given: Given,
     client: Annotated[str, Depends(acts_as("render"))],
-    request: Request,
-    body: Annotated[bytes, Depends(raw_body)],
+    asked: Annotated[Compensation, json_body(Compensation)],
 ) -> Compensation:
     """Choose the compensation mode until the lease ends, and return what is in force.
 
     Only while whoever asks holds the rig, or shares it: `not_armed` or `not_owner` otherwise.
     No If-Match is asked for, since nothing is lost that somebody has composed.
     """
-    require_media(request, JSON)
-    asked = parse_json(_COMPENSATION, body)
     found = given.link.rig(rig).on_behalf_of(client)
     return found.compensate(asked.mode, speed_mm_s=asked.speed_mm_s)
 
@@ -233,17 +227,14 @@ def put_model(
     rig: RigName,
     given: Given,
     client: Annotated[str, Depends(acts_as("calibrate"))],
-    request: Request,
     response: Response,
-    body: Annotated[bytes, Depends(raw_body)],
+    model: Annotated[Model, json_body(Model, extra="allow")],
     if_match: IfMatch = None,
 ) -> None:
     """Replace the friction model; only while the rig is disarmed.
 
     Fields that this version does not know are kept, as `model/1` demands.
     """
-    require_media(request, JSON)
-    model = parse_json(_MODEL, body, extra="allow")
     asked = given.link.rig(rig)
     replaces = required_match(if_match, asked.model().etag)
     etag = asked.on_behalf_of(client).set_model(model, None if replaces == "*" else replaces)
@@ -265,26 +256,18 @@ def get_adaptation(rig: RigName, given: Given) -> Adaptation:
     responses=problems.documented(
         *_COMMAND, *problems.REFUSALS.values(), problems.UnsupportedMediaError
     ),
-    openapi_extra={
-        "requestBody": {
-            "required": True,
-            "content": {JSON: {"schema": AdaptationChoice.model_json_schema()}},
-        }
-    },
+    openapi_extra=body_of(AdaptationChoice),
 )
 def put_adaptation(
     rig: RigName,
     given: Given,
     client: Annotated[str, Depends(acts_as("calibrate"))],
-    request: Request,
-    body: Annotated[bytes, Depends(raw_body)],
+    asked: Annotated[AdaptationChoice, json_body(AdaptationChoice)],
 ) -> Adaptation:
     """Choose what a tracker may do with the model, whoever holds the rig.
 
     With `undo` the model that was set before it was adapted comes back, with a cross-fade.
     """
-    require_media(request, JSON)
-    asked = parse_json(_ADAPTATION, body)
     found = given.link.rig(rig).on_behalf_of(client)
     return Adaptation(policy=found.set_adaptation(asked.policy, undo=asked.undo))
 
@@ -292,11 +275,19 @@ def put_adaptation(
 @router.post(
     "/{rig}/stop", responses=problems.documented(*_COMMAND, *problems.REFUSALS.values())
 )
-def stop(
-    rig: RigName, given: Given, client: Annotated[str, Depends(acts_as("read"))]
+async def stop(
+    rig: RigName,
+    given: Given,
+    client: Annotated[str, Depends(acts_as("read"))],
+    request: Request,
 ) -> RigState:
     """Ramp the output to zero now, whoever owns the rig. Anyone who may look may stop."""
-    return RigState(state=given.link.rig(rig).on_behalf_of(client).stop())
+
+    def stopped() -> RigState:
+        return RigState(state=given.link.rig(rig).on_behalf_of(client).stop())
+
+    limits: RequestLimits = request.app.state.limits
+    return await anyio.to_thread.run_sync(stopped, limiter=limits.stops)
 
 
 @router.post(

@@ -35,7 +35,7 @@ class StudyList(BaseModel):
 def list_studies(given: Annotated[Services, Depends(services)]) -> StudyList:
     """List the studies that a discovery can name; those of calibrations are among them."""
     found = []
-    for name, path in given.discoveries.shelf.studies().items():
+    for name, path in given.discoveries.store.studies().items():
         try:
             stat = path.stat()
         except FileNotFoundError:

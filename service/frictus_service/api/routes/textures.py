@@ -23,7 +23,7 @@ from frictus_service.api.requests import (
     require_media,
     required_match,
 )
-from frictus_service.api.services import Services, services
+from frictus_service.api.services import Given
 from frictus_service.library import (
     NAME,
     DamagedTextureError,
@@ -34,7 +34,6 @@ from frictus_service.library import (
     check_name,
 )
 
-Given = Annotated[Services, Depends(services)]
 Name = Annotated[
     str, Path(description="Name of the texture", json_schema_extra={"pattern": f"^{NAME}$"})
 ]

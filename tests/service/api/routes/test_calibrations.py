@@ -75,7 +75,7 @@ def allow(stepwise: ModuleType, tmp_path: Path) -> Callable[[int], None]:
 
 @pytest.fixture
 def api(serve: Any, allow: Any) -> TestClient:
-    client: TestClient = serve(run=RUN)
+    client: TestClient = serve(calibrate=RUN)
     return client
 
 
@@ -202,14 +202,14 @@ def test_an_api_that_stops_interrupts_and_the_next_resumes(
     serve: Any, rig: Any, allow: Any, tmp_path: Path
 ) -> None:
     allow(1)
-    before = serve(run=RUN)
+    before = serve(calibrate=RUN)
     started = start(before, rig.name)
     job = started.headers["location"]
     wait_for_trials(before, job, 1)
     before.__exit__(None, None, None)
     assert (tmp_path / "studies" / started.json()["id"] / "disarmed").exists()
 
-    after = serve(run=RUN)
+    after = serve(calibrate=RUN)
     assert after.get(job).json()["state"] == "interrupted"
     allow(3)
     assert after.post(f"{job}/resume").status_code == 202
@@ -219,10 +219,10 @@ def test_an_api_that_stops_interrupts_and_the_next_resumes(
 
 def test_an_interrupted_one_can_be_given_up(serve: Any, rig: Any, allow: Any) -> None:
     allow(0)
-    before = serve(run=RUN)
+    before = serve(calibrate=RUN)
     job = start(before, rig.name).headers["location"]
     before.__exit__(None, None, None)
-    after = serve(run=RUN)
+    after = serve(calibrate=RUN)
     assert after.delete(job).json()["state"] == "cancelled"
 
 

@@ -117,7 +117,7 @@ def test_from_the_first_question_to_the_table(
     said = api.get(f"{job}/report", params={"most": 4}).json()
     assert [row["trial"] for row in said["trials"]] == [6, 5, 4, 3]
     (condition,) = said["conditions"]
-    protocol = api.app.state.services.experiments.shelf.protocol(done["id"])  # type: ignore[attr-defined]
+    protocol = api.app.state.services.experiments.store.protocol(done["id"])  # type: ignore[attr-defined]
     (found,) = results(protocol, rows)
     assert found.fit is not None
     assert condition["threshold"]["value"] == found.fit.threshold.value

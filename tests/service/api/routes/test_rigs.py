@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import anyio
 import pytest
 from fastapi.testclient import TestClient
 
@@ -204,6 +205,25 @@ def test_model_keeps_what_newer_writers_add(api: TestClient, rig: Any) -> None:
     assert got.headers["etag"] == put.headers["etag"]
     assert got.json()["from_the_future"] == {"kept": [1, 2]}
     assert got.json()["schema"] == "model/1"
+
+
+def test_a_stop_waits_for_no_other_request(api: TestClient, rig: Any) -> None:
+    async def take_all_threads() -> None:
+        limiter = anyio.to_thread.current_default_thread_limiter()
+        for number in range(int(limiter.total_tokens)):
+            limiter.acquire_on_behalf_of_nowait(number)
+
+    async def give_them_back() -> None:
+        limiter = anyio.to_thread.current_default_thread_limiter()
+        for number in range(int(limiter.total_tokens)):
+            limiter.release_on_behalf_of(number)
+
+    assert api.portal is not None
+    api.portal.call(take_all_threads)
+    try:
+        assert api.post(f"/v1/rigs/{rig.name}/stop").json() == {"state": "stopping"}
+    finally:
+        api.portal.call(give_them_back)
 
 
 def test_stop_and_reset(api: TestClient, rig: Any) -> None:

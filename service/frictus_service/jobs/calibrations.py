@@ -1,0 +1,143 @@
+"""The calibrations of one site: one on a rig at a time, kept by the registry."""
+
+import logging
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final
+
+from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Progress
+from frictus_service.config import Config
+from frictus_service.errors import CalibrationStateError, RegistryUnavailableError
+from frictus_service.jobs.engine import JobEngine
+from frictus_service.jobs.process import ParentLink, RigAccount, Work
+from frictus_service.registry.documents import Calibration, Published
+
+if TYPE_CHECKING:
+    from frictus_service.registry.database import Once
+    from frictus_service.registry.store import Registry
+
+CALIBRATE: Final = "frictus_service.calibration.run:run_calibration"
+AT_ONCE: Final = 64
+_LOG: Final = logging.getLogger(__name__)
+
+
+class CalibrationWork(Work):
+    """As `frictus_service.calibration.run.run_calibration` is called."""
+
+    account: RigAccount
+    spec: CalibrationSpec
+
+    def carry_out(self, run: Callable[..., Any], parent: ParentLink) -> CalibrationResult:
+        """Calibrate."""
+        with self.account.connect() as client:
+            given = (self.spec, self.folder, client)
+            result: CalibrationResult = run(*given, parent.report, parent.cancelled)
+        return result
+
+
+class CalibrationEngine(JobEngine[Calibration]):
+    """Runs calibrations. All methods may be called from any thread.
+
+    Parameters
+    ----------
+    config : Config
+        Its site, router and folder of studies are used.
+    registry : Registry
+        Where the calibrations are kept.
+    run : str
+        ``module:function`` that carries out one calibration.
+    """
+
+    kind = "calibration"
+    cancellable = ("queued", "running", "interrupted")
+    resumable = ("interrupted", "failed")
+
+    def __init__(self, config: Config, registry: "Registry", run: str = CALIBRATE) -> None:
+        self._config, self._registry, self._run = config, registry, run
+        self.store = registry.calibrations
+        super().__init__(self.store, self._interrupt_left, AT_ONCE)
+
+    def start(self, spec: CalibrationSpec, *, by: str, once: "Once | None") -> Calibration:
+        """Start a calibration; return it as it was queued.
+
+        A quick protocol that uses a prior, and was given none, learns from the published models
+        of other participants.
+
+        Parameters
+        ----------
+        spec : CalibrationSpec
+            What the calibration was asked for.
+        by : str
+            Who asks.
+        once : Once or None
+            Idempotency key: the same request again returns the first one's calibration.
+
+        Raises
+        ------
+        RigBusyError, KeyReusedError, RegistryUnavailableError
+        """
+        self.recover()
+        protocol = spec.protocol
+        if protocol.kind == "quick" and protocol.use_prior and not spec.prior:
+            # The process of a calibration, too, loads this module; it needs no database.
+            from frictus_service.registry.store import earlier_people
+
+            earlier = earlier_people(self._registry, spec.participant)
+            spec = spec.model_copy(update={"prior": earlier})
+        calibration, is_new = self.store.create(spec, site=self._config.site, by=by, once=once)
+        if is_new:
+            self._launch(calibration)
+        return calibration
+
+    def publish(
+        self, calibration_id: str, *, name: str | None, by: str, comment: str
+    ) -> Published:
+        """Publish the model of a calibration, once; again returns what was published.
+
+        Parameters
+        ----------
+        calibration_id : str
+            Of the registry.
+        name : str or None
+            None: ``RIG/PARTICIPANT``.
+        by, comment : str
+            Who, and what there is to say.
+
+        Raises
+        ------
+        UnknownCalibrationError, CalibrationStateError, RegistryNameError, ProvenanceError
+        """
+        calibration = self.store.get(calibration_id)
+        if calibration.result is None:
+            raise CalibrationStateError(
+                f"calibration {calibration_id} is {calibration.state}: it has no model yet"
+            )
+        return self._registry.publish(
+            calibration.result.model,
+            name or f"{calibration.rig}/{calibration.participant}",
+            by=by,
+            rig=calibration.rig,
+            comment=comment,
+            calibration=calibration_id,
+        )
+
+    def _interrupt_left(self) -> None:
+        if self._registry.database.exists:  # or nothing was ever calibrated
+            self.store.interrupt(self._config.site)
+
+    def _work(self, job: Calibration) -> CalibrationWork:
+        return CalibrationWork(
+            run=self._run,
+            folder=(self._config.studies / job.id).absolute(),
+            account=RigAccount.of(self._config, job.created_by, self.kind, job.id),
+            spec=job.spec,
+        )
+
+    def _hear(self, job: str, progress: str) -> None:
+        try:
+            self.store.progress(job, Progress.model_validate_json(progress))
+        except RegistryUnavailableError as error:
+            # The participant goes on sliding; what counts is kept in the folder.
+            _LOG.warning("calibration %s: progress was not kept: %s", job, error)
+
+    def _outcome(self, result: str) -> dict[str, Any]:
+        return {"result": CalibrationResult.model_validate_json(result)}
