@@ -5,11 +5,12 @@ from collections.abc import AsyncIterator, Callable, Sequence
 from typing import Annotated, Final, Protocol
 
 import anyio
-from fastapi import Header, Request
+from fastapi import Depends, Header, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.sse import ServerSentEvent
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from frictus_service.api.access import needs
 from frictus_service.api.limits import RequestLimits
 
 _LOG: Final = logging.getLogger(__name__)
@@ -57,10 +58,12 @@ class Departures:
             _LOG.info("%s: its client left", scope["path"])
 
 
-async def place(request: Request) -> AsyncIterator[None]:
+async def place(
+    request: Request, person: Annotated[str, Depends(needs("read"))]
+) -> AsyncIterator[None]:
     """Hold one of the places for streams of events while a request is served; a dependency."""
     limits: RequestLimits = request.app.state.limits
-    with limits.streams.held():
+    with limits.streams.held(person):
         yield
 
 

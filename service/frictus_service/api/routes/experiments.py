@@ -12,7 +12,7 @@ from pydantic import TypeAdapter
 
 from frictus.experiment import events_table
 from frictus_service.api import problems
-from frictus_service.api.access import needs
+from frictus_service.api.access import has, needs
 from frictus_service.api.event_stream import place
 from frictus_service.api.requests import JSON, parse_json, raw_body, require_media
 from frictus_service.api.routes.models import body_of
@@ -29,6 +29,8 @@ from frictus_service.experiments.report import ExperimentReport, report, rows_of
 from frictus_service.job_folder import ACTIVE
 
 Given = Annotated[Services, Depends(services)]
+Unveiled = Annotated[bool, Depends(has("calibrate"))]
+"""Whether whoever asks may see what is played; participants, who read and answer, may not."""
 Id = Annotated[
     str, Path(pattern=r"^[0-9a-f-]{1,64}$", description="Id of the experiment, as it was made")
 ]
@@ -84,14 +86,16 @@ def start_experiment(
 )
 def list_experiments(
     given: Given,
+    unveiled: Unveiled,
     rig: Annotated[str | None, Query(max_length=64)] = None,
     limit: Annotated[int, Query(ge=1, le=1_000)] = 100,
 ) -> ExperimentList:
     """List the experiments of this machine, newest first, and the protocols that are ready."""
     experiments = given.experiments
     found = (job for job in experiments.shelf.newest() if rig in (None, job.rig))
+    shown = (experiments.with_screen(job) for job in islice(found, limit))
     return ExperimentList(
-        experiments=[experiments.with_screen(job) for job in islice(found, limit)],
+        experiments=[job if unveiled else job.veiled() for job in shown],
         ready=ready_list(),
     )
 
@@ -109,9 +113,12 @@ Existing = Annotated[ExperimentJob, Depends(existing)]
     dependencies=[Depends(needs("read"))],
     responses=problems.documented(*_READ),
 )
-def get_experiment(found: Existing) -> ExperimentJob:
-    """Return where an experiment stands, and what the participant's page shows now."""
-    return found
+def get_experiment(found: Existing, unveiled: Unveiled) -> ExperimentJob:
+    """Return where an experiment stands, and what the participant's page shows now.
+
+    Seed, condition and level are told to who may calibrate alone.
+    """
+    return found if unveiled else found.veiled()
 
 
 @router.get(
@@ -121,7 +128,7 @@ def get_experiment(found: Existing) -> ExperimentJob:
     responses=problems.documented(*_READ),
 )
 async def follow_experiment(
-    experiment: Id, found: Existing, given: Given
+    experiment: Id, found: Existing, given: Given, unveiled: Unveiled
 ) -> AsyncIterator[ServerSentEvent]:
     """Follow an experiment: `state` events, each with all that GET answers.
 
@@ -134,7 +141,8 @@ async def follow_experiment(
         if (now := experiments.changes) != seen:
             seen = now
             found = await run_in_threadpool(experiments.stands, experiment)
-            if (data := found.model_dump_json(by_alias=True)) != told:
+            shown = found if unveiled else found.veiled()
+            if (data := shown.model_dump_json(by_alias=True)) != told:
                 told = data
                 yield ServerSentEvent(raw_data=data, event="state", id=str(now))
             if found.state not in ACTIVE:
@@ -144,7 +152,7 @@ async def follow_experiment(
 
 @router.get(
     "/{experiment}/report",
-    dependencies=[Depends(needs("read"))],
+    dependencies=[Depends(needs("calibrate"))],
     responses=problems.documented(*_WRITE),
 )
 def get_report(
@@ -160,7 +168,7 @@ def get_report(
 
 @router.get(
     "/{experiment}/events.tsv",
-    dependencies=[Depends(needs("read"))],
+    dependencies=[Depends(needs("calibrate"))],
     response_class=Response,
     responses={
         200: {"content": {"text/tab-separated-values": {}}},
@@ -183,6 +191,7 @@ def get_events_table(found: Existing, given: Given) -> Response:
 def answer(
     experiment: Id,
     given: Given,
+    unveiled: Unveiled,
     request: Request,
     body: Annotated[bytes, Depends(raw_body)],
 ) -> ExperimentJob:
@@ -191,7 +200,8 @@ def answer(
     Accepted are the keys of the task; `go` where the participant is to begin or has a break.
     """
     require_media(request, JSON)
-    return given.experiments.answer(experiment, parse_json(_ANSWER, body))
+    found = given.experiments.answer(experiment, parse_json(_ANSWER, body))
+    return found if unveiled else found.veiled()
 
 
 @router.post(
