@@ -92,8 +92,6 @@ def _add_data_set(gathered: Gatherer, stored: Stored) -> None:
     )
     if kind not in "biufc" or ("MATLAB_class" in stored.attributes and _is_text(stored)):
         return
-    if stored.handle.is_virtual or stored.handle.external:
-        raise FieldError(stored.name, "lies in another file; copy it into this one")
     if not gathered.reserve(stored.name, stored.shape):
         return
     unit = next((stored.attributes[n] for n in UNIT_NAMES if n in stored.attributes), "")
