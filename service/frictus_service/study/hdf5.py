@@ -264,7 +264,7 @@ def _is_there(holder: h5py.Group, name: str) -> bool:
             return False
         if links.get_info(key).type != h5py.h5l.TYPE_HARD:
             raise FieldError(
-                name, "is a link to elsewhere; copy what it leads to into its place"
+                name, "is a link to elsewhere; copy in what it leads to"
             )
         return True
 

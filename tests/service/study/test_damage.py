@@ -59,7 +59,7 @@ def test_a_flipped_bit_never_gives_a_wrong_value(
 def test_no_study_leads_to_another_file(
     how: str, written: tuple[Path, dict[str, str]], tmp_path: Path
 ) -> None:
-    path, hashes = written
+    path, _ = written
     (tmp_path / "secret").write_bytes(np.arange(1_000.0).tobytes())
     with h5py.File(path, "a") as file:
         trial = file["trials/t0"]

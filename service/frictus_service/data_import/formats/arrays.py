@@ -20,7 +20,7 @@ import h5py
 import numpy as np
 
 from frictus_service.data_import.formats.columns import MAX_VALUES, Columns, Gatherer
-from frictus_service.errors import FieldError, StudyError
+from frictus_service.errors import StudyError
 from frictus_service.study import hdf5
 from frictus_service.study.hdf5 import Stored, naming_damage
 
