@@ -263,9 +263,7 @@ def _is_there(holder: h5py.Group, name: str) -> bool:
         if not links.exists(key):
             return False
         if links.get_info(key).type != h5py.h5l.TYPE_HARD:
-            raise FieldError(
-                name, "is a link to elsewhere; copy in what it leads to"
-            )
+            raise FieldError(name, "is a link to elsewhere; copy in what it leads to")
         return True
 
 
