@@ -1,7 +1,9 @@
 """Calls to a rig: a JSON request with its age limit, one reply, refusals as errors."""
 
 import contextlib
+import queue
 import time
+from collections.abc import Iterator
 from math import ceil
 from typing import Any, Final
 
@@ -190,7 +192,7 @@ def present_rigs(session: zenoh.Session, site: str = "*", wait_s: float = 2.0) -
             break
         time.sleep(pause_s)
         in_time = True
-        for answer in session.liveliness().get(any_rig_alive(site), timeout=wait_s):
+        for answer in _tokens(session, any_rig_alive(site), wait_s):
             if answer.ok is None:
                 in_time = False
             else:
@@ -200,6 +202,19 @@ def present_rigs(session: zenoh.Session, site: str = "*", wait_s: float = 2.0) -
     if silences == LOOKS and not found:  # that nobody is there would be a claim
         raise LinkError(f"the router has not answered within {wait_s:g} s; try again")
     return sorted(found, key=lambda keys: (keys.site, keys.rig))
+
+
+def _tokens(session: zenoh.Session, key: str, wait_s: float) -> Iterator[zenoh.Reply]:
+    """Yield the liveliness tokens below a key.
+
+    They are put into a queue without a bound: what Zenoh knows already it tells within `get`
+    itself, which stands still for ever, and its session with it, where its own channel is full.
+    """
+    answers: queue.SimpleQueue[zenoh.Reply | None] = queue.SimpleQueue()
+    told = Callback(answers.put, lambda: answers.put(None), indirect=False)
+    session.liveliness().get(key, told, timeout=wait_s)
+    while (answer := answers.get()) is not None:
+        yield answer
 
 
 def await_present(session: zenoh.Session, keys: RigKeys, wait_s: float) -> None:

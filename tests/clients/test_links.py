@@ -167,3 +167,41 @@ def test_a_process_without_memory_for_threads_is_told_so() -> None:
     )
     assert "told: Zenoh cannot start here" in done.stderr
     assert "ulimit" in done.stderr
+
+
+LOOKS_AT_MANY = """
+import sys
+import threading
+from zenoh.handlers import Callback
+from frictus.calls import present_rigs
+from frictus.keys import RigKeys, any_rig_alive
+from frictus.session import open_router, open_session
+seen, all_seen = [], threading.Event()
+
+def see(sample):
+    seen.append(sample)
+    if len(seen) == 600:
+        all_seen.set()
+
+endpoint = sys.argv[1]
+with open_router(endpoint), open_session(endpoint) as rigs, open_session(endpoint) as looking:
+    told = Callback(see, indirect=False)
+    follows = looking.liveliness().declare_subscriber(any_rig_alive("*"), told, history=True)
+    tokens = [
+        rigs.liveliness().declare_token(RigKeys("lab", f"r{number}").alive)
+        for number in range(600)
+    ]
+    assert all_seen.wait(100.0)
+    print(len(present_rigs(looking, wait_s=60.0)))
+"""
+
+
+def test_who_knows_hundreds_of_rigs_can_look_for_them() -> None:
+    # In a process of its own: a session that stands still could not be closed either.
+    looked = subprocess.run(
+        [sys.executable, "-c", LOOKS_AT_MANY, free_endpoint()],
+        capture_output=True,
+        text=True,
+        timeout=200.0,
+    )
+    assert looked.stdout == "600\n", looked.stderr

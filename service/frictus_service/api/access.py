@@ -62,6 +62,20 @@ def needs(scope: Scope) -> Callable[..., Awaitable[str]]:
     return check
 
 
+def has(scope: Scope) -> Callable[..., Awaitable[bool]]:
+    """Return the dependency that says whether whoever asks has `scope`; all pass."""
+
+    async def check(
+        request: Request,
+        given: Annotated[HTTPAuthorizationCredentials | None, Depends(_BEARER)],
+    ) -> bool:
+        tokens = services(request).config.api.tokens
+        token = None if given is None else find(given.credentials, tokens)
+        return not tokens or (token is not None and scope in token.scopes)
+
+    return check
+
+
 def acts_as(scope: Scope) -> Callable[..., Awaitable[str]]:
     """Return the dependency that lets requests with `scope` through, and names their client.
 

@@ -15,6 +15,7 @@ a WebSocket, which browsers let any page open and read.
 
 import asyncio
 import time
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from typing import Any, Final
@@ -49,7 +50,7 @@ CLIENTS: Final = 10_000
 
 
 class Places:
-    """Places for what is done at once, in one event loop.
+    """Places for what is done at once, in one event loop; no holder takes more than half.
 
     Parameters
     ----------
@@ -62,24 +63,38 @@ class Places:
     def __init__(self, most: int, what: str) -> None:
         self._most = most
         self._what = what
-        self._taken = 0
+        self._taken: Counter[str] = Counter()
 
     @contextmanager
-    def held(self, count: int = 1) -> Iterator[None]:
+    def held(self, holder: str, count: int = 1) -> Iterator[None]:
         """Hold places within the block.
+
+        Parameters
+        ----------
+        holder : str
+            Whose they are.
+        count : int
+            How many.
 
         Raises
         ------
         BusyError
-            If there are not so many left.
+            If there are not so many left, or the holder has some and would have more than half.
         """
-        if self._taken + count > self._most:
+        taken = self._taken.get(holder, 0)
+        if taken and 2 * (taken + count) > self._most:
+            raise BusyError(
+                f"you hold {taken} of the {self._most} {self._what}, and nobody holds more "
+                "than half: try again later"
+            )
+        if self._taken.total() + count > self._most:
             raise BusyError(f"at most {self._most} {self._what} at once: try again later")
-        self._taken += count
+        self._taken[holder] += count
         try:
             yield
         finally:
-            self._taken -= count
+            self._taken[holder] -= count
+            self._taken = +self._taken  # who holds none is forgotten
 
 
 class RequestLimits:
@@ -176,6 +191,12 @@ TAKE_S: Final = 30.0
 """A client that takes nothing of its answer for so long has its connection cut."""
 HEAD_BYTES: Final = 16_384
 """Longest head: request line and headers."""
+_TOO_MANY: Final = (
+    b"HTTP/1.1 503 Service Unavailable\r\nContent-Type: text/plain\r\nConnection: close\r\n"
+    b"Content-Length: 70\r\n\r\n"
+    b"your address has half of all connections: end some, or try again later"
+)
+"""To an address that has half of all connections: the others are for everybody else."""
 
 
 class PatientProtocol(H11Protocol):
@@ -187,9 +208,15 @@ class PatientProtocol(H11Protocol):
         self._take_due: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Begin; the first head is due."""
+        """Begin, unless too many connections are of this address; the first head is due."""
         super().connection_made(transport)
-        self._await_head()
+        addresses = [(getattr(each, "client", None) or ("",))[0] for each in self.connections]
+        held = addresses.count((self.client or ("",))[0])
+        if self.limit_concurrency is not None and 2 * held > self.limit_concurrency:
+            transport.write(_TOO_MANY)
+            transport.close()
+        else:
+            self._await_head()
 
     def on_response_complete(self) -> None:
         """Go on with the next request, whose head is due from now."""

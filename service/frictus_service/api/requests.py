@@ -79,7 +79,8 @@ async def _body(request: Request, limit_bytes: int) -> AsyncIterator[bytes]:
     most = int(announced[:20]) if announced.isdecimal() else limit_bytes
     if most > limit_bytes:
         raise _too_large(limit_bytes)
-    with limits.bodies.held(most):
+    address = request.client.host if request.client else ""
+    with limits.bodies.held(address, most):
         allowed_s = BODY_S + most / SLOWEST_BYTES_S
         try:
             async with asyncio.timeout(allowed_s):

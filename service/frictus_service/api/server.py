@@ -31,6 +31,7 @@ from frictus_service.api.limits import (
     Rate,
     RequestLimits,
 )
+from frictus_service.api.patient_socket import PatientSocket
 from frictus_service.api.routes import (
     activation,
     calibrations,
@@ -315,6 +316,7 @@ def run_api(config: Config, stop: StopSignal, ready: ReadySignal) -> None:
             access_log=False,
             server_header=False,
             http=PatientProtocol,
+            ws=PatientSocket,
             h11_max_incomplete_event_size=HEAD_BYTES,
             limit_concurrency=config.api.max_connections,
             timeout_graceful_shutdown=GRACE_S,

@@ -25,6 +25,7 @@ PROTOCOL: Final = "protocol.json"
 LOG: Final = "trials.jsonl"
 GO_ON: Final = "go"
 """The answer that begins, and ends a break."""
+_VEILED: Final = "null: told to who may calibrate, not to participants"
 Phase = Literal["ready", "interval", "question", "wait", "feedback", "break", "pause"]
 
 
@@ -80,8 +81,8 @@ class ParticipantScreen(_Strict):
     interval: Annotated[int, Field(description="From 1 while one is felt; else 0")] = 0
     intervals: int = 1
     practice: bool = False
-    condition: str = ""
-    level: FiniteFloat = 0.0
+    condition: Annotated[str | None, Field(description=_VEILED)] = None
+    level: Annotated[FiniteFloat | None, Field(description=_VEILED)] = None
     unit: str = ""
     touched: Annotated[bool, Field(description="False: a finger was missed")] = True
     right: bool | None = None
@@ -95,7 +96,7 @@ class ExperimentJob(FolderJob):
     rig: str
     participant: str
     order_row: int
-    seed: int
+    seed: Annotated[int | None, Field(description=_VEILED)]
     protocol: str
     """Its name."""
     description: str
@@ -104,6 +105,12 @@ class ExperimentJob(FolderJob):
     screen: Annotated[ParticipantScreen | None, Field(description="null: it does not run")] = (
         None
     )
+
+    def veiled(self) -> Self:
+        """Return it as participants may see it: without what tells them what is played."""
+        veil = {"condition": None, "level": None, "unit": ""}
+        screen = self.screen and self.screen.model_copy(update=veil)
+        return self.model_copy(update={"seed": None, "screen": screen})
 
 
 class ReadyProtocol(_Strict):

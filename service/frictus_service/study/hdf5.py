@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import h5py
 import numpy as np
@@ -101,6 +101,8 @@ def _present(attributes: Mapping[str, Any], name: str) -> Plain | None:
         raise FieldError(name, f"is not UTF-8 ({error.reason}); accepted: text") from error
 
 
+MAX_CHUNK_BYTES: Final = 1 << 24
+"""Of a data set that is smaller itself: a chunk is unfolded whole for one value of it."""
 # What h5py raises on a damaged file, by what is damaged.
 _RAISED = (OSError, RuntimeError, LookupError, TypeError, ValueError, MemoryError)
 
@@ -143,9 +145,19 @@ class Stored:
         Raises
         ------
         FieldError
-            If they are damaged, or parts were never written.
+            If they are damaged, lie in another file, would unfold to far more than is asked
+            for, or parts were never written.
         """
         with naming_damage(self.name):
+            if self.handle.is_virtual or self.handle.external:
+                raise FieldError(self.name, "lies in another file; copy it into this one")
+            chunk_bytes = math.prod(self.handle.chunks or ()) * self.handle.dtype.itemsize
+            if chunk_bytes > max(MAX_CHUNK_BYTES, self.handle.nbytes):
+                raise FieldError(
+                    self.name,
+                    f"holds {self.handle.nbytes} bytes in chunks of {chunk_bytes}; store it in "
+                    "smaller chunks",
+                )
             if _is_unwritten(self.handle):
                 raise FieldError(
                     self.name,
@@ -218,7 +230,7 @@ def group_in(holder: h5py.Group, name: str) -> h5py.Group | None:
     FieldError
     """
     with naming_damage("group"):
-        found = holder[name] if name in holder else None
+        found = holder[name] if _is_there(holder, name) else None
         return found if isinstance(found, h5py.Group) else None
 
 
@@ -245,8 +257,14 @@ def data_sets_in(holder: h5py.Group, names: Iterable[str]) -> dict[str, Stored]:
 
 
 def _is_there(holder: h5py.Group, name: str) -> bool:
+    """Return whether a group holds something itself: a link could lead to any other file."""
     with naming_damage(name):
-        return name in holder
+        links, key = holder.id.links, name.encode()
+        if not links.exists(key):
+            return False
+        if links.get_info(key).type != h5py.h5l.TYPE_HARD:
+            raise FieldError(name, "is a link to elsewhere; copy in what it leads to")
+        return True
 
 
 def _stored(holder: h5py.Group, name: str) -> Stored:

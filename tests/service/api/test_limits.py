@@ -6,7 +6,7 @@ import logging
 import socket
 import threading
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from frictus_service.api import error_handlers, limits, requests
 from frictus_service.api.problems import BusyError, GoneError
 from frictus_service.api.server import run_api
 from frictus_service.api.services import RigConnection
+from frictus_service.config import Config
 from frictus_service.processes import free_port
 
 HALF_BODY = (
@@ -28,23 +29,26 @@ HALF_BODY = (
 )
 
 
+@contextmanager
+def serving(config: Config) -> Iterator[int]:
+    stop, ready = threading.Event(), threading.Event()
+    thread = threading.Thread(target=run_api, args=(config, stop, ready))
+    thread.start()
+    assert ready.wait(20.0)
+    yield config.api.port
+    stop.set()
+    thread.join(20.0)
+    assert not thread.is_alive()
+
+
 @pytest.fixture
 def port(router: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """A real server that is quickly impatient."""
     monkeypatch.setattr(limits, "HEAD_S", 0.5)
     monkeypatch.setattr(limits, "TAKE_S", 0.5)
     monkeypatch.setattr(requests, "BODY_S", 0.5)
-    stop, ready = threading.Event(), threading.Event()
-    port = free_port()
-    thread = threading.Thread(
-        target=run_api, args=(configuration(router, tmp_path, port), stop, ready)
-    )
-    thread.start()
-    assert ready.wait(20.0)
-    yield port
-    stop.set()
-    thread.join(20.0)
-    assert not thread.is_alive()
+    with serving(configuration(router, tmp_path, free_port())) as port:
+        yield port
 
 
 def connected(port: int, sent: bytes) -> socket.socket:
@@ -62,6 +66,19 @@ def all_of(opened: socket.socket) -> bytes:
     except ConnectionResetError:
         pass
     return received
+
+
+def test_one_address_has_half_of_the_connections(router: str, tmp_path: Path) -> None:
+    port = free_port()
+    config = configuration(router, tmp_path, port)
+    few = config.api.model_copy(update={"max_connections": 10})
+    with serving(config.model_copy(update={"api": few})), ExitStack() as opened:
+        for _ in range(5):
+            opened.enter_context(connected(port, b""))
+        told = all_of(opened.enter_context(connected(port, b"")))
+    assert told.startswith(b"HTTP/1.1 503")
+    head, _, text = told.partition(b"\r\n\r\n")
+    assert f"Content-Length: {len(text)}".encode() in head.split(b"\r\n")
 
 
 @pytest.mark.parametrize(
@@ -258,13 +275,22 @@ def test_a_command_is_smaller_than_a_scene(api: TestClient) -> None:
 
 def test_places_are_given_back() -> None:
     places = limits.Places(3, "streams")
-    with places.held(2):
-        with pytest.raises(BusyError, match="at most 3 streams"), places.held(2):
+    with places.held("a", 2):
+        with pytest.raises(BusyError, match="at most 3 streams"), places.held("b", 2):
             pass
-        with places.held():
+        with places.held("b"):
             pass
-    with places.held(3):
+    with places.held("a", 3):  # all of them: what is larger than half can be held, too
         pass
+
+
+def test_nobody_holds_more_than_half_of_the_places() -> None:
+    places = limits.Places(4, "streams")
+    with places.held("a"), places.held("a"):
+        with pytest.raises(BusyError, match="you hold 2 of the 4 streams"), places.held("a"):
+            pass
+        with places.held("b"), places.held("b"):
+            pass
 
 
 def test_no_more_streams_of_events_than_there_are_places(

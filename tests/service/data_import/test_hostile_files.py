@@ -148,6 +148,15 @@ def test_an_hdf5_file_that_points_elsewhere(tmp_path: Path) -> None:
         read_columns(path)
 
 
+def test_an_hdf5_file_whose_chunks_unfold_to_more_than_it_holds(tmp_path: Path) -> None:
+    path = tmp_path / "chunk.h5"
+    with h5py.File(path, "w") as file:
+        wide = {"maxshape": (None,), "chunks": (3_000_000,), "compression": "gzip"}
+        file.create_dataset("force_x", data=np.zeros(10), **wide)
+    with pytest.raises(StudyError, match="80 bytes in chunks of 24000000"):
+        read_columns(path)
+
+
 def test_a_parquet_file_that_unfolds_without_end(tmp_path: Path) -> None:
     path = tmp_path / "bomb.parquet"
     zeros = pa.array(np.zeros(1_000_000))

@@ -116,7 +116,7 @@ SEEN_AT_ONCE: dict[str, tuple[Edit, str, str]] = {
     "text": (_put("voltage_v", ["x"] * N), "voltage_v", "no numbers"),
     "complex": (_put("voltage_v", np.zeros(N, complex)), "voltage_v", "no numbers"),
     "a group": (_put_group, "voltage_v", "no data set"),
-    "a dangling link": (_put_link, "voltage_v", "is damaged"),
+    "a dangling link": (_put_link, "voltage_v", "a link to elsewhere"),
     "both skins": (_put("skin_velocity_m_s", np.zeros(N)), "skin_velocity_m_s", "one of them"),
 }
 SEEN_WHEN_READ: dict[str, tuple[Edit, str, str]] = {

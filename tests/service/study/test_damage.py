@@ -55,6 +55,31 @@ def test_a_flipped_bit_never_gives_a_wrong_value(
     assert "excluded" in ends
 
 
+@pytest.mark.parametrize("how", ["link to a file", "soft link", "external storage"])
+def test_no_study_leads_to_another_file(
+    how: str, written: tuple[Path, dict[str, str]], tmp_path: Path
+) -> None:
+    path, _ = written
+    (tmp_path / "secret").write_bytes(np.arange(1_000.0).tobytes())
+    with h5py.File(path, "a") as file:
+        trial = file["trials/t0"]
+        name, shape = "voltage_v", trial["voltage_v"].shape
+        del trial[name]
+        if how == "external storage":
+            at = [(str(tmp_path / "secret"), 0, 8_000)]
+            trial.create_dataset(name, shape, "f8", external=at)
+        elif how == "soft link":
+            trial[name] = h5py.SoftLink("/trials/t1/voltage_v")
+        else:
+            trial[name] = h5py.ExternalLink(str(path.with_name("other.h5")), "/x")
+        del trial.attrs["sha256"]
+    with StudyReader(path) as study:
+        found = list(read_all(study))
+    (left_out,) = [one for one in found if isinstance(one, Exclusion)]
+    assert left_out.trial == "t0"
+    assert "elsewhere" in str(left_out) or "another file" in str(left_out)
+
+
 def test_a_lost_sector_never_gives_a_wrong_value(
     written: tuple[Path, dict[str, str]], rng: np.random.Generator
 ) -> None:

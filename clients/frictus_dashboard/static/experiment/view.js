@@ -48,7 +48,7 @@ export class View {
     // Without a connection nothing is asked: with it, this is called again.
     if (this.page.link.state !== "open") return;
     this.standing.open(this.wanted);
-    this.results.read(this.wanted);
+    this.#read(this.wanted);
     this.#list();
   }
 
@@ -66,11 +66,16 @@ export class View {
     if (status !== null) this.setup.show(status, this.page.link.welcome?.client ?? "");
   }
 
+  /** Levels and answers are for who may calibrate. */
+  #read(id) {
+    this.results.read(this.page.can("calibrate") ? id : null);
+  }
+
   #changed(job, before) {
     const answered = job.screen?.answered ?? null;
     const same = before?.id === job.id;
     if (same && before.state === job.state && before.screen?.answered === answered) return;
-    this.results.read(job.id);
+    this.#read(job.id);
     if (!same || before.state !== job.state) this.#list();
   }
 

@@ -33,12 +33,13 @@ export function progressOf({ screen, planned }) {
   return `${screen.answered}${of} trials answered`;
 }
 
-/** The trial under way. */
+/** The trial under way; what is played is told to who may calibrate. */
 export function trialOf({ screen, task }) {
   if (screen === null) return "";
   const { trial, practice, condition, level, unit, phase, interval, intervals } = screen;
   const which = interval > 0 && intervals > 1 ? `interval ${interval} is ` : "";
   const missed = screen.touched ? "" : " The finger was missed.";
+  if (level === null) return `Trial ${trial}: ${which}${PHASES[phase]}.${missed}`;
   const kind = practice ? "practice" : condition;
   const start = task.kind === "adjustment" ? "begins at " : "";
   const told = `${start}${figure(level, 3)} ${unit}`;

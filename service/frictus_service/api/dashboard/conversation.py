@@ -111,7 +111,7 @@ class Conversation:
         person, scopes = await self._greeted()
         hub = self._hub
         viewer = PageFeed(hub, scopes)
-        with hub.joined(viewer), self._pages.joined(person) as page:
+        with hub.joined(viewer, person), self._pages.joined(person) as page:
             welcome = Welcome(
                 scopes=tuple(sorted(scopes)),
                 site=hub.site,

@@ -30,8 +30,7 @@ from frictus_service.api.services import RigConnection
 TEND_S: Final = 0.25
 """How often the link is looked at."""
 MAX_VIEWERS: Final = 64
-MAX_CALLS: Final = 8
-"""Calls of pages to rigs at once, but arming and disarming; others wait for a thread."""
+"""No person has more than half of them: others find a place."""
 MAX_UPDATES: Final = 8
 """Texture updates and points of pages that are handed to the network at once."""
 _LOG: Final = logging.getLogger(__name__)
@@ -60,10 +59,11 @@ class Hub:
         Site of the rigs.
     linked : bool
         Whether the router can be reached, as far as is known.
-    leases : anyio.CapacityLimiter
-        Threads that arm and disarm, one for each page: no page waits for another to disarm.
-    calls, updates : anyio.CapacityLimiter
-        Threads for pages' other calls, and for texture updates and points.
+    leases, calls : anyio.CapacityLimiter
+        Threads that arm and disarm, and for pages' other calls, one for each page: no page
+        waits for another.
+    updates : anyio.CapacityLimiter
+        Threads for texture updates and points.
     """
 
     def __init__(self, link: RigConnection) -> None:
@@ -71,7 +71,7 @@ class Hub:
         self.site = link.site
         self.linked = False
         self.leases = anyio.CapacityLimiter(MAX_VIEWERS)
-        self.calls = anyio.CapacityLimiter(MAX_CALLS)
+        self.calls = anyio.CapacityLimiter(MAX_VIEWERS)
         self.updates = anyio.CapacityLimiter(MAX_UPDATES)
         self._present: set[str] = set()
         self._vanished: set[str] = set()
@@ -79,30 +79,43 @@ class Hub:
         self._client: frictus.Client | None = None
         self._rigs: dict[str, frictus.Rig] = {}
         self._channels: dict[tuple[str, str], Channel] = {}
-        self._watchers: list[ChannelSubscriber] = []
+        self._watchers: list[tuple[str, ChannelSubscriber]] = []
         self._poked = asyncio.Event()
         self._tending: asyncio.Task[None] | None = None
 
     @contextlib.contextmanager
-    def joined(self, watcher: ChannelSubscriber) -> Iterator[None]:
+    def joined(self, watcher: ChannelSubscriber, person: str) -> Iterator[None]:
         """Serve a viewer within the block.
+
+        Parameters
+        ----------
+        watcher : ChannelSubscriber
+            What wants channels.
+        person : str
+            Whose it is.
 
         Raises
         ------
         RefusedViewerError
-            If there are too many already.
+            If there are too many already, of all or of this person.
         """
-        if len(self._watchers) >= MAX_VIEWERS:
-            message = f"{MAX_VIEWERS} viewers are connected already, which is the most"
+        own = sum(whose == person for whose, _ in self._watchers)
+        if len(self._watchers) >= MAX_VIEWERS or 2 * own >= MAX_VIEWERS:
+            message = (
+                f"{MAX_VIEWERS} viewers are connected already, which is the most"
+                if 2 * own < MAX_VIEWERS
+                else f"{own} viewers of {person!r} are connected already, which is the most"
+            )
             raise RefusedViewerError("hello", "too_many", message, TRY_LATER)
-        self._watchers.append(watcher)
+        joined = person, watcher
+        self._watchers.append(joined)
         if self._tending is None:
             self._tending = asyncio.create_task(self._tend())
         self.poke()
         try:
             yield
         finally:
-            self._watchers.remove(watcher)
+            self._watchers.remove(joined)
             self.poke()
 
     def poke(self) -> None:
@@ -207,7 +220,7 @@ class Hub:
             vanished, self._vanished = self._vanished, set()
             wanted = {
                 (rig, name)
-                for watcher in self._watchers
+                for _, watcher in self._watchers
                 for rig, name in watcher.wanted
                 if rig in self.rigs
             }

@@ -11,7 +11,7 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 
 from frictus.experiment import events_table
 from frictus_service.api import problems
-from frictus_service.api.access import needs
+from frictus_service.api.access import has, needs
 from frictus_service.api.requests import body_of, json_body
 from frictus_service.api.routes.jobs import ASKED, BODY, JobRoutes, id_of, place
 from frictus_service.api.services import Given
@@ -26,6 +26,8 @@ from frictus_service.experiments.job import (
 from frictus_service.experiments.report import ExperimentReport, report, rows_of
 from frictus_service.job_folder import ACTIVE
 
+Unveiled = Annotated[bool, Depends(has("calibrate"))]
+"""Whether whoever asks may see what is played; participants, who read and answer, may not."""
 LOOK_S: Final = 0.05
 """How often a stream looks for something else to show; what is seen is late by it."""
 jobs = JobRoutes(
@@ -76,19 +78,31 @@ def start_experiment(
 )
 def list_experiments(
     given: Given,
+    unveiled: Unveiled,
     rig: Annotated[str | None, Query(max_length=64)] = None,
     limit: Annotated[int, Query(ge=1, le=1_000)] = 100,
 ) -> ExperimentList:
     """List the experiments of this machine, newest first, and the protocols that are ready."""
     experiments = given.experiments
     found = (job for job in experiments.store.newest() if rig in (None, job.rig))
+    shown = (experiments.with_screen(job) for job in islice(found, limit))
     return ExperimentList(
-        experiments=[experiments.with_screen(job) for job in islice(found, limit)],
+        experiments=[job if unveiled else job.veiled() for job in shown],
         ready=ready_list(),
     )
 
 
-jobs.add_get("Return where an experiment stands, and what the participant's page shows now.")
+@router.get(
+    "/{experiment}",
+    dependencies=[Depends(needs("read"))],
+    responses=problems.documented(*jobs.read),
+)
+def get_experiment(found: Existing, unveiled: Unveiled) -> ExperimentJob:
+    """Return where an experiment stands, and what the participant's page shows now.
+
+    Seed, condition and level are told to who may calibrate alone.
+    """
+    return found if unveiled else found.veiled()
 
 
 @router.get(
@@ -97,7 +111,9 @@ jobs.add_get("Return where an experiment stands, and what the participant's page
     response_class=EventSourceResponse,
     responses=problems.documented(*jobs.read),
 )
-async def follow_experiment(found: Existing, given: Given) -> AsyncIterator[ServerSentEvent]:
+async def follow_experiment(
+    found: Existing, given: Given, unveiled: Unveiled
+) -> AsyncIterator[ServerSentEvent]:
     """Follow an experiment: `state` events, each with all that GET answers.
 
     The first comes at once. What changes faster than it is read is left out. The stream ends
@@ -109,7 +125,8 @@ async def follow_experiment(found: Existing, given: Given) -> AsyncIterator[Serv
         if (now := experiments.changes) != seen:
             seen = now
             found = await run_in_threadpool(experiments.get, found.id)
-            if (data := found.model_dump_json(by_alias=True)) != told:
+            shown = found if unveiled else found.veiled()
+            if (data := shown.model_dump_json(by_alias=True)) != told:
                 told = data
                 yield ServerSentEvent(raw_data=data, event="state", id=str(now))
             if found.state not in ACTIVE:
@@ -119,7 +136,7 @@ async def follow_experiment(found: Existing, given: Given) -> AsyncIterator[Serv
 
 @router.get(
     "/{experiment}/report",
-    dependencies=[Depends(needs("read"))],
+    dependencies=[Depends(needs("calibrate"))],
     responses=problems.documented(*jobs.write),
 )
 def get_report(
@@ -135,7 +152,7 @@ def get_report(
 
 @router.get(
     "/{experiment}/events.tsv",
-    dependencies=[Depends(needs("read"))],
+    dependencies=[Depends(needs("calibrate"))],
     response_class=Response,
     responses={
         200: {"content": {"text/tab-separated-values": {}}},
@@ -158,13 +175,15 @@ def get_events_table(found: Existing, given: Given) -> Response:
 def answer(
     experiment: Id,
     given: Given,
+    unveiled: Unveiled,
     answered: Annotated[Answer, json_body(Answer)],
 ) -> ExperimentJob:
     """Answer the question that is on the screen; each takes one answer.
 
     Accepted are the keys of the task; `go` where the participant is to begin or has a break.
     """
-    return given.experiments.answer(experiment, answered)
+    found = given.experiments.answer(experiment, answered)
+    return found if unveiled else found.veiled()
 
 
 @router.post(

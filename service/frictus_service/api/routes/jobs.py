@@ -46,10 +46,12 @@ class Event(Protocol):
         """JSON."""
 
 
-async def place(request: Request) -> AsyncIterator[None]:
+async def place(
+    request: Request, person: Annotated[str, Depends(needs("read"))]
+) -> AsyncIterator[None]:
     """Hold one of the places for streams of events while a request is served; a dependency."""
     limits: RequestLimits = request.app.state.limits
-    with limits.streams.held():
+    with limits.streams.held(person):
         yield
 
 

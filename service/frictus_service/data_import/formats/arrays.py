@@ -20,7 +20,7 @@ import h5py
 import numpy as np
 
 from frictus_service.data_import.formats.columns import MAX_VALUES, Columns, Gatherer
-from frictus_service.errors import FieldError, StudyError
+from frictus_service.errors import StudyError
 from frictus_service.study import hdf5
 from frictus_service.study.hdf5 import Stored, naming_damage
 
@@ -92,8 +92,6 @@ def _add_data_set(gathered: Gatherer, stored: Stored) -> None:
     )
     if kind not in "biufc" or ("MATLAB_class" in stored.attributes and _is_text(stored)):
         return
-    if stored.handle.is_virtual or stored.handle.external:
-        raise FieldError(stored.name, "lies in another file; copy it into this one")
     if not gathered.reserve(stored.name, stored.shape):
         return
     unit = next((stored.attributes[n] for n in UNIT_NAMES if n in stored.attributes), "")

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
-from tests.service.api.conftest import FakeRig, configuration
+from tests.service.api.conftest import TOKENS, FakeRig, configuration
 
 from frictus.experiment import load_protocol, read_log, ready_protocols, results
 from frictus_service.api.server import build_app
@@ -137,6 +137,35 @@ def test_from_the_first_question_to_the_table(
     listed = api.get("/v1/experiments", params={"rig": rig.name}).json()
     assert [each["id"] for each in listed["experiments"]] == [done["id"]]
     assert {each["name"] for each in listed["ready"]} == set(ready_protocols())
+
+
+def test_who_may_not_calibrate_is_not_told_what_is_played(
+    serve: Serve, rig: FakeRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    api = serve(tokens=True, present=RUN)
+
+    def by(scope: str) -> dict[str, str]:
+        return {"Authorization": f"Bearer {TOKENS[scope]}"}
+
+    asked = {"rig": rig.name, "participant": "P01", "toml": TOML, "seed": 3}
+    made = api.post("/v1/experiments", json=asked, headers=by("calibrate"))
+    job = made.headers["location"]
+    assert made.json()["seed"] == 3
+    api.headers.update(by("read"))
+    shown = screen(api, job, "ready")
+    given = {"trial": shown["trial"], "step": shown["step"], "answer": "go"}
+    answered = api.post(f"{job}/answers", json=given, headers=by("render"))
+    asked_of = screen(api, job, "question")
+    (listed,) = api.get("/v1/experiments", params={"rig": rig.name}).json()["experiments"]
+    for told in (asked_of, answered.json()["screen"], listed["screen"]):
+        hidden = {name: told[name] for name in ("condition", "level", "unit")}
+        assert hidden == {"condition": None, "level": None, "unit": ""}
+    api.delete(job, headers=by("calibrate"))
+    events = api.get(f"{job}/events").text.splitlines()  # until it has ended
+    followed = [json.loads(line[6:]) for line in events if line.startswith("data: ")]
+    for told in (answered.json(), listed, *followed, api.get(job).json()):
+        assert told["seed"] is None
 
 
 def test_a_question_takes_one_answer_that_the_task_has(api: TestClient, rig: FakeRig) -> None:

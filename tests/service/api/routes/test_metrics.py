@@ -2,8 +2,11 @@
 
 from typing import Any
 
+import pytest
 from fastapi.testclient import TestClient
 from prometheus_client.parser import text_string_to_metric_families
+
+from frictus_service.api.routes import monitoring
 
 
 def samples(api: TestClient) -> dict[tuple[str, frozenset[tuple[str, str]]], float]:
@@ -27,6 +30,15 @@ def test_rigs(api: TestClient, rig: Any) -> None:
     assert found["frictus_rig_loop_lateness_p99_seconds", frozenset(which)] == 0.0
     assert found["frictus_rig_state", frozenset({*which, ("state", "disarmed")})] == 1.0
     assert found["frictus_rig_state", frozenset({*which, ("state", "armed")})] == 0.0
+
+
+def test_many_silent_rigs_hold_no_answer_up(
+    api: TestClient, rig: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(monitoring, "ASK_S", -1.0)
+    found = samples(api)
+    assert found["frictus_rigs_not_asked", frozenset()] == 1.0
+    assert not any(name == "frictus_rig_up" for name, _ in found)
 
 
 def test_requests_are_counted_by_path_not_by_name(api: TestClient) -> None:
