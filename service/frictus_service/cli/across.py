@@ -68,7 +68,7 @@ def show(found: "AcrossStudies", console: "Console") -> None:
 def finish(found: "AcrossStudies", folder: Path, as_json: bool) -> None:
     """Write report and document, and print them."""
     from frictus_service.discovery.across_studies import page
-    from frictus_service.discovery.report.page import REPORT
+    from frictus_service.discovery.document import REPORT
 
     written = page.write(found, folder)
     if wants_lines(as_json):

@@ -1,11 +1,14 @@
 """`discovery/1`: what a discovery says. JSON; null where something is not known."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 from frictus.model import Model
 
+REPORT: Final = "report.html"
+DOCUMENT: Final = "report.json"
+"""Where a discovery's folder keeps its page and this document."""
 Interval = tuple[FiniteFloat, FiniteFloat]
 Probability = Annotated[FiniteFloat, Field(ge=0.0, le=1.0)]
 Response = Literal["friction", "mobility"]

@@ -14,14 +14,13 @@ from frictus_service.api.event_stream import LastEventId, follow, place
 from frictus_service.api.requests import JSON, parse_json, raw_body, require_media
 from frictus_service.api.routes.models import body_of
 from frictus_service.api.services import Services, services
-from frictus_service.discovery.document import Discovery
+from frictus_service.discovery.document import DOCUMENT, REPORT, Discovery
 from frictus_service.discovery.jobs import (
     DiscoveryEvent,
     DiscoveryJob,
     DiscoveryJobs,
     DiscoverySpec,
 )
-from frictus_service.discovery.report.page import DOCUMENT, REPORT
 from frictus_service.job_folder import ACTIVE
 
 Given = Annotated[Services, Depends(services)]

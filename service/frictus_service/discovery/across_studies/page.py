@@ -13,7 +13,8 @@ from frictus_service.discovery.across_studies.document import (
     SizeInStudy,
 )
 from frictus_service.discovery.catalogue.cause import NO_UNIT, title
-from frictus_service.discovery.report.page import DOCUMENT, REPORT, model_in_words
+from frictus_service.discovery.document import DOCUMENT, REPORT
+from frictus_service.discovery.report.page import model_in_words
 from frictus_service.durable import replace_file
 from frictus_service.identification.report.html import FIT, GRID, fill, picture
 

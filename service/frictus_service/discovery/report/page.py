@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from frictus.model import Model
 from frictus_service.discovery.catalogue.cause import title
 from frictus_service.discovery.catalogue.causes import CAUSES
-from frictus_service.discovery.document import Discovery
+from frictus_service.discovery.document import DOCUMENT, REPORT, Discovery
 from frictus_service.discovery.one_recording.phrasing import taken_away
 from frictus_service.discovery.report.findings import (
     folds_sentence,
@@ -154,8 +154,6 @@ def bibtex() -> str:
     return "\n\n".join(source.bibtex() for source in SOURCES)
 
 
-REPORT: Final = "report.html"
-DOCUMENT: Final = "report.json"
 MODEL: Final = "extended_model.json"
 DRAFT: Final = "draft"
 
