@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import FloatRect, Page, expect
 from tests.dashboard.conftest import OpenPage
-from tests.dashboard.lab import Lab, enter, expect_no_violations, read_only, running
+from tests.dashboard.lab import WIDTHS, Lab, enter, expect_no_violations, read_only, running
 from tests.dashboard.test_compensation import TEXTURE, expect_error
 
 from frictus_hardware import SimulatedConfig
@@ -59,7 +59,8 @@ def test_a_pointer_takes_over_the_finger_and_gives_it_back(page: Page, lab: Lab)
     page.mouse.down()
     expect(page.locator("#takeover")).to_have_text(TAKEN)
     lab.finger(lambda finger: finger.in_contact and finger.y_mm < 10.0)
-    expect_no_violations(page)
+    expect_no_violations(page, WIDTHS)
+    expect(page.locator("#takeover")).to_have_text(TAKEN)
     page.mouse.up()
     expect(page.locator("#takeover")).to_have_text(INVITED)
     strokes_by_itself(lab)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from playwright.sync_api import FloatRect, Locator, Page, expect
-from tests.dashboard.lab import Lab
+from tests.dashboard.lab import WIDTHS, Lab, expect_no_violations
 from tests.dashboard.textures.view import LINES, choose, drop, links, names, part, wav
 
 import frictus
@@ -221,6 +221,15 @@ def test_two_textures_and_compensation_are_felt_one_against_the_other(
     mode["Not compensated"].press("Enter")
     expect(mode["Not compensated"]).to_have_attribute("aria-pressed", "true")
     lab.status(lambda status: status.compensation.mode == "none")
+    # With that, the marks of a recording's part and regions that are not applied.
+    drop(page, "marked.wav", wav({100.0: 0.3}, seconds=1.0))
+    recorded = part(page, "A recording becomes a texture")
+    recorded.get_by_label("Part to").fill("0.8")
+    expect(recorded).to_contain_text("0.8 s of 1 s becomes the texture.")
+    scene = part(page, "Scene: which texture is felt where")
+    scene.get_by_role("button", name="Add a region").click()
+    expect(scene.locator("p[data-unapplied]")).to_contain_text("Not applied yet.")
+    expect_no_violations(page, WIDTHS)
     mode["Compensated"].press("Enter")
     expect(mode["Compensated"]).to_have_attribute("aria-pressed", "true")
     page.keyboard.press("Escape")
