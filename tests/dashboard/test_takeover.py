@@ -51,6 +51,7 @@ def strokes_by_itself(lab: Lab) -> None:
     lab.finger(lambda finger: abs(finger.vx_mm_s) > 15.0)
 
 
+@pytest.mark.timeout(300)
 def test_a_pointer_takes_over_the_finger_and_gives_it_back(page: Page, lab: Lab) -> None:
     strokes_by_itself(lab)
     expect(page.locator("#surface-help")).to_contain_text("The finger is simulated")

@@ -221,7 +221,15 @@ def test_two_textures_and_compensation_are_felt_one_against_the_other(
     mode["Not compensated"].press("Enter")
     expect(mode["Not compensated"]).to_have_attribute("aria-pressed", "true")
     lab.status(lambda status: status.compensation.mode == "none")
-    # With that, the marks of a recording's part and regions that are not applied.
+    mode["Compensated"].press("Enter")
+    expect(mode["Compensated"]).to_have_attribute("aria-pressed", "true")
+    page.keyboard.press("Escape")
+    expect(mode["Compensated"]).to_be_disabled()
+
+
+@pytest.mark.timeout(300)
+def test_a_composer_is_kept_out_at_no_width(page: Page, lab: Lab) -> None:
+    """A part of a recording marked, a region not applied, A against B."""
     drop(page, "marked.wav", wav({100.0: 0.3}, seconds=1.0))
     recorded = part(page, "A recording becomes a texture")
     recorded.get_by_label("Part to").fill("0.8")
@@ -229,11 +237,13 @@ def test_two_textures_and_compensation_are_felt_one_against_the_other(
     scene = part(page, "Scene: which texture is felt where")
     scene.get_by_role("button", name="Add a region").click()
     expect(scene.locator("p[data-unapplied]")).to_contain_text("Not applied yet.")
+    page.get_by_role("button", name="Arm", exact=True).click()
+    feel = part(page, "A against B").get_by_role("button", name="Feel A")
+    feel.press("Enter")
+    expect(feel).to_have_attribute("aria-pressed", "true")
     expect_no_violations(page, WIDTHS)
-    mode["Compensated"].press("Enter")
-    expect(mode["Compensated"]).to_have_attribute("aria-pressed", "true")
     page.keyboard.press("Escape")
-    expect(mode["Compensated"]).to_be_disabled()
+    lab.status(lambda status: status.state == "disarmed")
 
 
 def test_an_image_becomes_a_map(page: Page, lab: Lab, rng: np.random.Generator) -> None:
