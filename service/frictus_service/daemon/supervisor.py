@@ -149,7 +149,13 @@ class Supervisor:
                         raise StartError(f"{part.name}: {part.failure}")
                 if not waiting:
                     return
-                begun = [part for part in waiting if not self._held_back(part)] or waiting
+                # One that waits for another's readiness is not still: it has not begun.
+                begun = [
+                    part for part in waiting if part.starts or part.name not in STARTS_AFTER
+                ]
+                if not begun:
+                    self._changed.wait(patience_s)
+                    continue
                 stillest = min(begun, key=lambda part: part.progress.left_s(patience_s))
                 left_s = stillest.progress.left_s(patience_s)
                 if left_s <= 0.0:

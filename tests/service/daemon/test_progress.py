@@ -88,15 +88,18 @@ def test_the_tracker_starts_once_its_rig_is_ready_and_is_not_still_before() -> N
     clock_s[0] = 61.0
     waiting = threading.Thread(target=supervisor.wait_ready, args=(60.0,))
     waiting.start()
-    for part in (rig, tracker):
-        part.ready.set()
-        with supervisor._changed:
-            supervisor._changed.notify_all()
-    waiting.join()
+    rig.ready.set()
     assert not supervisor._held_back(tracker)
+    with supervisor._changed:
+        supervisor._changed.notify_all()  # it wakes before the tracker has been started
+    tracker.ready.set()
+    with supervisor._changed:
+        supervisor._changed.notify_all()
+    waiting.join()
 
     tracker.ready.clear()
     supervisor.wait_ready(60.0, ("rig", "api"))  # of those that run here, each is ready
+    tracker.starts = 1
     with pytest.raises(StartError, match="tracker stood still"):
         supervisor.wait_ready(60.0)
     alone = Supervisor(Config(), ("tracker",), say=lambda _: None)
