@@ -263,6 +263,7 @@ def discover(
     """
     from frictus_service.discovery.beyond.draft import check_name
     from frictus_service.discovery.discover import discover_study
+    from frictus_service.discovery.document import REPORT
     from frictus_service.discovery.report import page
 
     if draft_cause is not None:
@@ -310,7 +311,7 @@ def discover(
         from rich.console import Console
 
         show(found, Console())
-        Console().print(f"report: {folder / page.REPORT}", markup=False, soft_wrap=True)
+        Console().print(f"report: {folder / REPORT}", markup=False, soft_wrap=True)
         if draft_cause is not None:
             draft = f"draft: {folder / page.DRAFT}: read, edit, and copy it into the sources"
             Console().print(draft, markup=False, soft_wrap=True)

@@ -28,7 +28,7 @@ from frictus_service.discovery.across_studies.study_statistics import (
     encode,
 )
 from frictus_service.discovery.discover import PosedStudy, criticise, facts_of, pose
-from frictus_service.discovery.document import Discovery
+from frictus_service.discovery.document import DOCUMENT, REPORT, Discovery
 from frictus_service.discovery.evidence.trial_evidence import study_evidence
 from frictus_service.discovery.inference.linearisation import as_designed, linearise
 from frictus_service.discovery.problem.base_models import DEVIATING
@@ -183,7 +183,7 @@ def _record(task: StudyTask, posed: PosedStudy, trials: tuple[str, ...]) -> byte
 
 def _report(task: StudyTask, found: Discovery) -> None:
     """Write the report of a study by itself, unless it is there."""
-    kept = task.report / page.DOCUMENT
+    kept = task.report / DOCUMENT
     if not (kept.is_file() and kept.read_bytes() == found.to_json()):
         page.write(found, task.report)
 
@@ -220,5 +220,5 @@ def _summary(task: StudyTask, found: Discovery) -> StudyOutcome:
         held_out="blocks" if evidence is None else evidence.held_out,
         verdict=found.verdict,
         causes=tuple(cause.id for cause in found.causes),
-        report=(task.report / page.REPORT).relative_to(task.report.parents[1]).as_posix(),
+        report=(task.report / REPORT).relative_to(task.report.parents[1]).as_posix(),
     )
