@@ -14,6 +14,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -59,8 +60,20 @@ QUALITY: Final = 50
 
 
 @contextmanager
-def stage() -> Iterator[tuple[str, float]]:
-    """Run the command without a browser of its own; yield the page and when it was started."""
+def stage(bytecode: str) -> Iterator[tuple[str, float]]:
+    """Run the command without a browser of its own; yield the page and when it was started.
+
+    Parameters
+    ----------
+    bytecode : str
+        Folder where Python keeps what it has compiled, as it does beside its modules where the
+        environment does not forbid it.
+    """
+    environment = os.environ | {
+        "BROWSER": "frictus-no-such-browser",
+        "PYTHONPYCACHEPREFIX": bytecode,
+    }
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
     began_s = time.monotonic()
     process = subprocess.Popen(
         [
@@ -72,7 +85,7 @@ def stage() -> Iterator[tuple[str, float]]:
         ],
         stderr=subprocess.PIPE,
         text=True,
-        env=os.environ | {"BROWSER": "frictus-no-such-browser"},
+        env=environment,
     )
     assert process.stderr is not None
     try:
@@ -87,14 +100,14 @@ def stage() -> Iterator[tuple[str, float]]:
         sys.stderr.write(said)
 
 
-def timing(browser: Browser, repeats: int) -> None:
+def timing(browser: Browser, repeats: int, bytecode: str) -> None:
     """Print how long a newcomer waits."""
     values: dict[str, list[float]] = {name: [] for name in ("stroke", "switch", "spectrum")}
-    with stage():
+    with stage(bytecode):
         pass  # what is compiled once and kept is compiled by now
     for _ in range(repeats):
         page = browser.new_page(viewport={"width": 1440, "height": 900})
-        with stage() as (url, began_s):
+        with stage(bytecode) as (url, began_s):
             page.goto(url)
             page.wait_for_function(STROKED, timeout=PATIENCE_MS)
             values["stroke"].append(time.monotonic() - began_s)
@@ -158,10 +171,10 @@ class Film:
         )
 
 
-def walk(browser: Browser) -> None:
+def walk(browser: Browser, bytecode: str) -> None:
     """Film a minute: compensation off and on, the finger taken over, the stop."""
     page = browser.new_page(viewport={"width": 1440, "height": 900}, reduced_motion="reduce")
-    with stage() as (url, _):
+    with stage(bytecode) as (url, _):
         page.goto(url)
         page.evaluate(LEFT, arg=False)
         film = Film(page)
@@ -190,12 +203,12 @@ def main() -> None:
     path = shutil.which("chromium") or shutil.which("chromium-browser")
     if path is None:
         raise SystemExit("there is no chromium here: `apt-get install chromium` brings one")
-    with sync_playwright() as playwright:
+    with sync_playwright() as playwright, tempfile.TemporaryDirectory() as bytecode:
         browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
         if asked.what == "timing":
-            timing(browser, asked.repeats)
+            timing(browser, asked.repeats, bytecode)
         else:
-            walk(browser)
+            walk(browser, bytecode)
         browser.close()
 
 

@@ -3,11 +3,11 @@
 import json
 import threading
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page
@@ -133,9 +133,27 @@ def enter(page: Page, url: str) -> None:
     page.get_by_role("button", name="Use it").click()
 
 
-def expect_no_violations(page: Page) -> None:
-    """Fail if the page keeps anybody out, light or dark."""
-    for scheme in ("light", "dark"):
-        page.emulate_media(color_scheme=scheme)
-        found = Axe().run(page, options=RULES)
-        assert found.violations_count == 0, found.generate_report()
+WIDTHS: Final = (390, 1024, 1440)
+"""Of a phone, a tablet, a desk."""
+
+
+def expect_no_violations(page: Page, widths: Sequence[int] = ()) -> None:
+    """Fail if the page keeps anybody out, light or dark.
+
+    Parameters
+    ----------
+    page : Page
+        As it is now.
+    widths : sequence of int
+        Of its window, each tried; none: only the width that it has.
+    """
+    before = page.viewport_size
+    for width in widths or (None,):
+        if width is not None:
+            page.set_viewport_size({"width": width, "height": 900})
+        for scheme in ("light", "dark"):
+            page.emulate_media(color_scheme=scheme)
+            found = Axe().run(page, options=RULES)
+            assert found.violations_count == 0, f"{width}: {found.generate_report()}"
+    if widths and before is not None:
+        page.set_viewport_size(before)

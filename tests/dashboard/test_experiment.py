@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Locator, Page, expect
 from tests.dashboard.conftest import OpenPage
-from tests.dashboard.lab import Lab, enter, expect_no_violations, read_only, running
+from tests.dashboard.lab import WIDTHS, Lab, enter, expect_no_violations, read_only, running
 from tests.dashboard.participants import (
     TRIAL_MS,
     answering,
@@ -326,7 +326,7 @@ def test_who_may_only_look_sees_no_buttons(
         expect(reader.get_by_role("button", name="STOP")).to_be_visible()
 
 
-@pytest.mark.parametrize("width", [390, 1440])
+@pytest.mark.parametrize("width", WIDTHS)
 def test_both_pages_keep_nobody_out(
     width: int, experimenter: Page, lab: Lab, open_page: OpenPage, tmp_path: Path
 ) -> None:

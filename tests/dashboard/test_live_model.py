@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Locator, Page, Route, WebSocketRoute, expect
 from tests.dashboard.conftest import OpenPage
 from tests.dashboard.estimates import adapted, alarmed, felt, nothing_felt, tracked
-from tests.dashboard.lab import Lab, enter, expect_no_violations, read_only, running
+from tests.dashboard.lab import WIDTHS, Lab, enter, expect_no_violations, read_only, running
 
 from frictus.messages import EstimateState
 from frictus_hardware import SimulatedConfig
@@ -167,7 +167,7 @@ def test_an_alarm_names_the_cause_and_what_to_do(page: Page, lab: Lab) -> None:
         expect(view(page).locator(".evidence")).to_contain_text(
             "another cause explains it better"
         )
-        expect_no_violations(page)
+        expect_no_violations(page, WIDTHS)
 
 
 def test_it_goes_grey_when_estimates_stop_and_comes_back(page: Page, lab: Lab) -> None:

@@ -425,6 +425,51 @@ def test_the_axis_of_time_moves_stands_and_stays_within_what_is_kept(page: Page)
     ]
 
 
+@pytest.mark.parametrize(
+    ("owner", "told"),
+    [
+        (None, ""),
+        ("ann.page-0a1b2c", "You hold rig1 yourself: press Disarm, then begin."),
+        ("ben.page-0a1b2c", "ben holds rig1: wait until it is disarmed."),
+        (
+            "ben.calibration-0a1b2c3d",
+            "ben's calibration holds rig1: wait until it is disarmed.",
+        ),
+    ],
+)
+def test_who_would_begin_is_told_what_to_do_about_the_holder(
+    page: Page, owner: str | None, told: str
+) -> None:
+    got = page.evaluate(
+        """async (owner) => {
+          const { heldAlready } = await import("/holder.js");
+          return heldAlready("rig1", owner, "ann.page-0a1b2c");
+        }""",
+        owner,
+    )
+    assert got == told
+
+
+def test_a_spectrogram_of_nothing_is_empty(page: Page) -> None:
+    said, painted = page.evaluate(
+        """async () => {
+          const { Spectrogram } = await import("/spectrogram.js");
+          const shown = new Spectrogram(document.createElement("figure"));
+          const low = Array(5).fill(new Float32Array(1024).fill(0.2));
+          const frame = { raw: true, run: 1, lostSamples: 0, sampleRateHz: 2e4, columns: 1024 };
+          shown.push({ ...frame, low });
+          shown.draw();
+          shown.tell();
+          const { width, height } = shown.canvas;
+          const { data } = shown.canvas.getContext("2d").getImageData(0, 0, width, height);
+          const painted = data.some((value, i) => i % 4 === 3 && value > 0);
+          return [shown.strongest.textContent, painted];
+        }"""
+    )
+    assert said == "Nothing is felt now"
+    assert not painted
+
+
 def test_spectrogram_has_a_tone_where_and_as_strong_as_it_is(page: Page) -> None:
     time_s = np.arange(1_024) / RATE_HZ
     bin_hz = RATE_HZ / 1_024

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import FloatRect, Page, expect
 from tests.dashboard.conftest import OpenPage
-from tests.dashboard.lab import Lab, enter, expect_no_violations, read_only, running
+from tests.dashboard.lab import WIDTHS, Lab, enter, expect_no_violations, read_only, running
 from tests.dashboard.test_compensation import TEXTURE, expect_error
 
 from frictus_hardware import SimulatedConfig
@@ -51,6 +51,7 @@ def strokes_by_itself(lab: Lab) -> None:
     lab.finger(lambda finger: abs(finger.vx_mm_s) > 15.0)
 
 
+@pytest.mark.timeout(300)
 def test_a_pointer_takes_over_the_finger_and_gives_it_back(page: Page, lab: Lab) -> None:
     strokes_by_itself(lab)
     expect(page.locator("#surface-help")).to_contain_text("The finger is simulated")
@@ -59,7 +60,8 @@ def test_a_pointer_takes_over_the_finger_and_gives_it_back(page: Page, lab: Lab)
     page.mouse.down()
     expect(page.locator("#takeover")).to_have_text(TAKEN)
     lab.finger(lambda finger: finger.in_contact and finger.y_mm < 10.0)
-    expect_no_violations(page)
+    expect_no_violations(page, WIDTHS)
+    expect(page.locator("#takeover")).to_have_text(TAKEN)
     page.mouse.up()
     expect(page.locator("#takeover")).to_have_text(INVITED)
     strokes_by_itself(lab)

@@ -71,6 +71,19 @@ def test_the_quick_start_of_the_docs_runs(endpoint: str, number: int, printed: s
     assert printed in done.stdout
 
 
+def test_the_program_in_the_readme_runs(endpoint: str) -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    assert "frictus.connect()" in code
+    code = code.replace("frictus.connect()", f"frictus.connect({endpoint!r})")
+    command = [sys.executable, "-u", "-c", code]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program:
+        assert program.stdout is not None
+        values = [float(value) for value in program.stdout.readline().split()]
+        program.kill()  # it goes on until its lease is lost
+    assert len(values) == 3
+
+
 @pytest.mark.long
 def test_the_demo_runs_and_compensates(tmp_path: Path) -> None:
     picture = tmp_path / "demo.png"

@@ -26,6 +26,20 @@ export function nameOf(owner, client) {
 }
 
 /**
+ * Why nothing can begin that arms a rig by itself, in words; empty where it can.
+ *
+ * @param {string|null} rig
+ * @param {string|null} owner who holds it
+ * @param {string} client name of this page to the rigs
+ */
+export function heldAlready(rig, owner, client) {
+  if (owner === null) return "";
+  const name = nameOf(owner, client);
+  if (name === "you") return `You hold ${rig} yourself: press Disarm, then begin.`;
+  return `${name} holds ${rig}: wait until it is disarmed.`;
+}
+
+/**
  * Why this page may not change what a rig renders, in words; empty where it may.
  *
  * @param {string|null} rig

@@ -11,6 +11,8 @@ const TOP_HZ = 1_000;
 /** Shown under the strongest of what is shown, dB. */
 const DEPTH_DB = 40;
 const FRICTION = 4;
+/** 1 µN: what is weaker is nothing. */
+const SILENT_DB = -120;
 
 /**
  * Level of friction at each frequency of the transform, dB re 1 N rms. Pure.
@@ -89,7 +91,8 @@ export class Spectrogram {
     const bins = Math.max(1, ...this.columns.map((column) => column?.length ?? 0));
     const image = new ImageData(COLUMNS, bins);
     const ink = Number.parseInt(colour("--accent").slice(1), 16);
-    const top = Math.max(...this.columns.map((column) => Math.max(...(column ?? [-Infinity]))));
+    const highest = this.columns.map((column) => Math.max(...(column ?? [-Infinity])));
+    const top = Math.max(SILENT_DB + DEPTH_DB, ...highest);
     this.columns.forEach((column, i) => {
       const x = COLUMNS - this.columns.length + i;
       column?.forEach((level, bin) => {
@@ -110,6 +113,10 @@ export class Spectrogram {
       return;
     }
     const level = Math.max(...newest);
+    if (level < SILENT_DB) {
+      say(this.strongest, "Nothing is felt now");
+      return;
+    }
     const hz = this.hz * newest.indexOf(level);
     say(this.strongest, `Strongest now: ${hz.toFixed(0)} Hz, ${level.toFixed(0)} dB re 1 N rms`);
   }

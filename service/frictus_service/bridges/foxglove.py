@@ -42,6 +42,9 @@ from frictus_service.recording.writer import STATES
 BACKLOG: Final = 262_144
 """Messages kept for a viewer that is slow: 3 s of four streams at 20 kHz. The oldest are
 dropped first, and the package does not say so."""
+REPEAT_S: Final = 5.0
+"""What holds is sent again so often: of a slow viewer's backlog states are dropped too, and a
+scene that was would be missing until the next one."""
 STREAM_IDS: Final = {name: stream for stream, name in STREAM_NAMES.items()}
 DEFAULT_STREAMS: Final = ("force", "accel", "voltage", "render")
 """What the layout shows."""
@@ -140,6 +143,7 @@ class FoxgloveBridge:
         self._held: dict[str, bytes] = {}
         self._sent: Counter[str] = Counter()
         self._refused = 0
+        self._repeat_s = 0.0
         self._began_s, self._began_cpu_s = time.monotonic(), time.process_time()
         self._context = foxglove.Context()
         self._channels: dict[str, tuple[PlotChannel, foxglove.Channel]] = {}
@@ -174,6 +178,9 @@ class FoxgloveBridge:
                 note = PresenceNote(utc_ns=now_ns, present=change.present)
                 self._document(PRESENCE, note.to_json(), now_ns)
         again = {self._subscriptions.new.popleft() for _ in range(len(self._subscriptions.new))}
+        if time.monotonic() >= self._repeat_s:
+            self._repeat_s = time.monotonic() + REPEAT_S
+            again |= self._held.keys()
         for topic in again & self._held.keys():
             self._document(topic, self._held[topic], now_ns)
 

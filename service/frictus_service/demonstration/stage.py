@@ -9,7 +9,15 @@ import frictus
 from frictus.textures import Scene
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.config import FingerConfig
-from frictus_service.config import LOCAL, ApiConfig, Config, RegistryConfig, RouterConfig
+from frictus_service.config import (
+    LOCAL,
+    ApiConfig,
+    Config,
+    Limits,
+    RegistryConfig,
+    RouterConfig,
+)
+from frictus_service.daemon.processes.child_process import PartName
 from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.processes import free_endpoint
 
@@ -17,6 +25,13 @@ START_S: Final = 120.0
 """The first start on a machine compiles."""
 LOOK_S: Final = 0.2
 STARTED_S: Final = 5.0
+PATIENT: Final = Limits(missed_deadlines=1_000, freeze_ms=2_500)
+"""No finger is there that a late block could surprise, and the machine may be busy: a browser
+starts beside the rig, and takes every core for a while."""
+LEASE_MS: Final = 10_000
+"""Likewise; whoever ends the demo disarms."""
+SHOWN: Final[tuple[PartName, ...]] = ("rig", "api")
+"""What the first look needs; the rest starts under it."""
 
 
 def demo_config(folder: Path, finger: FingerConfig, port: int, seed: int) -> Config:
@@ -41,6 +56,7 @@ def demo_config(folder: Path, finger: FingerConfig, port: int, seed: int) -> Con
         studies=folder / "studies",
         registry=RegistryConfig(url=f"sqlite:///{(folder / 'frictus.db').as_posix()}"),
         backend=SimulatedConfig(seed=seed, finger=finger),
+        limits=PATIENT,
         router=RouterConfig(endpoint=free_endpoint()),
         api=ApiConfig(port=port),
     )
@@ -74,11 +90,11 @@ def stage(
         If the rig does not start or refuses.
     """
     with Supervisor(config, say=say) as supervisor:
-        supervisor.wait_ready(START_S)
+        supervisor.wait_ready(START_S, SHOWN)
         with frictus.connect(config.router.endpoint, "demo") as client:
             rig = client.rig(config.rig, config.site, wait_s=STARTED_S)
             rig.set_scene(scene)
-            lease = rig.arm(share_with=(LOCAL,))
+            lease = rig.arm(LEASE_MS, share_with=(LOCAL,))
             try:
                 show(f"http://{config.api.host}:{config.api.port}/#/live/{config.rig}")
                 while not (over.wait(LOOK_S) or lease.lost):

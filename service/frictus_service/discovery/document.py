@@ -6,6 +6,9 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 from frictus.model import Model
 
+REPORT: Final = "report.html"
+DOCUMENT: Final = "report.json"
+"""Where a discovery's folder keeps its page and this document."""
 Interval = tuple[FiniteFloat, FiniteFloat]
 Probability = Annotated[FiniteFloat, Field(ge=0.0, le=1.0)]
 Response = Literal["friction", "mobility"]
@@ -19,11 +22,6 @@ COVARIATES: dict[Covariate, str] = {
     "position": "mm",
 }
 """What the figures are drawn over, and the unit."""
-
-
-REPORT: Final = "report.html"
-DOCUMENT: Final = "report.json"
-"""Files of a discovery's folder; who only looks for them need not load what draws."""
 
 
 class _Document(BaseModel):

@@ -18,9 +18,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Self
 
-from alembic import command
-from alembic.config import Config as AlembicConfig
-from alembic.util import CommandError
 from sqlalchemy import (
     URL,
     Connection,
@@ -144,6 +141,10 @@ class Database:
         return self._url.drivername == "sqlite"
 
     def _upgrade(self, engine: Engine) -> None:
+        from alembic import command  # late: what starts a process waits for every import
+        from alembic.config import Config as AlembicConfig
+        from alembic.util import CommandError
+
         alembic = AlembicConfig()
         alembic.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
         with engine.connect() as connection:

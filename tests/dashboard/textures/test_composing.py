@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from playwright.sync_api import FloatRect, Locator, Page, expect
-from tests.dashboard.lab import Lab
+from tests.dashboard.lab import WIDTHS, Lab, expect_no_violations
 from tests.dashboard.textures.view import LINES, choose, drop, links, names, part, wav
 
 import frictus
@@ -225,6 +225,25 @@ def test_two_textures_and_compensation_are_felt_one_against_the_other(
     expect(mode["Compensated"]).to_have_attribute("aria-pressed", "true")
     page.keyboard.press("Escape")
     expect(mode["Compensated"]).to_be_disabled()
+
+
+@pytest.mark.timeout(300)
+def test_a_composer_is_kept_out_at_no_width(page: Page, lab: Lab) -> None:
+    """A part of a recording marked, a region not applied, A against B."""
+    drop(page, "marked.wav", wav({100.0: 0.3}, seconds=1.0))
+    recorded = part(page, "A recording becomes a texture")
+    recorded.get_by_label("Part to").fill("0.8")
+    expect(recorded).to_contain_text("0.8 s of 1 s becomes the texture.")
+    scene = part(page, "Scene: which texture is felt where")
+    scene.get_by_role("button", name="Add a region").click()
+    expect(scene.locator("p[data-unapplied]")).to_contain_text("Not applied yet.")
+    page.get_by_role("button", name="Arm", exact=True).click()
+    feel = part(page, "A against B").get_by_role("button", name="Feel A")
+    feel.press("Enter")
+    expect(feel).to_have_attribute("aria-pressed", "true")
+    expect_no_violations(page, WIDTHS)
+    page.keyboard.press("Escape")
+    lab.status(lambda status: status.state == "disarmed")
 
 
 def test_an_image_becomes_a_map(page: Page, lab: Lab, rng: np.random.Generator) -> None:

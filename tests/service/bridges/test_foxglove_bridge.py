@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 import frictus
 from frictus.keys import Topics
-from frictus.messages import AuxChannel, MarkerState
+from frictus.messages import Applied, AuxChannel, MarkerState, ModelState, SceneState
 from frictus_service.bridges.foxglove import FoxgloveBridge
 from frictus_service.cli.app import app
 from frictus_service.cli.options import Exit
@@ -22,6 +22,7 @@ from frictus_service.errors import StartError
 from frictus_service.recording.plot_channels import DOCUMENTS, document_channel
 from frictus_service.recording.records import END
 from frictus_service.recording.writer import STATES
+from frictus_service.synthesis.compensability import placeholder_model
 
 BLOCK = 100
 
@@ -113,6 +114,38 @@ def test_what_holds_is_told_to_whoever_comes_later(hand: Any, client: frictus.Cl
             hand.say(Topics.MARKER, MarkerState(utc_ns=time.time_ns(), source="test", text="x"))
             bridge.turn()
             assert bridge.report().sent == sent, "nobody looks: nothing is made for them"
+
+
+def test_each_viewer_is_told_all_that_holds_at_once_and_again(
+    hand: Any, client: frictus.Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    held = {"state/status", "state/scene", "state/model"}
+    applied = Applied(
+        gain=1.0,
+        feasible_gain=1.0,
+        bias=0.0,
+        bias_n=0.0,
+        scaled=False,
+        speed_range_mm_s=(5.0, 100.0),
+    )
+    hand.say(Topics.SCENE, SceneState(etag="1", scene=frictus.Scene(), applied=applied))
+    hand.say(Topics.MODEL, ModelState(etag="1", model=placeholder_model()))
+    with FoxgloveBridge(client, client.rig("hand", "lab")) as bridge:
+        turned_until(bridge, lambda: held <= bridge._held.keys())
+        with viewing(bridge.port) as first, viewing(bridge.port) as second:
+            for viewer in (first, second):
+                looking(bridge, viewer, *held)
+                turned_until(bridge, lambda viewer=viewer: _has(viewer, held, 1))  # type: ignore[misc]
+            # As of a backlog that dropped them: they come once more though nothing changes.
+            monkeypatch.setattr("frictus_service.bridges.foxglove.REPEAT_S", 0.0)
+            turned_until(bridge, lambda: _has(second, held, 3))
+
+
+def _has(viewer: FoxgloveViewer, topics: set[str], n: int) -> bool:
+    """Take in what has come; whether it is at least so many of each."""
+    with suppress(TimeoutError):
+        viewer.receive(0.01)
+    return all(len(viewer.came[topic]) >= n for topic in topics)
 
 
 def test_a_channel_that_the_rig_changes_is_advertised_anew(

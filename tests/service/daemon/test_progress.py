@@ -73,3 +73,34 @@ def test_a_supervisor_waits_for_a_part_that_moves_and_names_the_one_that_does_no
     clock_s[0] = 210.0
     with pytest.raises(StartError, match=r"rig stood still for 60 s while compiling mix"):
         supervisor.wait_ready(60.0)
+
+
+def test_the_tracker_starts_once_its_rig_is_ready_and_is_not_still_before() -> None:
+    clock_s = [0.0]
+    supervisor = Supervisor(Config(), ("rig", "tracker"), say=lambda _: None)
+    rig, tracker = (supervisor._parts[name] for name in ("rig", "tracker"))
+    assert not supervisor._held_back(rig)
+    assert supervisor._held_back(tracker)
+    for part in (rig, tracker):
+        part.progress = StartProgress(lambda: clock_s[0])
+    clock_s[0] = 59.0
+    rig.progress.move("compiling mix")
+    clock_s[0] = 61.0
+    waiting = threading.Thread(target=supervisor.wait_ready, args=(60.0,))
+    waiting.start()
+    rig.ready.set()
+    assert not supervisor._held_back(tracker)
+    with supervisor._changed:
+        supervisor._changed.notify_all()  # it wakes before the tracker has been started
+    tracker.ready.set()
+    with supervisor._changed:
+        supervisor._changed.notify_all()
+    waiting.join()
+
+    tracker.ready.clear()
+    supervisor.wait_ready(60.0, ("rig", "api"))  # of those that run here, each is ready
+    tracker.starts = 1
+    with pytest.raises(StartError, match="tracker stood still"):
+        supervisor.wait_ready(60.0)
+    alone = Supervisor(Config(), ("tracker",), say=lambda _: None)
+    assert not alone._held_back(alone._parts["tracker"])

@@ -3,7 +3,7 @@
 import { request } from "../api.js";
 import { element, say } from "../element.js";
 import { choice, labelled } from "../fields.js";
-import { nameOf } from "../holder.js";
+import { heldAlready } from "../holder.js";
 import { Outcome } from "../outcome.js";
 
 /** What the service accepts; `per`: how many of what is shown make one. */
@@ -114,8 +114,7 @@ export class Setup {
    */
   show({ owner }, client) {
     this.begin.disabled = owner !== null;
-    const name = nameOf(owner, client);
-    say(this.holder, owner === null ? "" : `${name} holds ${this.rig}: wait until it is disarmed.`);
+    say(this.holder, heldAlready(this.rig, owner, client));
   }
 
   #form() {

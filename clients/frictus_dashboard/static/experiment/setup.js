@@ -3,7 +3,7 @@
 import { request } from "../api.js";
 import { element, say } from "../element.js";
 import { apply, choice, labelled, number, optionsOf } from "../fields.js";
-import { nameOf } from "../holder.js";
+import { heldAlready } from "../holder.js";
 import { Outcome } from "../outcome.js";
 
 /** The choice that stands for a file; no protocol has this name. */
@@ -51,8 +51,7 @@ export class Setup {
   /** An experiment arms the rig by itself, so nobody may hold it. */
   show({ owner }, client) {
     this.begin.disabled = owner !== null;
-    const name = nameOf(owner, client);
-    say(this.holder, owner === null ? "" : `${name} holds ${this.rig}: wait until it is disarmed.`);
+    say(this.holder, heldAlready(this.rig, owner, client));
   }
 
   #form() {

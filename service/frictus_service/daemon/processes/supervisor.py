@@ -39,6 +39,8 @@ from frictus_service.security.members import tls_of_rig
 from frictus_service.security.router import open_secured_router
 
 ALL: Final[tuple[PartName, ...]] = ("rig", "api", "recorder", "tracker")
+STARTS_AFTER: Final[dict[PartName, PartName]] = {"tracker": "rig"}
+"""A part that follows another, and loads so much that it would hold up that one's start."""
 LOOKS: Final = 5
 """A counter must stand still over so many looks: a supervisor that was itself held up has
 looked less often, and does not blame the rig."""
@@ -122,13 +124,17 @@ class Supervisor:
         """Return the process id of a part that runs."""
         return int(self._parts[name].process.pid)
 
-    def wait_ready(self, patience_s: float = PATIENCE_S) -> None:
-        """Wait until every part is ready, for as long as those that are not get on.
+    def wait_ready(
+        self, patience_s: float = PATIENCE_S, names: Sequence[PartName] = ALL
+    ) -> None:
+        """Wait until parts are ready, for as long as those that are not get on.
 
         Parameters
         ----------
         patience_s : float
             For how long a part may stand still before its start has failed.
+        names : sequence of str
+            Which parts; those that this supervisor does not run are not waited for.
 
         Raises
         ------
@@ -137,13 +143,24 @@ class Supervisor:
         """
         with self._changed:
             while True:
-                for part in self._parts.values():
-                    if part.failure and not part.ready.is_set():
+                waiting = [
+                    part
+                    for part in self._parts.values()
+                    if part.name in names and not part.ready.is_set()
+                ]
+                for part in waiting:
+                    if part.failure:
                         raise StartError(f"{part.name}: {part.failure}")
-                waiting = [part for part in self._parts.values() if not part.ready.is_set()]
                 if not waiting:
                     return
-                stillest = min(waiting, key=lambda part: part.progress.left_s(patience_s))
+                # One that waits for another's readiness is not still: it has not begun.
+                begun = [
+                    part for part in waiting if part.starts or part.name not in STARTS_AFTER
+                ]
+                if not begun:
+                    self._changed.wait(patience_s)
+                    continue
+                stillest = min(begun, key=lambda part: part.progress.left_s(patience_s))
                 left_s = stillest.progress.left_s(patience_s)
                 if left_s <= 0.0:
                     raise StartError(
@@ -168,8 +185,7 @@ class Supervisor:
                 self._declare_status(undo)
             self._undo = undo.pop_all()
         self._say(f"router {'listens' if self._host_router else 'found'} at {endpoint}")
-        for part in self._parts.values():
-            self._start(part)
+        self._start_due()
         self._watcher.start()
         return self
 
@@ -363,8 +379,14 @@ class Supervisor:
 
     def _start_due(self) -> None:
         for part in self._parts.values():
-            if part.process is None and time.monotonic() >= part.due_s:
+            due = part.process is None and time.monotonic() >= part.due_s
+            if due and not self._held_back(part):
                 self._start(part)
+
+    def _held_back(self, part: _Part) -> bool:
+        """Whether the part that it starts after, if that runs here, is not ready."""
+        first = self._parts.get(STARTS_AFTER.get(part.name, part.name))
+        return first is not None and first is not part and not first.ready.is_set()
 
     def _stop(self, part: _Part) -> None:
         if part.process is None:
