@@ -16,7 +16,7 @@ test *WHAT:
 
 # the dashboard in a real browser
 browser:
-    uv run pytest -m browser tests/dashboard
+    uv run pytest -n 0 -m browser tests/dashboard
 
 # all that must pass before anything lands
 ci:
