@@ -55,6 +55,10 @@ def parse(text: str, path: Path, *, runs_rig: bool = False) -> Config:
     """
     try:
         document = tomllib.loads(text)
+        as_json = json.dumps(document, default=str)
+    except RecursionError as error:
+        message = "lists or tables within each other, deeper than any setting has them"
+        raise ConfigurationError(f"{path}:1: {message}") from error
     except tomllib.TOMLDecodeError as error:
         place = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
         line = place[1] if place else str(text.count("\n") + 1)
@@ -62,7 +66,7 @@ def parse(text: str, path: Path, *, runs_rig: bool = False) -> Config:
     lines = _lines_of_keys(text)
     try:
         # By way of JSON, whose strict mode still turns text into paths and arrays into tuples.
-        config = Config.model_validate_json(json.dumps(document, default=str), strict=True)
+        config = Config.model_validate_json(as_json, strict=True)
     except ValidationError as error:
         faults = sorted(_describe(fault, document, lines) for fault in error.errors())
         told = [f"{path}:{line}: {what}" for line, what in faults]

@@ -105,6 +105,10 @@ def test_registries_that_cannot_be_shared_are_refused(url: str) -> None:
         ('[[api.tokens]]\nscopes = ["read"]\n', 1, ["api.tokens.0.name", "required"]),
         ('[router]\nendpoint = "localhost"\n', 2, ["router.endpoint", "'localhost'"]),
         ('site = "lab"\nrig = \n', 2, ["not TOML"]),
+        pytest.param(f"rig = {'[' * 250}{']' * 250}", 1, [], id="deep"),
+        pytest.param(
+            f"rig = {'[' * 5_000}{']' * 5_000}", 1, ["within each other"], id="very deep"
+        ),
         ('site = "a/b"\n', 1, ["site", "'a/b'"]),
         ('[router]\n\nendpoint = "tcp/a:99999"\n', 3, ["router.endpoint", "1 to 65535"]),
         ('[router]\nendpoint = "tcp/[::1]:0"\n', 2, ["router.endpoint", "1 to 65535"]),
