@@ -56,7 +56,7 @@ def extended(
         effect = KNOWN[id_]
         values = _checked(effect, parameters)
         if values[effect.parameters[0].name] != 0.0:
-            simulator = effect.extend(simulator, values)
+            simulator = effect.apply(simulator, values)
     return simulator
 
 

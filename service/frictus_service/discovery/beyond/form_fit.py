@@ -6,6 +6,7 @@ estimator; the form extends the base model, so that it predicts what the twin wo
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -176,8 +177,13 @@ def fit_form(
             for name, at in zip(names, x, strict=True)
         }
 
-    def left(values: Mapping[str, float]) -> list[FloatArray]:
+    @lru_cache(maxsize=1)  # the slopes at a point are asked for right after what is left there
+    def left_at_values(*at: float) -> list[FloatArray]:
+        values = dict(zip(names, at, strict=True))
         return [remainder.rest(unit, form.id, values) for unit in units]
+
+    def left(values: Mapping[str, float]) -> list[FloatArray]:
+        return left_at_values(*(values[name] for name in names))
 
     def jacobian(values: dict[str, float]) -> list[FloatArray]:
         rests, columns = left(values), []
