@@ -18,14 +18,14 @@ async def measure(url: str, seconds: float) -> dict[str, object]:
     count = {"samples": 0, "lostSamples": 0, "states": 0, "lostStates": 0}
     ages_ms: dict[str, list[float]] = {"samples": [], "finger": []}
 
-    async def follow(feed: websocket.CountedFeed[websocket.Samples]) -> None:
+    async def follow(feed: websocket.CountedFeed[websocket.SampleChunk]) -> None:
         async for samples in feed:
             last_ns = samples.utc_ns + 1e9 * (samples.count - 1) / samples.sample_rate_hz
             ages_ms["samples"].append((time.time_ns() - last_ns) / 1e6)
             count["samples"] += samples.count
             count["lostSamples"] += samples.lost
 
-    async def follow_finger(feed: websocket.CountedFeed[websocket.Finger]) -> None:
+    async def follow_finger(feed: websocket.CountedFeed[websocket.FingerSample]) -> None:
         batch_ns = 0
         async for state in feed:
             count["states"] += 1

@@ -10,24 +10,24 @@
 ...             async for finger in rig.fingers():
 ...                 print(finger.x_mm, finger.vx_mm_s)
 
-Names, errors and types are those of `frictus`; whatever waits is awaited. It needs the package
-websockets: ``pip install 'frictus[websocket]'``.
+Names, errors and types are those of `frictus`, with `Async` before classes whose methods are
+awaited. It needs the package websockets: ``pip install 'frictus[websocket]'``.
 """
 
-from frictus.websocket.client import DEFAULT_URL, Client, connect
-from frictus.websocket.feeds import CountedFeed, Feed, Finger, Samples
-from frictus.websocket.held import Lease, TextureStream
-from frictus.websocket.rig import Rig
+from frictus.websocket.client import DEFAULT_URL, AsyncClient, connect
+from frictus.websocket.feeds import AsyncFeed, CountedFeed, FingerSample, SampleChunk
+from frictus.websocket.held import AsyncLease, AsyncTextureStream
+from frictus.websocket.rig import AsyncRig
 
 __all__ = [
     "DEFAULT_URL",
-    "Client",
+    "AsyncClient",
+    "AsyncFeed",
+    "AsyncLease",
+    "AsyncRig",
+    "AsyncTextureStream",
     "CountedFeed",
-    "Feed",
-    "Finger",
-    "Lease",
-    "Rig",
-    "Samples",
-    "TextureStream",
+    "FingerSample",
+    "SampleChunk",
     "connect",
 ]

@@ -13,7 +13,7 @@ from frictus.errors import ArgumentError, LinkError, NoRigError, RefusedError
 from frictus.messages import SafetyState
 from frictus.websocket.messages import MAX_RATE_HZ
 from frictus.websocket.opening import opened
-from frictus.websocket.rig import Rig
+from frictus.websocket.rig import AsyncRig
 from frictus.websocket.session import Session
 
 DEFAULT_URL: Final = "ws://127.0.0.1:8420"
@@ -51,7 +51,7 @@ class _Rest:
             raise LinkError(f"rig {rig!r} was not stopped over {self._url}: {error}") from None
 
 
-class Client:
+class AsyncClient:
     """A connection to the rigs behind one API. Made by `connect`.
 
     It belongs to one event loop. Methods raise `LinkError` once the connection is lost; it is
@@ -91,7 +91,7 @@ class Client:
             raise LinkError("the service does not reach the router of the rigs")
         return list(rigs.rigs)
 
-    async def rig(self, name: str, *, wait_s: float = 1.0) -> Rig:
+    async def rig(self, name: str, *, wait_s: float = 1.0) -> AsyncRig:
         """Return a rig that is present.
 
         Parameters
@@ -114,7 +114,7 @@ class Client:
         if name not in present:
             there = ", ".join(present) or "none"
             raise NoRigError(f"no rig {name!r} at site {self.site!r}; present: {there}")
-        return Rig(self._session, name, self._timeout_s, self._rest.stop)
+        return AsyncRig(self._session, name, self._timeout_s, self._rest.stop)
 
 
 @contextlib.asynccontextmanager
@@ -125,7 +125,7 @@ async def connect(
     rate_hz: float = MAX_RATE_HZ,
     timeout_s: float = 10.0,
     tls: ssl.SSLContext | None = None,
-) -> AsyncIterator[Client]:
+) -> AsyncIterator[AsyncClient]:
     """Connect to the API of a service within ``async with``; leaving it disarms.
 
     Parameters
@@ -162,7 +162,7 @@ async def connect(
         watching = asyncio.create_task(session.watch_for_ever())
         try:
             key = connection.welcome.key
-            yield Client(session, _Rest(url, token, key, tls), timeout_s)
+            yield AsyncClient(session, _Rest(url, token, key, tls), timeout_s)
         finally:
             watching.cancel()
             await asyncio.wait([watching])

@@ -18,7 +18,7 @@ from frictus.websocket.frames import FINGER_ROWS, FingerFlag, Frame
 
 
 @dataclass(frozen=True, slots=True)
-class Samples:
+class SampleChunk:
     """Samples of one stream that follow one another; a `frictus.Block` of any length.
 
     Attributes
@@ -70,7 +70,7 @@ class Samples:
 
 
 @dataclass(frozen=True, slots=True)
-class Finger:
+class FingerSample:
     """Where the finger is and how it moves; the names are those of `frictus.FingerState`.
 
     Attributes
@@ -114,7 +114,7 @@ class Finger:
         return 1
 
 
-def samples_of(frame: Frame) -> Samples:
+def samples_of(frame: Frame) -> SampleChunk:
     """Return the samples of a raw frame.
 
     Parameters
@@ -122,7 +122,7 @@ def samples_of(frame: Frame) -> Samples:
     frame : Frame
         Of kind `Kind.RAW`.
     """
-    return Samples(
+    return SampleChunk(
         frame.stream,
         frame.run,
         frame.first_sample,
@@ -134,7 +134,7 @@ def samples_of(frame: Frame) -> Samples:
     )
 
 
-def fingers_of(frame: Frame) -> list[Finger]:
+def fingers_of(frame: Frame) -> list[FingerSample]:
     """Return the states of a frame of the finger.
 
     Parameters
@@ -157,7 +157,7 @@ def fingers_of(frame: Frame) -> list[Finger]:
         since, x_mm, y_mm, vx_mm_s, vy_mm_s, normal_force_n, age_ms, bits = column
         flags = FingerFlag(int(bits) & 0b111)
         states.append(
-            Finger(
+            FingerSample(
                 frame.run,
                 frame.first_sample + int(since),
                 0 if index else frame.lost_samples,
@@ -177,10 +177,10 @@ def fingers_of(frame: Frame) -> list[Finger]:
 
 
 T = TypeVar("T")
-Counted = TypeVar("Counted", Samples, Finger)
+Counted = TypeVar("Counted", SampleChunk, FingerSample)
 
 
-class Feed(Generic[T]):
+class AsyncFeed(Generic[T]):
     """What arrives, in order, from when it is made until `close`, which ends the iteration.
 
     An asynchronous context manager that closes it. One reader at a time.
@@ -196,7 +196,10 @@ class Feed(Generic[T]):
     """
 
     def __init__(
-        self, capacity: int, timeout_s: float | None, on_close: Callable[["Feed[Any]"], None]
+        self,
+        capacity: int,
+        timeout_s: float | None,
+        on_close: Callable[["AsyncFeed[Any]"], None],
     ) -> None:
         if capacity < 1:
             raise ValueError(f"capacity {capacity}: at least 1")
@@ -264,7 +267,7 @@ class Feed(Generic[T]):
         LinkError
             If the connection is lost.
         LeaseLostError
-            For `Rig.fingers` alone: if a lease of this client on the rig is lost.
+            For `AsyncRig.fingers` alone: if a lease of this client on the rig is lost.
         """
         try:
             async with asyncio.timeout(self._timeout_s):
@@ -293,7 +296,7 @@ class Feed(Generic[T]):
         self.close()
 
 
-class CountedFeed(Feed[Counted]):
+class CountedFeed(AsyncFeed[Counted]):
     """A feed that knows what is missing in it.
 
     Parameters
@@ -315,7 +318,7 @@ class CountedFeed(Feed[Counted]):
         self,
         capacity: int,
         timeout_s: float | None,
-        on_close: Callable[[Feed[Any]], None],
+        on_close: Callable[[AsyncFeed[Any]], None],
     ) -> None:
         super().__init__(capacity, timeout_s, on_close)
         self.lost = 0

@@ -19,8 +19,8 @@ from frictus.websocket.connection import Connection
 from frictus.websocket.messages import StreamOpened, StreamUpdates
 
 
-class Lease:
-    """The right to drive one rig's screen. Made by `Rig.arm`.
+class AsyncLease:
+    """The right to drive one rig's screen. Made by `AsyncRig.arm`.
 
     The service renews it as long as it hears of this client, which pings twice a second: code
     that blocks the event loop for longer than `lease_ms` loses the rig.
@@ -42,7 +42,7 @@ class Lease:
 
     @property
     def loss(self) -> LeaseLostError | None:
-        """What `fingers()` and `TextureStream.send` raise once it is lost; None before."""
+        """What `fingers()` and `AsyncTextureStream.send` raise once it is lost; None before."""
         return self._loss
 
     async def wait_lost(self) -> LeaseLostError:
@@ -70,8 +70,8 @@ class _Refusals(Protocol):
         """Return it once."""
 
 
-class TextureStream:
-    """An open texture stream. Made by `Rig.open_stream`.
+class AsyncTextureStream:
+    """An open texture stream. Made by `AsyncRig.open_stream`.
 
     Parameters
     ----------

@@ -19,8 +19,8 @@ from frictus.keys import Topic, Topics
 from frictus.messages import Message, ModelState, RigStatus, SafetyState, SceneState
 from frictus.textures import Beta, Map, Profile, Region, Scene, Slope, Spectrum, Texture
 from frictus.watched_rig import BLOCK_QUEUE, BLOCKS, STATE_RING, StreamName
-from frictus.websocket.feeds import CountedFeed, Feed, Finger, Samples
-from frictus.websocket.held import Lease, TextureStream, ending
+from frictus.websocket.feeds import AsyncFeed, CountedFeed, FingerSample, SampleChunk
+from frictus.websocket.held import AsyncLease, AsyncTextureStream, ending
 from frictus.websocket.messages import (
     VALUES,
     Armed,
@@ -45,8 +45,8 @@ A = TypeVar("A", bound=Message)
 R = TypeVar("R", bound=BaseModel)
 
 
-class Rig:
-    """A rig behind the API. Made by `Client.rig`; what it opened is closed with its client.
+class AsyncRig:
+    """A rig behind the API. Made by `AsyncClient.rig`; what it opened closes with its client.
 
     Methods that ask the rig for something raise `RefusedError` if it refuses, with codes
     ``no_rig`` and ``no_link`` among the others, and `OutcomeUnknownError` or `LinkError` if
@@ -114,7 +114,7 @@ class Rig:
 
     def watch(
         self, topic: Topic, *, capacity: int = STATE_RING, timeout_s: float | None = None
-    ) -> Feed[Message]:
+    ) -> AsyncFeed[Message]:
         """Follow a topic of JSON messages, its present value first where it is known.
 
         Of messages that come faster than the connection's `rate_hz` the newest wins.
@@ -139,8 +139,8 @@ class Rig:
             raise ArgumentError(f"{topic.suffix} is not passed on: {accepted} are")
         self._session.look_at(self.name)
         name = TOPICS[topic]
-        feed: Feed[Message] = self._session.feed(
-            name, lambda closed: Feed(capacity, timeout_s, closed)
+        feed: AsyncFeed[Message] = self._session.feed(
+            name, lambda closed: AsyncFeed(capacity, timeout_s, closed)
         )
         if name in self._session.values:
             feed.put(self._session.values[name])
@@ -148,7 +148,7 @@ class Rig:
 
     def fingers(
         self, *, capacity: int = FINGER_QUEUE, timeout_s: float | None = None
-    ) -> CountedFeed[Finger]:
+    ) -> CountedFeed[FingerSample]:
         """Follow every state of the finger; they come some at a time, 60 times a second.
 
         Once a lease of this client on the rig is lost, the iteration ends with
@@ -162,7 +162,7 @@ class Rig:
             Longest silence before `SilenceError`; None waits for ever.
         """
         self._session.look_at(self.name)
-        feed: CountedFeed[Finger] = self._session.feed(
+        feed: CountedFeed[FingerSample] = self._session.feed(
             FINGERS, lambda closed: CountedFeed(capacity, timeout_s, closed)
         )
         self._session.follow_lease(self.name, feed)
@@ -174,7 +174,7 @@ class Rig:
         *,
         capacity: int = BLOCK_QUEUE,
         timeout_s: float | None = None,
-    ) -> CountedFeed[Samples]:
+    ) -> CountedFeed[SampleChunk]:
         """Follow a stream of samples in order; what is missing is counted in `lost`.
 
         It goes on after a lost lease: it shows how the output ramps to zero.
@@ -198,7 +198,7 @@ class Rig:
         if stream not in BLOCKS:
             raise ArgumentError(f"no stream {stream!r}: {', '.join(BLOCKS)} accepted")
         self._session.look_at(self.name)
-        feed: CountedFeed[Samples] = self._session.feed(
+        feed: CountedFeed[SampleChunk] = self._session.feed(
             stream, lambda closed: CountedFeed(capacity, timeout_s, closed)
         )
         return feed
@@ -212,7 +212,7 @@ class Rig:
         share_with: Sequence[str] = (),
         *,
         keep_model: bool = False,
-    ) -> AsyncIterator[Lease]:
+    ) -> AsyncIterator[AsyncLease]:
         """Take the rig and let it drive the screen within ``async with``.
 
         Parameters
@@ -224,7 +224,7 @@ class Rig:
         keep_model : bool
             Whether no tracker may adapt the model until the lease ends: for trials.
         """
-        lease = Lease()
+        lease = AsyncLease()
         asked = self._asked(
             PageArmRequest,
             share_with=tuple(share_with),
@@ -254,7 +254,7 @@ class Rig:
                 await self._session.connection.say(undo)
             raise
 
-    async def _disarm(self, lease: Lease) -> None:
+    async def _disarm(self, lease: AsyncLease) -> None:
         if lease.lost:
             return
         try:
@@ -295,7 +295,7 @@ class Rig:
         return SceneState(etag=answer.etag, scene=scene, applied=answer.applied)
 
     @contextlib.asynccontextmanager
-    async def open_stream(self, peak_n: float) -> AsyncIterator[TextureStream]:
+    async def open_stream(self, peak_n: float) -> AsyncIterator[AsyncTextureStream]:
         """Stream textures within ``async with``; one at a time over a connection.
 
         The rig must be armed by this client, or shared with it.
@@ -309,11 +309,11 @@ class Rig:
         session = self._session
         asked = self._asked(OpenStream, peak_n=float(peak_n))
 
-        streams: list[TextureStream] = []
+        streams: list[AsyncTextureStream] = []
 
         def take(opened: StreamOpened) -> None:
             session.refusals.pop("update", None)
-            session.stream = TextureStream(
+            session.stream = AsyncTextureStream(
                 session.connection, opened, asked.peak_n, session.refusals
             )
             session.follow_lease(self.name, session.stream)
@@ -325,7 +325,7 @@ class Rig:
         async with ending(lambda: self._close_stream(stream)):
             yield stream
 
-    async def _close_stream(self, stream: TextureStream) -> None:
+    async def _close_stream(self, stream: AsyncTextureStream) -> None:
         stream.closed()
         if self._session.stream is not stream:
             return  # it has ended before

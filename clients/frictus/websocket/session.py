@@ -10,9 +10,9 @@ from frictus.keys import STREAMS
 from frictus.messages import Message
 from frictus.watched_rig import BLOCKS
 from frictus.websocket.connection import Connection, Heard, RigValue
-from frictus.websocket.feeds import Feed, fingers_of, samples_of
+from frictus.websocket.feeds import AsyncFeed, fingers_of, samples_of
 from frictus.websocket.frames import Frame, Kind
-from frictus.websocket.held import Lease, TextureStream
+from frictus.websocket.held import AsyncLease, AsyncTextureStream
 from frictus.websocket.messages import (
     Disarmed,
     Refused,
@@ -49,7 +49,7 @@ class Session:
         Newest message of the watched rig by its name, such as ``status``.
     leases : dict
         Newest lease of this client by the rig's name, until it is given back.
-    stream : TextureStream or None
+    stream : AsyncTextureStream or None
         The one that is open.
     refusals : dict
         Of points and updates, which have no answers, until the next one raises them.
@@ -61,14 +61,14 @@ class Session:
         self.connection: Connection
         self.rigs: Rigs | None = None
         self.values: dict[str, Message] = {}
-        self.leases: dict[str, Lease] = {}
-        self.stream: TextureStream | None = None
+        self.leases: dict[str, AsyncLease] = {}
+        self.stream: AsyncTextureStream | None = None
         self.refusals: dict[str, RefusedError] = {}
         self.calls = asyncio.Lock()
         self._rate_hz = rate_hz
         self._rig: str | None = None
         self._heard_of_rig = False
-        self._feeds: dict[str, list[Feed[Any]]] = {}
+        self._feeds: dict[str, list[AsyncFeed[Any]]] = {}
         self._asked: Watch | None = None
         self._failure: LinkError | None = None
         self._wanted = asyncio.Event()
@@ -96,7 +96,9 @@ class Session:
             self._rig, self._heard_of_rig, self.values = rig, False, {}
             self._wanted.set()
 
-    def feed(self, name: str, open_feed: Callable[[Callable[[Feed[Any]], None]], Any]) -> Any:
+    def feed(
+        self, name: str, open_feed: Callable[[Callable[[AsyncFeed[Any]], None]], Any]
+    ) -> Any:
         """Return a feed that gets what arrives under a name until it is closed.
 
         Parameters
@@ -107,7 +109,7 @@ class Session:
             Makes it, given what it shall call once it is closed.
         """
 
-        def closed(feed: Feed[Any]) -> None:
+        def closed(feed: AsyncFeed[Any]) -> None:
             self._feeds[name].remove(feed)
             self._wanted.set()
 
@@ -200,14 +202,14 @@ class Session:
             case _:
                 pass
 
-    def follow_lease(self, rig: str, follower: "Feed[Any] | TextureStream") -> None:
+    def follow_lease(self, rig: str, follower: "AsyncFeed[Any] | AsyncTextureStream") -> None:
         """Have a feed or stream fail where a lease of this client is lost already.
 
         Parameters
         ----------
         rig : str
             Whose lease.
-        follower : Feed or TextureStream
+        follower : AsyncFeed or AsyncTextureStream
             `hear` has it fail later.
         """
         lease = self.leases.get(rig)

@@ -9,7 +9,7 @@ import pytest
 
 import frictus
 from frictus.block import FLOAT32
-from frictus.websocket import CountedFeed, Feed, Finger, Samples
+from frictus.websocket import AsyncFeed, CountedFeed, FingerSample, SampleChunk
 from frictus.websocket.feeds import fingers_of, samples_of
 from frictus.websocket.frames import Frame, Kind, is_known
 
@@ -19,7 +19,7 @@ def frame(first: int, count: int, lost: int = 0) -> Frame:
     return Frame(1, 3, 7, first, lost, 2e4, 1, Kind.RAW, 0, data)
 
 
-def taken(feed: Feed[Any]) -> list[Any]:
+def taken(feed: AsyncFeed[Any]) -> list[Any]:
     feed.fail(ZeroDivisionError())
     items: list[Any] = []
 
@@ -36,7 +36,7 @@ def taken(feed: Feed[Any]) -> list[Any]:
 def test_every_sample_is_handed_over_or_counted(
     capacity: int, rng: np.random.Generator
 ) -> None:
-    feed: CountedFeed[Samples] = CountedFeed(capacity, None, lambda _: None)
+    feed: CountedFeed[SampleChunk] = CountedFeed(capacity, None, lambda _: None)
     at = 0
     for _ in range(20):
         count, lost = (int(number) for number in rng.integers(1, 50, 2) * (1, rng.integers(2)))
@@ -55,7 +55,7 @@ def test_a_failure_comes_behind_what_has_arrived_and_closing_ends_at_once() -> N
     closed: list[object] = []
 
     async def work() -> None:
-        feed: Feed[int] = Feed(4, 0.001, closed.append)
+        feed: AsyncFeed[int] = AsyncFeed(4, 0.001, closed.append)
         with pytest.raises(frictus.SilenceError, match=r"0\.001 s"):
             await anext(feed)
         for number in range(6):
@@ -65,7 +65,7 @@ def test_a_failure_comes_behind_what_has_arrived_and_closing_ends_at_once() -> N
         assert [number async for number in feed] == []
         assert closed == [feed]
         with pytest.raises(ValueError, match="at least 1"):
-            Feed(0, None, closed.append)
+            AsyncFeed(0, None, closed.append)
 
     asyncio.run(work())
 
@@ -76,7 +76,7 @@ def test_states_are_read_as_they_were_packed() -> None:
     first, second = fingers_of(Frame(100, 0, 7, 400, 3, 2e4, 1, Kind.FINGER, 10, rows))
     assert (first.sample, first.lost, first.utc_ns, first.in_contact) == (400, 3, 10, False)
     values = (1.0, 2.0, 3.0, 4.0, 0.5, 6.0, True, False, True)
-    assert second == Finger(7, 500, 0, 5_000_010, *values)
+    assert second == FingerSample(7, 500, 0, 5_000_010, *values)
     with pytest.raises(frictus.FrameError, match="7 rows"):
         fingers_of(Frame(100, 0, 7, 400, 3, 2e4, 1, Kind.FINGER, 10, rows[:7]))
     with pytest.raises(frictus.FrameError, match="0 Hz"):

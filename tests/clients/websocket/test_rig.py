@@ -27,7 +27,7 @@ SCENE = frictus.Scene(
     ],
 )
 SINE = 0.04 * np.sin(2.0 * np.pi * np.arange(64) / 64)
-Work = Callable[[websocket.Client], Awaitable[None]]
+Work = Callable[[websocket.AsyncClient], Awaitable[None]]
 
 
 def run(port: int, work: Work, who: str = "render") -> None:
@@ -44,12 +44,12 @@ def run(port: int, work: Work, who: str = "render") -> None:
 
 
 def test_two_raw_streams_and_the_finger_without_a_loss(port: int) -> None:
-    async def work(client: websocket.Client) -> None:
+    async def work(client: websocket.AsyncClient) -> None:
         rig = await client.rig("rig1", wait_s=PATIENCE_S)
         assert (client.site, await client.rigs()) == ("lab", ["rig1"])
         force, accel, fingers = rig.blocks("force"), rig.blocks("accel"), rig.fingers()
 
-        async def follow(feed: websocket.CountedFeed[websocket.Samples]) -> int:
+        async def follow(feed: websocket.CountedFeed[websocket.SampleChunk]) -> int:
             expected, count = None, 0
             async for samples in feed:
                 assert samples.data.shape == (3, samples.count)
@@ -84,7 +84,7 @@ def test_two_raw_streams_and_the_finger_without_a_loss(port: int) -> None:
 
 
 def test_a_rig_is_taken_changed_streamed_to_and_given_back(port: int) -> None:
-    async def work(client: websocket.Client) -> None:
+    async def work(client: websocket.AsyncClient) -> None:
         rig = await client.rig("rig1")
         with pytest.raises(frictus.RefusedError) as refused:
             async with rig.open_stream(0.05):
@@ -118,7 +118,7 @@ def test_a_rig_is_taken_changed_streamed_to_and_given_back(port: int) -> None:
 
 
 def test_what_is_out_of_range_never_costs_the_lease(port: int) -> None:
-    async def work(client: websocket.Client) -> None:
+    async def work(client: websocket.AsyncClient) -> None:
         rig = await client.rig("rig1")
         for wrong in ({"lease_ms": 100}, {"share_with": ["no name!"]}, {"lease_ms": 1e9}):
             with pytest.raises(frictus.ArgumentError):
@@ -166,7 +166,7 @@ def test_what_is_out_of_range_never_costs_the_lease(port: int) -> None:
 
 
 def test_a_lost_lease_ends_the_finger_and_says_who_when_and_why(port: int, router: str) -> None:
-    async def work(client: websocket.Client) -> None:
+    async def work(client: websocket.AsyncClient) -> None:
         rig = await client.rig("rig1")
         async with (
             rig.arm(lease_ms=10_000) as lease,
@@ -199,7 +199,7 @@ def test_a_lost_lease_ends_the_finger_and_says_who_when_and_why(port: int, route
 
 
 def test_who_may_look_may_stop(port: int) -> None:
-    async def work(client: websocket.Client) -> None:
+    async def work(client: websocket.AsyncClient) -> None:
         rig = await client.rig("rig1")
         async with websocket.connect(f"ws://127.0.0.1:{port}", SECRETS["read"]) as watcher:
             watched = await watcher.rig("rig1")
@@ -219,7 +219,7 @@ def test_who_may_look_may_stop(port: int) -> None:
 
 
 def test_leaving_gives_the_rig_back_whatever_happens(port: int) -> None:
-    async def work(client: websocket.Client) -> None:
+    async def work(client: websocket.AsyncClient) -> None:
         rig = await client.rig("rig1")
         stack = AsyncExitStack()
         url = f"ws://127.0.0.1:{port}"
@@ -244,7 +244,7 @@ def test_leaving_gives_the_rig_back_whatever_happens(port: int) -> None:
 
 
 def test_a_client_holds_a_rig_once_and_watches_one(port: int) -> None:
-    async def work(client: websocket.Client) -> None:
+    async def work(client: websocket.AsyncClient) -> None:
         rig = await client.rig("rig1")
         async with rig.arm():
             with pytest.raises(frictus.RefusedError, match="already"):
@@ -271,7 +271,7 @@ def test_a_client_holds_a_rig_once_and_watches_one(port: int) -> None:
 
 
 def test_the_finger_is_moved(port: int) -> None:
-    async def work(client: websocket.Client) -> None:
+    async def work(client: websocket.AsyncClient) -> None:
         rig = await client.rig("rig1")
         async for finger in rig.fingers(timeout_s=PATIENCE_S):
             await rig.point(20.0, 30.0, normal_force_n=1.0)
@@ -290,7 +290,7 @@ def test_the_example_of_the_docs_streams(port: int) -> None:
     names: dict[str, Any] = {}
     exec(program.replace("asyncio.run(main())", ""), names)
 
-    async def work(client: websocket.Client) -> None:
+    async def work(client: websocket.AsyncClient) -> None:
         rig = await client.rig("rig1")
         before = (await rig.status()).counters.stream_updates
         streaming = asyncio.create_task(names["main"]())

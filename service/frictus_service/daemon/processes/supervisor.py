@@ -11,7 +11,6 @@ import multiprocessing
 import sys
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
@@ -19,12 +18,10 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 import zenoh
-from zenoh.handlers import Callback
 
-from frictus.errors import FrameError, LinkError
-from frictus.keys import Topics
-from frictus.messages import Fault, FaultKind, RigStatus
-from frictus.session import declare_latest_publisher, open_session
+from frictus.errors import LinkError
+from frictus.messages import FaultKind
+from frictus.session import open_session
 from frictus_hardware.errors import HardwareError
 from frictus_service.config import Config
 from frictus_service.daemon.processes.child_process import (
@@ -33,7 +30,7 @@ from frictus_service.daemon.processes.child_process import (
     StartProgress,
     run_part,
 )
-from frictus_service.daemon.safety import ACTIONS
+from frictus_service.daemon.processes.trip_notice import TripNotice
 from frictus_service.errors import StartError
 from frictus_service.security.members import tls_of_rig
 from frictus_service.security.router import open_secured_router
@@ -115,8 +112,7 @@ class Supervisor:
         }
         self._stopping = threading.Event()
         self._changed = threading.Condition()
-        self._last_status: deque[bytes] = deque(maxlen=1)
-        self._trip_notice: zenoh.ext.AdvancedPublisher | None = None
+        self._trip_notice: TripNotice | None = None
         self._undo = contextlib.ExitStack()
         self._watcher = threading.Thread(target=self._watch, name="frictus-supervisor")
 
@@ -182,7 +178,8 @@ class Supervisor:
         with contextlib.ExitStack() as undo:
             self._session = undo.enter_context(self._opened())
             if "rig" in self._parts:
-                self._declare_status(undo)
+                self._trip_notice = TripNotice(self._session, self._config.keys)
+                undo.callback(self._trip_notice.close)
             self._undo = undo.pop_all()
         self._say(f"router {'listens' if self._host_router else 'found'} at {endpoint}")
         self._start_due()
@@ -210,15 +207,6 @@ class Supervisor:
         api_alone = set(self._parts) == {"api"}
         tls = config.tls("client") if api_alone else tls_of_rig(config)
         return open_session(config.router.endpoint, tls=tls)
-
-    def _declare_status(self, undo: contextlib.ExitStack) -> None:
-        def note(sample: zenoh.Sample) -> None:
-            self._last_status.append(sample.payload.to_bytes())
-
-        subscriber = self._session.declare_subscriber(
-            self._config.keys.of(Topics.STATUS), Callback(note, indirect=False)
-        )
-        undo.callback(subscriber.undeclare)
 
     def _start(self, part: _Part) -> None:
         part_told, telling = self._context.Pipe(duplex=False)
@@ -288,9 +276,7 @@ class Supervisor:
     def _on_ready(self, part: _Part) -> None:
         part.failure = ""
         if part.name == "rig" and self._trip_notice is not None:
-            # From here on the rig speaks for itself.
-            self._trip_notice.undeclare()  # type: ignore[no-untyped-call]
-            self._trip_notice = None
+            self._trip_notice.withdraw()
         again = f", start {part.starts}" if part.starts > 1 else ""
         after_s = part.progress.move("running")
         self._say(
@@ -348,34 +334,11 @@ class Supervisor:
             reason += f"; the device could NOT be reset ({error}): switch it off by hand"
         part.fault = ("internal", reason)
         try:
-            self._tell_of_trip(reason)
+            if self._trip_notice is not None:
+                self._trip_notice.tell(reason)
         except (zenoh.ZError, LinkError) as error:
             self._say(f"could not be published: {error}")
         return reason
-
-    def _tell_of_trip(self, reason: str) -> None:
-        if not self._last_status:
-            return  # the rig never was present: nobody has to be told
-        try:
-            last = RigStatus.from_json(self._last_status[-1])
-        except FrameError:
-            return  # somebody else's bytes under the rig's key
-        now_ns = time.time_ns()
-        fault = Fault(kind="internal", reason=reason, utc_ns=now_ns, action=ACTIONS["internal"])
-        status = last.model_copy(
-            update={
-                "utc_ns": now_ns,
-                "state": "tripped",
-                "fault": fault,
-                "owner": None,
-                "stream_open": False,
-            }
-        )
-        if self._trip_notice is None:
-            self._trip_notice = declare_latest_publisher(
-                self._session, self._config.keys.of(Topics.STATUS), Topics.STATUS
-            )
-        self._trip_notice.put(status.to_json())
 
     def _start_due(self) -> None:
         for part in self._parts.values():
