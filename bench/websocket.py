@@ -1,15 +1,18 @@
 """What a client gets of two raw 20 kHz streams and the finger over the WebSocket.
 
 `uv run python bench/websocket.py --client python --seconds 30` runs the service and
-`bench/websocket_client.py`, `--client node` the service and `npm run measure` of
-clients/typescript, for which it needs the registry of npm. It prints the table of
-`docs/websocket.md`.
+`bench/websocket_client.py`; `--client c` compiles `bench/websocket_client.c`; `--client node`
+runs `npm run measure` of clients/typescript, for which it needs the registry of npm. It prints
+the table of `docs/websocket.md`.
 """
 
 import argparse
+import atexit
 import json
 import os
+import shutil
 import sys
+import tempfile
 from pathlib import Path
 from typing import Final
 
@@ -21,8 +24,24 @@ from tests.typescript.package import package, run
 from frictus_laboratory.benchmarks.processes import config_of, serving
 from frictus_service.config import Limits
 
-CLIENTS: Final = {"node": "Node", "python": "Python"}
+CLIENTS: Final = {"c": "C", "node": "Node", "python": "Python"}
+HERE: Final = Path(__file__).parent
+HEADERS: Final = HERE.parent / "clients" / "c"
 HEAD: Final = "| what | of how many | lost | age p50 / p99 / most, ms |\n|---|---|---|---|\n"
+
+
+def prepared(client: str) -> tuple[tuple[str, ...], Path]:
+    """Return the command of a client, compiled if it must be, and its folder."""
+    if client == "python":
+        return (sys.executable, "websocket_client.py"), HERE
+    if client == "node":
+        return ("node", "--experimental-websocket", "build/test/measure.js"), package()
+    folder = Path(tempfile.mkdtemp(prefix="frictus-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    program, source = folder / "client", HERE / "websocket_client.c"
+    options = ("-std=c99", "-O2", f"-I{HEADERS}", str(source), "-lm", "-o", str(program))
+    run("cc", *options, folder=folder)
+    return (str(program),), folder
 
 
 def main() -> None:
@@ -31,18 +50,19 @@ def main() -> None:
     parser.add_argument("--seconds", type=int, default=30)
     parser.add_argument("--client", choices=CLIENTS, default="node")
     given = parser.parse_args()
-    folder = package() if given.client == "node" else Path(__file__).parent
+    command, folder = prepared(given.client)
     # A busy machine may hold the rig up: then that shows in the figures, and it goes on.
     config = config_of(limits=Limits(freeze_ms=5_000, missed_deadlines=1_000))
     with serving(config, ("rig", "api", "recorder")) as supervisor:
         api = psutil.Process(supervisor.pid_of("api"))
         api.cpu_percent()
-        url, seconds = f"ws://127.0.0.1:{config.api.port}", str(given.seconds)
-        if given.client == "python":
-            told = run(sys.executable, "websocket_client.py", url, seconds, folder=folder)
-        else:
-            measure = ("node", "--experimental-websocket", "build/test/measure.js")
-            told = run(*measure, folder=folder, FRICTUS_URL=url, FRICTUS_SECONDS=seconds)
+        told = run(
+            *command,
+            folder=folder,
+            FRICTUS_PORT=str(config.api.port),
+            FRICTUS_URL=f"ws://127.0.0.1:{config.api.port}",
+            FRICTUS_SECONDS=str(given.seconds),
+        )
         load, api_percent = os.getloadavg()[0], api.cpu_percent()
     figures, name = json.loads(told), CLIENTS[given.client]
     for what, count, lost, age in (

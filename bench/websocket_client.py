@@ -5,6 +5,7 @@ Run by `bench/websocket.py`; the same as `measure.ts` of the TypeScript client.
 
 import asyncio
 import json
+import os
 import sys
 import time
 
@@ -61,4 +62,5 @@ async def measure(url: str, seconds: float) -> dict[str, object]:
 
 
 if __name__ == "__main__":
-    sys.stdout.write(json.dumps(asyncio.run(measure(sys.argv[1], float(sys.argv[2])))) + "\n")
+    url, seconds = os.environ["FRICTUS_URL"], float(os.environ["FRICTUS_SECONDS"])
+    sys.stdout.write(json.dumps(asyncio.run(measure(url, seconds))) + "\n")

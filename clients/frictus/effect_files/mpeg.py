@@ -6,62 +6,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from frictus.effect_files.curves import CURVES
 from frictus.effect_files.document import LARGEST, items, number, within, word
 from frictus.effect_files.timeline import MAX_HZ, FloatArray, RenderedEffect, Timeline
 from frictus.effect_files.wavelets import Budget, WaveletBand, wavelet_band
 from frictus.errors import TextureError
-
-Curve = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
-
-
-def _linear(at_s: FloatArray, time_s: FloatArray, value: FloatArray) -> FloatArray:
-    return np.interp(at_s, time_s, value)
-
-
-def _cubic(at_s: FloatArray, time_s: FloatArray, value: FloatArray) -> FloatArray:
-    """Return the smooth step from point to point: flat at every one of them."""
-    return _hermite(at_s, time_s, value, np.zeros(value.size))
-
-
-def _akima(at_s: FloatArray, time_s: FloatArray, value: FloatArray) -> FloatArray:
-    """Return Akima's curve: slopes from the four nearest chords (J. ACM 17, 1970, p. 589)."""
-    if value.size < 3:
-        return _linear(at_s, time_s, value)
-    chord = np.diff(value) / np.diff(time_s)
-    # Two more chords at each end, by his quadratic extrapolation.
-    before = [3.0 * chord[0] - 2.0 * chord[1], 2.0 * chord[0] - chord[1]]
-    after = [2.0 * chord[-1] - chord[-2], 3.0 * chord[-1] - 2.0 * chord[-2]]
-    m = np.concatenate([before, chord, after])
-    change = np.abs(np.diff(m))
-    left, right = change[2:], change[:-2]
-    total = left + right
-    flat = total <= 1e-9 * max(float(np.max(total)), 1e-300)
-    slope = (left * m[1:-2] + right * m[2:-1]) / np.where(flat, 1.0, total)
-    return _hermite(at_s, time_s, value, np.where(flat, (m[1:-2] + m[2:-1]) / 2.0, slope))
-
-
-def _hermite(
-    at_s: FloatArray, time_s: FloatArray, value: FloatArray, slope: FloatArray
-) -> FloatArray:
-    """Return the cubics with given slopes at the points; held outside of them."""
-    if value.size == 1:
-        return np.full(at_s.size, value[0])
-    number = np.clip(np.searchsorted(time_s, at_s, side="right") - 1, 0, value.size - 2)
-    step_s = np.diff(time_s)[number]
-    u = np.clip((at_s - time_s[number]) / step_s, 0.0, 1.0)
-    rise = u * u * (3.0 - 2.0 * u)
-    bend = slope[number] * (1.0 - u) - slope[number + 1] * u
-    begin, end = value[number], value[number + 1]
-    return np.asarray(begin + (end - begin) * rise + step_s * u * (1.0 - u) * bend)
-
-
-CURVES: Final[dict[str, Curve]] = {
-    "Linear": _linear,
-    "Cubic": _cubic,
-    "Akima": _akima,
-    "Unknown": _cubic,  # as the reference decoder takes it
-}
-
 
 MAX_KEYFRAMES: Final = 300_000
 """Of all effects together, those of a reference counted each time."""
@@ -136,8 +85,8 @@ def render_hjif(document: dict[str, Any]) -> RenderedEffect:
     Raises
     ------
     TextureError
-        For Bezier and B-spline curves; composite effects; perceptions over distance alone;
-        what is missing or out of range.
+        For composite effects; perceptions over distance alone; what is missing or out of
+        range.
     """
     bands, notes = _bands_of(document)
     if not bands:
@@ -222,6 +171,8 @@ def _band(
         for basis, (at, effect) in zip(bases, effects, strict=True)
         if basis.get("keyframes") != []  # as AHAP converted by the reference encoder has them
     ]
+    if kind == "Curve" and curve == "Bezier":
+        _check_bezier(pieces)
     return _Band(kind, curve, gain, pieces, keyframes)
 
 
@@ -292,6 +243,16 @@ def _check_wave(where: str, hz: FloatArray, signal: str) -> None:
             f"{where}: frequency_modulation {np.min(hz):g} to {np.max(hz):g} Hz; 0 to "
             f"{MAX_HZ:g} Hz are rendered"
         )
+
+
+def _check_bezier(pieces: list[_Piece]) -> None:
+    for piece in pieces:
+        count = piece.amplitude[0].size
+        if count > 2 and count % 2 == 0:
+            raise TextureError(
+                f"{piece.where}: a Bezier curve of {count} points; an odd number is rendered: "
+                "end, control, end, control, end"
+            )
 
 
 def _course(frames: list[tuple[str, dict[str, Any]]], time_s: FloatArray, name: str) -> _Course:

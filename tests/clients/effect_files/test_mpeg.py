@@ -5,13 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from tests.clients.effect_files.made import band, basis, hjif, keyframes
 from tests.clients.effect_files.spectra import burst_transform, line, strays, times, transform
 
 from frictus.effect_files import render_effect
-from frictus.effect_files.mpeg import CURVES
 from frictus.errors import TextureError
 
 STEADY = keyframes((0, 0.5, 100), (1_000, 0.5, 100))
@@ -108,18 +105,12 @@ def test_a_curve_goes_through_its_points(kind: str, rng: np.random.Generator) ->
     np.testing.assert_allclose(effect.signal[at], value[:-1], atol=0.02)
 
 
-@settings(deadline=None)
-@given(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.integers(3, 20))
-def test_akima_keeps_straight_lines_and_parabolas(
-    slope: float, bend: float, count: int
-) -> None:
-    time_s = np.linspace(0.0, 1.0, count)
-    at_s = np.linspace(0.0, 1.0, 77)
-    straight = CURVES["Akima"](at_s, time_s, slope * time_s)
-    np.testing.assert_allclose(straight, slope * at_s, atol=1e-9)
-    # On even steps the weights of a parabola's chords are equal, so the slopes are exact.
-    curved = CURVES["Akima"](at_s, time_s, bend * time_s**2)
-    np.testing.assert_allclose(curved, bend * at_s**2, atol=1e-9)
+@pytest.mark.parametrize("kind", ["Bezier", "Bspline"])
+def test_three_points_are_one_parabola(kind: str) -> None:
+    frames = keyframes((0, 0.2, None), (250, 0.8, None), (500, 0.2, None))
+    effect = render_effect(hjif(band("Curve", basis(0, frames), curve_type=kind)), ".hjif")
+    u = times(effect) / 0.5
+    assert strays(effect, 0.2 + 1.2 * u * (1.0 - u)) < 0.01
 
 
 def test_references_cannot_multiply_a_document_beyond_bounds() -> None:
@@ -143,7 +134,10 @@ def changed(**more: Any) -> str:
         ('{"perceptions": [{"tracks": []}]}', "a draft from before the standard"),
         (hjif(perception_modality="Stiffness"), "Stiffness is left out: it is over distance"),
         (hjif(band("Pulse")), r"band type .Pulse.; Transient, .*, Curve and WaveletWave"),
-        (hjif(band("Curve", basis(0, STEADY), curve_type="Bezier")), "curve type 'Bezier'"),
+        (hjif(band("Curve", basis(0, STEADY), curve_type="Spline")), "curve type 'Spline'"),
+        (hjif(band("Curve", basis(0, [*STEADY] * 2), curve_type="Bezier")), "not in the order"),
+        (hjif(band("Curve", basis(0, keyframes(*((at, 1.0, None) for at in range(4)))),
+                   curve_type="Bezier")), "a Bezier curve of 4 points; an odd number"),
         (changed(effect_type="Composite"), "'Composite'; Basis, and Reference"),
         (changed(effect_type="Reference", id=3), "the library has no effect with its id"),
         (changed(base_signal="Noise"), "base signal 'Noise'; Sine, Square"),
