@@ -180,9 +180,8 @@ class Converter:
 
     def run(self, signals: Signals, state: Generators) -> tuple[Signals, Generators]:
         """Set `force_n` and `accel_m_s2`."""
-        shape = signals.force_n.shape
-        force_n, accel_m_s2 = state[0].standard_normal(shape), state[1].standard_normal(shape)
         noise, steps = self.noise, self.steps
+        force_n, accel_m_s2 = noise.drawn(signals.force_n.shape, state)
         _convert(
             (signals.force_n, signals.accel_m_s2),
             (noise.force_n, noise.accel_m_s2),

@@ -272,14 +272,31 @@ class SensorNoise:
         self, signals: Signals, state: tuple[np.random.Generator, np.random.Generator]
     ) -> tuple[Signals, tuple[np.random.Generator, np.random.Generator]]:
         """Add noise to `force_n` and `accel_m_s2`."""
-        force, accel = state
-        shape = signals.force_n.shape
+        force, accel = self.drawn(signals.force_n.shape, state)
         noisy = replace(
             signals,
-            force_n=signals.force_n + self.force_n * force.standard_normal(shape),
-            accel_m_s2=signals.accel_m_s2 + self.accel_m_s2 * accel.standard_normal(shape),
+            force_n=signals.force_n + self.force_n * force,
+            accel_m_s2=signals.accel_m_s2 + self.accel_m_s2 * accel,
         )
         return noisy, state
+
+    def drawn(
+        self, shape: tuple[int, ...], state: tuple[np.random.Generator, np.random.Generator]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return noise of 1 for force and acceleration; zeros for a sensor without noise.
+
+        Parameters
+        ----------
+        shape : tuple of int
+            Of what is sensed.
+        state : tuple of Generator
+            Each moves on where its sensor has noise.
+        """
+        force, accel = (
+            generator.standard_normal(shape) if size else np.zeros(shape)
+            for generator, size in zip(state, (self.force_n, self.accel_m_s2), strict=True)
+        )
+        return force, accel
 
 
 @dataclass(frozen=True, slots=True)

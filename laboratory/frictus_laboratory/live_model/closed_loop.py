@@ -245,9 +245,8 @@ class ClosedLoop:
         minutes = int(span.at_s) / 60.0 if simulator.schedule != Simulator().schedule else 0.0
         if self._twin_key != (simulator, minutes):
             self._twin_key = simulator, minutes
-            noise = SensorNoise(
-                self._config.force_noise_n, self._config.accel_noise_m_s2, plan.seed
-            )
+            # The accelerometer is not read: its noise, drawn apart, would cost for nothing.
+            noise = SensorNoise(self._config.force_noise_n, 0.0, plan.seed)
             self._twin = compiled(
                 simulator.twin(
                     self.screen,
@@ -280,7 +279,7 @@ class ClosedLoop:
         began = time.process_time()
         updated = any([self.tracker.take(part) for part in parts])
         if updated:
-            self._alarms = self.tracker.state(0).alarms
+            self._alarms = tuple(alarm.cause for alarm in self.tracker.alarms)
             for cause in self._alarms:
                 self.named.setdefault(cause, end_s)
         if self.tracker.new_fingers > len(self.new_fingers):

@@ -1,5 +1,6 @@
 """Laws of a session: what a model renders by, what a person feels by, and how far apart."""
 
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -28,8 +29,14 @@ def error_db(at: FloatArray, true: FloatArray) -> float:
     float
         dB rms over third octaves at 20 to 100 mm/s.
     """
+    return _error_db(tuple(at.tolist()), tuple(true.tolist()))
+
+
+@lru_cache(maxsize=64)
+def _error_db(at: tuple[float, ...], true: tuple[float, ...]) -> float:
+    """Return `error_db`; over a session most moments have the laws of the one before."""
     ratio = 0.0
-    for one, sign in ((true, 1.0), (at, -1.0)):
+    for one, sign in ((np.array(true), 1.0), (np.array(at), -1.0)):
         cutoff = coordinates.cutoff_hz(one, SPEEDS_MM_S)[:, np.newaxis]
         size = np.exp(one[2]) * cutoff / np.hypot(cutoff, FREQUENCY_HZ)
         ratio = ratio + sign * 20.0 * np.log10(size)

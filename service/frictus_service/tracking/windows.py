@@ -137,6 +137,10 @@ class WindowCutter:
         frequency_hz = self.bands.frequency_hz
         self._line = np.rint(frequency_hz * self._length / sample_rate_hz).astype(np.int64)
         self._mains = np.searchsorted(frequency_hz, MAINS_HZ)
+        self._first_line = np.flatnonzero(np.diff(self.bands.band, prepend=-1))
+        around = np.arange(self._length) - self._length // 20
+        span = np.stack([around, around + self._length // 10])
+        self._span = np.clip(span, 0, self._length - 1)
         self._hold = hold(frequency_hz, sample_rate_hz)
         self._mount = (
             np.ones(frequency_hz.size, dtype=complex)
@@ -192,10 +196,10 @@ class WindowCutter:
             ].astype(np.float64)
             for name in STREAMS
         }
-        reason = self._spoilt(flags, data)
+        reason = self._spoilt(flags, data) or _unsteady(data["render"][2])
         if not reason:
-            along = _direction(data["render"][:2])
-            reason = self._unsteady(data["render"][2], along) or _ended(data["force"], along)
+            along = self._direction(data["render"][:2])
+            reason = _turning(along) or _ended(data["force"], along)
         if reason:
             self.refused[reason] += 1
             return None
@@ -213,17 +217,16 @@ class WindowCutter:
             return "no finger presses"
         return ""
 
-    @staticmethod
-    def _unsteady(speed: FloatArray, along: FloatArray) -> str:
-        slowest, fastest = float(speed.min()), float(speed.max())
-        if slowest < SPEEDS_MM_S[0] or fastest > SPEEDS_MM_S[1]:
-            return f"slower than {SPEEDS_MM_S[0]:g} or faster than {SPEEDS_MM_S[1]:g} mm/s"
-        if fastest > MOST_ACCELERATED * slowest:
-            return "the speed changes too much"
-        whole = along.mean(axis=1)
-        if float((along.T @ whole).min()) < STRAIGHT * float(np.hypot(*whole)):
-            return "the finger turns"
-        return ""
+    def _direction(self, position_mm: FloatArray) -> FloatArray:
+        """Return the unit vector along the motion at every sample, shape (2, n_samples).
+
+        Over a tenth of the window: where a prediction is corrected the rendered position jumps
+        from one block to the next, often backwards, and the finger does not.
+        """
+        before, after = self._span
+        step = position_mm[:, after] - position_mm[:, before]
+        along: FloatArray = step / np.maximum(np.hypot(step[0], step[1]), 1e-12)
+        return along
 
     def _spectra(
         self, first_sample: int, data: dict[str, FloatArray], along: FloatArray
@@ -272,7 +275,21 @@ class WindowCutter:
         return mean
 
     def _sum(self, spectrum: ComplexArray | FloatArray) -> ComplexArray:
-        return self.bands.total(spectrum[np.newaxis])
+        summed: ComplexArray = np.add.reduceat(spectrum, self._first_line).astype(complex)
+        return summed
+
+
+def _unsteady(speed: FloatArray) -> str:
+    slowest, fastest = float(speed.min()), float(speed.max())
+    if slowest < SPEEDS_MM_S[0] or fastest > SPEEDS_MM_S[1]:
+        return f"slower than {SPEEDS_MM_S[0]:g} or faster than {SPEEDS_MM_S[1]:g} mm/s"
+    return "the speed changes too much" if fastest > MOST_ACCELERATED * slowest else ""
+
+
+def _turning(along: FloatArray) -> str:
+    whole = along.mean(axis=1)
+    least = STRAIGHT * float(np.hypot(*whole))
+    return "the finger turns" if float((along.T @ whole).min()) < least else ""
 
 
 def _ended(force_n: FloatArray, along: FloatArray) -> str:
@@ -280,17 +297,3 @@ def _ended(force_n: FloatArray, along: FloatArray) -> str:
     felt = force_n[int(np.argmax(np.abs(along.mean(axis=1))))]
     longest = max(np.mean(felt == felt.max()), np.mean(felt == felt.min()))
     return "the force stands still, or at an end of its range" if longest > AT_ITS_END else ""
-
-
-def _direction(position_mm: FloatArray) -> FloatArray:
-    """Return the unit vector along the motion at every sample, shape (2, n_samples).
-
-    Over a tenth of the window: where a prediction is corrected the rendered position jumps from
-    one block to the next, often backwards, and the finger does not.
-    """
-    span = position_mm.shape[1] // 10
-    ends = np.pad(position_mm, ((0, 0), (span // 2, span - span // 2)), mode="edge")
-    step = ends[:, span:] - ends[:, :-span]
-    length = np.maximum(np.hypot(step[0], step[1]), 1e-12)
-    along: FloatArray = step / length
-    return along

@@ -13,6 +13,7 @@ Bendat and Piersol, Random Data, chapters 6 and 9: H1, its variance, chance cohe
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -185,13 +186,17 @@ def tapered(windows: FloatArray) -> FloatArray:
     ----------
     windows : ndarray, shape (..., n_samples)
     """
-    length = windows.shape[-1]
-    line = np.linspace(-1.0, 1.0, length)
+    line, hann = _line_and_hann(windows.shape[-1])
     level = windows.mean(axis=-1, keepdims=True)
     slope = (windows @ line / (line @ line))[..., np.newaxis]
-    hann = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
     tapered: FloatArray = (windows - level - slope * line) * hann / np.sqrt(hann @ hann)
     return tapered
+
+
+@lru_cache(maxsize=4)
+def _line_and_hann(length: int) -> tuple[FloatArray, FloatArray]:
+    hann = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
+    return np.linspace(-1.0, 1.0, length), hann
 
 
 def _coherence(spectra: Sequence[_Spectra], bands: Bands) -> FloatArray:
