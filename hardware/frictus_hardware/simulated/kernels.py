@@ -107,3 +107,56 @@ def explore(  # type: ignore[no-untyped-def]
         velocity_mm_s[n, 1] = sums[2, 1, n] + sums[1, 1, n]
         normal_force_n[n] = held * max(target_n + sums[3, 0, n], LEAST_N)
         in_contact[n] = held > 0.0
+
+
+@njit(cache=True, nogil=True)
+def sense_nail(  # type: ignore[no-untyped-def]
+    first_sample,
+    rate_hz,
+    position_mm,
+    velocity_mm_s,
+    before_mm_s,
+    width_mm,
+    stroke_tilt_deg,
+    gravity_m_s2,
+    lean_x,
+    lean_y,
+    accel_m_s2,
+):
+    """Add to the skin's acceleration that of the finger as a whole, and gravity as it leans.
+
+    Parameters
+    ----------
+    first_sample : int
+        Of the block, since the first one.
+    rate_hz : float
+        Samples per second.
+    position_mm, velocity_mm_s : ndarray, shape (n_samples, 2)
+        Of the finger.
+    before_mm_s : ndarray, shape (2,)
+        Velocity one sample before the block.
+    width_mm : float
+        Of the screen.
+    stroke_tilt_deg : float
+        By which the nail leans over from one edge to the other.
+    gravity_m_s2 : float
+    lean_x, lean_y : ndarray, shape (3, n_terms)
+        Tables of `add_sinusoids`: degrees that it leans besides.
+    accel_m_s2 : ndarray, shape (n_samples, 3)
+        Changed.
+    """
+    n_samples = velocity_mm_s.shape[0]
+    time_s = (first_sample + np.arange(n_samples)) / rate_hz
+    sums = np.empty((2, 2, n_samples))
+    add_sinusoids(time_s, lean_x, sums[0, 0], sums[0, 1])
+    add_sinusoids(time_s, lean_y, sums[1, 0], sums[1, 1])
+    before_x, before_y = before_mm_s[0], before_mm_s[1]
+    for n in range(n_samples):
+        along = position_mm[n, 0] / width_mm - 0.5
+        x = np.deg2rad(stroke_tilt_deg * along + sums[0, 0, n])
+        y = np.deg2rad(sums[1, 0, n])
+        vx, vy = velocity_mm_s[n, 0], velocity_mm_s[n, 1]
+        accel_m_s2[n, 0] += gravity_m_s2 * np.sin(x) + 1e-3 * rate_hz * (vx - before_x)
+        accel_m_s2[n, 1] += gravity_m_s2 * np.sin(y) + 1e-3 * rate_hz * (vy - before_y)
+        accel_m_s2[n, 2] -= gravity_m_s2 * np.cos(x) * np.cos(y)
+        before_x, before_y = vx, vy

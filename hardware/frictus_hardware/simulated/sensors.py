@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Final
 
 import numpy as np
@@ -193,13 +193,27 @@ class NailSensor:
 
     def run(self, signals: Signals, state: _NailState | None) -> tuple[Signals, _NailState]:
         """Set `accel_m_s2` to what the sensor puts out, without its noise."""
+        # Late, because a process that only reads a configuration needs no compiler.
+        from frictus_hardware.simulated.kernels import sense_nail
+
         velocity = signals.velocity_mm_s
         if state is None:
             state = _NailState(0, velocity[0], None)
         n_samples = velocity.shape[0]
-        step = np.diff(velocity, axis=0, prepend=state.velocity_mm_s[np.newaxis])
-        accel = signals.accel_m_s2 + self._gravity(signals, state.n_samples)
-        accel[:, :2] += 1e-3 * signals.sample_rate_hz * step
+        accel = signals.accel_m_s2.copy()
+        sense_nail(
+            state.n_samples,
+            signals.sample_rate_hz,
+            np.ascontiguousarray(signals.position_mm),
+            np.ascontiguousarray(velocity),
+            state.velocity_mm_s,
+            self.screen_mm[0],
+            self.config.stroke_tilt_deg,
+            GRAVITY_M_S2,
+            self.lean_x.table,
+            self.lean_y.table,
+            accel,
+        )
         memory = state.memory
         if self.config.resonance_hz is not None:
             resonance = self._resonance(signals.sample_rate_hz)
@@ -210,18 +224,7 @@ class NailSensor:
             x_deg, y_deg, z_deg = self.config.mounted_deg
             accel = accel @ in_turn((("x", x_deg), ("y", y_deg), ("z", z_deg))).T
         after = _NailState(state.n_samples + n_samples, velocity[-1], memory)
-        return replace(signals, accel_m_s2=accel), after
-
-    def _gravity(self, signals: Signals, first_sample: int) -> FloatArray:
-        time_s = (first_sample + np.arange(signals.voltage_v.size)) / signals.sample_rate_hz
-        along = signals.position_mm[:, 0] / self.screen_mm[0] - 0.5
-        lean_x = np.deg2rad(self.config.stroke_tilt_deg * along + self.lean_x.value(time_s))
-        lean_y = np.deg2rad(self.lean_y.value(time_s))
-        upright = -np.cos(lean_x) * np.cos(lean_y)
-        gravity: FloatArray = GRAVITY_M_S2 * np.column_stack(
-            [np.sin(lean_x), np.sin(lean_y), upright]
-        )
-        return gravity
+        return signals.sensed(signals.force_n, accel), after
 
     def _resonance(self, rate_hz: float) -> SampledFilter:
         assert self.config.resonance_hz is not None

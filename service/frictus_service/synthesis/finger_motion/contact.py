@@ -6,6 +6,7 @@ force sensor has failed or something else loads the screen: then the touch senso
 decides, until both agree again.
 """
 
+import math
 from typing import Final
 
 import numpy as np
@@ -66,7 +67,7 @@ class ContactDetector:
         """
         newest = normal_n[-max(1, normal_n.size // NEWEST) :]
         force_n = float(np.add.reduce(newest)) / newest.size
-        self._sensed = bool(np.isfinite(force_n)) and bool(np.any(newest != newest[0]))
+        self._sensed = math.isfinite(force_n) and bool((newest != newest[0]).any())
         if not self._sensed or self._reported is None:
             return
         above_n = force_n - self._offset_n

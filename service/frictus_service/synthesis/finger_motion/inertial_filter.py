@@ -166,16 +166,15 @@ class InertialFilter:
 
     def _go_on(self, first: int) -> None:
         """Go from one block to the next, from `first` on."""
-        for block in range(first, self._blocks):
-            _follow(
-                self._tuning,
-                self._stay,
-                (block - 1) % self._kept,
-                block % self._kept,
-                self._accelerations,
-                self._reports,
-                self._states,
-            )
+        _follow_blocks(
+            self._tuning,
+            self._stay,
+            first,
+            self._blocks,
+            self._accelerations,
+            self._reports,
+            self._states,
+        )
 
 
 @njit(cache=True, nogil=True)
@@ -253,6 +252,17 @@ def _follow(  # type: ignore[no-untyped-def]
                 update(miss, spread, 2, 3, mean[m, axis], cov[m, axis])
     reweight(log_likelihood, weight)
     states.time_s[slot] = time_s
+
+
+@njit(cache=True, nogil=True)
+def _follow_blocks(  # type: ignore[no-untyped-def]
+    tuning, stay, first, end, accelerations, reports, states
+):
+    """Follow the blocks from `first` up to `end`, which a late report makes a dozen."""
+    kept = accelerations.shape[0]
+    for block in range(first, end):
+        before, slot = (block - 1) % kept, block % kept
+        _follow(tuning, stay, before, slot, accelerations, reports, states)
 
 
 @njit(cache=True, nogil=True)

@@ -17,6 +17,7 @@ from math import ceil
 from typing import Final, NamedTuple
 
 import numpy as np
+from numba import njit
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.linear import Mobility
@@ -66,7 +67,7 @@ class Acceleration(NamedTuple):
     Attributes
     ----------
     mm_s2 : ndarray, shape (2,)
-        With gravity, as far as the nail leans.
+        With gravity, as far as the nail leans. Valid until the next block, as `variance`.
     variance : ndarray, shape (2,)
         Of its noise, (mm/s²)².
     age_s : float
@@ -128,6 +129,7 @@ class NailAcceleration:
         self._variances[:, RESIDUAL] = BEGIN_N2
         self._averages = np.zeros((6, 2))  # newest first
         self._wider_noise = np.ones(2)
+        self._estimate = np.zeros((2, 2))  # the average to use, and its variance
         self._wide = False
         self._unexplained_s = 0.0
         self._blocks = 0
@@ -171,32 +173,28 @@ class NailAcceleration:
 
     def _average(self) -> Acceleration | None:
         """Return the average of the last two blocks, or of four such where that is noisy."""
-        shakes = self._variances[:, NOISE] < self._variances[:, RAW_NOISE]
-        ended = self._sums[0]
-        self._averages[1:] = self._averages[:-1]
-        self._averages[0] = np.where(shakes, ended[:, LEFT], ended[:, RAW])
-        noise = np.minimum(self._variances[:, NOISE], self._variances[:, RAW_NOISE])
-        newest = self._averages[0] - 2.0 * self._averages[1] + self._averages[2]
-        wide = WIDER @ (self._averages[:4] - 2.0 * self._averages[1:5])
-        wide += WIDER[:3] @ self._averages[2:5] + WIDER[3] * self._averages[5]
-        self._wider_noise += min(self._block_s / FORGET_S, 1.0) * (
-            WIDER_NOISE * wide**2 - self._wider_noise
+        self._wide = _take_average(
+            min(self._block_s / FORGET_S, 1.0),
+            self._sums[0],
+            self._variances,
+            self._averages,
+            self._wider_noise,
+            self._wide,
+            self._estimate,
         )
         if self._blocks < self._window.shape[0] + 6:
+            self._wide = False
             return None
-        self._wide = bool(np.sum(self._wider_noise) < QUIETER[self._wide] * np.sum(noise))
-        age_s = self._age_s + max(-self.delay_s, 0.0)
-        if self._wide:
-            variance = 1e6 * (self._wider_noise + LEAST_M_S2**2)
-            return Acceleration(
-                1e3 * WIDER @ self._averages[:4], variance, age_s + 1.5 * self._block_s
-            )
-        variance = 1e6 * (np.maximum(noise, 0.05 * newest**2) + LEAST_M_S2**2)
-        return Acceleration(1e3 * self._averages[0], variance, age_s)
+        age_s = self._age_s + max(-self.delay_s, 0.0) + 1.5 * self._block_s * self._wide
+        return Acceleration(self._estimate[0], self._estimate[1], age_s)
 
     def _skin_per_mass(self) -> FloatArray:
         """Return 1 / m, b / m and k / m of the skin as fitted, within what is plausible."""
-        mass, damping, stiffness, _ = (np.clip(self._share, *PLAUSIBLE) * self._usual).tolist()
+        low, high = PLAUSIBLE
+        mass, damping, stiffness, _ = (
+            min(max(share, low), high) * usual
+            for share, usual in zip(self._share.tolist(), self._usual.tolist(), strict=True)
+        )
         per_mass: FloatArray = np.array([1.0, damping, stiffness]) / mass
         return per_mass
 
@@ -212,7 +210,7 @@ class NailAcceleration:
         total = self._variances.sum(axis=0).tolist()
         explained = 6.0 * total[NOISE] < UNEXPLAINED * (total[SHAKING] + SHAKING_M2_S4)
         low, high = PLAUSIBLE
-        explained &= bool(np.all((self._share[:3] > low) & (self._share[:3] < high)))
+        explained &= all(low < share < high for share in self._share[:3].tolist())
         explained &= abs(self._delay) < self._largest_delay
         self._unexplained_s = 0.0 if explained else self._unexplained_s + self._block_s
         if self._unexplained_s >= RELEARN_S:
@@ -225,3 +223,54 @@ class NailAcceleration:
         self._share_cov = np.diag(BEGIN**2)
         self._delay = 0.0
         self._unexplained_s = 0.0
+
+
+@njit(cache=True, nogil=True)
+def _take_average(  # type: ignore[no-untyped-def]
+    forget, ended, variances, averages, wider_noise, wide, out
+):
+    """Take up the average that a block has ended; return whether the wider one is used.
+
+    Parameters
+    ----------
+    forget : float
+        Share of the noise of the wider average that one block learns anew.
+    ended : ndarray, shape (2 axes, SUMS)
+        Of the window that the block ends.
+    variances : ndarray, shape (2 axes, 4)
+    averages : ndarray, shape (6, 2 axes)
+        Newest first. Changed.
+    wider_noise : ndarray, shape (2 axes,)
+        Variance of the noise of four of them. Changed.
+    wide : bool
+        Whether the wider one was used.
+    out : ndarray, shape (2, 2 axes)
+        Written: the average that is used, mm/s^2, and its variance.
+    """
+    total_noise = 0.0
+    for axis in range(2):
+        noise, raw_noise = variances[axis, NOISE], variances[axis, RAW_NOISE]
+        total_noise += min(noise, raw_noise)
+        for age in range(5, 0, -1):
+            averages[age, axis] = averages[age - 1, axis]
+        averages[0, axis] = ended[axis, LEFT if noise < raw_noise else RAW]
+        bend = 0.0
+        for age in range(4):
+            past = averages[age + 1, axis]
+            bend += WIDER[age] * (averages[age, axis] - 2.0 * past + averages[age + 2, axis])
+        wider_noise[axis] += forget * (WIDER_NOISE * bend**2 - wider_noise[axis])
+    wide = wider_noise[0] + wider_noise[1] < QUIETER[1 if wide else 0] * total_noise
+    for axis in range(2):
+        if wide:
+            average = 0.0
+            for age in range(4):
+                average += WIDER[age] * averages[age, axis]
+            variance = wider_noise[axis]
+        else:
+            average = averages[0, axis]
+            newest = average - 2.0 * averages[1, axis] + averages[2, axis]
+            noise = min(variances[axis, NOISE], variances[axis, RAW_NOISE])
+            variance = max(noise, 0.05 * newest**2)
+        out[0, axis] = 1e3 * average
+        out[1, axis] = 1e6 * (variance + LEAST_M_S2**2)
+    return wide
