@@ -23,7 +23,7 @@ from zenoh.handlers import Callback
 
 from frictus.errors import FrameError, LinkError
 from frictus.keys import Topics
-from frictus.messages import Fault, FaultKind, RigStatus
+from frictus.messages import Fault, LeaseEnd, RigStatus
 from frictus.session import declare_latest_publisher, open_session
 from frictus_hardware.errors import HardwareError
 from frictus_service.config import Config
@@ -33,7 +33,7 @@ from frictus_service.daemon.processes.child_process import (
     StartProgress,
     run_part,
 )
-from frictus_service.daemon.safety import ACTIONS
+from frictus_service.daemon.safety import AGAIN, FormerRun
 from frictus_service.errors import StartError
 from frictus_service.security.members import tls_of_rig
 from frictus_service.security.router import open_secured_router
@@ -77,7 +77,7 @@ class _Part:
     starts: int = 0
     beats: int = 0
     looks: int = 0
-    fault: tuple[FaultKind, str] | None = None
+    former: FormerRun | None = None
 
 
 class Supervisor:
@@ -227,7 +227,14 @@ class Supervisor:
         part.heartbeat.value = 0
         part.process = self._context.Process(
             target=run_part,
-            args=(part.name, self._config, part_told, part_telling, part.heartbeat, part.fault),
+            args=(
+                part.name,
+                self._config,
+                part_told,
+                part_telling,
+                part.heartbeat,
+                part.former,
+            ),
             name=f"frictus-{part.name}",
             daemon=True,
         )
@@ -346,27 +353,32 @@ class Supervisor:
             reason += "; the device was reset"
         except HardwareError as error:
             reason += f"; the device could NOT be reset ({error}): switch it off by hand"
-        part.fault = ("internal", reason)
+        fault = Fault(kind="internal", reason=reason, utc_ns=time.time_ns(), action=AGAIN)
+        last = self._said_last()
+        part.former = FormerRun(fault, None if last is None else _last_end(last, fault))
         try:
-            self._tell_of_trip(reason)
+            if last is not None:  # else nobody has to be told
+                self._tell_of_trip(last, part.former)
         except (zenoh.ZError, LinkError) as error:
             self._say(f"could not be published: {error}")
         return reason
 
-    def _tell_of_trip(self, reason: str) -> None:
+    def _said_last(self) -> RigStatus | None:
+        """Return the rig's last status; None where it never was present."""
         if not self._last_status:
-            return  # the rig never was present: nobody has to be told
+            return None
         try:
-            last = RigStatus.from_json(self._last_status[-1])
+            return RigStatus.from_json(self._last_status[-1])
         except FrameError:
-            return  # somebody else's bytes under the rig's key
-        now_ns = time.time_ns()
-        fault = Fault(kind="internal", reason=reason, utc_ns=now_ns, action=ACTIONS["internal"])
+            return None  # somebody else's bytes under the rig's key
+
+    def _tell_of_trip(self, last: RigStatus, former: FormerRun) -> None:
         status = last.model_copy(
             update={
-                "utc_ns": now_ns,
+                "utc_ns": former.fault.utc_ns,
                 "state": "tripped",
-                "fault": fault,
+                "fault": former.fault,
+                "last_end": former.last_end,
                 "owner": None,
                 "stream_open": False,
             }
@@ -408,6 +420,13 @@ class Supervisor:
                 self._config.backend.reset()
             except HardwareError as error:
                 self._say(f"the device could NOT be reset ({error}): switch it off by hand")
+
+
+def _last_end(last: RigStatus, fault: Fault) -> LeaseEnd | None:
+    """Return how the last lease of a rig that has ended did."""
+    if last.owner is None:
+        return last.last_end
+    return LeaseEnd(owner=last.owner, reason="the rig process ended", utc_ns=fault.utc_ns)
 
 
 def _how_it_ended(exitcode: int | None) -> str:
