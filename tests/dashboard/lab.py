@@ -27,6 +27,7 @@ from frictus_service.daemon.processes.child_process import PartName
 from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.processes import free_endpoint, free_port
 
+PATIENT: Final = Limits(freeze_ms=5_000, missed_deadlines=1_000)
 READER = "a-token-that-only-reads"
 RULES = {"runOnly": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]}
 State = TypeVar("State", frictus.RigStatus, frictus.SceneState, frictus.FingerState)
@@ -86,7 +87,12 @@ class Lab:
 
 @contextmanager
 def running(
-    folder: Path, *, rig: bool = True, recorder: bool = False, **settings: Any
+    folder: Path,
+    *,
+    rig: bool = True,
+    recorder: bool = False,
+    limits: Limits = PATIENT,
+    **settings: Any,
 ) -> Iterator[Lab]:
     """Run a service that keeps everything in a folder, with patience for busy machines."""
     config = Config(
@@ -96,7 +102,7 @@ def running(
         textures=folder / "textures",
         studies=folder / "studies",
         recordings=folder / "recordings",
-        limits=Limits(freeze_ms=5_000, missed_deadlines=1_000),
+        limits=limits,
         **settings,
     )
     parts: list[PartName] = ["rig", "api"] if rig else ["api"]

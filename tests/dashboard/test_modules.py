@@ -170,7 +170,7 @@ STRIP = """async (changes) => {
   const validity = { speed_mm_s: [20, 100], normal_force_n: [0.2, 0.6] };
   const heard = {
     status, finger, scene: null, model: { model: { validity } }, trusted: true, ageMs: 100,
-    flags: [], losses: [], heldNs: null, settling: false,
+    flags: [], losses: [], heldNs: null, settling: false, gone: false,
     client: "ann.page-ffffff", scopes: ["render"],
   };
   const fresh = { ...heard, ...changes, status: { ...status, ...changes.status } };
@@ -213,7 +213,48 @@ def test_who_ended_the_lease_is_named_with_when(page: Page) -> None:
     assert re.fullmatch(r"stopped by ben at \d\d:\d\d:\d\d, held by you", got["then"])
     late = {**end, "by": None, "reason": "not renewed in time"}
     got = page.evaluate(STRIP, {"status": {**free, "last_end": late}})
-    assert re.fullmatch(r"ended at [\d:]+: not renewed in time", got["then"])
+    assert re.fullmatch(r"held by you until [\d:]+: not renewed in time", got["then"])
+
+
+FAULT = {
+    "kind": "device_lost",
+    "reason": "no answer",
+    "utc_ns": 1_700_000_000_000_000_000,
+    "action": "Check the cable, then reset the rig and arm again.",
+}
+
+
+@pytest.mark.parametrize("scopes", [["render"], ["render", "admin"]])
+def test_a_trip_says_what_to_do_and_who_may(page: Page, scopes: list[str]) -> None:
+    status = {"state": "tripped", "owner": None, "fault": FAULT}
+    got = page.evaluate(STRIP, {"status": status, "scopes": scopes})
+    may = "admin" in scopes
+    assert (got["title"], got["reset"]["hidden"]) == ("TRIPPED", not may)
+    assert re.fullmatch(
+        r"[\d:]+ device lost fault: no answer\. Check the cable, then reset the rig and arm "
+        r"again\." + ("" if may else r" A reset needs the scope admin\."),
+        got["fault"],
+    )
+
+
+def test_a_rig_whose_process_has_ended_is_told_by_its_supervisor(page: Page) -> None:
+    end = {"owner": "ben.page-0a1b2c", "by": None, "reason": "the rig process ended"}
+    status = {
+        "state": "tripped",
+        "owner": None,
+        "fault": FAULT,
+        "last_end": {**end, "utc_ns": FAULT["utc_ns"]},
+    }
+    got = page.evaluate(STRIP, {"status": status, "trusted": False, "gone": True})
+    assert (got["kind"], got["title"], got["who"]) == ("unknown", "Ended", "Nobody")
+    assert re.fullmatch(r"held by ben until [\d:]+: the rig process ended", got["then"])
+    assert "no answer" in got["fault"]
+    assert got["arm"]["hidden"]
+    assert got["reset"]["hidden"]  # there is nothing to reset
+    # Where the service is not heard, nothing of it is certain.
+    lost = page.evaluate(STRIP, {"status": status, "trusted": False})
+    assert (lost["title"], lost["fault"]) == ("Unknown", "")
+    assert lost["who"].startswith("It said last: tripped")
 
 
 LOG = """async (steps) => {
@@ -261,6 +302,39 @@ def test_events_name_what_and_who_the_newest_first(page: Page) -> None:
         "Not compensated: nothing makes up for finger and screen|tester|",
         "Armed|tester|",
     ]
+
+
+def test_a_rig_that_was_started_again_is_told_in_order(page: Page) -> None:
+    fault = {"kind": "internal", "reason": "the rig process ended: killed", "utc_ns": 7}
+    end = {"owner": "ben", "by": None, "reason": "the rig process ended", "utc_ns": 7}
+    told = {"state": "tripped", "owner": None, "fault": fault, "last_end": end}
+    again = {"state": "disarmed", "run": 2}
+    before = [{"utc_ns": 1}, {"utc_ns": 2, "state": "armed", "owner": "ben"}]
+    expected = [
+        "The rig was started again, disarmed; it needs no reset||",
+        "Tripped: internal fault, the rig process ended: killed||",
+        "Disarmed: the rig process ended||, held by ben",
+        "Armed|ben|",
+    ]
+    seen, _ = page.evaluate(LOG, [*before, {"utc_ns": 7, **told}, {"utc_ns": 9, **again}])
+    missed, _ = page.evaluate(LOG, [*before, {"utc_ns": 9, **told, **again}])
+    assert seen == missed == expected
+
+
+def test_a_reset_is_an_event(page: Page) -> None:
+    fault = {"kind": "safety", "reason": "too much force", "utc_ns": 2}
+    steps = [{"utc_ns": 1}, {"utc_ns": 2, "state": "tripped", "fault": fault}]
+    got, _ = page.evaluate(LOG, [*steps, {"utc_ns": 3, "state": "disarmed", "fault": None}])
+    assert got == ["Reset||", "Tripped: safety fault, too much force||"]
+
+
+def test_a_run_of_losses_is_one_entry_a_minute(page: Page) -> None:
+    steps = [
+        {"utc_ns": int(1e9 * s), "losses": [{"name": "underruns", "grown": 2}]}
+        for s in (0, 1, 30, 62, 70)
+    ]
+    got, _ = page.evaluate(LOG, steps)
+    assert got == ["Losses, underruns: 4|| within 8 s", "Losses, underruns: 4|| within 29 s"]
 
 
 def test_the_log_of_events_is_bounded(page: Page) -> None:

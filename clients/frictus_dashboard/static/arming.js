@@ -5,6 +5,7 @@ import { at, say } from "./element.js";
 
 /** For so long after a reset that was not answered its status tells what came of it. */
 const CHECK_MS = 10_000;
+const RESET = "The rig is reset";
 
 /** What came of it is in the rig's state; only what failed, or is not known, is said here. */
 export class Arming {
@@ -50,7 +51,7 @@ export class Arming {
     const tripped = state === "tripped";
     if (this.resetMs !== null && (!tripped || performance.now() - this.resetMs > CHECK_MS)) {
       this.resetMs = null;
-      this.#tell(tripped ? "It is tripped still: reset it again" : "The rig is reset");
+      this.#tell(tripped ? "It is tripped still: reset it again" : RESET);
     }
   }
 
@@ -70,7 +71,7 @@ export class Arming {
   async #reset() {
     try {
       const { state } = await request("POST", `/rigs/${encodeURIComponent(this.rig)}/reset`);
-      this.#tell(`The rig answered the reset: ${state}`);
+      this.#tell(state === "disarmed" ? RESET : `The rig answered the reset: ${state}`);
     } catch (error) {
       const unknown = outcomeUnknown(error);
       if (unknown) this.resetMs = performance.now();

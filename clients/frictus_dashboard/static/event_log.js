@@ -4,9 +4,12 @@ import { POLICIES, policyOf } from "./adaptation.js";
 import { remark } from "./compensation.js";
 import { nameOf } from "./holder.js";
 import { LOSSES } from "./loop_losses.js";
+import { faultName } from "./strip_state.js";
 
 /** More are forgotten, the oldest first. */
 export const MOST = 300;
+const MINUTE_NS = 60e9;
+const STARTED = "The rig was started again, disarmed; it needs no reset";
 
 export class EventLog {
   constructor() {
@@ -24,27 +27,46 @@ export class EventLog {
   takeStatus(before, after, losses, client) {
     if (before === null) return; // what was before the page came is no event
     const ns = after.utc_ns;
-    const note = (what, who = "", kind = "", more = "") => {
-      this.#note({ ns, what, who, kind, more });
+    const note = (what, who = "", kind = "", more = "", atNs = ns) => {
+      this.#note({ ns: atNs, what, who, kind, more });
     };
-    if (after.run !== before.run) note("The rig was started again", "", "bad");
     this.#takeLease(before, after, client, note);
+    if (after.run !== before.run) note(STARTED, "", "bad");
     this.#takeChoices(before, after, client, note);
-    for (const { name, grown } of losses) note(`Losses, ${LOSSES[name]}: ${grown}`, "", "warn");
+    for (const { name, grown } of losses) this.#takeLoss(name, grown, ns);
+  }
+
+  /** Note a loss; of a run of losses each counter has one entry a minute. */
+  #takeLoss(name, grown, ns) {
+    const others = this.entries.findIndex(({ loss }) => loss === undefined);
+    const run = others < 0 ? this.entries : this.entries.slice(0, others);
+    const kept = run.find(({ loss }) => loss === name);
+    if (kept === undefined || ns - kept.ns > MINUTE_NS) {
+      const what = `Losses, ${LOSSES[name]}: ${grown}`;
+      this.#note({ ns, what, who: "", kind: "warn", more: "", loss: name, grown });
+      return;
+    }
+    kept.grown += grown;
+    kept.more = ` within ${Math.ceil((ns - kept.ns) / 1e9)} s`;
+    kept.what = `Losses, ${LOSSES[name]}: ${kept.grown}`;
+    this.version += 1;
   }
 
   #takeLease(before, after, client, note) {
     const { last_end: end, fault } = after;
+    const again = after.run !== before.run;
     if (end !== null && end.utc_ns !== before.last_end?.utc_ns) {
       const held = end.by === end.owner ? "" : `, held by ${nameOf(end.owner, client)}`;
       const by = end.by === null ? "" : nameOf(end.by, client);
       const what = { stopped: "Stopped", disarmed: "Disarmed" }[end.reason];
-      note(what ?? `Disarmed: ${end.reason}`, by, "", held);
-    } else if (before.state !== "disarmed" && after.state === "disarmed") {
+      note(what ?? `Disarmed: ${end.reason}`, by, "", held, end.utc_ns);
+    } else if (before.state === "tripped" && after.state === "disarmed" && !again) {
+      note("Reset");
+    } else if (before.state !== "disarmed" && after.state === "disarmed" && !again) {
       note("Disarmed");
     }
     if (fault !== null && fault.utc_ns !== before.fault?.utc_ns) {
-      note(`Tripped: ${fault.kind} fault, ${fault.reason}`, "", "bad");
+      note(`Tripped: ${faultName(fault.kind)}, ${fault.reason}`, "", "bad", "", fault.utc_ns);
     }
     if (after.owner !== null && after.owner !== before.owner) {
       note("Armed", nameOf(after.owner, client), "armed");

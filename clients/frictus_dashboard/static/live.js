@@ -53,6 +53,8 @@ export class Live {
     this.listening = new Listening(at("spectrum"), () => this.state);
     this.drawnMs = this.toldMs = this.stripMs = -Infinity;
     this.trusted = false;
+    /** Whether the service, which would see it, does not. */
+    this.gone = false;
     this.shown = true;
     this.open(null);
     onSchemeChange(() => {
@@ -116,9 +118,9 @@ export class Live {
   }
 
   /** Show what the rig said last as its state, or only as what it said last. */
-  trust(trusted) {
-    if (trusted === this.trusted) return;
-    this.trusted = trusted;
+  trust(trusted, gone) {
+    if (trusted === this.trusted && gone === this.gone) return;
+    Object.assign(this, { trusted, gone });
     if (this.state.status !== null) this.#showStatus();
     this.#showStrip();
   }
@@ -222,13 +224,13 @@ export class Live {
     const nowMs = performance.now();
     this.stripMs = nowMs;
     const { scopes = [], client = "" } = this.link.welcome ?? {};
-    const { trusted, heldNs } = this;
+    const { trusted, gone, heldNs } = this;
     const flags = this.flags.recent(nowMs);
     const losses = this.losses.recent(nowMs);
     const ageMs = nowMs - this.heardMs;
     const settling = this.arming.heldRig !== null && this.state.status?.owner !== client;
     const own = { client, scopes, settling };
-    const heard = { ...this.state, trusted, ageMs, flags, losses, heldNs, ...own };
+    const heard = { ...this.state, trusted, gone, ageMs, flags, losses, heldNs, ...own };
     this.strip.show(stripStateOf(heard));
     this.eventList.show(this.rig);
     if (!this.shown) return;

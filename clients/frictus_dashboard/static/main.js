@@ -8,6 +8,7 @@ import { Link } from "./link.js";
 import { Live } from "./live.js";
 import { installSession } from "./session.js";
 import { installStop } from "./stop.js";
+import { hasEnded } from "./strip_state.js";
 import { askForToken, token } from "./token.js";
 import { linksTo, Page, Views } from "./views.js";
 
@@ -55,7 +56,8 @@ function showRigs() {
 function look() {
   const { state, text, advice } = standing();
   if (state === "lost" && at("connection").dataset.state === "live") interruptedMs = Date.now();
-  live.trust(state === "live");
+  const connected = link.state === "open" && !link.quiet && present.link === true;
+  live.trust(state === "live", connected && !present.rigs.includes(live.rig));
   const box = at("connection");
   box.dataset.state = state;
   say(box, text);
@@ -65,7 +67,6 @@ function look() {
   at("title").classList.toggle("unseen", alone && live.state.status !== null); // listed above
   say(at("advice"), advice);
   at("advice").hidden = advice === "";
-  const connected = link.state === "open" && present.link === true;
   const heard = { connected, rig: live.rig, scene: live.state.scene, trusted: live.trusted };
   first.show(alone ? firstStepOf(heard) : { kind: "none" }, live.rig);
   at("rig").hidden = live.state.status === null;
@@ -115,6 +116,10 @@ function standingOfRig() {
   if (live.state.status === null) {
     const text = here ? `${rig} is starting` : `${rig} is not present`;
     return { state: "waiting", text, advice: here ? "" : "This page will notice when it comes." };
+  }
+  if (hasEnded({ gone: !here, status: live.state.status })) {
+    const advice = "This page will notice its return.";
+    return { state: "lost", text: `${rig} has ended`, advice };
   }
   const advice = "What you see is the last that came from it. This page will notice its return.";
   return { state: "lost", text: here ? `${rig} is silent` : `${rig} is gone`, advice };

@@ -22,6 +22,7 @@ const TITLES = {
  * @param {object|null} heard.status @param {object|null} heard.scene
  * @param {object|null} heard.model @param {object|null} heard.finger the newest of each
  * @param {boolean} heard.trusted whether the rig is there and speaks
+ * @param {boolean} heard.gone whether it is not there, by a service that would see it
  * @param {number} heard.ageMs since its last word
  * @param {string[]} heard.flags of blocks, raised lately
  * @param {string[]} heard.losses counters that grew lately
@@ -39,18 +40,30 @@ export function stripStateOf(heard) {
   const validity = model?.model.validity ?? null;
   const speed = finger === null ? null : Math.hypot(finger.vx_mm_s, finger.vy_mm_s);
   const kind = trusted ? status.state : "unknown";
+  const told = trusted || hasEnded(heard);
   return {
     kind,
-    title: trusted ? (TITLES[status.state] ?? status.state) : "Unknown",
+    title: titleOf(heard),
     stale: !trusted,
-    ...(trusted ? whoOf(heard) : pastOf(heard)),
+    ...(told ? whoOf(heard) : pastOf(heard)),
     speed: gaugeStateOf(SPEED, speed, validity?.speed_mm_s ?? null),
     force: gaugeStateOf(FORCE, finger?.normal_force_n ?? null, validity?.normal_force_n ?? null),
     badges: badgesOf({ ...heard, finger }, trusted ? heard.flags : []),
     loop: loopOf(heard),
-    fault: trusted && status.fault !== null ? faultOf(status.fault) : "",
+    fault: told ? faultOf(status, scopes) : "",
     ...actionsOf(heard, trusted ? scopes : []),
   };
+}
+
+/** Whether the rig's process has ended: of a rig that is gone its supervisor alone says a trip. */
+export function hasEnded({ gone, status }) {
+  return gone && status?.state === "tripped";
+}
+
+function titleOf(heard) {
+  const { trusted, status } = heard;
+  if (trusted) return TITLES[status.state] ?? status.state;
+  return hasEnded(heard) ? "Ended" : "Unknown";
 }
 
 /** The holder by name, and since when, or who ended the lease before. */
@@ -68,7 +81,7 @@ function whoOf({ status, client, heldNs }) {
 /** How a lease ended: by whom, or why, and when. */
 export function endOf({ owner, by, reason, utc_ns: ns }, client) {
   const what = reason === "stopped" ? "stopped" : "disarmed";
-  if (by === null) return `ended at ${clock(ns)}: ${reason}`;
+  if (by === null) return `held by ${nameOf(owner, client)} until ${clock(ns)}: ${reason}`;
   const others = by !== owner ? `, held by ${nameOf(owner, client)}` : "";
   return `${what} by ${nameOf(by, client)} at ${clock(ns)}${others}`;
 }
@@ -84,8 +97,18 @@ function loopOf({ trusted, losses }) {
   return { kind: "warn", text: losses.map((name) => LOSSES[name]).join(", ") };
 }
 
-function faultOf({ kind, reason, action, utc_ns: ns }) {
-  return `${clock(ns)} ${kind} fault: ${reason}. ${action}`;
+/** What went wrong, when, and what an operator does about it; empty where nothing did. */
+function faultOf({ state, fault }, scopes) {
+  if (fault === null) return "";
+  const { kind, reason, action, utc_ns: ns } = fault;
+  const wanted = action.includes("reset the rig") && state === "tripped";
+  const whose = wanted && !scopes.includes("admin") ? " A reset needs the scope admin." : "";
+  return `${clock(ns)} ${faultName(kind)}: ${reason}. ${action}${whose}`;
+}
+
+/** A kind of fault as people read it: `device_lost` as `device lost fault`. */
+export function faultName(kind) {
+  return `${kind.replaceAll("_", " ")} fault`;
 }
 
 function actionsOf({ status, client, settling }, scopes) {

@@ -38,7 +38,7 @@ from frictus_service.daemon.block_loop.timebase import Timebase
 from frictus_service.daemon.commands import Commands
 from frictus_service.daemon.control import EndedLease, Interlock
 from frictus_service.daemon.model_controller import ModelController
-from frictus_service.daemon.safety import ACTIONS
+from frictus_service.daemon.safety import ACTIONS, FormerRun
 from frictus_service.daemon.scene_controller import SceneController
 
 STATUS_S: Final = 0.5
@@ -84,6 +84,8 @@ class Publisher:
         Clocks.
     say : callable
         Told what an operator should know.
+    former : FormerRun or None
+        How the run before ended, of a rig that was started again.
     """
 
     def __init__(
@@ -100,6 +102,7 @@ class Publisher:
         monotonic_s: Callable[[], float],
         utc_ns: Callable[[], int],
         say: Callable[[str], None] = lambda _line: None,
+        former: FormerRun | None = None,
     ) -> None:
         self._say = say
         self._lead_samples = loop.tally.lead_samples
@@ -133,7 +136,8 @@ class Publisher:
         self._said: tuple[object, ...] = ()
         self._scene: SceneState | None = None
         self._model: ModelState | None = None
-        self._fault: Fault | None = None
+        self._fault = None if former is None else former.fault
+        self._former_end = None if former is None else former.last_end
         self._ended: tuple[EndedLease, LeaseEnd] | None = None
         self._version = version("frictus")
 
@@ -339,7 +343,7 @@ class Publisher:
     def _end_shown(self) -> LeaseEnd | None:
         ended = self._interlock.ended
         if ended is None:
-            return None
+            return self._former_end
         if self._ended is None or self._ended[0] is not ended:
             shown = LeaseEnd(
                 owner=ended.owner, by=ended.by, reason=ended.reason, utc_ns=self._utc_ns()

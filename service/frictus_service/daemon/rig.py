@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Final
 
 from frictus.errors import FrameError, TextureError
-from frictus.messages import FaultKind
 from frictus.model import Model
 from frictus.session import open_session
 from frictus_hardware.physics.screen import Screen
@@ -28,7 +27,7 @@ from frictus_service.daemon.preparation import (
     warm_up,
 )
 from frictus_service.daemon.publisher import Publisher
-from frictus_service.daemon.safety import Safety
+from frictus_service.daemon.safety import FormerRun, Safety
 from frictus_service.daemon.scene_controller import SceneController
 from frictus_service.errors import ConfigurationError, StartError
 from frictus_service.processes import (
@@ -56,7 +55,7 @@ def run_rig(
     heartbeat: Heartbeat,
     ready: ReadySignal,
     stop: threading.Event,
-    fault: tuple[FaultKind, str] | None = None,
+    former: FormerRun | None = None,
     say: Callable[[str], None] = lambda _line: None,
     on_step: Callable[[str], None] = lambda _step: None,
 ) -> None:
@@ -72,8 +71,8 @@ def run_rig(
         Set once the rig is present on the network.
     stop : threading.Event
         Ends the rig.
-    fault : tuple of kind and reason, or None
-        Why the rig had to be started again; shown until it is armed.
+    former : FormerRun or None
+        Why the rig had to be started again.
     say : callable
         Told what an operator should know.
     on_step : callable
@@ -95,7 +94,7 @@ def run_rig(
         open_session(config.router.endpoint, tls=tls_of_rig(config)) as session,
         _opened(config) as backend,
     ):
-        rig = _Parts(config, backend, model, heartbeat, fault, budget_for(loop), say)
+        rig = _Parts(config, backend, model, heartbeat, former, budget_for(loop), say)
         with rig.commands, rig.running(session, say):
             rig.commands.declare(session, config.keys)
             with contextlib.closing(_Token(session, config.keys.alive)):
@@ -151,7 +150,7 @@ class _Parts:
         backend: RetryingBackend,
         model: Model,
         heartbeat: Heartbeat,
-        fault: tuple[FaultKind, str] | None,
+        former: FormerRun | None,
         real_time: RealTimeBudget,
         say: Callable[[str], None],
     ) -> None:
@@ -159,6 +158,8 @@ class _Parts:
         self.config = config
         self.real_time = real_time
         self.backend = backend
+        self.former = former
+        fault = None if former is None else (former.fault.kind, former.fault.reason)
         self.interlock = Interlock(Safety(fault=fault))
         self.orders = LoopInbox(ModelSlot(rendered_model(model, screen_of(info))))
         self.info = info
@@ -211,6 +212,7 @@ class _Parts:
             time.monotonic,
             time.time_ns,
             say,
+            self.former,
         )
         stop_loop, stop_publisher = threading.Event(), threading.Event()
         loop = self._thread("frictus-loop", lambda: self._loop(stop_loop, say))

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from frictus.keys import person_of
-from frictus.messages import FaultKind, RefusalCode, SafetyState
+from frictus.messages import Fault, FaultKind, LeaseEnd, RefusalCode, SafetyState
 
 LATCHING: Final[frozenset[FaultKind]] = frozenset(
     {"device_lost", "stream_lost", "safety", "deadline", "internal"}
@@ -31,6 +31,27 @@ ACTIONS: Final[dict[FaultKind, str]] = {
     "internal": "Report the message to the maintainers; reset the rig and arm again.",
 }
 """What an operator does about each kind of fault."""
+AGAIN: Final = (
+    "The rig is started again by itself, disarmed, and needs no reset. Report the message to "
+    "the maintainers."
+)
+"""What an operator does about a rig whose process has ended."""
+
+
+@dataclass(frozen=True, slots=True)
+class FormerRun:
+    """How the run before ended, of a rig that was started again.
+
+    Attributes
+    ----------
+    fault : Fault
+        Shown until the rig is armed.
+    last_end : LeaseEnd or None
+        How the last lease ended; shown until the next one has.
+    """
+
+    fault: Fault
+    last_end: LeaseEnd | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -217,21 +217,26 @@ class Hub:
     async def _tend(self) -> None:
         while True:
             self._poked.clear()
-            vanished, self._vanished = self._vanished, set()
             wanted = {
                 (rig, name)
                 for _, watcher in self._watchers
                 for rig, name in watcher.wanted
-                if rig in self.rigs
+                if rig in self.rigs or ((rig, name) in self._channels and self._outlives(name))
             }
+            back = self._vanished & self._present
+            self._vanished &= {rig for rig, _ in self._channels} - back
             anew = {key for key, channel in self._channels.items() if channel.overdue}
-            anew |= {key for key in wanted if key[0] in vanished}
+            anew |= {key for key in wanted if key[0] in back}
             await self._release(wanted - anew)
             if self._watchers:
                 await self._attempt(wanted)
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(TEND_S if self._watchers else None):
                     await self._poked.wait()
+
+    def _outlives(self, name: str) -> bool:
+        """Whether a channel goes on without its rig: its supervisor says how that ended."""
+        return name == "status" and self.linked
 
     async def _attempt(self, wanted: set[tuple[str, str]]) -> None:
         try:

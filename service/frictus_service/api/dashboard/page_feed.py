@@ -1,7 +1,7 @@
 """What one page watches: collects what is new of it since it collected last."""
 
 import logging
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from typing import Any, Final
 
 from frictus.errors import FrameError
@@ -115,12 +115,18 @@ class PageFeed:
         if not present:
             if before is not False:
                 news.append(RigLost(rig=rig).model_dump_json())
-            return news
-        return news + self._values(rig) + self._frames(rig)
+            return news + self._values(rig, ("status",) if self._tripped(rig) else ())
+        return news + self._values(rig, VALUES) + self._frames(rig)
 
-    def _values(self, rig: str) -> list[str | bytes]:
+    def _tripped(self, rig: str) -> bool:
+        """Whether the newest status is a trip: of a rig that is gone, by its supervisor."""
+        status = self._hub.channel(rig, "status")
+        message = status.message if isinstance(status, Value) else None
+        return isinstance(message, RigStatus) and message.state == "tripped"
+
+    def _values(self, rig: str, names: Iterable[str]) -> list[str | bytes]:
         news: list[str | bytes] = []
-        for name in VALUES:
+        for name in names:
             value = self._hub.channel(rig, name)
             if isinstance(value, Value) and value.count > self._cursor(name, value, 0):
                 self._seen[name] = (value, value.count)

@@ -25,9 +25,9 @@ from multiprocessing.connection import Connection
 from typing import Any, Final, Literal
 
 from frictus.errors import FrictusError
-from frictus.messages import FaultKind
 from frictus_hardware.errors import HardwareError
 from frictus_service.config import Config
+from frictus_service.daemon.safety import FormerRun
 from frictus_service.errors import ServiceError
 from frictus_service.processes import Heartbeat
 
@@ -194,7 +194,7 @@ def run_part(
     told: "Connection[Any, Any]",
     telling: "Connection[Any, Any]",
     heartbeat: Heartbeat,
-    fault: tuple[FaultKind, str] | None,
+    former: FormerRun | None,
 ) -> None:
     """Run a part; the target of its process.
 
@@ -209,7 +209,7 @@ def run_part(
         Takes what the part has to say.
     heartbeat : Heartbeat
         That the supervisor watches.
-    fault : tuple of kind and reason, or None
+    former : FormerRun or None
         Why the rig had to be started again.
     """
     stop = threading.Event()
@@ -230,7 +230,7 @@ def run_part(
                     heartbeat,
                     mouth,
                     stop,
-                    fault,
+                    former,
                     lambda line: mouth.tell("say", line),
                     lambda step: mouth.tell("step", step),
                 )

@@ -20,7 +20,7 @@ from typing import Any, Final, Self
 import zenoh
 
 from frictus.errors import LinkError
-from frictus.messages import FaultKind
+from frictus.messages import Fault
 from frictus.session import open_session
 from frictus_hardware.errors import HardwareError
 from frictus_service.config import Config
@@ -31,6 +31,7 @@ from frictus_service.daemon.processes.child_process import (
     run_part,
 )
 from frictus_service.daemon.processes.trip_notice import TripNotice
+from frictus_service.daemon.safety import AGAIN, FormerRun
 from frictus_service.errors import StartError
 from frictus_service.security.members import tls_of_rig
 from frictus_service.security.router import open_secured_router
@@ -74,7 +75,7 @@ class _Part:
     starts: int = 0
     beats: int = 0
     looks: int = 0
-    fault: tuple[FaultKind, str] | None = None
+    former: FormerRun | None = None
 
 
 class Supervisor:
@@ -215,7 +216,14 @@ class Supervisor:
         part.heartbeat.value = 0
         part.process = self._context.Process(
             target=run_part,
-            args=(part.name, self._config, part_told, part_telling, part.heartbeat, part.fault),
+            args=(
+                part.name,
+                self._config,
+                part_told,
+                part_telling,
+                part.heartbeat,
+                part.former,
+            ),
             name=f"frictus-{part.name}",
             daemon=True,
         )
@@ -332,10 +340,12 @@ class Supervisor:
             reason += "; the device was reset"
         except HardwareError as error:
             reason += f"; the device could NOT be reset ({error}): switch it off by hand"
-        part.fault = ("internal", reason)
+        fault = Fault(kind="internal", reason=reason, utc_ns=time.time_ns(), action=AGAIN)
+        part.former = FormerRun(fault)
         try:
             if self._trip_notice is not None:
-                self._trip_notice.tell(reason)
+                part.former = self._trip_notice.former_run(fault)
+                self._trip_notice.tell(part.former)
         except (zenoh.ZError, LinkError) as error:
             self._say(f"could not be published: {error}")
         return reason

@@ -1,6 +1,5 @@
 """What is said under a rig's name while its process is gone."""
 
-import time
 from collections import deque
 
 import zenoh
@@ -8,9 +7,9 @@ from zenoh.handlers import Callback
 
 from frictus.errors import FrameError
 from frictus.keys import RigKeys, Topics
-from frictus.messages import Fault, RigStatus
+from frictus.messages import Fault, LeaseEnd, RigStatus
 from frictus.session import declare_latest_publisher
-from frictus_service.daemon.safety import ACTIONS
+from frictus_service.daemon.safety import FormerRun
 
 
 class TripNotice:
@@ -35,12 +34,26 @@ class TripNotice:
 
         self._subscriber = session.declare_subscriber(self._key, Callback(note, indirect=False))
 
-    def tell(self, reason: str) -> None:
+    def former_run(self, fault: Fault) -> FormerRun:
+        """Return how the run that just ended did, by the last status of the rig.
+
+        Parameters
+        ----------
+        fault : Fault
+            Why it ended.
+        """
+        last = self._last_status()
+        if last is None or last.owner is None:
+            return FormerRun(fault, None if last is None else last.last_end)
+        reason = "the rig process ended"
+        return FormerRun(fault, LeaseEnd(owner=last.owner, reason=reason, utc_ns=fault.utc_ns))
+
+    def tell(self, former: FormerRun) -> None:
         """Publish that the rig has tripped; nothing if it never was present.
 
         Parameters
         ----------
-        reason : str
+        former : FormerRun
             How its process ended and what came of the device.
 
         Raises
@@ -48,19 +61,15 @@ class TripNotice:
         zenoh.ZError, LinkError
             If it cannot be published.
         """
-        if not self._last:
+        last = self._last_status()
+        if last is None:
             return
-        try:
-            last = RigStatus.from_json(self._last[-1])
-        except FrameError:
-            return  # somebody else's bytes under the rig's key
-        now_ns = time.time_ns()
-        fault = Fault(kind="internal", reason=reason, utc_ns=now_ns, action=ACTIONS["internal"])
         status = last.model_copy(
             update={
-                "utc_ns": now_ns,
+                "utc_ns": former.fault.utc_ns,
                 "state": "tripped",
-                "fault": fault,
+                "fault": former.fault,
+                "last_end": former.last_end,
                 "owner": None,
                 "stream_open": False,
             }
@@ -68,6 +77,12 @@ class TripNotice:
         if self._publisher is None:
             self._publisher = declare_latest_publisher(self._session, self._key, Topics.STATUS)
         self._publisher.put(status.to_json())
+
+    def _last_status(self) -> RigStatus | None:
+        try:
+            return RigStatus.from_json(self._last[-1]) if self._last else None
+        except FrameError:
+            return None  # somebody else's bytes under the rig's key
 
     def withdraw(self) -> None:
         """Say nothing any more: the rig speaks for itself."""
