@@ -3,9 +3,8 @@
 import { outcomeUnknown, request } from "./api.js";
 import { at, say } from "./element.js";
 
-/** For so long after a reset that was not answered its status tells what came of it. */
+/** For so long after a reset the rig's status tells what came of it. */
 const CHECK_MS = 10_000;
-const RESET = "The rig is reset";
 
 /** What came of it is in the rig's state; only what failed, or is not known, is said here. */
 export class Arming {
@@ -17,7 +16,7 @@ export class Arming {
     this.mine = false;
     /** The rig whose lease the connection holds; the rig's status may be ahead of it, or behind. */
     this.heldRig = null;
-    /** When a reset was sent whose outcome is unknown, ms; null: none was. */
+    /** When a reset was sent that the rig's status does not show yet, ms; null: none was. */
     this.resetMs = null;
     at("arm").addEventListener("click", () => this.#toggle());
     at("reset").addEventListener("click", () => this.#reset());
@@ -51,7 +50,7 @@ export class Arming {
     const tripped = state === "tripped";
     if (this.resetMs !== null && (!tripped || performance.now() - this.resetMs > CHECK_MS)) {
       this.resetMs = null;
-      this.#tell(tripped ? "It is tripped still: reset it again" : RESET);
+      this.#tell(tripped ? "It is tripped still: reset it again" : "The rig is reset");
     }
   }
 
@@ -69,12 +68,13 @@ export class Arming {
   }
 
   async #reset() {
+    this.resetMs = performance.now();
     try {
-      const { state } = await request("POST", `/rigs/${encodeURIComponent(this.rig)}/reset`);
-      this.#tell(state === "disarmed" ? RESET : `The rig answered the reset: ${state}`);
+      await request("POST", `/rigs/${encodeURIComponent(this.rig)}/reset`);
     } catch (error) {
       const unknown = outcomeUnknown(error);
-      if (unknown) this.resetMs = performance.now();
+      if (unknown && this.resetMs === null) return; // the status has told meanwhile
+      if (!unknown) this.resetMs = null;
       const checking = "Unknown whether the rig is reset, checking…";
       this.#tell(unknown ? checking : `Not reset: ${error.message}`);
     }
