@@ -190,8 +190,9 @@ class Publisher:
                 self._streams[block.stream].put(block.pack())
                 self._published += 1
         if self._finger_read:
-            stamp = self._timebase.stamp(end)
-            self._finger.put(finger_of(turn, stamp, self._info).to_json())
+            finger = finger_of(turn, self._timebase.stamp(end), self._info)
+            if finger is not None:
+                self._finger.put(finger.to_json())
         if self._touch_read:
             for report in exchange.touches:
                 state = touch_of(report, turn.run, self._info)

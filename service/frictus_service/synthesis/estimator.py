@@ -46,6 +46,8 @@ JUMP_MM: Final = 6.0
 """From where a report was expected; a turn at 300 mm/s leaves less within a report's time."""
 FASTEST_MM_S: Final = 300.0
 """A finger that seems to come down faster was put somewhere else."""
+FARTHEST_MM: Final = 1e4
+"""No screen reaches so far: what is reported beyond it is no place."""
 SILENT_S: Final = 0.05
 """Without acceleration for so long, touch alone predicts better."""
 
@@ -159,6 +161,7 @@ class FingerEstimator:
         self._report_sample = -np.inf
         self._follows = False
         self._next_sample: int | None = None
+        self._sensed_end = np.inf
         self._silent_s = np.inf
         # Position and velocity of what is rendered, and the velocity that was predicted a block
         # ago; each (x, y).
@@ -211,7 +214,7 @@ class FingerEstimator:
         """
         n_samples = force_n.shape[0]
         normal_n = force_n[:, 2]
-        end = first_sample + n_samples
+        self._sensed_end = end = first_sample + n_samples
         if self._fuses:
             block_s = n_samples / self._rate_hz
             self._contact.sense(normal_n, block_s)
@@ -229,8 +232,16 @@ class FingerEstimator:
             self._force_n = normal_force_n
 
     def observe(self, report: TouchReport) -> None:
-        """Take a report; one older than the last, or not finite, is ignored."""
-        if not np.all(np.isfinite((report.measured_sample, report.x_mm, report.y_mm))):
+        """Take a report; one older than the last, or of no time or place, is ignored.
+
+        One from later than could be sensed would hold off those that come after it, and be
+        fresh for as long: a finger that is gone would go on being felt.
+        """
+        latest = self._sensed_end + self._tuning.stale_s * self._rate_hz
+        if not (
+            -np.inf < report.measured_sample < latest
+            and math.hypot(report.x_mm, report.y_mm) <= FARTHEST_MM  # NaN is not
+        ):
             return
         since_s = (report.measured_sample - self._report_sample) / self._rate_hz
         if since_s <= 0.0:

@@ -182,10 +182,15 @@ def _rendered(turn: BlockRecord, sample_rate_hz: float) -> NDArray[np.float64]:
     return rows
 
 
-def finger_of(turn: BlockRecord, stamp: Stamp, info: RigInfo) -> FingerState:
-    """Return the finger's state at the end of a turn's sensed samples."""
+def finger_of(turn: BlockRecord, stamp: Stamp, info: RigInfo) -> FingerState | None:
+    """Return the finger's state at the end of a turn's sensed samples.
+
+    None where it is not finite, as with a force sensor that failed: nobody can use it.
+    """
     exchange = turn.exchange
     x_mm, y_mm, vx_mm_s, vy_mm_s = turn.finger
+    if not np.all(np.isfinite((*turn.finger, turn.normal_force_n))):
+        return None
     # Before the first report there is no age; the longest that a message holds says so.
     age_ms = min(1e3 * turn.report_age_s, 1e9)
     return FingerState(
