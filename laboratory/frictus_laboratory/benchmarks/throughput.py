@@ -168,7 +168,8 @@ class OneTurn:
 
     def _made_finger(self) -> bytes:
         stamp = self._timebase.stamp(self._timebase.newest_sample)
-        return finger_of(self._turn, stamp, self._info).to_json()
+        finger = finger_of(self._turn, stamp, self._info)
+        return b"" if finger is None else finger.to_json()
 
     def pack_and_put(self) -> int:
         """Put the turn's blocks as the publisher does; return how many."""

@@ -10,6 +10,7 @@ import pytest
 from tests.service.daemon.conftest import Bench, MakeBench
 
 from frictus.textures import Scene
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Exchange, TouchReport
 from frictus_service.daemon.block_loop.block_record import finger_of, touch_of
 from frictus_service.daemon.block_loop.timebase import Stamp
@@ -32,7 +33,8 @@ def lying(**values: float) -> Lie:
         for name, value in values.items():
             if name in ("x_mm", "y_mm", "measured_sample"):
                 changed["touches"] = tuple(
-                    replace(report, **{name: value}) for report in exchange.touches
+                    replace(report, **{name: value})  # type: ignore[arg-type]
+                    for report in exchange.touches
                 )
                 continue
             column, _, axis = name.partition("__")
@@ -45,16 +47,14 @@ def lying(**values: float) -> Lie:
 
 
 def monitor(value: float) -> Lie:
-    return lambda exchange: replace(
-        exchange, voltage_v=np.full_like(exchange.voltage_v, value)
-    )
+    return lambda exchange: replace(exchange, voltage_v=np.full_like(exchange.voltage_v, value))
 
 
 def told(bench: Bench, lie: Lie | None) -> None:
     """Have the rig's sensors lie from now on; None: no more."""
     exchange = type(bench.rig).exchange
 
-    def lied(drive_v: np.ndarray) -> Exchange:  # type: ignore[type-arg]
+    def lied(drive_v: FloatArray) -> Exchange:
         honest = exchange(bench.rig, drive_v)
         return honest if lie is None else lie(honest)
 
@@ -70,7 +70,8 @@ def driven(bench: Bench, texture: Scene) -> None:
 
 
 LIES: Final = {
-    **{f"force {axis} {v}": lying(**{f"force_n__{axis}": v}) for axis in (0, 2) for v in NUMBERS},
+    **{f"tangential force {v}": lying(force_n__0=v) for v in NUMBERS},
+    **{f"normal force {v}": lying(force_n__2=v) for v in NUMBERS},
     **{f"nail {v}": lying(accel_m_s2__0=v, accel_m_s2__1=v) for v in NUMBERS},
     **{f"monitor {v}": monitor(v) for v in NUMBERS},
     **{f"place {v}": lying(x_mm=v) for v in NUMBERS},
@@ -79,7 +80,6 @@ LIES: Final = {
 
 
 @pytest.mark.parametrize("lie", LIES.values(), ids=LIES)
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_no_number_of_a_sensor_drives_the_screen_beyond_its_limit_or_ends_the_loop(
     make_bench: MakeBench, texture: Scene, lie: Lie
 ) -> None:

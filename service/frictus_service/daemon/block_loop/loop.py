@@ -11,6 +11,8 @@ from collections.abc import Callable
 from queue import SimpleQueue
 from typing import Final
 
+import numpy as np
+
 from frictus.messages import FaultKind
 from frictus_hardware.base import Backend, GrowingLead
 from frictus_hardware.errors import (
@@ -144,6 +146,8 @@ class BlockLoop:
         """Whether the device is lost and has to be opened anew."""
         return self._parked is not None
 
+    # A sensor's absurd number may become infinite, and infinite trips: that is no warning.
+    @np.errstate(over="ignore")
     def turn(self) -> bool:
         """Do one block and return whether it was done; what goes wrong becomes a fault."""
         beats = self._heartbeat.value
