@@ -29,6 +29,7 @@ from frictus_service.synthesis.estimator import FingerEstimator, PredictedMotion
 from frictus_service.synthesis.finger_motion import (
     inertial_filter,
     interacting_models,
+    nail_acceleration,
     skin_fit,
     touch_filter,
 )
@@ -134,12 +135,25 @@ def test_what_is_estimated(reports: list[tuple[float, float, float, bool]]) -> N
 def test_what_is_fused(blocks: list[tuple[float, float, float]]) -> None:
     fusing = FingerEstimator(RATE_HZ)
     wave = np.sin(np.arange(40))[:, np.newaxis]
-    with compared(estimator, skin_fit, inertial_filter, interacting_models) as watched:
+    fused = (estimator, skin_fit, inertial_filter, interacting_models, nail_acceleration)
+    with compared(*fused) as watched:
         for k, (accel, force, x_mm) in enumerate(blocks):
             fusing.sense(40 * k, (force * wave + 0.4) * np.ones(3), accel * wave * np.ones(3))
             fusing.observe(TouchReport(40.0 * k - 10.0, x_mm, 17.0, True))
             fusing.predict(40 * k + 400, 40)
-    assert {"_alive", "_follow", "_predict"} <= called(watched)
+    assert {"_alive", "_follow_blocks", "_predict"} <= called(watched)
+
+
+@FEW
+@given(st.integers(0, 2**32 - 1), st.booleans())
+def test_which_average_of_the_nail_is_used(seed: int, wide: bool) -> None:
+    rng = np.random.default_rng(seed)
+    ended = rng.standard_normal((2, skin_fit.SUMS))
+    variances, wider_noise = rng.exponential(size=(2, 4)), rng.exponential(size=2)
+    averages, out = rng.standard_normal((6, 2)), np.zeros((2, 2))
+    with compared(nail_acceleration) as watched:
+        watched["_take_average"](0.1, ended, variances, averages, wider_noise, wide, out)
+    assert out[1].min() > 0.0
 
 
 @FEW
