@@ -8,13 +8,14 @@ import json
 import os
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from frictus.model import Model
+from frictus_service.discovery.across_studies.document import MOST_STUDIES
 from frictus_service.discovery.document import Response, Verdict
 from frictus_service.durable import replace_file
 from frictus_service.errors import (
@@ -25,6 +26,8 @@ from frictus_service.errors import (
 from frictus_service.job_folder import FolderJob, JobFolder
 
 STUDY_NAME: Final = r"^\w[\w.-]*(/\w[\w.-]*)*$"
+StudyName = Annotated[str, Field(max_length=200, pattern=STUDY_NAME)]
+StudyNames = Annotated[tuple[StudyName, ...], Field(min_length=2, max_length=MOST_STUDIES)]
 
 
 class _Strict(BaseModel):
@@ -35,11 +38,10 @@ class DiscoverySpec(_Strict):
     """One discovery."""
 
     study: Annotated[
-        str,
+        StudyName | StudyNames,
         Field(
-            max_length=200,
-            pattern=STUDY_NAME,
-            description="File below the folder of studies, such as visit1.h5",
+            description="File below the folder of studies, such as visit1.h5; or several: "
+            "what holds in all of them"
         ),
     ]
     response: Response = "friction"
@@ -48,6 +50,11 @@ class DiscoverySpec(_Strict):
         Field(description="What is criticised; a `model/1` document may stand here"),
     ] = "paper"
     seed: Annotated[int | None, Field(ge=0, description="Of random draws; null: fresh")] = None
+
+    @property
+    def studies(self) -> tuple[str, ...]:
+        """The files that are meant."""
+        return (self.study,) if isinstance(self.study, str) else self.study
 
 
 class DiscoveryProgress(_Strict):
@@ -60,10 +67,11 @@ class DiscoveryResult(_Strict):
     """What came of it; the report has all."""
 
     verdict: Verdict | None
+    """Null of several studies, and where nothing could be tested."""
     sentence: str
-    """The verdict in words."""
+    """The verdict, or the answer of several studies, in words."""
     causes: tuple[str, ...]
-    """Named."""
+    """Named, or in the model of several studies."""
 
 
 class DiscoveryJob(FolderJob):
@@ -96,7 +104,7 @@ OBSERVATIONS: Final = "observations"
 
 def carry_out(
     spec: DiscoverySpec,
-    study: Path,
+    studies: Sequence[Path],
     folder: Path,
     tell: Callable[[DiscoveryProgress], None],
     cancelled: Callable[[], bool],
@@ -107,8 +115,8 @@ def carry_out(
     ----------
     spec : DiscoverySpec
         What the discovery was asked for.
-    study : Path
-        The file that it names.
+    studies : sequence of Path
+        The files that it names.
     folder : Path
         Of this discovery alone.
     tell : callable
@@ -120,14 +128,23 @@ def carry_out(
     ------
     DiscoveryCancelledError
     """
-    from frictus_service.discovery.discover import discover_study
-    from frictus_service.discovery.report import page
-    from frictus_service.discovery.report.findings import verdict_sentence
 
     def told(line: str) -> None:
         if cancelled():
             raise DiscoveryCancelledError("cancelled; there is no report")
         tell(DiscoveryProgress(message=line))
+
+    if isinstance(spec.study, str):
+        return _one(spec, studies[0], folder, told)
+    return _several(spec, studies, folder, told)
+
+
+def _one(
+    spec: DiscoverySpec, study: Path, folder: Path, tell: Callable[[str], None]
+) -> DiscoveryResult:
+    from frictus_service.discovery.discover import discover_study
+    from frictus_service.discovery.report import page
+    from frictus_service.discovery.report.findings import verdict_sentence
 
     found = discover_study(
         study,
@@ -135,14 +152,38 @@ def carry_out(
         base=_base(spec, folder),
         seed=spec.seed,
         cache=folder.parent / OBSERVATIONS,
-        tell=told,
+        tell=tell,
     )
-    told("writing the report")
+    tell("writing the report")
     page.write(found, folder)
     return DiscoveryResult(
         verdict=found.verdict,
         sentence=verdict_sentence(found),
         causes=tuple(cause.id for cause in found.causes),
+    )
+
+
+def _several(
+    spec: DiscoverySpec, studies: Sequence[Path], folder: Path, tell: Callable[[str], None]
+) -> DiscoveryResult:
+    from frictus_service.discovery.across_studies import page
+    from frictus_service.discovery.across_studies.across import discover_across
+
+    found = discover_across(
+        studies,
+        folder,
+        response=spec.response,
+        base=_base(spec, folder),
+        seed=spec.seed,
+        cache=folder.parent / OBSERVATIONS,
+        tell=tell,
+    )
+    tell("writing the report")
+    page.write(found, folder)
+    return DiscoveryResult(
+        verdict=None,
+        sentence=found.sentence,
+        causes=tuple(cause.id for cause in found.causes if cause.in_model),
     )
 
 
@@ -211,7 +252,8 @@ class DiscoveryStore(JobFolder[DiscoveryJob]):
         ------
         UnknownStudyError
         """
-        self.study(spec.study)
+        for name in spec.studies:
+            self.study(name)
         return self.add(by, {"spec": spec})
 
     def progress(self, discovery: str, progress: DiscoveryProgress) -> None:

@@ -22,11 +22,11 @@ class DiscoveryWork(Work):
     """As `frictus_service.discovery.jobs.carry_out` is called."""
 
     spec: DiscoverySpec
-    study: Path
+    studies: tuple[Path, ...]
 
     def carry_out(self, run: Callable[..., Any], parent: ParentLink) -> DiscoveryResult:
         """Discover."""
-        given = (self.spec, self.study, self.folder)
+        given = (self.spec, self.studies, self.folder)
         result: DiscoveryResult = run(*given, parent.report, parent.cancelled)
         return result
 
@@ -73,7 +73,7 @@ class DiscoveryEngine(JobEngine[DiscoveryJob]):
             run=self._run,
             folder=self.store.folder(job.id),
             spec=job.spec,
-            study=self.store.study(job.spec.study),
+            studies=tuple(map(self.store.study, job.spec.studies)),
         )
 
     def _hear(self, job: str, progress: str) -> None:

@@ -7,7 +7,7 @@ sees that the work is under way, and how often it was begun.
 import os
 import queue
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import frictus
@@ -58,7 +58,7 @@ def calibrate(
 
 def discover(
     spec: DiscoverySpec,
-    study: Path,
+    studies: Sequence[Path],
     folder: Path,
     tell: Callable[[DiscoveryProgress], None],
     cancelled: Callable[[], bool],

@@ -286,7 +286,7 @@ def test_work_that_is_not_taken_holds_up_nobody_who_cancels(
     monkeypatch.setattr(process, "GRACE_S", 0.1)
     spec = DiscoverySpec(study=STUDY)
     work = discoveries.DiscoveryWork(
-        run="x" * 2_000_000, folder=tmp_path, spec=spec, study=tmp_path
+        run="x" * 2_000_000, folder=tmp_path, spec=spec, studies=(tmp_path,)
     )  # more than any pipe holds
     job = process.JobProcess(work)
     os.kill(job.pid, signal.SIGSTOP)

@@ -5,7 +5,7 @@ import { element } from "../element.js";
 import { moment } from "../figures.js";
 import { Outcome } from "../outcome.js";
 import { fill, table, words } from "../table.js";
-import { baseOf, stateOf } from "./words.js";
+import { baseOf, stateOf, studyOf } from "./words.js";
 
 const HEAD = ["Begun", "Study", "Model", "What came of it"];
 
@@ -30,7 +30,7 @@ export class Earlier {
       if (job.id === shown) link.setAttribute("aria-current", "true");
       const came = job.result?.sentence ?? job.failure ?? "";
       const what = came === "" ? stateOf(job) : `${stateOf(job)}: ${came}`;
-      return [link, words(job.spec.study), words(baseOf(job.spec)), words(what)];
+      return [link, words(studyOf(job.spec)), words(baseOf(job.spec)), words(what)];
     }));
     if (discoveries.length > 0) this.outcome.clear();
     else this.outcome.good("None was started yet.");

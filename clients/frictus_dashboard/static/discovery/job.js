@@ -8,8 +8,8 @@ import { button } from "../fields.js";
 import { moment } from "../figures.js";
 import { Outcome } from "../outcome.js";
 import { token } from "../token.js";
-import { report } from "./report.js";
-import { ACTIVE, baseOf, stateOf } from "./words.js";
+import { report, reportAcross } from "./report.js";
+import { ACTIVE, baseOf, stateOf, studyOf } from "./words.js";
 
 export class Job {
   /** @param {import("../views.js").Page} page @param {() => void} changed its state has */
@@ -84,7 +84,7 @@ export class Job {
 
   #tell(job) {
     this.active = ACTIVE.includes(job.state);
-    const asked = `${job.spec.response} of ${job.spec.study} against ${baseOf(job.spec)}`;
+    const asked = `${job.spec.response} of ${studyOf(job.spec)} against ${baseOf(job.spec)}`;
     say(this.title, `${asked}, ${moment(job.created_utc_ns)}`);
     this.#say(job.state);
     this.cancel.hidden = !this.active || !this.page.can("calibrate");
@@ -130,7 +130,9 @@ export class Job {
     if (found === null || stop.signal.aborted) return;
     this.done = true;
     this.files.replaceChildren(...this.#links());
-    this.report.replaceChildren(...report(found, job.result.sentence));
+    const one = found.schema === "discovery/1";
+    const parts = one ? report(found, job.result.sentence) : reportAcross(found);
+    this.report.replaceChildren(...parts);
   }
 
   /** With a token a link would not be let in, and a page made here would have no style. */

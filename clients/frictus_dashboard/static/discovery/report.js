@@ -1,4 +1,4 @@
-/** A `discovery/1` document as text and tables. */
+/** A `discovery/1` or `across-studies/1` document as text and tables. */
 
 import { element } from "../element.js";
 import { figure, interval, percent, probability } from "../figures.js";
@@ -22,6 +22,29 @@ export function report(found, sentence) {
   ];
 }
 
+/**
+ * Of several studies: the answer, what is in the model, and what was left out; the figures are in
+ * the report beside it.
+ * @param {object} found
+ * @returns {Node[]}
+ */
+export function reportAcross({ sentence, causes: all, studies, left_out: left, notes }) {
+  const parts = [element("p", { class: "summary" }, sentence)];
+  const said = [...notes, ...left.map(({ path, reason }) => `Left out: ${path}: ${reason}`)];
+  if (said.length > 0) parts.push(list("Before you use this", said));
+  const inModel = all.filter((cause) => cause.in_model);
+  const rows = inModel.map((cause) => [titleOf(cause.id), words(cause.sentence)]);
+  if (rows.length > 0) parts.push(table("Causes in the model of all", ["Cause", "In all"], rows));
+  const each = studies.map((study) => [words(study.name), words(verdictOf(study.verdict))]);
+  parts.push(table("Each study by itself", ["Study", "Verdict"], each));
+  return parts;
+}
+
+function list(title, lines) {
+  const items = lines.map((line) => element("li", {}, line));
+  return element("section", {}, heading(title), element("ul", { class: "notes" }, ...items));
+}
+
 function paragraph(text) {
   return element("p", {}, text);
 }
@@ -41,8 +64,7 @@ function verdict(found, sentence) {
   }
   if (found.evidence !== null) parts.push(paragraph(found.evidence.statement));
   if (found.notes.length > 0) {
-    const notes = found.notes.map((note) => element("li", {}, note));
-    parts.push(heading("Before you use this"), element("ul", { class: "notes" }, ...notes));
+    parts.push(list("Before you use this", found.notes));
   }
   return parts;
 }

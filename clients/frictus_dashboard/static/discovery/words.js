@@ -44,6 +44,11 @@ export function surenessOf({ verdict }) {
   return FOUND[verdict];
 }
 
+/** Which study, or studies, were asked about. */
+export function studyOf({ study }) {
+  return [study].flat().join(", ");
+}
+
 /** Which model is criticised. */
 export function baseOf({ base }) {
   if (typeof base === "string") return base;

@@ -10,6 +10,7 @@ from frictus_service.api.access import needs
 from frictus_service.api.requests import body_of, json_body
 from frictus_service.api.routes.jobs import ASKED, BODY, JobRoutes
 from frictus_service.api.services import Given
+from frictus_service.discovery.across_studies.document import AcrossStudies
 from frictus_service.discovery.document import DOCUMENT, REPORT, Discovery
 from frictus_service.discovery.jobs import DiscoveryJob, DiscoveryJobs, DiscoverySpec
 
@@ -37,7 +38,7 @@ def start_discovery(
     response: Response,
     spec: Annotated[DiscoverySpec, json_body(DiscoverySpec, extra=None)],
 ) -> DiscoveryJob:
-    """Find out what a model gets wrong in a study; `Location` is where it can be followed.
+    """Find out what a model gets wrong in a study, or in several; `Location` follows it.
 
     One runs at a time; others wait for their turn.
     """
@@ -76,10 +77,15 @@ Finished = Annotated[DiscoveryJob, Depends(finished)]
     dependencies=[Depends(needs("read"))],
     responses=problems.documented(*jobs.write),
 )
-def get_report(found: Finished, given: Given) -> Discovery:
-    """Return the report: causes, what is unexplained, the extended model (`discovery/1`)."""
-    path = given.discoveries.store.folder(found.id) / DOCUMENT
-    return Discovery.model_validate_json(path.read_bytes())
+def get_report(found: Finished, given: Given) -> Discovery | AcrossStudies:
+    """Return the report: causes, what is unexplained, the extended model (`discovery/1`).
+
+    Of several studies: what holds in all, and what differs (`across-studies/1`).
+    """
+    document = (given.discoveries.store.folder(found.id) / DOCUMENT).read_bytes()
+    if isinstance(found.spec.study, str):
+        return Discovery.model_validate_json(document)
+    return AcrossStudies.model_validate_json(document)
 
 
 @router.get(

@@ -12,6 +12,7 @@ from frictus_service.discovery.across_studies.common_causes import (
     pool_candidates,
 )
 from frictus_service.discovery.across_studies.document import (
+    MOST_STUDIES,
     AcrossStudies,
     StudyLeftOut,
 )
@@ -39,7 +40,6 @@ from frictus_service.identification.pipeline.workers import Crash, work_through
 MOST_ROUNDS: Final = 4
 """Of choosing causes and taking all studies about them."""
 FEW_STUDIES: Final = 5
-MOST_STUDIES: Final = 1000
 NOT_EXPLAINED: Final = frozenset({"partly_explained", "characterised", "unexplained"})
 
 Outcome = StudyResult | StudyLeftOut

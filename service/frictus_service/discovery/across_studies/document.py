@@ -1,6 +1,6 @@
 """`across-studies/1`: what holds in all studies, and what differs. JSON; null: not known."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
@@ -10,6 +10,7 @@ from frictus_service.discovery.document import Interval, Probability, Response, 
 SizesVerdict = Literal[
     "holds_in_all", "size_differs", "in_some_only", "opposite_signs", "not_shown", "not_tested"
 ]
+MOST_STUDIES: Final = 1000
 AcrossVerdict = SizesVerdict | Literal["cannot_tell"]
 
 

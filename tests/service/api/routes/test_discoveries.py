@@ -13,6 +13,7 @@ from tests.service.api.conftest import configuration
 from tests.service.jobs import stepwise_discovery
 
 from frictus_service.api.server import build_app
+from frictus_service.discovery.across_studies.document import AcrossStudies
 from frictus_service.discovery.document import Discovery
 from frictus_service.discovery.jobs import DiscoverySpec, DiscoveryStore
 
@@ -46,7 +47,7 @@ def api(studies: Path, serve: Serve) -> TestClient:
     return serve(discover=RUN)
 
 
-def start(api: TestClient, study: str = "visit.h5", **more: Any) -> Any:
+def start(api: TestClient, study: str | list[str] = "visit.h5", **more: Any) -> Any:
     return api.post("/v1/discoveries", json={"study": study, "seed": 3, **more})
 
 
@@ -135,6 +136,23 @@ def test_a_study_is_a_file_below_the_folder(api: TestClient, studies: Path) -> N
     assert start(api, response="heat").status_code == 422
     assert api.get("/v1/discoveries/0-0").json()["code"] == "no_discovery"
     assert api.get("/v1/discoveries").json() == {"discoveries": []}
+
+
+def test_several_studies_are_asked_about_together(api: TestClient, studies: Path) -> None:
+    for names in ([], ["visit.h5"], ["visit.h5", "../outside.h5"], ["visit.h5"] * 1001):
+        assert start(api, names).status_code == 422, names
+    assert start(api, ["visit.h5", "missing.h5"]).json()["code"] == "no_study"
+    second = "0a-1b/study.h5"
+    (studies / second).parent.mkdir()
+    (studies / second).touch()
+    job = start(api, ["visit.h5", second]).headers["location"]
+    assert states(follow(api, job))[-1] == "done"
+    done = api.get(job).json()
+    assert done["spec"]["study"] == ["visit.h5", second]
+    assert done["result"]["verdict"] is None
+    found = AcrossStudies.model_validate_json(api.get(f"{job}/report").content)
+    assert [study.name for study in found.studies] == ["visit", "study"]
+    assert found.sentence in api.get(f"{job}/report.html").text
 
 
 def test_studies_are_listed_as_discoveries_name_them(api: TestClient, studies: Path) -> None:

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from frictus_service.cli.app import app
 from frictus_service.discovery.across_studies.document import AcrossStudies
+from frictus_service.discovery.jobs import DiscoveryProgress, DiscoverySpec, carry_out
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(900)]
 pytest.importorskip("distributed")
@@ -44,6 +45,19 @@ def test_on_a_cluster_as_here(tmp_path: Path, rng: np.random.Generator) -> None:
         for name in "ab"
     )
     assert found == other
+    # And as a job, beside the observations of the latter.
+    names = tuple(f"laboratory{number}/visit.h5" for number in range(3))
+    told: list[DiscoveryProgress] = []
+    job = tmp_path / "b" / "job"
+    job.mkdir()
+    spec = DiscoverySpec(study=(*names, "broken.h5"), seed=7)
+    paths = [studies / name for name in spec.studies]
+    result = carry_out(spec, paths, job, told.append, lambda: False)
+    as_job = AcrossStudies.model_validate_json((job / "report.json").read_bytes())
+    assert (as_job.causes, as_job.studies) == (found.causes, found.studies)
+    assert (result.verdict, result.sentence) == (None, found.sentence)
+    assert result.causes == tuple(each.id for each in found.causes if each.in_model)
+    assert told[-1].message == "writing the report"
     printed = json.loads(there.stdout)
     assert printed["sentence"] == found.sentence
     assert [each.name for each in found.studies] == [
