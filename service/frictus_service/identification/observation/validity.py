@@ -12,13 +12,13 @@ than the one whose trials it is compared with.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Final
 
 import numpy as np
 from numba import njit
 
 from frictus_hardware.arrays import BoolArray, FloatArray
+from frictus_service.identification.observation.hann_spectrum import LONGEST, hann_spectrum
 from frictus_service.identification.observation.response import drive_fraction
 from frictus_service.identification.observation.sweeps import (
     GAP_S,
@@ -151,7 +151,6 @@ LEAST_DRIVE: Final = 0.02
 LINE_SHARE: Final = 0.05
 """Of the drive's power, in an undeclared tone; noise has less in any line."""
 
-SPECTRUM_SAMPLES: Final = 32_768
 HANN_LINES: Final = 1.5
 """As many lines of the spectrum hold the power of one tone."""
 
@@ -330,20 +329,12 @@ def _listed(tones_hz: tuple[float, ...]) -> str:
 def _strongest(trial: Trial, study: StudyInfo) -> tuple[float, float, float, float]:
     """Return frequency, amplitude, share of power of the strongest line; the resolution."""
     assert trial.voltage_v is not None
-    voltage = np.nan_to_num(trial.voltage_v[:SPECTRUM_SAMPLES])
-    drive = drive_fraction(voltage, study.screen_peak_v)
-    window = _window(drive.size)
-    spectrum = np.abs(np.fft.rfft((drive - drive.mean()) * window)) * 2.0 / window.sum()
-    resolution_hz = trial.info.sample_rate_hz / drive.size
-    highest = int(HIGHEST_SHARE * drive.size)
+    drive = drive_fraction(np.nan_to_num(trial.voltage_v[:LONGEST]), study.screen_peak_v)
+    spectrum, length = hann_spectrum(drive)
+    resolution_hz = trial.info.sample_rate_hz / length
+    highest = int(HIGHEST_SHARE * length)
     strongest = 2 + int(np.argmax(spectrum[2:highest]))
     amplitude = float(spectrum[strongest])
     whole = float(np.square(spectrum[2:highest]).sum()) / HANN_LINES
     share = amplitude**2 / whole if whole > 0.0 else 0.0
     return strongest * resolution_hz, amplitude, share, resolution_hz
-
-
-@lru_cache(maxsize=8)
-def _window(samples: int) -> FloatArray:
-    window: FloatArray = np.hanning(samples)
-    return window

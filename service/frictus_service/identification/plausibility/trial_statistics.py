@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from frictus_hardware.arrays import FloatArray
+from frictus_service.identification.observation.hann_spectrum import LONGEST, hann_spectrum
 from frictus_service.identification.observation.observe import FingerTrajectory
 from frictus_service.identification.observation.sweeps import WINDOW_S
 from frictus_service.identification.observation.validity import inspect
@@ -19,7 +20,6 @@ APART_S: Final = 0.4
 """Changes of velocity are taken over so long: a reversal fits, gravity's drift does not."""
 LEAST_CHANGE_M_S: Final = 0.02
 """Standard deviation of these changes, below which nothing is compared: the finger went on."""
-SPECTRUM_SAMPLES: Final = 32_768
 LEAST_SPEED_MM_S: Final = 2.0
 AROUND_S: Final = 0.1
 """Positions so long before the first and after the last sample contradict no clock."""
@@ -195,28 +195,26 @@ def _swept(
 
 def _across(samples: FloatArray, rate_hz: float) -> float:
     """Return the power along y over that along x in the band."""
-    length = min(samples.shape[0], SPECTRUM_SAMPLES)
-    middle = (samples.shape[0] - length) // 2
-    piece = np.nan_to_num(samples[middle : middle + length, :2])
-    window = np.hanning(length)[:, np.newaxis]
-    spectrum = np.square(np.abs(np.fft.rfft((piece - piece.mean(axis=0)) * window, axis=0)))
+    middle = max(samples.shape[0] - LONGEST, 0) // 2
+    amplitudes, length = hann_spectrum(samples[middle:, :2])
     at_hz = np.fft.rfftfreq(length, 1.0 / rate_hz)
-    along, across = spectrum[(at_hz >= BAND_HZ[0]) & (at_hz <= BAND_HZ[1])].sum(axis=0)
+    in_band = (at_hz >= BAND_HZ[0]) & (at_hz <= BAND_HZ[1])
+    along, across = np.square(amplitudes[in_band]).sum(axis=0)
     return float(across / along) if along > 0.0 else np.nan
 
 
 def _carrier_ratio(trial: Trial, study: StudyInfo) -> float:
     if trial.voltage_v is None:
         return np.nan
-    voltage = np.nan_to_num(trial.voltage_v[:SPECTRUM_SAMPLES])
+    voltage = np.nan_to_num(trial.voltage_v[:LONGEST])
     if np.square(voltage.mean()) > ONE_SIDED * np.square(voltage).mean():
         return np.nan  # a drive without its carrier, as imports keep an envelope
-    spectrum = np.abs(np.fft.rfft((voltage - voltage.mean()) * np.hanning(voltage.size)))
-    if not spectrum.max() > 0.0:
+    amplitudes, length = hann_spectrum(voltage)
+    if not amplitudes.max() > 0.0:
         return np.nan
     per_sample = study.carrier_hz / trial.info.sample_rate_hz
     expected = abs(per_sample - round(per_sample))
-    return float(np.argmax(spectrum)) / voltage.size / expected if expected > 0.0 else np.nan
+    return float(np.argmax(amplitudes)) / length / expected if expected > 0.0 else np.nan
 
 
 def _kinematics(trial: Trial, course: FingerTrajectory) -> tuple[float, float, float]:
