@@ -140,6 +140,7 @@ def sense_nail(  # type: ignore[no-untyped-def]
     stroke_tilt_deg : float
         By which the nail leans over from one edge to the other.
     gravity_m_s2 : float
+        Of the place.
     lean_x, lean_y : ndarray, shape (3, n_terms)
         Tables of `add_sinusoids`: degrees that it leans besides.
     accel_m_s2 : ndarray, shape (n_samples, 3)
