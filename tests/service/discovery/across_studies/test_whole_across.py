@@ -50,7 +50,7 @@ def test_on_a_cluster_as_here(tmp_path: Path, rng: np.random.Generator) -> None:
     told: list[DiscoveryProgress] = []
     job = tmp_path / "b" / "job"
     job.mkdir()
-    spec = DiscoverySpec(study=(*names, "broken.h5"), seed=7)
+    spec = DiscoverySpec(study=("broken.h5", *names), seed=7)
     paths = [studies / name for name in spec.studies]
     result = carry_out(spec, paths, job, told.append, lambda: False)
     as_job = AcrossStudies.model_validate_json((job / "report.json").read_bytes())
