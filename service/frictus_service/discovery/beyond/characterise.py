@@ -236,7 +236,10 @@ def _fit(remainder: Remainder, screen: _Screen, form: Form, units: Sequence[int]
 
 @dataclass(frozen=True)
 class _Compared:
-    """Forms by what they gain in people who were held out.
+    """Forms by what they surely gain in people who were held out.
+
+    That is the lower end of the interval of the mean: by the sum, a form that one person in
+    whom much is left shows would come before one that everybody shows.
 
     Attributes
     ----------
@@ -250,8 +253,8 @@ class _Compared:
 
     @property
     def best(self) -> Form:
-        """The form that gains most; simpler where more parameters gain nothing."""
-        best = max(self.gains, key=lambda form: float(self.gains[form].sum()))
+        """The form that surely gains most; simpler where more parameters gain nothing."""
+        best = max(self.gains, key=self._sure)
         simpler = [
             form
             for form, gain in self.gains.items()
@@ -265,11 +268,14 @@ class _Compared:
         """Return the best form of each other family that is not told from the best."""
         best = self.best
         found: dict[str, Form] = {}
-        for form in sorted(self.gains, key=lambda form: -float(self.gains[form].sum())):
+        for form in sorted(self.gains, key=self._sure, reverse=True):
             ahead = self.gains[best] - self.gains[form]
             if form.family != best.family and interval_of_mean(ahead)[0] <= 0.0:
                 found.setdefault(form.family, form)
         return tuple(found.values())
+
+    def _sure(self, form: Form) -> float:
+        return interval_of_mean(self.gains[form])[0]
 
 
 def _compare(remainder: Remainder, screen: _Screen) -> _Compared:
@@ -287,8 +293,9 @@ def _compare(remainder: Remainder, screen: _Screen) -> _Compared:
         inside = {}
         for form in forms:
             fitted = _fit(remainder, screen, form, units)
-            inside[form] = sum(_gain(remainder, fitted, unit) for unit in units)
-            inside[form] -= 0.5 * PENALTY * (1 + len(form.shapes))
+            gained = np.array([_gain(remainder, fitted, unit) for unit in units])
+            gained -= 0.5 * PENALTY * (1 + len(form.shapes)) / len(units)
+            inside[form] = interval_of_mean(gained)[0]
             for unit in fold:
                 gains[form][unit] = _gain(remainder, fitted, unit)
         picked = max(own, key=lambda form: inside[form])
