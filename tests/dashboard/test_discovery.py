@@ -13,8 +13,9 @@ from tests.blind.generator.case import Case, Design, Hidden
 from tests.blind.generator.study import Seeds, make_study
 from tests.dashboard.conftest import OpenPage
 from tests.dashboard.lab import Lab, enter, expect_no_violations, read_only, running
-from tests.service.discovery.found import discovery, left, pair
+from tests.service.discovery.found import across, discovery, left, pair
 
+from frictus_service.discovery.across_studies import page as across_page
 from frictus_service.discovery.document import Discovery
 from frictus_service.discovery.jobs import DiscoveryResult, DiscoverySpec, DiscoveryStore
 from frictus_service.discovery.report.findings import verdict_sentence
@@ -147,6 +148,31 @@ def test_reads_every_part_of_a_report(
                 summary.click()
         tests = page.get_by_role("table", name="p values are corrected for all causes together")
         expect(tests.get_by_role("row", name="speed dependent cutoff")).to_contain_text("named")
+        expect_no_violations(page)
+
+
+def test_the_answer_of_several_studies_is_shown(lab: Lab, open_page: OpenPage) -> None:
+    shelf = DiscoveryStore(lab.config.studies)
+    names = ("first", "second")
+    for name in names:
+        (lab.config.studies / f"{name}.h5").touch()
+    job = shelf.create(DiscoverySpec(study=tuple(f"{name}.h5" for name in names)), "somebody")
+    found = across(names)
+    across_page.write(found, shelf.folder(job.id))
+    result = DiscoveryResult(verdict=None, sentence=found.sentence, causes=())
+    shelf.change(job.id, "done", of=("queued",), result=result)
+    with open_page() as page:
+        arrive(page, lab)
+        row = page.get_by_role("row", name="first.h5, second.h5")
+        expect(row).to_contain_text(found.sentence)
+        row.get_by_role("link").click()
+        view = page.locator("#view-discovery")
+        expect(view.get_by_text(found.sentence, exact=True)).to_be_visible()
+        expect(view).to_contain_text("Left out: bad.h5: it is no study")
+        each = page.get_by_role("table", name="Each study by itself")
+        expect(each.get_by_role("row", name="second")).to_contain_text(
+            "nothing reproducible is wrong"
+        )
         expect_no_violations(page)
 
 

@@ -1,10 +1,19 @@
-"""A discovery as it comes from a constant cutoff on fingers that follow the paper's law."""
+"""A discovery as it comes from a constant cutoff on fingers that follow the paper's law.
 
+And one of several studies in which nothing is wrong.
+"""
+
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from frictus.model import Effect, FirstOrderSpeedLaw, Model
+from frictus_service.discovery.across_studies.document import (
+    AcrossStudies,
+    StudyLeftOut,
+    StudyOutcome,
+)
 from frictus_service.discovery.catalogue.causes import CAUSES, separating_experiment
 from frictus_service.discovery.document import (
     Alternative,
@@ -175,5 +184,38 @@ def discovery(rng: np.random.Generator, **changes: Any) -> Discovery:
             )
             for speed in SPEEDS_MM_S
         ),
+    )
+    return said.model_copy(update=changes)
+
+
+def across(studies: Sequence[str], **changes: Any) -> AcrossStudies:
+    """Return what is said of several clean studies, by name, and of one that is none."""
+    said = AcrossStudies(
+        code_version="0.1.0",
+        response="friction",
+        base_model=Model(
+            base=FirstOrderSpeedLaw(
+                gain_n=0.39, cutoff_0_hz=CUTOFF_0_HZ, slope_hz_per_mm_s=SLOPE
+            )
+        ),
+        sentence="Nothing is wrong in any of them.",
+        causes=(),
+        base_parameters=(),
+        studies=tuple(
+            StudyOutcome(
+                name=name,
+                path=f"{name}.h5",
+                sha256="0" * 64,
+                participants=6,
+                trials=24,
+                trials_used=24,
+                held_out="participants",
+                verdict="clean",
+                causes=(),
+                report=f"studies/{name}/report.html",
+            )
+            for name in studies
+        ),
+        left_out=(StudyLeftOut(path="bad.h5", reason="it is no study"),),
     )
     return said.model_copy(update=changes)

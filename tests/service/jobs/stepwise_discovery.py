@@ -9,10 +9,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from tests.service.discovery.found import discovery
+from tests.service.discovery.found import across, discovery
 
 from frictus_service.discovery.across_studies import page
-from frictus_service.discovery.across_studies.document import AcrossStudies, StudyOutcome
 from frictus_service.discovery.jobs import (
     DiscoveryProgress,
     DiscoveryResult,
@@ -21,7 +20,6 @@ from frictus_service.discovery.jobs import (
 from frictus_service.discovery.report.findings import verdict_sentence
 from frictus_service.discovery.report.page import write
 from frictus_service.errors import DiscoveryCancelledError, StudyError
-from frictus_service.synthesis.compensability import placeholder_model
 
 STEPS = 3
 
@@ -55,40 +53,13 @@ def run(
     if study.stem == "fatal":
         os._exit(11)
     if len(studies) > 1:
-        across = _across(studies)
-        page.write(across, folder)
-        return DiscoveryResult(verdict=None, sentence=across.sentence, causes=())
+        together = across([each.stem for each in studies])
+        page.write(together, folder)
+        return DiscoveryResult(verdict=None, sentence=together.sentence, causes=())
     found = discovery(np.random.default_rng(spec.seed))
     write(found, folder)
     return DiscoveryResult(
         verdict=found.verdict,
         sentence=verdict_sentence(found),
         causes=tuple(cause.id for cause in found.causes),
-    )
-
-
-def _across(studies: Sequence[Path]) -> AcrossStudies:
-    return AcrossStudies(
-        code_version="0.1.0",
-        response="friction",
-        base_model=placeholder_model(),
-        sentence="Nothing is wrong in any of them.",
-        causes=(),
-        base_parameters=(),
-        studies=tuple(
-            StudyOutcome(
-                name=study.stem,
-                path=str(study),
-                sha256="0" * 64,
-                participants=6,
-                trials=24,
-                trials_used=24,
-                held_out="participants",
-                verdict="clean",
-                causes=(),
-                report=f"studies/{study.stem}/report.html",
-            )
-            for study in studies
-        ),
-        left_out=(),
     )
