@@ -152,6 +152,7 @@ def test_reads_every_part_of_a_report(
 
 
 def test_the_answer_of_several_studies_is_shown(lab: Lab, open_page: OpenPage) -> None:
+    lab.config.studies.mkdir(exist_ok=True)
     shelf = DiscoveryStore(lab.config.studies)
     names = ("first", "second")
     for name in names:
