@@ -2,7 +2,9 @@
 
 Forms are screened as the catalogue is, each at every shape of its grid; the most promising
 families are fitted, and chosen among, by people who were not fitted (cross-fitting): the gain
-of a person never rests on a form, a shape or a size to which that person contributed. The p
+of a person never rests on a form, a shape or a size to which that person contributed. Of forms
+that those people do not tell apart, the one that leaves least of all people is named, with
+everybody's own parameters fitted beside it; the others stay rivals. The p
 value is that of the largest of all forms and shapes over sign flips: corrected for all that was
 searched, as far as people deviate symmetrically and independently.
 """
@@ -105,11 +107,12 @@ def characterise(
         return None
     remainder = Remainder.of(problem, model)
     compared = _compare(remainder, screen)
-    best = compared.best
     if interval_of_mean(compared.honest)[0] <= 0.0:
         return None
-    fitted = _fit(remainder, screen, best, range(len(screen.units)))
-    fitted, beside = _again(problem, model, fitted)
+    named = _named(problem, model, remainder, screen, compared.gaining())
+    if named is None:
+        return None
+    fitted, beside = named
     left = find_unexplained(
         beside[0], beside[1], [u.beyond(model.chosen) for u in beside[1].units], flips
     )
@@ -118,7 +121,29 @@ def characterise(
     share = gained / (gained + rest)
     if share < LEAST_SHARE:
         return None
-    return Characterised(fitted, p_value, compared.honest, share, compared.rivals(), *beside)
+    rivals = compared.rivals(fitted.form)
+    return Characterised(fitted, p_value, compared.honest, share, rivals, *beside)
+
+
+def _named(
+    problem: DiscoveryProblem,
+    model: Linearised,
+    remainder: Remainder,
+    screen: "_Screen",
+    forms: Sequence[Form],
+) -> tuple[FittedForm, tuple[DiscoveryProblem, Linearised]] | None:
+    """Return the form that leaves least with own parameters fitted beside it, and that model.
+
+    None where no form leaves less than the model without one.
+    """
+    found, least = None, remainder.misfit(problem, model)
+    for form in forms:
+        begin = _fit(remainder, screen, form, range(len(screen.units)))
+        fitted, beside = _again(problem, model, begin)
+        left = remainder.misfit(*beside) + PENALTY * (1 + len(form.shapes))
+        if left < least:
+            found, least = (fitted, beside), left
+    return found
 
 
 def _again(
@@ -251,26 +276,31 @@ class _Compared:
     gains: dict[Form, FloatArray]
     honest: FloatArray
 
-    @property
-    def best(self) -> Form:
-        """The form that surely gains most; simpler where more parameters gain nothing."""
-        best = max(self.gains, key=self._sure)
-        simpler = [
-            form
-            for form, gain in self.gains.items()
-            if form.id == best.id
-            and len(form.shapes) < len(best.shapes)
-            and interval_of_mean(self.gains[best] - gain)[0] <= 0.0
-        ]
-        return simpler[0] if simpler else best
+    def alike(self) -> tuple[Form, ...]:
+        """Return the forms that are not told from the one that surely gains most, it first.
 
-    def rivals(self) -> tuple[Form, ...]:
-        """Return the best form of each other family that is not told from the best."""
-        best = self.best
+        Of forms that differ in what their strength follows only, the simpler.
+        """
+        forms = sorted(self.gains, key=self._sure, reverse=True)
+        alike = [
+            form
+            for form in forms
+            if interval_of_mean(self.gains[forms[0]] - self.gains[form])[0] <= 0.0
+        ]
+        fewest: dict[str, int] = {}
+        for form in alike:
+            fewest[form.id] = min(len(form.shapes), fewest.get(form.id, len(form.shapes)))
+        return tuple(form for form in alike if len(form.shapes) == fewest[form.id])
+
+    def gaining(self) -> tuple[Form, ...]:
+        """Return those of `alike` that surely gain: what may be named."""
+        return tuple(form for form in self.alike() if self._sure(form) > 0.0)
+
+    def rivals(self, named: Form) -> tuple[Form, ...]:
+        """Return the surest form of each other family that is not told from the surest."""
         found: dict[str, Form] = {}
-        for form in sorted(self.gains, key=self._sure, reverse=True):
-            ahead = self.gains[best] - self.gains[form]
-            if form.family != best.family and interval_of_mean(ahead)[0] <= 0.0:
+        for form in self.alike():
+            if form.family != named.family:
                 found.setdefault(form.family, form)
         return tuple(found.values())
 

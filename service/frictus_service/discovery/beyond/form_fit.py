@@ -18,7 +18,7 @@ from frictus_hardware.physics.effects import FORMS, extended
 from frictus_service.discovery.beyond.grammar import Form
 from frictus_service.discovery.evidence.residuals import accuracy_of, reduce
 from frictus_service.discovery.inference.linear_model import orthonormal
-from frictus_service.discovery.inference.linearisation import Linearised
+from frictus_service.discovery.inference.linearisation import Linearised, misfits
 from frictus_service.discovery.problem.problem import DiscoveryProblem
 
 ROUNDS: Final = 60
@@ -91,6 +91,18 @@ class Remainder:
         subject = problem.subjects[unit]
         left = problem.rest(subject, model.own[unit], model.chosen, model.coefficients[unit])
         return model.whitenings[unit](reduce(subject.layout, left)) / self.scales[unit]
+
+    def misfit(self, problem: DiscoveryProblem, model: Linearised) -> float:
+        """Return the sum of squares that another model leaves, units divided by their scales.
+
+        Parameters
+        ----------
+        problem : DiscoveryProblem
+            The same data; another base model.
+        model : Linearised
+            Fitted to it.
+        """
+        return float((misfits(problem, model, self.model) / np.square(self.scales)).sum())
 
     def accuracy(self, unit: int) -> FloatArray:
         """Return what measuring is accurate to, whitened, of each reading."""

@@ -322,7 +322,12 @@ def _again(
 
 
 def misfit(problem: DiscoveryProblem, model: Linearised, ruler: Linearised) -> float:
-    """Return the sum of squares that a model leaves, whitened as about another.
+    """Return the sum of squares that a model leaves of all units: that of `misfits`."""
+    return float(misfits(problem, model, ruler).sum())
+
+
+def misfits(problem: DiscoveryProblem, model: Linearised, ruler: Linearised) -> FloatArray:
+    """Return the sum of squares that a model leaves of each unit, whitened as about another.
 
     Parameters
     ----------
@@ -332,13 +337,17 @@ def misfit(problem: DiscoveryProblem, model: Linearised, ruler: Linearised) -> f
         A fitted model with the units about it.
     ruler : Linearised
         The same for all models that are compared.
+
+    Returns
+    -------
+    ndarray, shape (n_units,)
     """
-    total = 0.0
+    left = []
     for place, whitening in enumerate(ruler.whitenings):
         own, at = model.own[place], model.coefficients[place]
         rest = _whitened_rest(problem, place, whitening, own, model.chosen, at)
-        total += _beyond(orthonormal(ruler.units[place].own), rest)
-    return total
+        left.append(_beyond(orthonormal(ruler.units[place].own), rest))
+    return np.array(left)
 
 
 def columns_of(

@@ -1,14 +1,23 @@
 """Which of several forms describes what is left."""
 
 import numpy as np
+import pytest
+from tests.service.discovery.made import MOUNT, Design, facts, made
 
-from frictus_service.discovery.beyond.characterise import _Compared
-from frictus_service.discovery.beyond.grammar import grammar
+from frictus_service.discovery.beyond.characterise import _Compared, _named, _Screen
+from frictus_service.discovery.beyond.form_fit import Remainder
+from frictus_service.discovery.beyond.grammar import Form, grammar
+from frictus_service.discovery.discover import pose
+from frictus_service.discovery.inference.linearisation import linearise
+from frictus_service.discovery.problem.base_models import base_model
 
-KNEE, RESONANCE, ECHO = (
+KNEE, SWITCH, RESONANCE, ECHO = (
     next(form for form in grammar() if form.id == id_)
-    for id_ in ("cutoff_knee_above_speed", "extra_resonance", "echo")
+    for id_ in ("cutoff_knee_above_speed", "cutoff_switch_by_speed", "extra_resonance", "echo")
 )
+TONES = tuple(np.round(np.geomspace(31.0, 1888.0, 12), 1).tolist())
+MANY_TONES = Design(tones_hz=TONES, tones_per_trial=4, forces_n=(0.4,), repeats=1)
+MANY_SPEEDS = Design(speeds_mm_s=(25.0, 40.0, 55.0, 75.0, 100.0), forces_n=(0.4,), repeats=1)
 
 
 def test_a_form_that_everybody_shows_comes_before_one_that_a_few_show_much(
@@ -19,8 +28,11 @@ def test_a_form_that_everybody_shows_comes_before_one_that_a_few_show_much(
     few[rng.integers(8)] = 2.0 * everybody.sum()
     compared = _Compared({RESONANCE: few, KNEE: everybody}, everybody)
     assert few.sum() > everybody.sum()
-    assert compared.best is KNEE
-    assert compared.rivals() == (RESONANCE,)  # that one person keeps it from being ruled out
+    assert compared.alike() == (KNEE, RESONANCE)
+    assert compared.gaining() == (KNEE,)
+    assert compared.rivals(KNEE) == (
+        RESONANCE,
+    )  # that one person keeps it from being ruled out
 
 
 def test_what_nobody_tells_from_the_best_is_named_once_a_family_the_surest_first(
@@ -30,5 +42,30 @@ def test_what_nobody_tells_from_the_best_is_named_once_a_family_the_surest_first
     alike = gain + np.array([1.0, -1.5] * 4)
     gains = {ECHO: alike - 0.1, KNEE: gain, RESONANCE: gain - rng.uniform(5.0, 9.0, 8)}
     compared = _Compared(gains, gain)
-    assert compared.best is KNEE
-    assert compared.rivals() == (ECHO,)
+    assert compared.alike() == (KNEE, ECHO)
+    assert compared.rivals(KNEE) == (ECHO,)
+    assert compared.rivals(ECHO) == (KNEE,)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("true", "other", "values", "design"),
+    [
+        (ECHO, RESONANCE, {"share": 0.08, "delay_s": 0.0006}, MANY_TONES),
+        (KNEE, SWITCH, {"exponent": -0.6, "threshold_mm_s": 65.0}, MANY_SPEEDS),
+    ],
+)
+def test_of_forms_not_told_apart_the_one_is_named_that_leaves_least_beside_own_parameters(
+    true: Form, other: Form, values: dict[str, float], design: Design, rng: np.random.Generator
+) -> None:
+    evidence = made(rng, [(true.id, values)], design)
+    problem = pose(evidence, facts(evidence), MOUNT, base_model("paper", "friction")).problem
+    assert problem is not None
+    model = linearise(problem, ())
+    remainder, screen = Remainder.of(problem, model), _Screen.of(problem, model)
+    forms = [next(form for form in screen.forms if form == one) for one in (other, true)]
+    named = _named(problem, model, remainder, screen, forms)
+    assert named is not None
+    assert named[0].form == true
+    assert remainder.misfit(*named[1]) < 0.9 * remainder.misfit(problem, model)
+    assert _named(problem, model, remainder, screen, ()) is None
