@@ -22,6 +22,10 @@ browser:
 ci:
     .ci/run
 
+# analyses and processes of many seconds each: 12 minutes
+long:
+    .ci/long
+
 # the documentation, at http://127.0.0.1:8000
 docs:
     uv run --group docs mkdocs serve

@@ -150,6 +150,7 @@ def painted(page: Page) -> bool:
     return drawn
 
 
+@pytest.mark.long
 def test_from_the_first_click_to_the_active_model(page: Page, lab: Lab) -> None:
     start(page, "P01", BRIEF)
     expect(page.get_by_role("heading", name="P01, quick protocol")).to_be_visible()

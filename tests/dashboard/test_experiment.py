@@ -107,6 +107,7 @@ def answered(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [row for row in rows if row.get("status") == "answered"]
 
 
+@pytest.mark.long
 def test_a_threshold_by_clicks_of_who_feels_the_friction(
     experimenter: Page, tablet: Page, lab: Lab, rng: np.random.Generator, tmp_path: Path
 ) -> None:
