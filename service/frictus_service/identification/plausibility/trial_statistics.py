@@ -1,6 +1,7 @@
 """A few numbers of the samples of one trial, which the checks pool over trials."""
 
 from dataclasses import astuple, dataclass, fields
+from functools import partial
 from typing import Final, Self
 
 import numpy as np
@@ -18,6 +19,8 @@ BAND_HZ: Final = (20.0, 1000.0)
 """In which the power along and across is compared."""
 APART_S: Final = 0.4
 """Changes of velocity are taken over so long: a reversal fits, gravity's drift does not."""
+BLOCK_S: Final = 0.5e-3
+"""Sums of a sensor over so long are enough for how a finger moves."""
 LEAST_CHANGE_M_S: Final = 0.02
 """Standard deviation of these changes, below which nothing is compared: the finger went on."""
 LEAST_SPEED_MM_S: Final = 2.0
@@ -25,6 +28,8 @@ AROUND_S: Final = 0.1
 """Positions so long before the first and after the last sample contradict no clock."""
 ONE_SIDED: Final = 0.25
 """Share of a voltage's mean square that its mean has at most where there is a carrier."""
+ENOUGH: Final = 10_000
+"""Samples for the median of a force: to sort ten times as many would tell the same."""
 PRESSED: Final = 0.25
 """Of the strongest force: what presses."""
 
@@ -111,7 +116,15 @@ def statistics_of(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> T
     duration_s = trial.force_n.shape[0] / trial.info.sample_rate_hz
     times = trial.position_t_s[np.isfinite(trial.position_mm).all(axis=1)]
     covered = _covered(times, duration_s) if times.size > 1 else np.nan
-    medians = [_median(column) for column in trial.force_n.T]
+    force_n = np.ascontiguousarray(trial.force_n.T)  # whole axes are looked through, many times
+    known = np.isfinite(force_n)
+    axes = [
+        axis if here.all() else axis[here] for axis, here in zip(force_n, known, strict=True)
+    ]
+    medians = [float(np.median(_spread(axis))) if axis.size else np.nan for axis in axes]
+    rate_hz = trial.info.sample_rate_hz
+    whole: NDArray[np.bool_] = known.all(axis=0)
+    swept = partial(_swept, course, force_n, whole, rate_hz)
     motion_power, shared, skin_power = _kinematics(trial, course)
     return TrialStatistics(
         duration_s,
@@ -120,13 +133,11 @@ def statistics_of(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> T
         _across_motion(course),
         medians[2],
         max(abs(medians[0]), abs(medians[1])),
-        _flips(trial.force_n[:, 2]),
-        *_swept(trial, course, 1),
-        *_swept(trial, course, -1),
-        _across(trial.force_n, trial.info.sample_rate_hz),
-        np.nan
-        if trial.accel_m_s2 is None
-        else _across(trial.accel_m_s2, trial.info.sample_rate_hz),
+        _flips(axes[2]),
+        *swept(1),
+        *swept(-1),
+        _across(trial.force_n, rate_hz),
+        np.nan if trial.accel_m_s2 is None else _across(trial.accel_m_s2, rate_hz),
         motion_power,
         shared,
         skin_power,
@@ -142,16 +153,16 @@ def _covered(times_s: FloatArray, duration_s: float) -> float:
     return span_s / duration_s
 
 
-def _median(values: FloatArray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size else np.nan
+def _spread(samples: FloatArray) -> FloatArray:
+    """Return samples from the whole of a trial, fewer than twice `ENOUGH`."""
+    return samples[:: max(samples.size // ENOUGH, 1)]
 
 
 def _flips(normal_n: FloatArray) -> float:
-    known = normal_n[np.isfinite(normal_n)]
-    if not known.size:
+    if not normal_n.size:
         return np.nan
-    pressing = known[np.abs(known) > PRESSED * np.quantile(np.abs(known), 0.9)]
+    size_n = np.abs(normal_n)
+    pressing = normal_n[size_n > PRESSED * np.quantile(_spread(size_n), 0.9)]
     if not pressing.size:
         return np.nan
     negative = float(np.mean(pressing < 0.0))
@@ -168,29 +179,43 @@ def _across_motion(course: FingerTrajectory) -> float:
 
 
 def _swept(
-    trial: Trial, course: FingerTrajectory, direction: int
+    course: FingerTrajectory,
+    force_n: FloatArray,
+    known: NDArray[np.bool_],
+    rate_hz: float,
+    direction: int,
 ) -> tuple[float, float, float, float]:
-    """Return mean forces along, across and into the screen, and seconds, in one direction."""
-    totals, seconds = np.zeros(3), 0.0
-    rate_hz = trial.info.sample_rate_hz
+    """Return mean forces along, across and into the screen, and seconds, in one direction.
+
+    Parameters
+    ----------
+    course : FingerTrajectory
+        Of the finger.
+    force_n : ndarray, shape (3, n_samples)
+    known : ndarray, shape (n_samples,)
+        Whether all three axes are.
+    rate_hz : float
+        Of the samples.
+    direction : int
+        1 to the right, -1 to the left.
+    """
+    whole = bool(known.all())
+    totals, samples = np.zeros(3), 0
     for segment in course.segments:
         if segment.direction != direction:
             continue
-        first, last = (int(at * rate_hz) for at in (segment.begin_s, segment.end_s))
-        force = trial.force_n[max(first, 0) : max(last, 0)]
-        force = force[np.isfinite(force).all(axis=1)]
-        if not force.shape[0]:
-            continue
-        x, y, z = force.mean(axis=0)
+        first, last = (max(int(at * rate_hz), 0) for at in (segment.begin_s, segment.end_s))
+        force = force_n[:, first:last]
+        if not whole:
+            force = force[:, known[first:last]]
+        x, y, z = force.sum(axis=1)
         along_x, along_y = segment.along
-        lasting = force.shape[0] / rate_hz
-        found = (x * along_x + y * along_y, y * along_x - x * along_y, z)
-        totals += lasting * np.array(found)
-        seconds += lasting
-    if seconds == 0.0:
+        totals += (x * along_x + y * along_y, y * along_x - x * along_y, z)
+        samples += force.shape[1]
+    if not samples:
         return np.nan, np.nan, np.nan, 0.0
-    along, across, normal = (totals / seconds).tolist()
-    return along, across, normal, seconds
+    along, across, normal = (totals / samples).tolist()
+    return along, across, normal, samples / rate_hz
 
 
 def _across(samples: FloatArray, rate_hz: float) -> float:
@@ -236,11 +261,14 @@ def _kinematics(trial: Trial, course: FingerTrajectory) -> tuple[float, float, f
     if np.count_nonzero(inside) < 3 or not np.isfinite(sensor).any():
         return np.nan, np.nan, np.nan
     first, last = first[inside], last[inside]
-    total = np.concatenate([[0.0], np.cumsum(np.nan_to_num(sensor)) / rate_hz])
-    clock = np.arange(total.size) / rate_hz
+    block = max(int(BLOCK_S * rate_hz), 1)
+    blocks = sensor[: sensor.size // block * block].reshape(-1, block)
+    total = np.append(0.0, np.cumsum(np.nansum(blocks, axis=1))) / rate_hz
+    clock = np.arange(total.size) * (block / rate_hz)
     if trial.accel_m_s2 is not None:
         # What a tone does to the skin turns with the direction: reports would see it as motion.
-        total = uniform_filter1d(total, round(2.0 * WINDOW_S * rate_hz), mode="nearest")
+        smoothed = round(2.0 * WINDOW_S * rate_hz / block)
+        total = uniform_filter1d(total, smoothed, mode="nearest")
     measured = np.interp(last, clock, total) - np.interp(first, clock, total)
     along = motion.velocity_mm_s[:, 0] / 1000.0
     if trial.accel_m_s2 is not None:
