@@ -123,7 +123,7 @@ def statistics_of(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> T
     ]
     medians = [float(np.median(_spread(axis))) if axis.size else np.nan for axis in axes]
     rate_hz = trial.info.sample_rate_hz
-    whole: NDArray[np.bool_] = known.all(axis=0)
+    whole = np.logical_and.reduce(known, axis=0)
     swept = partial(_swept, course, force_n, whole, rate_hz)
     motion_power, shared, skin_power = _kinematics(trial, course)
     return TrialStatistics(
