@@ -1,7 +1,9 @@
 """One block as the loop hands it over, and what a rig publishes of it."""
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -171,15 +173,23 @@ def _channels(
 def _rendered(turn: BlockRecord, sample_rate_hz: float) -> NDArray[np.float64]:
     """Return position, speed, target, drive and sensors at every sample of what is rendered."""
     motion, n_samples = turn.motion, turn.drive.size
-    time_s = np.arange(n_samples) / sample_rate_hz
-    share = np.arange(n_samples) / n_samples
-    half = 0.5 * share * time_s
+    weights = (
+        (motion.x_mm, 0.0, motion.vx_0, motion.vx_1 - motion.vx_0),
+        (motion.y_mm, 0.0, motion.vy_0, motion.vy_1 - motion.vy_0),
+        (motion.speed_0, motion.speed_1 - motion.speed_0, 0.0, 0.0),
+    )
     rows = np.empty((6, n_samples))
-    rows[0] = motion.x_mm + motion.vx_0 * time_s + (motion.vx_1 - motion.vx_0) * half
-    rows[1] = motion.y_mm + motion.vy_0 * time_s + (motion.vy_1 - motion.vy_0) * half
-    rows[2] = motion.speed_0 + (motion.speed_1 - motion.speed_0) * share
+    np.matmul(weights, _course(n_samples, sample_rate_hz), out=rows[:3])
     rows[3], rows[4], rows[5] = turn.target_n, turn.drive, turn.sensors.value
     return rows
+
+
+@lru_cache(maxsize=8)
+def _course(n_samples: int, sample_rate_hz: float) -> NDArray[np.float64]:
+    """Return 1, the share of a block that has passed, time in s, and half their product."""
+    time_s = np.arange(n_samples) / sample_rate_hz
+    share = np.arange(n_samples) / n_samples
+    return np.stack((np.ones(n_samples), share, time_s, 0.5 * share * time_s))
 
 
 def finger_of(turn: BlockRecord, stamp: Stamp, info: RigInfo) -> FingerState | None:
@@ -189,7 +199,7 @@ def finger_of(turn: BlockRecord, stamp: Stamp, info: RigInfo) -> FingerState | N
     """
     exchange = turn.exchange
     x_mm, y_mm, vx_mm_s, vy_mm_s = turn.finger
-    if not np.all(np.isfinite((*turn.finger, turn.normal_force_n))):
+    if not all(map(math.isfinite, (*turn.finger, turn.normal_force_n))):
         return None
     # Before the first report there is no age; the longest that a message holds says so.
     age_ms = min(1e3 * turn.report_age_s, 1e9)
@@ -213,7 +223,7 @@ def finger_of(turn: BlockRecord, stamp: Stamp, info: RigInfo) -> FingerState | N
 
 def touch_of(report: TouchReport, run: int, info: RigInfo) -> TouchState | None:
     """Return a touch report as it came; None for one that is not finite, which none can use."""
-    if not np.all(np.isfinite((report.measured_sample, report.x_mm, report.y_mm))):
+    if not all(map(math.isfinite, (report.measured_sample, report.x_mm, report.y_mm))):
         return None
     return TouchState(
         run=run,
