@@ -77,44 +77,21 @@ def worst(values: Sequence[float]) -> str:
     return f"{np.median(values):.3f} ({np.quantile(values, 0.95):.3f}, {max(values):.3f})"
 
 
-MARKS: Final = {
-    "before shapes held back": "bac66e6c",
-    "eight filters": None,
-    "before the last mends": "9960ad97",
-}
-"""Of former codes; None: lines had no mark."""
-
-
 def counted(lines: list[Line]) -> list[Line]:
-    """Return the sessions that count: where a kind has some of the present code, only these.
+    """Return the sessions of the present code: those of another are not counted.
 
     Parameters
     ----------
     lines : list of dict
         Of the campaign, of any code.
     """
-    present = {_kind(line) for line in lines if line.get("code") == code()}
-    return [line for line in lines if line.get("code") == code() or _kind(line) not in present]
-
-
-def _kind(line: Line) -> str:
-    name: str = line["name"]
-    return name.rpartition("/")[0]
+    return [line for line in lines if line.get("code") == code()]
 
 
 def sources(lines: list[Line]) -> str:
-    """Return how many sessions of each kind are of which code."""
-    rows = []
-    for kind in dict.fromkeys(line["name"].split("/")[0] for line in lines):
-        found = Sessions(lines, f"{kind}/")
-        row = [kind]
-        for mark in (code(), *MARKS.values()):
-            of = [line for line in found.lines if line.get("code") == mark]
-            which = sorted({_kind(line).partition("/")[2] for line in of})
-            mixed = f" ({', '.join(which)})" if 0 < len(of) < len(found) / 2 else ""
-            row.append(f"{len(of)}{mixed}")
-        rows.append(row)
-    return table(("sessions of", "present code", *MARKS), rows)
+    """Return how many sessions there are of each kind."""
+    kinds = Counter(line["name"].split("/")[0] for line in lines)
+    return table(list(kinds), [[str(count) for count in kinds.values()]])
 
 
 def learned(lines: list[Line]) -> str:
