@@ -18,7 +18,11 @@ from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.errors import EstimateError
 from frictus_service.tracking.adaptation import ADAPT_EVERY_S
-from frictus_service.tracking.evidence.signatures import SHAPED_BY_A_FINGER
+from frictus_service.tracking.evidence.signatures import (
+    LAW_CAUSES,
+    LAW_SIZES,
+    SHAPED_BY_A_FINGER,
+)
 from frictus_service.tracking.law_estimate import LawEstimate
 
 KNOWN_WITHIN: Final = 0.05
@@ -46,6 +50,12 @@ FELT_HZ: Final = np.geomspace(40.0, 1_000.0, 15)
 """Where two laws are compared, as bands of a third of an octave are spaced."""
 LAW: Final = slice(0, 3)
 """The finger's part of `calibration.coordinates`: the cutoffs and the gain."""
+DELAY: Final = 3
+"""The rig's part."""
+DELAY_WITHIN_S: Final = 0.5 * LAW_SIZES[LAW_CAUSES.index("delay")].tolerated
+"""Half of what raises no alarm. A mount whose resonance shifts by a twentieth is felt as
+another gain and cutoff, with some textures, and as a delay of 10 us or more, with all; where
+the rig is right the delay is known within 1 us, and off by less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +142,13 @@ def held_back(
         )
     if now.suspected:
         return f"the rig may be wrong ({', '.join(sorted(now.suspected))}): more will tell"
+    late_s = float(estimate.mean[DELAY] - in_force[DELAY])
+    if abs(late_s) - estimate.half_width[DELAY] > DELAY_WITHIN_S:
+        return (
+            f"friction comes {1e6 * late_s:+.0f} us later than the model says, of which "
+            f"{1e6 * DELAY_WITHIN_S:.1f} is believed, and no finger does that: check the mount "
+            "and the channels, or calibrate on this rig"
+        )
     if now.since_felt_s > FRESH_S:
         return f"the finger was last felt {now.since_felt_s:.0f} s ago"
     loosest = loosest_half_width(estimate, speeds_mm_s)

@@ -20,6 +20,7 @@ from frictus_service.tracking.evidence.signatures import (
 )
 from frictus_service.tracking.law_estimate import HIGHEST_HZ, RESPONSE_WITHIN, LawEstimate
 from frictus_service.tracking.policy import (
+    DELAY_WITHIN_S,
     KNOWN_WITHIN,
     WATCHED_AGAIN,
     WATCHED_WINDOWS,
@@ -70,6 +71,18 @@ def test_what_is_wrong_with_the_rig_holds_it_back() -> None:
     assert "delay" in told(estimate(TWICE), wrong=("delay",))
     suspicion = replace(FREE, suspected=("mount_resonance_shift",))
     assert "may be wrong (mount_resonance_shift)" in told(estimate(TWICE), suspicion)
+
+
+def test_friction_that_comes_later_than_any_finger_makes_it_holds_it_back() -> None:
+    """A mount that shifted looks like gain and cutoff, with some textures, and always late."""
+    half = estimate(TWICE).half_width[3]
+    for sign in (-1.0, 1.0):
+        late = TWICE + np.array([0.0, 0.0, 0.0, sign * (DELAY_WITHIN_S + 1.01 * half)])
+        why = told(estimate(late))
+        assert "check the mount" in why
+        assert f"{1e6 * late[3]:+.0f} us" in why
+        near = TWICE + np.array([0.0, 0.0, 0.0, sign * (DELAY_WITHIN_S + 0.99 * half)])
+        assert told(estimate(near)) == ""  # its interval still holds what is believed
 
 
 def test_a_response_of_another_shape_is_not_fitted_by_gain_and_cutoff() -> None:
