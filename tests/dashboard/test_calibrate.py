@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Locator, Page, expect
 from tests.dashboard.conftest import OpenPage
-from tests.dashboard.lab import Lab, enter, expect_no_violations, read_only, running
+from tests.dashboard.lab import WIDTHS, Lab, enter, expect_no_violations, read_only, running
 
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.config import SimulatedParticipant
@@ -172,7 +172,7 @@ def test_from_the_first_click_to_the_active_model(page: Page, lab: Lab) -> None:
     protocol = calibration["spec"]["protocol"]
     assert (protocol["speeds_mm_s"], protocol["precision"]) == ([30.0, 90.0], 0.1)
     expect_result(page, calibration["result"])
-    expect_no_violations(page)
+    expect_no_violations(page, WIDTHS)
 
     page.get_by_label("Comment").fill("by clicks alone")
     page.get_by_role("button", name="Publish").click()

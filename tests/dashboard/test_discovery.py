@@ -12,7 +12,7 @@ from playwright.sync_api import Locator, Page, expect
 from tests.blind.generator.case import Case, Design, Hidden
 from tests.blind.generator.study import Seeds, make_study
 from tests.dashboard.conftest import OpenPage
-from tests.dashboard.lab import Lab, enter, expect_no_violations, read_only, running
+from tests.dashboard.lab import WIDTHS, Lab, enter, expect_no_violations, read_only, running
 from tests.service.discovery.found import across, discovery, left, pair
 
 from frictus_service.discovery.across_studies import page as across_page
@@ -148,7 +148,7 @@ def test_reads_every_part_of_a_report(
                 summary.click()
         tests = page.get_by_role("table", name="p values are corrected for all causes together")
         expect(tests.get_by_role("row", name="speed dependent cutoff")).to_contain_text("named")
-        expect_no_violations(page)
+        expect_no_violations(page, WIDTHS)
 
 
 def test_the_answer_of_several_studies_is_shown(lab: Lab, open_page: OpenPage) -> None:
@@ -174,7 +174,7 @@ def test_the_answer_of_several_studies_is_shown(lab: Lab, open_page: OpenPage) -
         expect(each.get_by_role("row", name="second")).to_contain_text(
             "nothing reproducible is wrong"
         )
-        expect_no_violations(page)
+        expect_no_violations(page, WIDTHS)
 
 
 def test_reader_reads_and_saves_but_starts_nothing(

@@ -155,7 +155,7 @@ def test_a_threshold_by_clicks_of_who_feels_the_friction(
     table = Path(saved.value.path()).read_text("utf-8").splitlines()
     assert table[0].startswith("onset\tduration")
     assert len(table) == TRIALS + 2
-    expect_no_violations(experimenter)
+    expect_no_violations(experimenter, WIDTHS)
     experimenter.reload()
     expect(experimenter.locator("#view-experiment figure .summary")).to_have_text(said)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Locator, Page, Route, expect
 from tests.dashboard.conftest import OpenPage
-from tests.dashboard.lab import Lab, enter, expect_no_violations, read_only, running
+from tests.dashboard.lab import WIDTHS, Lab, enter, expect_no_violations, read_only, running
 
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.physics.friction import FrictionLaw, frequency_response
@@ -229,7 +229,7 @@ def test_anybody_can_use_it(page: Page) -> None:
     expect(table(page, f"{NAME}@1 less {NAME}@2")).to_be_visible()
     for summary in page.locator("#view-models summary").all():
         summary.click()
-    expect_no_violations(page)
+    expect_no_violations(page, WIDTHS)
 
 
 def test_reader_saves_files_and_sees_no_button_that_would_fail(

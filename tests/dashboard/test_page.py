@@ -14,7 +14,15 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, WebSocket, WebSocketRoute, expect
 from tests.dashboard.conftest import OpenPage
-from tests.dashboard.lab import READER, Lab, enter, expect_no_violations, read_only, running
+from tests.dashboard.lab import (
+    READER,
+    WIDTHS,
+    Lab,
+    enter,
+    expect_no_violations,
+    read_only,
+    running,
+)
 
 import frictus
 from frictus_hardware import SimulatedConfig
@@ -257,7 +265,7 @@ def test_what_the_strip_has_more_of_opens_and_closes_by_keyboard(page: Page) -> 
     page.keyboard.press("Enter")
     expect(page.locator("#health-rows")).to_contain_text("Underruns")
     expect(page.locator("#health-rows tr").first).to_be_visible()
-    expect_no_violations(page)
+    expect_no_violations(page, WIDTHS)
     notes.focus()
     expect(page.locator("#health-rows tr").first).to_be_hidden()
     page.keyboard.press("Space")  # it does not stop where a control takes it

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Page, expect
 from tests.dashboard.conftest import OpenPage
-from tests.dashboard.lab import Lab, enter, expect_no_violations, read_only, running
+from tests.dashboard.lab import WIDTHS, Lab, enter, expect_no_violations, read_only, running
 
 import frictus
 from frictus_hardware import SimulatedConfig
@@ -60,7 +60,7 @@ def test_records_by_clicks_lists_and_saves_it(page: Page, lab: Lab) -> None:
         re.compile(r"^The last one, by-clicks: [\d.]+ s, [\d.]+ [kM]B, nothing lost\.$")
     )
     expect(table.get_by_role("row", name="by-clicks")).to_contain_text(" s")
-    expect_no_violations(page)
+    expect_no_violations(page, WIDTHS)
     with page.expect_download() as saved:
         page.get_by_role("button", name="Download by-clicks").click()
     assert saved.value.suggested_filename == "by-clicks.mcap"

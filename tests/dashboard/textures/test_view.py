@@ -7,7 +7,7 @@ import sys
 import pytest
 from playwright.sync_api import Page, expect
 from tests.dashboard.conftest import OpenPage
-from tests.dashboard.lab import Lab, enter, expect_no_violations, read_only
+from tests.dashboard.lab import WIDTHS, Lab, enter, expect_no_violations, read_only
 from tests.dashboard.textures.view import LINES, arrive, choose, drop, links, part, wav
 
 pytestmark = pytest.mark.browser
@@ -27,7 +27,7 @@ def test_anybody_can_use_it(page: Page) -> None:
     ).click()
     for summary in page.locator("#view-textures summary:visible").all():
         summary.click()
-    expect_no_violations(page)
+    expect_no_violations(page, WIDTHS)
 
 
 def test_reader_looks_and_sees_no_button_that_would_fail(lab: Lab, open_page: OpenPage) -> None:
