@@ -5,7 +5,6 @@ The studies themselves: `python -m tests.blind.beyond bench/beyond.jsonl`.
 
 import argparse
 import sys
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -54,16 +53,15 @@ def main() -> None:
 
 
 def page(lines: Sequence[dict[str, Any]]) -> str:
-    """Return the page of a campaign's lines; those of an earlier analysis are not counted."""
-    now = [line for line in lines if "before" not in line]
-    scored = [line for line in now if "score" in line]
+    """Return the page of a campaign's lines."""
+    scored = [line for line in lines if "score" in line]
     of_kind = {
         kind: [_score(line) for line in scored if line["kind"] == kind] for kind in DESIGNS
     }
     forms = {kind: of_kind[kind] for kind in FORMS}
     forms["all"] = [score for scores in forms.values() for score in scores]
     accused = sum(bool(score["causes"]) for score in of_kind["null"])
-    failed = sum("error" in line for line in now)
+    failed = sum("error" in line for line in lines)
     return "\n".join(
         [
             HEAD,
@@ -73,7 +71,7 @@ def page(lines: Sequence[dict[str, Any]]) -> str:
             ),
             "",
             f"Of {len(of_kind['null'])} studies with nothing hidden, {accused} were given a "
-            f"cause. {failed} studies ended in an error.{_older(lines)}",
+            f"cause. {failed} studies ended in an error.",
             "",
             table(
                 ["all kinds", "count", "share, 95 %", "asked", "kept"],
@@ -94,15 +92,6 @@ def _table(head: Sequence[str], rows: Mapping[str, Sequence[str]]) -> str:
     lines = [["hidden", *head], ["---"] * (1 + len(head))]
     lines += [[kind.replace("_", " "), *row] for kind, row in rows.items()]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
-def _older(lines: Sequence[dict[str, Any]]) -> str:
-    """Return which studies an earlier state of the analysis was tried on."""
-    older = Counter(line["before"] for line in lines if "before" in line)
-    return "".join(
-        f" {count} more, not counted here, were analysed before {what}."
-        for what, count in older.items()
-    )
 
 
 def _rates(scores: Sequence[dict[str, Any]], nulls: Sequence[dict[str, Any]]) -> list[Rate]:
