@@ -334,6 +334,7 @@ class TestMount:
         assert "mount_resonance_shift" in named(found)
         assert holds(found, "mount_resonance_shift", self.SHARE)
 
+    @pytest.mark.timeout(300)  # a minute of arithmetic where nothing else runs
     def test_another_mount(self, rng: np.random.Generator) -> None:
         first, second = rng.uniform(600.0, 800.0), rng.uniform(2100.0, 2500.0)
         found = found_in(self.measured(resonance(first) * resonance(second), rng))
