@@ -68,7 +68,7 @@ class Timeline:
     Raises
     ------
     TextureError
-        If nothing lasts, or longer than `MAX_DURATION_S`.
+        If nothing lasts as long as any sample, or longer than `MAX_DURATION_S`.
     """
 
     def __init__(self, duration_s: float) -> None:
@@ -80,6 +80,10 @@ class Timeline:
             )
         self.rate_hz = float(DRAWN_HZ)
         self.samples = np.zeros(_FINE * math.ceil(duration_s * RATE_HZ - 1e-6))
+        if not self.samples.size:
+            raise TextureError(
+                f"the effect lasts {duration_s:.6g} s: less than a sample of {RATE_HZ} Hz"
+            )
         self._total_s = 0.0
 
     def span(self, begin_s: float, end_s: float) -> tuple[slice, FloatArray]:

@@ -189,7 +189,11 @@ class LslBridge:
 
     def _push_finger(self, state: FingerState) -> None:
         fit = self._fit
-        if abs(fit.utc_of(state.sample) - state.utc_ns) > SAME_RUN_NS:
+        # First whether there can be such a sample: of others the fit's UTC may be no number.
+        if (
+            not self._clock.begin(fit.run, state.sample, state.utc_ns, fit.ns_per_sample)
+            or abs(fit.utc_of(state.sample) - state.utc_ns) > SAME_RUN_NS
+        ):
             self._refused += 1
             return
         row = np.array([[getattr(state, one.label) for one in FINGER_CHANNELS]], np.float32)
@@ -203,7 +207,7 @@ class LslBridge:
     def _tell_gap(self, name: str, gap: Gap) -> None:
         run, sample = self._outlets[name].due
         text = f"gap {name} {gap.samples} {gap.reason} {gap.detail}".rstrip()
-        known = run == self._fit.run
+        known = run == self._fit.run and self._clock.knows(run)
         now_s = pylsl.local_clock()
         self._markers.push(text, self._clock.stamp_s(run, sample) if known else now_s)
 

@@ -68,7 +68,7 @@ class LslClock:
         return begun
 
     def begin(self, run: int, sample: int, utc_ns: int, ns_per_sample: float) -> bool:
-        """Begin a run that is not known yet; return whether it can be stamped.
+        """Begin a run that is not known yet; return whether this sample can be stamped.
 
         Parameters
         ----------
@@ -82,12 +82,12 @@ class LslClock:
             From 1 to 1e9; others are refused, as are indices above 2^62, and those a day
             away from the newest.
         """
-        if run in self._runs:
-            leap = abs(sample - self._runs[run].newest_sample)
-            return leap * ns_per_sample <= MAX_LEAP_NS
         low, high = NS_PER_SAMPLE
         if not (low <= ns_per_sample <= high and abs(sample) <= MAX_SAMPLE):
             return False
+        if run in self._runs:
+            leap = abs(sample - self._runs[run].newest_sample)
+            return leap * ns_per_sample <= MAX_LEAP_NS
         if len(self._runs) == RUNS:
             oldest = min(self._runs)
             if run < oldest:
@@ -98,13 +98,17 @@ class LslClock:
         self._runs[run] = SlewedClock(sample, at_ns, ns_per_sample)
         return True
 
+    def knows(self, run: int) -> bool:
+        """Return whether a run was begun, and is not too old by now."""
+        return run in self._runs
+
     def stamp_s(self, run: int, sample: int) -> float:
         """Return the local time of a sample, s.
 
         Parameters
         ----------
         run : int
-            One that was begun.
+            One that `knows`.
         sample : int
             Device index.
         """

@@ -4,6 +4,7 @@
 it told; and, once it is done, what `report.page` writes.
 """
 
+import contextlib
 import json
 import os
 import re
@@ -225,9 +226,10 @@ class DiscoveryStore(JobFolder[DiscoveryJob]):
         UnknownStudyError
         """
         folder = self._studies.resolve()
-        path = (folder / name).resolve()
-        if path.is_relative_to(folder) and path.exists():
-            return path
+        with contextlib.suppress(OSError):  # a name that is too long for the disk
+            path = (folder / name).resolve()
+            if path.is_relative_to(folder) and path.exists():
+                return path
         known = sorted(self.studies())
         listed = ", ".join(known[:_MOST_LISTED]) or "none"
         more = f" and {len(known) - _MOST_LISTED} more" if len(known) > _MOST_LISTED else ""

@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
 from frictus.effect_files.curves import CURVES
+from frictus.effect_files.timeline import Timeline
+from frictus.errors import TextureError
 
 
 @settings(deadline=None)
@@ -56,3 +58,9 @@ def test_a_curve_holds_its_ends_outside_of_them(kind: str, count: int) -> None:
     )
     assert (before, after) == pytest.approx((value[0], value[-1]))
     assert (first, last) == pytest.approx((value[0], value[-1]))
+
+
+@pytest.mark.parametrize("duration_s", [1e-12, 5e-324])
+def test_an_effect_shorter_than_any_sample_is_refused(duration_s: float) -> None:
+    with pytest.raises(TextureError, match="less than a sample of 6000 Hz"):
+        Timeline(duration_s)

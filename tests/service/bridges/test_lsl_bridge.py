@@ -176,6 +176,40 @@ def test_a_block_that_does_not_fit_costs_itself_alone(
     assert np.all(np.diff(stamps) > 0.0)
 
 
+@pytest.mark.parametrize("changes", [{"ns_per_sample": -1e308}, {"ns_per_sample": 1e308}])
+def test_a_fit_that_no_clock_has_costs_itself_alone(
+    bridge: LslBridge, hand: Any, changes: dict[str, Any]
+) -> None:
+    hand.say(Topics.TIME, hand.fit(1, 0).model_copy(update=changes))
+    hand.say(Topics.STATUS, hand.status(run=2))  # on the way after it
+    until(bridge, lambda report: report.markers_sent >= 4)
+    hand.say(Topics.FINGER, finger(hand, 3))
+    until(bridge, lambda report: report.sent["finger"] == 1)
+
+
+def test_runs_that_no_rig_had_cost_the_finger_nothing(bridge: LslBridge, hand: Any) -> None:
+    for run in (1_001, 1_002):
+        hand.force(run, 0)
+    until(bridge, lambda report: report.sent["force"] == 2 * BLOCK)
+    hand.say(Topics.FINGER, finger(hand, 3))
+    until(bridge, lambda report: report.sent["finger"] + report.refused == 1)
+
+
+def test_runs_that_no_rig_had_cost_a_gap_of_another_stream_nothing(
+    lsl: Any, hand: Any, client: frictus.Client
+) -> None:
+    with LslBridge(client, client.rig("hand"), ["force", "accel"]) as bridge:
+        until(bridge, lambda report: report.markers_sent >= 3)
+        hand.force(1, 0)
+        until(bridge, lambda report: report.sent["force"] == BLOCK)
+        for run in (1_001, 1_002):
+            hand.force(run, 0, stream=2)
+        until(bridge, lambda report: report.sent["accel"] == 2 * BLOCK)
+        before = bridge.report().markers_sent
+        hand.force(1, 3)
+        until(bridge, lambda report: report.markers_sent > before and report.refused == 1)
+
+
 def test_markers_of_others_are_published_with_their_time(
     lsl: Any, hand: Any, client: frictus.Client
 ) -> None:

@@ -130,6 +130,7 @@ def test_a_study_is_a_file_below_the_folder(api: TestClient, studies: Path) -> N
     answer = start(api, "missing.h5")
     assert (answer.status_code, answer.json()["code"]) == (404, "no_study")
     assert "visit.h5" in answer.json()["detail"]
+    assert start(api, 200 * "\U00010437").json()["code"] == "no_study", "800 bytes of a name"
     for name in ("../outside.h5", "/etc/passwd", "a/../../outside.h5", "", ".hidden"):
         assert start(api, name).status_code == 422, name
     assert start(api, base="better").status_code == 422
