@@ -86,13 +86,28 @@ def sentence_of(error: Exception) -> str:
     from frictus.errors import FrictusError
     from frictus_service.errors import ServiceError
 
+    if isinstance(error, FileNotFoundError) and error.filename is not None:
+        return f"there is no file or folder {error.filename}"
     if isinstance(error, FrictusError | ServiceError | OSError):
         return str(error)
     return f"unexpected {type(error).__name__}: {error}; --debug shows where"
 
 
+def _reflow(group: TyperGroup) -> None:
+    """Make each paragraph of a help one line: typer would keep the line ends of the source."""
+    for command in group.commands.values():
+        paragraphs = (command.help or "").split("\n\n")
+        command.help = "\n\n".join(" ".join(each.split()) for each in paragraphs)
+        if isinstance(command, TyperGroup):
+            _reflow(command)
+
+
 class CommandGroup(TyperGroup):
     """The commands; whatever goes wrong in one ends in a sentence and a code."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        _reflow(self)
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command."""
@@ -194,13 +209,27 @@ class TargetRig:
             return client.rig(self.rig, self.site)
         present = [found.name for found in client.rigs(self.site)]
         if not present:
-            return client.rig(self.config.rig, self.site)  # waits for one that is starting
+            return self._await(client)
         if len(present) > 1:
             raise NoRigError(
                 f"site {self.site!r} has several rigs: {', '.join(present)}; "
                 "name one with --rig"
             )
         return client.rig(present[0], self.site)
+
+    def _await(self, client: "frictus.Client") -> "frictus.Rig":
+        """Return the configured rig, which may be starting; else say how to name another."""
+        from frictus.errors import NoRigError
+
+        try:
+            return client.rig(self.config.rig, self.site)
+        except NoRigError as error:
+            if not (elsewhere := client.rigs()):
+                raise
+            other = elsewhere[0]
+            raise NoRigError(
+                f"{error}; name it, as --site {other.site} --rig {other.name}"
+            ) from error
 
 
 def wants_lines(as_json: bool) -> bool:

@@ -89,6 +89,12 @@ class ColumnMap(_Strict):
     carrier_hz: Positive = 7000.0
     screen_peak_v: Positive = 75.0
 
+    @property
+    def direction_from_force(self) -> bool:
+        """Whether the sign of the tangential force alone gives the direction of the slide."""
+        known = {"force_x", "position_x", "velocity_x"} & self.channels.keys()
+        return self.stage_speed_mm_s is not None and known == {"force_x"}
+
     @model_validator(mode="after")
     def _fits(self) -> "ColumnMap":
         for name, mapped in self.channels.items():

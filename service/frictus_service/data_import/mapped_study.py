@@ -71,10 +71,16 @@ class MappedStudy:
         started = column_map.started_utc or columns.started_utc or modified_utc(path)
         strokes = find_strokes(recording)
         if not strokes:
+            look_at = (
+                "the tangential force, whose sign gives the direction where neither position "
+                "nor velocity was recorded: a force without its mean changes sign all the time"
+                if column_map.direction_from_force
+                else "unit and sign of position and normal force"
+            )
             raise StudyError(
                 f"{path}: no stroke is found in {recording.seconds:.1f} s; accepted: sections "
                 "of one direction that last 0.1 s and 3 mm at least, the finger pressing; look "
-                "at unit and sign of position and normal force"
+                f"at {look_at}"
             )
         self._trials, self.excluded = _trials(
             path.stem, recording, column_map, strokes, self.info, started

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import typer
 from tests.clients.effect_files.made import ahap, continuous, event
 from typer.testing import CliRunner
 
@@ -35,6 +36,29 @@ def lines(result: Any) -> list[dict[str, Any]]:
 def command(*args: object) -> list[str]:
     main = "from frictus_service.cli import main; main()"
     return [sys.executable, "-c", main, *map(str, args)]
+
+
+def test_a_rig_at_another_site_is_named_as_options_name_it(rig: Any, router: str) -> None:
+    result = run("watch", "--router", router, "--site", "elsewhere")
+    assert result.exit_code == Exit.NO_LINK
+    assert f"--site {rig.keys.site} --rig {rig.keys.rig}" in result.stderr
+
+
+@pytest.mark.parametrize("name", ["identify", "discover", "verify", "recover"])
+def test_a_missing_file_is_named_in_words(name: str, tmp_path: Path) -> None:
+    absent = tmp_path / "absent.h5"
+    result = run(name, absent)
+    assert result.exit_code == Exit.USAGE
+    assert "there is no file" in result.stderr
+    assert str(absent) in result.stderr
+    assert "Errno" not in result.stderr
+
+
+def test_a_paragraph_of_help_is_one_line() -> None:
+    study = typer.main.get_command(app).commands["study"]  # type: ignore[attr-defined]
+    said = study.commands["import"].help
+    assert "one is proposed from names, units" in said
+    assert all("\n" not in paragraph for paragraph in said.split("\n\n"))
 
 
 @pytest.fixture

@@ -72,6 +72,22 @@ def test_a_wrong_map_gives_a_sentence(entry: str, mapped: Path, tmp_path: Path) 
     assert not out.exists()
 
 
+def test_a_force_without_its_mean_is_named_where_it_gives_the_direction(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    """A recording that was high-pass filtered has no direction in its sign."""
+    path = tmp_path / "filtered.csv"
+    np.savetxt(path, rng.normal(scale=0.02, size=10_000))
+    said = ["force_x.column=column 1", "force_x.unit=N", "rate_hz=20000", "normal_load_n=0.5"]
+    said.append("stage_speed_mm_s=40")
+    answers = [word for entry in said for word in ("--set", entry)]
+    command = ["study", "import", str(path), str(tmp_path / "never.h5"), "--yes", *answers]
+    result = CliRunner().invoke(app, command)
+    assert result.exit_code == 2
+    assert "no stroke is found" in result.stderr
+    assert "a force without its mean" in result.stderr
+
+
 def test_a_channel_is_left_away(mapped: Path, tmp_path: Path) -> None:
     """A clock too coarse for its samples cannot be mended: the rate is given instead."""
     out = tmp_path / "study.h5"
