@@ -241,8 +241,8 @@ def export_archive(
     Raises
     ------
     StudyError
-        If the folder exists, pynwb is not installed, the age is none, or two participants
-        would have one name.
+        If the folder exists, pynwb is not installed, the age is none, two participants
+        would have one name, or no trial can be used.
     """
     excluded: list[Exclusion] = []
     sessions: list[_Session] = []
@@ -261,6 +261,9 @@ def export_archive(
             _write_events(unfinished / f"{name}_events", trials)
             seconds = sum(map(duration_of, trials))
             sessions.append(_Session(name, participant, len(trials), seconds))
+        if not sessions:
+            why = "; ".join(f"{one.trial}, {one.field}: {one.reason}" for one in excluded)
+            raise StudyError(f"no trial can be used, and there is nothing to archive: {why}")
         card = data_card(study, sessions, excluded, licence, age)
         (unfinished / CARD).write_text(card, encoding="utf-8", newline="\n")
         _write_sums(unfinished)

@@ -123,6 +123,18 @@ def test_an_age_that_is_none_is_refused(
     assert "Licence: none has been given" in card
 
 
+def test_a_study_without_a_trial_that_can_be_used_is_refused(
+    make_trial: MakeTrial, write_study: WriteStudy, tmp_path: Path
+) -> None:
+    study = write_study(make_trial("in mN", force_n=np.full((400, 3), 400.0)))
+    with (
+        StudyReader(study) as opened,
+        pytest.raises(StudyError, match=r"no trial can be used, .* in mN, force_n: "),
+    ):
+        export_archive(opened, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize("other", ["p-1", "P1"])
 def test_two_people_of_one_name_are_refused(
     make_trial: MakeTrial, write_study: WriteStudy, tmp_path: Path, other: str

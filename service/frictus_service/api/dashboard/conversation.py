@@ -171,7 +171,7 @@ class Conversation:
         given = hello.token.get_secret_value() if hello.token is not None else ""
         token = find(given, self._tokens)
         if token is None:
-            known = "the token is not known here" if given else "hello is to have a token"
+            known = "the token is not known here" if given else "this service asks for a token"
             raise RefusedViewerError("hello", "unauthenticated", known, NOT_ALLOWED)
         return token.name, token.scopes
 
