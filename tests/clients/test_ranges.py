@@ -10,7 +10,14 @@ from pydantic import TypeAdapter
 
 from frictus.errors import FrameError
 from frictus.keys import CALLS, RECORDER_CALLS
-from frictus.messages import MESSAGES, GuidanceState, LeaseRenewal, PointerState, Request
+from frictus.messages import (
+    MESSAGES,
+    GuidanceState,
+    LeaseRenewal,
+    PointerState,
+    Request,
+    RigStatus,
+)
 from frictus.stream import StreamFrame
 from frictus.textures import Texture
 
@@ -106,3 +113,8 @@ def test_a_streamed_period_has_a_range() -> None:
     tiny = frame.replace(struct.pack("<d", 1.0), struct.pack("<d", 5e-324))
     with pytest.raises(FrameError, match="period"):
         StreamFrame.unpack(tiny)
+
+
+def test_a_device_samples_at_a_rate_that_devices_have() -> None:
+    """Whoever reads a status makes room for its samples."""
+    assert bounded(RigStatus.model_json_schema()["properties"]["sample_rate_hz"])

@@ -198,7 +198,7 @@ class RigStatus(Message):
     """Whether a client that may change what is rendered may take over the simulated finger."""
     finger_sensors: tuple[SensorName, ...] = ()
     """What the finger's motion is estimated from now."""
-    sample_rate_hz: FiniteFloat
+    sample_rate_hz: Annotated[float, Field(gt=0.0, le=1e6)]
     block_samples: Count
     lead_ms: FiniteFloat
     """From handing a drive over to its playing, as it is now."""

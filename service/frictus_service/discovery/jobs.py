@@ -50,7 +50,9 @@ class DiscoverySpec(_Strict):
         Literal["paper", "constant-cutoff"] | Model,
         Field(description="What is criticised; a `model/1` document may stand here"),
     ] = "paper"
-    seed: Annotated[int | None, Field(ge=0, description="Of random draws; null: fresh")] = None
+    seed: Annotated[
+        int | None, Field(ge=0, lt=2**53, description="Of random draws; null: fresh")
+    ] = None
 
     @property
     def studies(self) -> tuple[str, ...]:

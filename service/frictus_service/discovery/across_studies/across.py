@@ -144,7 +144,12 @@ def discover_across(
     folder = folder.resolve()
     criticised = base_model(base, response)
     work = Workforce(workers, cluster, tell or (lambda line: None))
+    named = len(paths)
     paths = list(dict.fromkeys(path.resolve() for path in paths))
+    if len(paths) < LEAST_STUDIES:
+        raise StudyError(
+            f"{named} names are of one and the same study; needed: {LEAST_STUDIES} or more"
+        )
     tasks = [
         StudyTask(
             path=path,

@@ -116,6 +116,13 @@ def test_a_damaged_result_is_made_again(
     assert read == ["a", "a"]
 
 
+def test_one_study_under_many_names_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    with pytest.raises(StudyError, match="3 names are of one and the same study"):
+        discover_across([path, tmp_path / "." / "a.h5", path], tmp_path / "out", workers=0)
+    assert not (tmp_path / "out").exists()
+
+
 def test_names_are_paths_from_where_they_part() -> None:
     names = names_of([Path("/d/lab1/s.h5"), Path("/d/lab2/s.h5"), Path("/d/t.h5")])
     assert names == ["lab1/s", "lab2/s", "t"]
