@@ -96,7 +96,7 @@ def test_the_example_plays_and_loses_nothing(example: Path, port: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("token", "why"), [(None, "hello is to have"), ("x" * 20, "not known")]
+    ("token", "why"), [(None, "asks for a token"), ("x" * 20, "not known")]
 )
 def test_who_is_refused_is_told_why(
     example: Path, port: int, token: str | None, why: str

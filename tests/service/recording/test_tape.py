@@ -341,7 +341,7 @@ def test_the_example_of_the_documentation_loads() -> None:
     (example,) = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
     backend = parse(example, Path("rigs") / "replay.toml").backend
     assert isinstance(backend, ReplayConfig)
-    assert (backend.file, backend.at_end) == (Path("rigs") / "pilot.npz", "loop")
+    assert (backend.file, backend.at_end) == (Path("rigs/recordings/pilot.npz"), "loop")
 
 
 def test_command(tmp_path: Path) -> None:
