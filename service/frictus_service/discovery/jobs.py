@@ -4,14 +4,14 @@
 it told; and, once it is done, what `report.page` writes.
 """
 
-import contextlib
+import errno
 import json
 import os
 import re
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Final, Literal, TypedDict
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -137,27 +137,35 @@ def carry_out(
             raise DiscoveryCancelledError("cancelled; there is no report")
         tell(DiscoveryProgress(message=line))
 
+    asked: _Asked = {
+        "response": spec.response,
+        "base": _base(spec, folder),
+        "seed": spec.seed,
+        "cache": folder.parent / OBSERVATIONS,
+        "tell": told,
+    }
     if isinstance(spec.study, str):
-        return _one(spec, studies[0], folder, told)
-    return _several(spec, studies, folder, told)
+        return _one(studies[0], folder, asked)
+    return _several(studies, folder, asked)
 
 
-def _one(
-    spec: DiscoverySpec, study: Path, folder: Path, tell: Callable[[str], None]
-) -> DiscoveryResult:
+class _Asked(TypedDict):
+    """What is asked of a study, or of several."""
+
+    response: Response
+    base: str
+    seed: int | None
+    cache: Path
+    tell: Callable[[str], None]
+
+
+def _one(study: Path, folder: Path, asked: _Asked) -> DiscoveryResult:
     from frictus_service.discovery.discover import discover_study
     from frictus_service.discovery.report import page
     from frictus_service.discovery.report.findings import verdict_sentence
 
-    found = discover_study(
-        study,
-        response=spec.response,
-        base=_base(spec, folder),
-        seed=spec.seed,
-        cache=folder.parent / OBSERVATIONS,
-        tell=tell,
-    )
-    tell("writing the report")
+    found = discover_study(study, **asked)
+    asked["tell"]("writing the report")
     page.write(found, folder)
     return DiscoveryResult(
         verdict=found.verdict,
@@ -166,22 +174,12 @@ def _one(
     )
 
 
-def _several(
-    spec: DiscoverySpec, studies: Sequence[Path], folder: Path, tell: Callable[[str], None]
-) -> DiscoveryResult:
+def _several(studies: Sequence[Path], folder: Path, asked: _Asked) -> DiscoveryResult:
     from frictus_service.discovery.across_studies import page
     from frictus_service.discovery.across_studies.across import discover_across
 
-    found = discover_across(
-        studies,
-        folder,
-        response=spec.response,
-        base=_base(spec, folder),
-        seed=spec.seed,
-        cache=folder.parent / OBSERVATIONS,
-        tell=tell,
-    )
-    tell("writing the report")
+    found = discover_across(studies, folder, **asked)
+    asked["tell"]("writing the report")
     page.write(found, folder)
     return DiscoveryResult(
         verdict=None,
@@ -228,10 +226,13 @@ class DiscoveryStore(JobFolder[DiscoveryJob]):
         UnknownStudyError
         """
         folder = self._studies.resolve()
-        with contextlib.suppress(OSError):  # a name that is too long for the disk
+        try:
             path = (folder / name).resolve()
             if path.is_relative_to(folder) and path.exists():
                 return path
+        except OSError as error:
+            if error.errno != errno.ENAMETOOLONG:
+                raise
         known = sorted(self.studies())
         listed = ", ".join(known[:_MOST_LISTED]) or "none"
         more = f" and {len(known) - _MOST_LISTED} more" if len(known) > _MOST_LISTED else ""
