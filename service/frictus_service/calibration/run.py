@@ -20,6 +20,7 @@ from frictus_service.calibration.conclusion import conclude, precision_so_far, p
 from frictus_service.calibration.folder import CalibrationFolder
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Phase, Progress
 from frictus_service.calibration.plan import Ask, plan_of
+from frictus_service.calibration.rehearsal import rehearse
 from frictus_service.calibration.session import Cue, TrialSession, span_of, status_of
 from frictus_service.errors import CaptureError, Exclusion, FieldError
 from frictus_service.identification.observation.observe import observe
@@ -157,8 +158,10 @@ class CalibrationRun:
                 ask.force_n,
                 self._span,
             )
-            pause_s = self._plan.break_s(done) if len(done) > begun else 0.0
-            if pause_s > 0.0:
+            if len(done) == begun:
+                self.tell("analyse", "preparing; half a minute on a new installation")
+                rehearse(self._asked(ask), self._study)
+            elif (pause_s := self._plan.break_s(done)) > 0.0:
                 session.rest(pause_s, cue)
             trial = self._record(session, ask, cue)
             session.pause("analyse", cue)
