@@ -40,6 +40,8 @@ BRIEF = {
 ENDLESS = {**BRIEF, "Precision, %": "0.01", "Longest recording, s": "7000"}
 BEGUN_MS = 30_000
 """Each calibration is a process of its own, which imports numpy and scipy first."""
+GUIDED_MS = 120_000
+"""What judges trials is compiled before the first, where it never was."""
 DONE_MS = 90_000
 
 
@@ -156,7 +158,9 @@ def test_from_the_first_click_to_the_active_model(page: Page, lab: Lab) -> None:
     expect(page.get_by_role("heading", name="P01, quick protocol")).to_be_visible()
     expect_running(page)
     guidance = page.locator(".guidance")
-    expect(guidance.get_by_text(re.compile("^Slide at (30|90) mm/s$"))).to_be_visible()
+    expect(guidance.get_by_text(re.compile("^Slide at (30|90) mm/s$"))).to_be_visible(
+        timeout=GUIDED_MS
+    )
     expect(guidance.get_by_text(re.compile(r"^You: \d+ mm/s$"))).to_be_visible()
     expect(guidance.get_by_text("Press with 0.40 N", exact=True)).to_be_visible()
     yours = re.compile(r"^You: 0\.\d\d N, (good|press harder|press more lightly)$")
@@ -252,7 +256,7 @@ def test_rejections_are_told_over_a_death_of_the_service(lab: Lab, open_page: Op
         arrive(page, lab)
         start(page, "P04", {**ENDLESS, **hasty})
         rejected = page.get_by_text(re.compile(r"^trial \S+ rejected: .+; accepted: "))
-        expect(rejected.first).to_be_visible(timeout=BEGUN_MS)
+        expect(rejected.first).to_be_visible(timeout=GUIDED_MS)
         expect(page.locator(".readings")).to_contain_text(re.compile("Rejected [1-9]"))
 
         os.kill(lab.supervisor.pid_of("api"), signal.SIGKILL)
@@ -261,7 +265,7 @@ def test_rejections_are_told_over_a_death_of_the_service(lab: Lab, open_page: Op
         expect(state(page)).to_contain_text("Interrupted", timeout=BEGUN_MS)
         before = rejected.count()
         page.get_by_role("button", name="Resume").click()
-        expect(page.locator(".guidance")).to_contain_text("Slide at", timeout=BEGUN_MS)
+        expect(page.locator(".guidance")).to_contain_text("Slide at", timeout=GUIDED_MS)
         expect_running(page)
         expect(rejected.nth(before)).to_be_attached(timeout=BEGUN_MS)
         cancel(page)
@@ -298,7 +302,7 @@ def test_what_is_under_way_is_found_and_seen_by_who_may_not_calibrate(
     registry = RegistryConfig(url=f"sqlite:///{tmp_path / 'registry.db'}")
     with read_only(lab, registry=registry) as url, open_page() as reader:
         enter(reader, f"{url}#/calibrate/rig1")
-        expect(reader.locator(".guidance")).to_contain_text("Slide at")
+        expect(reader.locator(".guidance")).to_contain_text("Slide at", timeout=GUIDED_MS)
         expect(reader.get_by_text("None was started yet.")).to_be_visible()
         expect(reader.get_by_text("A calibration needs the scope calibrate.")).to_be_visible()
         for name in ("Start", "Cancel", "Publish", "Activate"):
@@ -313,7 +317,7 @@ def test_the_participants_page_has_the_guidance_alone(
     with open_page() as tablet:
         tablet.goto(f"{lab.url}/dashboard/#/participant/rig1")
         guidance = tablet.locator("#view-participant .guidance")
-        expect(guidance).to_contain_text("Slide at", timeout=BEGUN_MS)
+        expect(guidance).to_contain_text("Slide at", timeout=GUIDED_MS)
         expect(tablet.locator("#view-participant .asked")).to_be_hidden()
         expect(tablet.get_by_role("button", name="STOP")).to_be_visible()
         expect(tablet.get_by_role("link")).to_have_count(0)
