@@ -219,7 +219,9 @@ def _form(
     """Return the form beside the causes, or one that alone explains as much as they and it.
 
     A power law and what bends it back below a threshold are together what bends above it: that
-    is the simpler thing to say.
+    is the simpler thing to say. They leave less nevertheless where people differ in the power
+    law, as only a cause has a size for each person; so of causes in another shape the form that
+    is that shape needs only to leave nothing that all show alike.
     """
     beside = characterise(problem, found.extended, flips)
     if not found.effects:
@@ -227,6 +229,12 @@ def _form(
     alone = characterise(problem, found.base, flips)
     if alone is None:
         return beside
+    form = alone.fitted.form
+    in_model = [each for each in found.named if each.candidate in found.effects]
+    if alone.share >= 1.0 and all(
+        each.is_family and _effect(problem, each) in form.shape_of for each in in_model
+    ):
+        return alone
     ruler = found.extended
     most = (
         misfit(problem, ruler, ruler) - CLEARLY_BETTER

@@ -1,15 +1,19 @@
 """What is said of evidence that no cause of the catalogue explains."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from tests.blind.generator import Case, Hidden, Seeds, make_study
+from tests.blind.generator import Design as Truth
 from tests.service.discovery.made import MOUNT, Design, found_in, made
 
 from frictus_hardware.physics.effects import KNOWN
 from frictus_hardware.physics.simulator import Simulator
 from frictus_service.discovery.beyond.draft import draft_cause
 from frictus_service.discovery.beyond.grammar import grammar
+from frictus_service.discovery.discover import discover_study
 from frictus_service.discovery.document import Discovery
 from frictus_service.discovery.problem.base_models import simulator_of
 from frictus_service.discovery.report.findings import verdict_sentence
@@ -105,6 +109,26 @@ def test_a_cause_in_another_shape_keeps_its_name_and_the_form_has_its_size(
     assert (cause.parameters, cause.gain) == ({}, None)
     assert found.verdict == "partly_explained"
     assert [effect.id for effect in found.extended_model.effects] == [form.id]
+
+
+def test_a_power_law_and_what_bends_it_back_are_one_bend_also_where_people_differ(
+    tmp_path: Path,
+) -> None:
+    """Everybody's own power law leaves less than the bend, which is the same for all."""
+    bend = Hidden("force_saturation", {"exponent": 0.58, "force_n": 0.476}, "unknown")
+    truth = Truth(8, n_tones=3, n_speeds=3, n_forces=5, seconds=1.5)
+    path = tmp_path / "study.h5"
+    make_study(path, Case("unknown", (bend,), truth), Seeds(384590703, 384590704))
+    found = discover_study(path, workers=0, seed=1)
+    (form,) = found.characterised
+    assert form.id == "gain_knee_above_force"
+    exponent = form.parameters["exponent"]
+    assert exponent.ci95 is not None
+    assert exponent.ci95[0] <= -0.58 <= exponent.ci95[1]
+    assert [(cause.id, cause.verdict) for cause in found.causes] == [
+        ("force_dependent_gain", "family")
+    ]
+    assert found.unexplained == ()
 
 
 def test_nothing_is_characterised_in_nothing(rng: np.random.Generator) -> None:
