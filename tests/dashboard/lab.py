@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Page
+from playwright.sync_api import Page, expect
 
 import frictus
 from frictus.keys import Topics
@@ -159,6 +159,9 @@ def expect_no_violations(page: Page, widths: Sequence[int] = ()) -> None:
             page.set_viewport_size({"width": width, "height": 900})
         for scheme in ("light", "dark"):
             page.emulate_media(color_scheme=scheme)
+            expect(page.locator("[aria-busy]")).to_have_count(
+                0
+            )  # dimmed until it is drawn anew
             found = Axe().run(page, options=RULES)
             assert found.violations_count == 0, f"{width}: {found.generate_report()}"
     if widths and before is not None:
