@@ -1,4 +1,4 @@
-/** What to do next where no rig is present, or nothing plays on the one that is shown. */
+/** What to do next: where no rig is present, where nothing plays, and on a demo's stage. */
 
 import { address } from "./address.js";
 import { at, element, say } from "./element.js";
@@ -10,18 +10,32 @@ const STEPS = [
   ["calibrate", "Measure a finger", "By a calibration, so that textures feel as designed."],
 ];
 
+/** What a visitor can do who has seen the stage: view, what, and how. */
+const NEXT = [
+  ["calibrate", "Measure this finger", "It does what a calibration asks for: disarm the rig, then start one."],
+  ["discovery", "Find what a model gets wrong", "In a sample study of the laboratory next door, where something is hidden: a few seconds."],
+  ["textures", "Stream a recording of yours", "A WAV file becomes a texture that this finger feels."],
+];
+const OF = {
+  next: { title: "Nothing plays: the screen is smooth", cards: STEPS },
+  stage: { title: "And now?", cards: NEXT },
+};
+
 /**
  * @param {object} heard
  * @param {boolean} heard.connected whether the service answers, and has its router
  * @param {string|null} heard.rig the one that is shown
  * @param {object|null} heard.scene its newest SceneState
  * @param {boolean} heard.trusted whether the rig is there and speaks
- * @returns {{kind: "start"|"next"|"none"}} `start`: no rig is present; `next`: nothing plays
+ * @param {boolean} heard.stage whether its finger strokes by itself until it is taken over
+ * @returns {{kind: "start"|"next"|"stage"|"none"}} `start`: no rig is present; `next`: nothing
+ *   plays; `stage`: a demo plays
  */
-export function firstStepOf({ connected, rig, scene, trusted }) {
+export function firstStepOf({ connected, rig, scene, trusted, stage }) {
   if (connected && rig === null) return { kind: "start" };
   const smooth = scene?.source === "scene" && scene.scene.regions.length === 0;
-  return { kind: trusted && smooth ? "next" : "none" };
+  if (trusted && smooth) return { kind: "next" };
+  return { kind: trusted && stage ? "stage" : "none" };
 }
 
 export class FirstSteps {
@@ -38,8 +52,11 @@ export class FirstSteps {
     const start = kind === "start";
     at("first-start").hidden = !start;
     at("first-cards").hidden = start;
-    say(at("first-title"), start ? "No rig is present" : "Nothing plays: the screen is smooth");
-    at("first-cards").replaceChildren(...(kind === "next" ? STEPS.map((step) => card(rig, step)) : []));
+    if (kind === "stage") at("live").append(at("first")); // after what there is to be seen
+    else at("rig").before(at("first"));
+    const { title, cards } = OF[kind] ?? { title: "No rig is present", cards: [] };
+    say(at("first-title"), title);
+    at("first-cards").replaceChildren(...cards.map((step) => card(rig, step)));
   }
 }
 

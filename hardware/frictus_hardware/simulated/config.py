@@ -229,6 +229,11 @@ class SimulatedConfig(RigConfig):
         """Seconds of the device's clock per second of this machine's."""
         return scale_of(self.clock)
 
+    @property
+    def follows_guidance(self) -> bool:
+        """Whether the finger does what a participant is asked to do."""
+        return self.finger.kind in ("guided", "takeover")
+
     def make(self) -> Backend:
         """Return the rig, not yet open."""
         from frictus_hardware.simulated.rig import SimulatedRig

@@ -122,7 +122,7 @@ class Device:
     def guide_finger(
         self, speed_mm_s: float, force_n: float, span_mm: tuple[float, float]
     ) -> None:
-        """Tell a finger of kind `guided` what to do."""
+        """Tell a finger of kind `guided` or `takeover` what to do."""
         with self._lock:
             if self._rig is None:
                 raise ClosedError("the device is not open")

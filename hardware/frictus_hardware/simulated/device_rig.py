@@ -186,13 +186,13 @@ class SimulatedDeviceRig(Opened):
 
     @property
     def follows_guidance(self) -> bool:
-        """Whether the finger is of kind `guided`."""
-        return self.config.rig.finger.kind == "guided"
+        """Whether the finger is of kind `guided` or `takeover`."""
+        return self.config.rig.follows_guidance
 
     def guide_finger(
         self, speed_mm_s: float, force_n: float, span_mm: tuple[float, float]
     ) -> None:
-        """Tell a finger of kind `guided` what to do; from any thread."""
+        """Tell a finger of kind `guided` or `takeover` what to do; from any thread."""
         self._linked(self._control).call("guide_finger", speed_mm_s, force_n, span_mm)
 
     def close(self) -> None:

@@ -297,25 +297,28 @@ class SimulatedRig(Opened):
 
     @property
     def follows_guidance(self) -> bool:
-        """Whether the finger is of kind `guided`."""
-        return self.config.finger.kind == "guided"
+        """Whether the finger is of kind `guided` or `takeover`."""
+        return self.config.follows_guidance
 
     def guide_finger(
         self, speed_mm_s: float, force_n: float, span_mm: tuple[float, float]
     ) -> None:
-        """Tell a finger of kind `guided` what to do; from any thread.
+        """Tell a finger of kind `guided` or `takeover` what to do; from any thread.
 
         Raises
         ------
         ConfigError
             If the finger is of another kind, or a number out of its range.
         """
-        if not isinstance(self._finger, GuidedFinger):
+        if isinstance(self._finger, GuidedFinger):
+            self._finger.push(speed_mm_s, force_n, span_mm)
+        elif isinstance(self._finger, TakeoverFinger):
+            self._finger.guide(speed_mm_s, force_n, span_mm)
+        else:
             raise ConfigError(
                 f"the finger is of kind {self.config.finger.kind!r}: "
-                'only one of kind "guided" follows guidance'
+                'only one of kind "guided" or "takeover" follows guidance'
             )
-        self._finger.push(speed_mm_s, force_n, span_mm)
 
     @property
     def holding(self) -> bool:

@@ -1,6 +1,6 @@
 """Which trials a simulated study consists of, and the truth of each."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from itertools import product
@@ -14,6 +14,9 @@ from frictus_hardware.simulated.config import WithinPersonScatter
 from frictus_laboratory.reproduction import paper
 from frictus_laboratory.reproduction.population import Person
 from frictus_service.study.trial import TrialInfo
+
+Effects = tuple[tuple[str, Mapping[str, float]], ...]
+"""Ids of effects, with their parameters."""
 
 Fault = Literal["fast", "hard", "lifted", "clipped"]
 FAULTS: Final[tuple[Fault, ...]] = ("fast", "hard", "lifted", "clipped")
@@ -47,6 +50,8 @@ class StudyConditions:
         Of the screen's voltage, which nothing declares; a multiple of 12.5 us.
     scatter : WithinPersonScatter
         Within a person, between trials and conditions.
+    effects : Effects
+        That the rig and every finger have besides.
     """
 
     tones_hz: tuple[float, ...]
@@ -57,6 +62,7 @@ class StudyConditions:
     bad_share: float = 0.0
     delay_s: float = 0.0
     scatter: WithinPersonScatter = field(default_factory=WithinPersonScatter)
+    effects: Effects = ()
 
 
 def log_tones(count: int) -> tuple[float, ...]:
@@ -89,6 +95,8 @@ class TrialPlan:
     fault : {'fast', 'hard', 'lifted', 'clipped'} or None
     seed : int
         Of everything random in the trial.
+    effects : Effects
+        As in `StudyConditions`.
     """
 
     info: TrialInfo
@@ -100,6 +108,7 @@ class TrialPlan:
     delay_s: float
     fault: Fault | None
     seed: int
+    effects: Effects = ()
 
 
 def plan_study(
@@ -175,6 +184,7 @@ def _plan_trial(
         delay_s=design.delay_s,
         fault=fault if bad else None,
         seed=int(rng.integers(2**63)),
+        effects=design.effects,
     )
 
 

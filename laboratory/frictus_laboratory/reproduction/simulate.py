@@ -9,16 +9,17 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from frictus_hardware.arrays import FloatArray
+from frictus_hardware.physics.effects import extended
 from frictus_hardware.physics.friction import motion_fade
 from frictus_hardware.physics.linear import Mount
 from frictus_hardware.physics.screen import Screen, screen_voltage
+from frictus_hardware.physics.simulator import Simulator
 from frictus_hardware.physics.stages import (
     FORCE_NOISE_N,
     FrictionResponse,
     Quantisation,
     SensorNoise,
     ZeroOrderHold,
-    standard_twin,
 )
 from frictus_hardware.physics.twin import Signals, Twin, simulate
 from frictus_hardware.simulated.motion import FingerMotion, Press, Wander
@@ -297,10 +298,10 @@ def _voltage(
 
 def _twin(plan: TrialPlan, rng: np.random.Generator) -> Twin:
     seeds = rng.integers(2**63, size=2)
-    twin = standard_twin(
-        law=plan.law,
-        mobility=plan.mobility,
-        friction_coefficient=plan.friction_coefficient,
+    bare = Simulator(law=plan.law, mobility=plan.mobility)
+    twin = extended(bare, plan.effects).twin(
+        Screen(),
+        plan.friction_coefficient,
         sensors=(SensorNoise(FORCE_NOISE_N, ACCEL_NOISE_M_S2, int(seeds[0])), Quantisation()),
     )
     twin = twin.with_stage(

@@ -122,7 +122,15 @@ def calibrate(
         told = result.model_dump(mode="json", by_alias=True)
         write_line(event="result", published=reference, folder=str(folder), **told)
     else:
-        _show(result, before, document, reference)
+        _show(result, before, document)
+        if reference is not None:
+            from frictus_service.registry.database import Database
+
+            where = Database(target.config.registry.url)  # as text: without its password
+            typer.echo(
+                f"published as {reference} in {where}; "
+                f"`frictus models activate {found.name} {reference}`"
+            )
         if purpose is not None:
             typer.echo(f"what its model gets wrong: frictus discover {result.study}")
 
@@ -200,9 +208,7 @@ def _publish(registry: str, model: "Model") -> str:
         return opened.publish(model, name, by=getpass.getuser(), rig=rig).reference
 
 
-def _show(
-    result: "CalibrationResult", before: "Model", document: Path, reference: str | None
-) -> None:
+def _show(result: "CalibrationResult", before: "Model", document: Path) -> None:
     """Say what came of it, beside what the rig applies now."""
     from rich.console import Console
     from rich.table import Table
@@ -235,6 +241,3 @@ def _show(
     for note in result.notes:
         console.print(note, markup=False)
     console.print(f"study {result.study}, model {document}", markup=False)
-    if reference is not None:
-        rig = result.model.provenance["rig"]
-        console.print(f"published as {reference}; `frictus models activate {rig} {reference}`")

@@ -5,13 +5,17 @@ import secrets
 import tempfile
 import threading
 import webbrowser
+from functools import partial
 from pathlib import Path
 from typing import Final
+
+import numpy as np
 
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_hardware.simulated.takeover import TakeoverStrokes
 from frictus_service.cli.serve import said
 from frictus_service.cli.streams.play import scene_of
+from frictus_service.config import Config
 from frictus_service.demonstration.stage import demo_config, stage
 from frictus_service.library import SHIPPED
 from frictus_service.processes import free_port
@@ -22,6 +26,7 @@ GAIN: Final = 0.85
 """What the drive can give without scaling it."""
 SLOW_MM_S: Final = 25.0
 """Where the finger-screen response takes most from a texture."""
+SAMPLE: Final = "laboratory_next_door.h5"
 _tell = said(as_json=False)
 
 
@@ -33,10 +38,20 @@ def demo_page() -> None:
         scene = scene_of(str(SHIPPED / f"{TEXTURE}.json"), config.textures, gain=GAIN)
         _tell("starting a router, a simulated rig and the API (the first time takes a minute)")
         with contextlib.suppress(KeyboardInterrupt):
-            stage(config, scene, _tell, _show, threading.Event())
+            stage(config, scene, _tell, partial(_show, config), threading.Event())
 
 
-def _show(url: str) -> None:
+def _show(config: Config, url: str) -> None:
     _tell(f"the page: {url}   (Ctrl-C here ends all of it)")
+    rig = f"--router {config.router.endpoint} --site {config.site} --rig {config.rig}"
+    _tell(f"from another terminal: frictus watch {rig}")
+    _tell("to calibrate its participant: disarm the rig on the page, then Calibrate there")
     if not webbrowser.open(url):
         _tell("no browser could be opened: open that address in one")
+    from frictus_laboratory.reproduction.sample_study import write_sample_study
+
+    config.studies.mkdir(parents=True, exist_ok=True)
+    write_sample_study(config.studies / SAMPLE, np.random.default_rng(secrets.randbits(32)))
+    _tell(
+        f"what does its model get wrong? a sample study is on the page, in Discovery: {SAMPLE}"
+    )

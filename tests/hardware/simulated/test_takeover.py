@@ -9,8 +9,10 @@ from frictus_hardware.simulated.motion import FingerMotion
 from frictus_hardware.simulated.rig import SimulatedRig
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_hardware.simulated.takeover import (
+    FORGOTTEN_S,
     LAND_S,
     LIFT_S,
+    RESTED_S,
     SILENT_S,
     TakeoverFinger,
     TakeoverStrokes,
@@ -91,9 +93,57 @@ def test_a_client_that_falls_silent_has_let_go(finger: TakeoverFinger) -> None:
     np.testing.assert_allclose(again.position_mm, [[60.0, 30.0]] * 1_000)
 
 
+def test_guided_it_strokes_as_a_participant_and_goes_on_with_its_own_strokes_after(
+    finger: TakeoverFinger,
+) -> None:
+    before = moved(finger, 0.0, 1.0)
+    finger.guide(80.0, 0.6, (5.0, 65.0))
+    guided = moved(finger, 1.0, 5.0)
+    lifted = round(LIFT_S / STEP_S)
+    assert not np.any(guided.in_contact[:lifted])
+    assert np.median(np.abs(guided.velocity_mm_s[2_000:, 0])) == pytest.approx(80.0, rel=0.15)
+    assert np.mean(guided.normal_force_n[2_000:]) == pytest.approx(0.6, rel=0.15)
+    finger.guide(0.0, 0.6, (5.0, 65.0))
+    rests = moved(finger, 5.0, 5.0 + RESTED_S)
+    assert np.all(rests.in_contact)
+    assert not np.any(rests.velocity_mm_s[-1_000:])
+    moved(finger, 5.0 + RESTED_S, 5.02 + RESTED_S)
+    after = moved(finger, 5.02 + RESTED_S, 8.02 + RESTED_S)
+    assert not np.any(after.in_contact[: lifted // 2])
+    np.testing.assert_allclose(
+        after.position_mm[0], before.position_mm[-1], atol=STROKES.speed_mm_s * 0.01
+    )
+    assert np.median(np.abs(after.velocity_mm_s[500:, 0])) == pytest.approx(25.0)
+
+
+def test_a_client_takes_it_from_guidance_too(finger: TakeoverFinger) -> None:
+    finger.guide(80.0, 0.6, (5.0, 65.0))
+    moved(finger, 0.0, 2.0)
+    finger.push(10.0, 5.0, True, 0.6)
+    taken = moved(finger, 2.0, 3.0)
+    np.testing.assert_allclose(taken.position_mm, [[10.0, 5.0]] * 1_000)
+    finger.push(10.0, 5.0, False, 0.6)
+    again = moved(finger, 3.0, 6.0)
+    assert np.median(np.abs(again.velocity_mm_s[1_000:, 0])) == pytest.approx(80.0, rel=0.15)
+
+
+def test_guidance_whose_calibration_has_died_is_forgotten(finger: TakeoverFinger) -> None:
+    finger.guide(80.0, 0.6, (5.0, 65.0))
+    moved(finger, 0.0, FORGOTTEN_S + 1.0)
+    own = moved(finger, FORGOTTEN_S + 1.0, FORGOTTEN_S + 2.0)
+    assert np.median(np.abs(own.velocity_mm_s[:, 0])) == pytest.approx(25.0)
+
+
+def test_that_nothing_is_asked_for_takes_it_from_nobody(finger: TakeoverFinger) -> None:
+    finger.guide(0.0, 0.6, (5.0, 65.0))
+    assert np.all(moved(finger, 0.0, 1.0).in_contact)
+
+
 def test_a_rig_says_that_its_finger_can_be_taken_over() -> None:
     with SimulatedRig(SimulatedConfig(clock="virtual", finger=TakeoverStrokes())) as rig:
         assert (rig.info.finger_source, rig.info.finger_takeover) == ("simulated", True)
+        assert rig.follows_guidance
+        rig.guide_finger(80.0, 0.6, (5.0, 65.0))
         rig.move_finger(20.0, 10.0, in_contact=True)
         got = [rig.exchange(np.zeros(2_000)) for _ in range(3)][-1]
         assert [(r.x_mm, r.y_mm, r.in_contact) for r in got.touches][-1] == (20.0, 10.0, True)
