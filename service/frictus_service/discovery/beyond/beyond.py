@@ -226,7 +226,7 @@ def _form(
     beside = characterise(problem, found.extended, flips)
     if not found.effects:
         return beside
-    alone = characterise(problem, found.base, flips)
+    alone = characterise(problem, found.base, flips, shown=True)  # by the causes
     if alone is None:
         return beside
     form = alone.fitted.form

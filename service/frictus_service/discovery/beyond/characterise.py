@@ -88,6 +88,8 @@ def characterise(
     problem: DiscoveryProblem,
     model: Linearised,
     flips: FloatArray,
+    *,
+    shown: bool = False,
 ) -> Characterised | None:
     """Return the form that describes what a model leaves; None where none may be named.
 
@@ -98,12 +100,14 @@ def characterise(
     model : Linearised
         Fitted with the causes that were named, and the units about it.
     flips : ndarray, shape (n_flips, n_units)
+    shown : bool
+        Whether it is shown already that the model leaves something, so that p need not tell.
     """
     if problem.response != "friction":
         return None
     screen = _Screen.of(problem, model)
     p_value = screen.p_value(flips)
-    if not p_value <= max(OMNIBUS, 2.0 / len(flips)):
+    if not (shown or p_value <= max(OMNIBUS, 2.0 / len(flips))):
         return None
     remainder = Remainder.of(problem, model)
     compared = _compare(remainder, screen)
