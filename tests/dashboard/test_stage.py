@@ -11,10 +11,14 @@ from contextlib import contextmanager
 import pytest
 from playwright.sync_api import Page, expect
 from tests.dashboard.conftest import OpenPage
+from tests.dashboard.lab import WIDTHS, expect_no_violations
+from tests.dashboard.test_calibrate import BRIEF, DONE_MS, start
+from tests.dashboard.test_calibrate import state as calibration_state
 from tests.dashboard.test_compensation import expect_error, press, switch
 
 pytestmark = pytest.mark.browser
 
+HIDDEN = re.compile("direction asymmetry|force dependent gain|channel delay")
 FACTS = re.compile(r"the page: (http://127\.0\.0\.1:\d+/#/live/demo)")
 
 
@@ -80,3 +84,45 @@ def test_the_page_shows_what_compensation_does_without_scrolling(open_page: Open
         page.get_by_role("button", name="Arm", exact=True).click()
         expect(page.locator("#state")).to_have_text("ARMED")
         expect_error(page, above=False)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT for one process")
+@pytest.mark.usefixtures("interruptible")
+@pytest.mark.timeout(300)
+def test_what_is_hidden_next_door_is_found_from_the_stage(open_page: OpenPage) -> None:
+    with demo_page() as url, open_page(viewport={"width": 1440, "height": 900}) as page:
+        page.goto(url)
+        cards = page.locator("#first")
+        expect(cards.get_by_role("heading")).to_have_text("And now?")
+        expect(cards.get_by_role("link")).to_have_text(
+            [
+                "Measure this finger",
+                "Find what a model gets wrong",
+                "Stream a recording of yours",
+            ]
+        )
+        expect_no_violations(page, WIDTHS)
+        cards.get_by_role("link", name="Find what a model gets wrong").click()
+        study = page.get_by_label("Study")
+        expect(study).to_have_value("laboratory_next_door.h5", timeout=DONE_MS)
+        page.get_by_role("button", name="Start").click()
+        view = page.locator("#view-discovery")
+        expect(view.locator("[data-state]")).to_have_text("Done", timeout=DONE_MS)
+        causes = page.get_by_role("table", name="Causes that the data name")
+        expect(causes.locator("tbody")).to_contain_text(HIDDEN)
+
+
+@pytest.mark.long
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT for one process")
+@pytest.mark.usefixtures("interruptible")
+@pytest.mark.timeout(600)
+def test_the_finger_of_the_stage_can_be_calibrated(open_page: OpenPage) -> None:
+    with demo_page() as url, open_page() as page:
+        page.goto(url)
+        expect(page.locator("#state")).to_have_text("ARMED")
+        page.get_by_role("button", name="STOP").click()
+        expect(page.locator("#state")).to_have_text("Disarmed")
+        page.locator("#first").get_by_role("link", name="Measure this finger").click()
+        start(page, "P01", BRIEF)
+        expect(calibration_state(page)).to_have_text("Done", timeout=DONE_MS)
+        expect(page.locator("#view-calibrate")).to_contain_text("what was asked for is reached")

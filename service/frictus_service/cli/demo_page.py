@@ -45,7 +45,7 @@ def _show(config: Config, url: str) -> None:
     _tell(f"the page: {url}   (Ctrl-C here ends all of it)")
     rig = f"--router {config.router.endpoint} --site {config.site} --rig {config.rig}"
     _tell(f"from another terminal: frictus watch {rig}")
-    _tell("to calibrate its participant: disarm the rig on the page, then Calibrate there")
+    _tell("to calibrate its participant: STOP on the page, then Calibrate there or here")
     if not webbrowser.open(url):
         _tell("no browser could be opened: open that address in one")
     from frictus_laboratory.reproduction.sample_study import write_sample_study

@@ -8,6 +8,8 @@ import { pathOf, referenceOf } from "../models/reference.js";
 import { Outcome } from "../outcome.js";
 
 const MODELS = 200;
+/** After which it is asked again whether there is a study, while there is none. */
+const AGAIN_MS = 2000;
 /** By response: bases that have a name. */
 const NAMED = {
   friction: {
@@ -53,8 +55,9 @@ export class Asking {
     this.root = element("section", {}, title, this.form, this.note, this.outcome.root);
   }
 
-  /** Ask which studies and models there are. */
+  /** Ask which studies and models there are, again while there are none. */
   async load() {
+    clearTimeout(this.again);
     this.form.hidden = this.note.hidden = !this.page.can("calibrate");
     if (this.form.hidden) {
       this.outcome.good("To start one takes a token with the scope calibrate.");
@@ -73,7 +76,15 @@ export class Asking {
     this.#offerBases();
     this.button.disabled = studies.length === 0;
     if (studies.length > 0) this.outcome.clear();
-    else this.outcome.good("There is no study in the folder yet.");
+    else {
+      this.outcome.good("There is no study in the folder yet.");
+      this.again = setTimeout(() => this.load(), AGAIN_MS);
+    }
+  }
+
+  /** Ask no more. */
+  close() {
+    clearTimeout(this.again);
   }
 
   #offerBases() {

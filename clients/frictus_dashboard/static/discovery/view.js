@@ -35,6 +35,7 @@ export class View {
   }
 
   close() {
+    this.asking.close();
     this.job.close();
   }
 
