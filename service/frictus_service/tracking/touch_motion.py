@@ -98,7 +98,7 @@ class TouchedSamples:
             for report in self._reports
             if report.run == part.run
             and report.in_contact
-            and report.sample <= first + n_samples + around
+            and first - around <= report.sample <= first + n_samples + around
         ]
         time_s = (first + np.arange(n_samples)) / part.sample_rate_hz
         reports = np.array(near, dtype=float).reshape(-1, 3)
