@@ -1,7 +1,8 @@
 """Several streams of a rig as one, sample by sample."""
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,9 @@ from numpy.typing import NDArray
 from frictus.block import Block, Flag
 from frictus.errors import ArgumentError
 from frictus.gaps import Gap
+
+PATIENCE: Final = 256
+"""Blocks of which none matches before all streams are taken anew from their next ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,28 +119,49 @@ def align(**streams: Iterable[Block | Gap]) -> Iterator[AlignedSamples]:
     if not streams:
         raise ArgumentError("nothing to align: name one stream or more")
     heads = {name: _Head(iter(blocks)) for name, blocks in streams.items()}
-    run, expected = -1, 0
+    run, expected, unmatched = -1, 0, 0
     try:
         while True:
-            newest = max(head.block.run for head in heads.values())
-            older = [head for head in heads.values() if head.block.run < newest]
-            for head in older:
+            behind = _behind(heads.values(), run)
+            unmatched += 1
+            if unmatched > PATIENCE:  # one of them is where no rig ever gets
+                behind, unmatched = list(heads.values()), 0
+            for head in behind:
                 head.skip_to(head.end)
-            if older:
+            if behind:
                 continue
             first = max(head.first for head in heads.values())
             end = min(head.end for head in heads.values())
             if first < end:
-                missing = first - expected if newest == run else 0
-                yield _aligned(heads, first, end, missing)
-                run, expected = newest, end
+                part = _aligned(heads, first, end)
+                missing = first - expected if part.run == run else 0
+                yield replace(part, missing_samples=max(missing, 0))
+                run, expected, unmatched = part.run, end, 0
             for head in heads.values():
                 head.skip_to(min(max(first, end), head.end))
     except _EndedError:
         return
 
 
-def _aligned(heads: Mapping[str, _Head], first: int, end: int, missing: int) -> AlignedSamples:
+def _behind(heads: Collection[_Head], run: int) -> list[_Head]:
+    """Return the heads in a run that is over, for others are in the next.
+
+    Parameters
+    ----------
+    heads : collection of _Head
+        At least one.
+    run : int
+        Whose samples came last. Numbers of runs tell no order.
+    """
+    runs = {head.block.run for head in heads}
+    if len(runs) == 1:
+        return []
+    newest = max(heads, key=lambda head: head.block.utc_ns).block.run
+    over = {run} if run in runs else runs - {newest}
+    return [head for head in heads if head.block.run in over]
+
+
+def _aligned(heads: Mapping[str, _Head], first: int, end: int) -> AlignedSamples:
     blocks = [head.block for head in heads.values()]
     flags = Flag(0)
     for block in blocks:
@@ -148,7 +173,7 @@ def _aligned(heads: Mapping[str, _Head], first: int, end: int, missing: int) -> 
         first,
         one.utc_ns + later_ns,
         one.sample_rate_hz,
-        missing,
+        0,
         flags,
         {name: head.cut(first, end) for name, head in heads.items()},
     )

@@ -26,6 +26,9 @@ from frictus.messages import MESSAGES, Reply
 from frictus.session import DENIED, UNKNOWN, if_secured
 
 ROUTER_GONE: Final = "the link to the router is gone; it is being tried again"
+ENDS: Final = ("stop", "disarm")
+"""Calls that reach all who answer under the name of the rig: Zenoh gives a call to one of them,
+and that one need not be the rig that drives the screen."""
 LOOKS: Final = 2
 """At the least: on a busy machine one answer in a thousand was empty."""
 PAUSES_S: Final = (0.0, 0.0, 0.01, 0.02, 0.05)
@@ -105,6 +108,8 @@ class Caller:
         try:
             answers = self.session.get(
                 self.keys.call(name),
+                target=zenoh.QueryTarget.ALL if name in ENDS else None,
+                consolidation=zenoh.ConsolidationMode.NONE,  # else the first waits for all
                 payload=payload,
                 encoding=zenoh.Encoding.APPLICATION_JSON,
                 attachment=self.client,

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 from frictus.block import Block
 from frictus.errors import FrameError
@@ -25,9 +25,9 @@ class Gap:
         How many samples are missing for it.
     reason : str
         `lost` on the way; `overflow`: this reader was too slow for its queue; `restart`: the
-        rig began a new run, sample counts begin again; `overrun`: the rig's device lost samples
-        before they became a block; `unreadable`: something arrived that is not a block of the
-        protocol (the loss itself follows as `lost`).
+        rig began a new run, or the counts of its run went back; `overrun`: the rig's device
+        lost samples before they became a block; `unreadable`: something arrived that is not a
+        block of the protocol (the loss itself follows as `lost`).
     detail : str
         More on it, for people.
     """
@@ -39,27 +39,41 @@ class Gap:
     detail: str = ""
 
 
+NEAR: Final = 64
+"""Blocks by which a stream may be ahead of its last block, or behind, and is still believed at
+once. At 5 ms, 0.3 s."""
+
+
 class GapDetector:
     """Follows sequence numbers, runs and sample counts of one stream.
+
+    Anybody who may publish can say one block with any numbers. So a block that begins elsewhere
+    (another run, far ahead, far behind) is held until the next one follows on it; where the
+    stream goes on as before instead, it is a stray and left out. However far off, it costs
+    nothing but itself.
 
     Attributes
     ----------
     received : int
-        Blocks seen.
+        Blocks handed on.
     lost : int
         Blocks that never came, whatever the reason.
     repeated : int
         Blocks that came again; they are left out.
+    strays : int
+        Blocks on which no other followed; they are left out.
     """
 
     def __init__(self) -> None:
         self.received = 0
         self.lost = 0
         self.repeated = 0
+        self.strays = 0
         self._last: Block | None = None
+        self._held: tuple[Block, int] | None = None
 
-    def follow(self, block: Block, dropped_here: int = 0) -> tuple[Gap | None, bool]:
-        """Take the next block.
+    def follow(self, block: Block, dropped_here: int = 0) -> list[Block | Gap]:
+        """Take the next block; return what is known of the stream by it, in order.
 
         Parameters
         ----------
@@ -70,20 +84,33 @@ class GapDetector:
 
         Returns
         -------
-        gap : Gap or None
-            What is missing before the block.
-        fresh : bool
-            False for a block that was already seen.
+        list of Block or Gap
+            Blocks, each after the gap before it; nothing for one that came again, or is held.
         """
-        last = self._last
-        if last is not None and block.run == last.run and block.sequence <= last.sequence:
+        last, held = self._last, self._held
+        if last is None or _follows(block, last, NEAR + dropped_here):
+            self._drop_held()
+            return self._take(block, dropped_here)
+        if held is not None and _follows(block, held[0]):
+            self._held = None
+            return self._take(*held) + self._take(block, dropped_here)
+        if _repeats(block, last):
             self.repeated += 1
-            return None, False
+            return []
+        self._drop_held()
+        self._held = block, dropped_here
+        return []
+
+    def _drop_held(self) -> None:
+        self.strays += self._held is not None
+        self._held = None
+
+    def _take(self, block: Block, dropped_here: int) -> list[Block | Gap]:
+        gap = self._before(block, self._last, dropped_here)
         self._last = block
         self.received += 1
-        gap = self._before(block, last, dropped_here)
         self.lost += gap.missing_blocks if gap else 0
-        return gap, True
+        return [block] if gap is None else [gap, block]
 
     @staticmethod
     def _before(block: Block, last: Block | None, dropped_here: int) -> Gap | None:
@@ -93,6 +120,8 @@ class GapDetector:
             samples = dropped_here * block.data.shape[1]
             first = max(0, block.sequence - dropped_here)
             return Gap(dropped_here, first, samples, "overflow")
+        if block.run == last.run and not _follows(block, last):
+            return Gap(0, block.sequence, 0, "restart", f"run {last.run} went back")
         if block.run != last.run:
             samples = block.first_sample if block.sequence else 0
             detail = f"run {last.run} ended after block {last.sequence}; run {block.run} began"
@@ -147,6 +176,11 @@ class BlockFeed(Feed[Block | Gap]):
         """Blocks that came again and were left out."""
         return self._detector.repeated
 
+    @property
+    def strays(self) -> int:
+        """Blocks that belong nowhere in the stream and were left out."""
+        return self._detector.strays
+
     def _read(self, arrival: Arrival) -> Iterator[Block | Gap]:
         dropped_here = arrival.index - self._next_index
         self._next_index = arrival.index + 1
@@ -158,8 +192,20 @@ class BlockFeed(Feed[Block | Gap]):
             self.unreadable += 1
             yield Gap(0, 0, 0, "unreadable", str(error))
             return
-        gap, fresh = self._detector.follow(block, dropped_here)
-        if gap is not None:
-            yield gap
-        if fresh:
-            yield block
+        yield from self._detector.follow(block, dropped_here)
+
+
+def _follows(block: Block, before: Block, within: int | None = None) -> bool:
+    """Return whether a block comes later in the same run, if need be within so many blocks."""
+    ahead = block.sequence - before.sequence
+    skipped = block.first_sample - before.first_sample - before.data.shape[1]
+    if block.run != before.run or ahead <= 0 or skipped < 0:
+        return False
+    longest = max(1, before.data.shape[1], block.data.shape[1])
+    return within is None or (ahead <= within and skipped <= within * longest)
+
+
+def _repeats(block: Block, last: Block) -> bool:
+    """Return whether a block is one of the last few again."""
+    near = abs(block.sequence - last.sequence) <= NEAR
+    return block.run == last.run and near and not _follows(block, last)

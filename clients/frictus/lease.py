@@ -130,6 +130,9 @@ class Lease:
         """
         if self._finished.is_set():
             return
+        # First the renewals: where nobody answers, the output ends with the lease.
+        self._finished.set()
+        self._thread.join()
         try:
             if not self.lost:
                 expect_state(self._status, self._caller.call("disarm"), CONFIRM_S)
@@ -137,8 +140,6 @@ class Lease:
             if error.code not in ("not_owner", "not_armed", "tripped"):
                 raise
         finally:
-            self._finished.set()
-            self._thread.join()
             self._declared.close()
 
     def _on_presence(self, sample: zenoh.Sample) -> None:

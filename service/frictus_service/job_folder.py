@@ -9,6 +9,7 @@ import logging
 import os
 import re
 import secrets
+import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -109,11 +110,16 @@ class JobFolder(Generic[Job]):
             updated_utc_ns=now_ns,
             **fields,
         )
+        folder = self.folder(job.id)
         with self._lock:
-            self.folder(job.id).mkdir(parents=True)
-            for name, content in (files or {}).items():
-                replace_file(self.folder(job.id) / name, content)
-            self._keep(job)
+            folder.mkdir(parents=True)
+            try:
+                for name, content in (files or {}).items():
+                    replace_file(folder / name, content)
+                self._keep(job)
+            except BaseException:  # a job that was not accepted is none
+                shutil.rmtree(folder, ignore_errors=True)
+                raise
         return job
 
     def get(self, job: str) -> Job:

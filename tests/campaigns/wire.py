@@ -136,6 +136,8 @@ class Bench:
             self.keys: RigKeys = self.config.keys
             self.caller = Caller(self.sessions["owner"], self.keys, "owner", ANSWER_S)
             session = self.sessions["owner"]
+            token = session.liveliness().declare_token(self.keys.client_alive("owner"))
+            stack.callback(token.undeclare)
             self.driven = DrivenSamples(session, self.keys, run_of(self.rig))
             stack.callback(self.driven.close)
             yield self

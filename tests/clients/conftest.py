@@ -66,7 +66,7 @@ class FakeRig:
         for call in CALLS:
             self._declared.append(
                 self.session.declare_queryable(
-                    keys.call(call), functools.partial(self._answer, call)
+                    keys.call(call), functools.partial(self._answer, call), complete=True
                 )
             )
         for topic in (Topics.LEASE, Topics.TEXTURE, Topics.POINTER):

@@ -1,6 +1,7 @@
 """Several streams as one: every sample that all have, once, at its place."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -55,19 +56,46 @@ def test_every_common_sample_comes_once_at_its_place(rng: np.random.Generator) -
         assert after.first_sample == end + after.missing_samples
 
 
-def test_a_new_run_begins_anew(rng: np.random.Generator) -> None:
-    def both(ends: tuple[int, int], channels: int) -> Iterator[Block | frictus.Gap]:
-        yield from stream(rng, [(0, ends[0])], run=1, channels=channels)
-        yield from stream(rng, [(0, ends[1])], run=2, channels=channels)
+@pytest.mark.parametrize(("former", "later"), [(1, 2), (2, 1)])
+@pytest.mark.parametrize(
+    ("ends_a", "ends_b"), [((1_000, 500), (600, 700)), ((0, 500), (600, 700))]
+)
+def test_a_new_run_begins_anew(
+    rng: np.random.Generator,
+    former: int,
+    later: int,
+    ends_a: tuple[int, int],
+    ends_b: tuple[int, int],
+) -> None:
+    def both(ends: tuple[int, int]) -> Iterator[Block | frictus.Gap]:
+        yield from stream(rng, [(0, ends[0])], run=former)
+        for item in stream(rng, [(0, ends[1])], run=later):
+            yield replace(item, utc_ns=item.utc_ns + 10**9) if isinstance(item, Block) else item
 
-    parts = list(frictus.align(a=both((1_000, 500), 1), b=both((600, 700), 1)))
-    samples = {
-        run: np.concatenate([part.data["a"][0] for part in parts if part.run == run])
-        for run in (1, 2)
-    }
-    np.testing.assert_array_equal(samples[1], np.arange(600))
-    np.testing.assert_array_equal(samples[2], np.arange(500))
+    parts = list(frictus.align(a=both(ends_a), b=both(ends_b)))
+    for run, end in ((former, min(ends_a[0], ends_b[0])), (later, 500)):
+        samples = [part.data["a"][0] for part in parts if part.run == run]
+        np.testing.assert_array_equal(np.concatenate(samples or [[]]), np.arange(end))
     assert all(part.missing_samples == 0 for part in parts)
+
+
+@pytest.mark.parametrize("forged", [(1, 2**50), (2**32 - 1, 0), (0, 0)])
+def test_what_no_rig_says_holds_nothing_up_for_good(
+    rng: np.random.Generator, forged: tuple[int, int]
+) -> None:
+    def with_forged() -> Iterator[Block | frictus.Gap]:
+        yield from stream(rng, [(0, 1_000)])
+        run, first = forged
+        yield from stream(rng, [(first, first + 500)], run)
+        yield from stream(rng, [(1_000, 40_000)])
+
+    one = [
+        Block(1, 1, 0, at, 0, 0, RATE_HZ, Flag(0), np.zeros((1, 10), np.float32))
+        for at in range(0, 50_000, 10)
+    ]
+    parts = list(frictus.align(a=with_forged(), b=iter(one)))
+    assert parts[-1].first_sample + parts[-1].data["a"].shape[1] == 40_000
+    assert all(part.missing_samples >= 0 for part in parts)
 
 
 def test_nothing_to_align_is_refused() -> None:

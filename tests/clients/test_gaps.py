@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from frictus import Block, Client, Flag, Gap
 from frictus.errors import SilenceError
-from frictus.gaps import GapDetector
+from frictus.gaps import NEAR, GapDetector
 
 WAIT_S = 10.0
 
@@ -30,9 +30,10 @@ def test_every_missing_block_is_counted_where_it_is_missing(kept: set[int]) -> N
     missing: list[int] = []
     samples = 0
     for sequence in sorted(kept):
-        gap, fresh = detector.follow(block(sequence))
-        assert fresh
-        if gap is not None:
+        *gaps, last = detector.follow(block(sequence))
+        assert isinstance(last, Block)
+        for gap in gaps:
+            assert isinstance(gap, Gap)
             assert gap.reason == "lost"
             first = gap.first_missing_sequence
             missing += range(first, first + gap.missing_blocks)
@@ -46,13 +47,16 @@ def test_every_missing_block_is_counted_where_it_is_missing(kept: set[int]) -> N
 def test_a_new_run_is_a_gap_even_when_nothing_of_it_is_missing() -> None:
     detector = GapDetector()
     detector.follow(block(9, run=1))
-    gap, _ = detector.follow(block(0, run=2))
-    assert gap is not None
+    assert detector.follow(block(0, run=2)) == []
+    gap, *blocks = detector.follow(block(1, run=2))
+    assert isinstance(gap, Gap)
+    assert [one.sequence for one in blocks if isinstance(one, Block)] == [0, 1]
     assert (gap.reason, gap.missing_blocks, gap.samples) == ("restart", 0, 0)
     detector = GapDetector()
     detector.follow(block(9, run=1))
-    gap, _ = detector.follow(block(3, run=2))
-    assert gap is not None
+    detector.follow(block(3, run=2))
+    gap, *_ = detector.follow(block(4, run=2))
+    assert isinstance(gap, Gap)
     assert (gap.missing_blocks, gap.first_missing_sequence, gap.samples) == (3, 0, 300)
 
 
@@ -66,9 +70,79 @@ def test_samples_lost_by_the_device_are_a_gap_without_blocks() -> None:
 def test_a_repeated_block_is_left_out_and_counted() -> None:
     detector = GapDetector()
     detector.follow(block(5))
-    assert detector.follow(block(5)) == (None, False)
-    assert detector.follow(block(4)) == (None, False)
+    assert detector.follow(block(5)) == []
+    assert detector.follow(block(4)) == []
     assert (detector.received, detector.repeated, detector.lost) == (1, 2, 0)
+
+
+FORGED = {
+    "far ahead": block(2**40, first_sample=2**50),
+    "blocks far ahead": block(2**40, first_sample=500),
+    "samples far ahead": block(5, first_sample=2**50),
+    "far behind": block(0),
+    "another run": block(2**40, run=2),
+    "the highest run": block(5, run=2**32 - 1),
+    "the lowest run": block(5, run=0),
+}
+
+
+@pytest.mark.parametrize("before", [4, 400])
+@pytest.mark.parametrize("forged", FORGED.values(), ids=FORGED.keys())
+def test_a_block_that_no_rig_said_costs_itself_alone(forged: Block, before: int) -> None:
+    detector = GapDetector()
+    true = [block(before + n) for n in range(8)]
+    if forged.run == 1 and forged.sequence == 5:  # it must be ahead of the next one
+        forged = replace(forged, sequence=before + 4)
+    passed = [detector.follow(one) for one in (*true[:4], forged, *true[4:])]
+    handed_on = [one for items in passed for one in items]
+    assert len(handed_on) == 8
+    assert all(one is other for one, other in zip(handed_on, true, strict=True))
+    assert detector.lost == 0
+    assert detector.strays + detector.repeated == 1
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 2), st.integers(0, 2**64 - 1), st.integers(0, 2**64 - 1)),
+        max_size=20,
+    )
+)
+def test_a_stream_comes_back_whatever_was_said_in_its_name(
+    forged: list[tuple[int, int, int]],
+) -> None:
+    detector = GapDetector()
+    for run, sequence, first_sample in forged:
+        detector.follow(block(sequence, run, first_sample))
+    true = [block(10_000 + n) for n in range(2 * NEAR)]
+    passed = [detector.follow(one) for one in true]
+    assert passed[-1][-1] is true[-1]
+
+
+def test_samples_that_the_device_lost_for_long_are_a_gap_too() -> None:
+    detector = GapDetector()
+    detector.follow(block(0))
+    assert detector.follow(block(1, first_sample=200_000)) == []
+    gap, *blocks = detector.follow(block(2, first_sample=200_100))
+    assert gap == Gap(0, 1, 199_900, "overrun")
+    assert len(blocks) == 2
+
+
+def test_a_reader_that_reads_seldom_gets_the_newest_at_once() -> None:
+    detector = GapDetector()
+    detector.follow(block(0))
+    gap, newest = detector.follow(block(1_000), dropped_here=999)
+    assert gap == Gap(999, 1, 99_900, "overflow", "999 dropped by this reader's queue")
+    assert isinstance(newest, Block)
+
+
+def test_counts_that_go_back_within_a_run_are_a_gap() -> None:
+    detector = GapDetector()
+    for sequence in (5_000, 5_001, 7):
+        detector.follow(block(sequence))
+    gap, *blocks = detector.follow(block(8))
+    assert gap == Gap(0, 7, 0, "restart", "run 1 went back")
+    assert [one.sequence for one in blocks if isinstance(one, Block)] == [7, 8]
+    assert detector.lost == 0
 
 
 def test_gaps_arrive_in_order_among_the_blocks(client: Client, fake: Any) -> None:

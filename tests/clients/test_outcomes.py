@@ -1,7 +1,9 @@
 """What is known of a call: done, refused, not sent, unknown; and by whom it was made."""
 
 import contextlib
+import queue
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -18,7 +20,7 @@ from frictus.errors import (
     OutdatedStateError,
 )
 from frictus.keys import RigKeys
-from frictus.messages import LeaseEnd, Reply, SceneState
+from frictus.messages import LeaseEnd, LeaseRenewal, Reply, SceneState
 from frictus.session import open_router
 from frictus.textures import Scene
 
@@ -106,3 +108,49 @@ def test_a_stream_without_a_lease_of_its_own_ends_with_what_it_was_opened_under(
         for _ in range(2):
             with pytest.raises(LeaseLostError, match=words):
                 stream.send([0.1, -0.1], period_mm=2.0)
+
+
+def test_what_ends_the_output_reaches_whoever_has_the_name_of_the_rig(
+    client: Client, fake: Any
+) -> None:
+    rig = client.rig("sim")
+    with type(fake)(fake.router, fake.keys) as namesake:
+        rig.stop()
+        lease = rig.arm()
+        lease.disarm()
+        calls: list[str] = []
+        until_s = time.monotonic() + WAIT_S
+        while len(calls) < 5 and time.monotonic() < until_s:
+            for each in (fake, namesake):
+                with contextlib.suppress(queue.Empty):
+                    calls.append(each.calls.get(timeout=0.01)[0])
+        # No second screen is armed without anybody's knowing.
+        assert sorted(calls) == ["arm", "disarm", "disarm", "stop", "stop"]
+
+
+def test_a_namesake_that_does_not_answer_holds_no_stop_up(router: str, fake: Any) -> None:
+    with (
+        frictus.connect(router, timeout_s=60.0) as client,
+        type(fake)(fake.router, fake.keys) as namesake,
+    ):
+        namesake.silent = True
+        stopping = ThreadPoolExecutor(1).submit(client.rig("sim").stop)
+        namesake.asked("stop")
+        assert stopping.result(WAIT_S) == "armed"  # as this rig answers whatever it is asked
+        fake.asked("stop")
+
+
+def test_the_lease_is_renewed_no_more_though_nobody_answers_the_disarming(
+    router: str, fake: Any
+) -> None:
+    with frictus.connect(router, timeout_s=0.5) as client:
+        lease = client.rig("sim").arm(lease_ms=100)
+        fake.asked("arm")
+        fake.next_put(Topics.LEASE)
+        fake.silent = True
+        with pytest.raises(OutcomeUnknownError):
+            lease.disarm()
+        asked_ns = fake.asked("disarm").utc_ns
+        while not fake.puts.empty():
+            assert LeaseRenewal.from_json(fake.next_put(Topics.LEASE)).utc_ns <= asked_ns
+        assert not lease.lost

@@ -56,6 +56,10 @@ print(rig.status().rig)
 
 
 def test_everything_in_all_exists() -> None:
+    for module in pkgutil.walk_packages(frictus.__path__, "frictus."):
+        loaded = importlib.import_module(module.name)
+        named = getattr(loaded, "__all__", ())
+        assert [name for name in named if not hasattr(loaded, name)] == [], module.name
     for name in frictus.__all__:
         assert hasattr(frictus, name), name
     assert list(frictus.__all__) == sorted(

@@ -1,5 +1,6 @@
 """What each exception is answered with: the error of the API that stands for it; or nothing."""
 
+import errno
 import logging
 from typing import Final
 
@@ -38,6 +39,7 @@ from frictus_service.api.problems import (
     ModelNotFoundError,
     NoLinkError,
     NoRegistryError,
+    NotStoredError,
     PathNotFoundError,
     ReadOnlyError,
     RigCalibratingError,
@@ -87,6 +89,7 @@ _FOREIGN: Final[dict[type[Exception], type[ApiError]]] = {
     service.RegistryUnavailableError: NoRegistryError,
     service.RegistryError: InvalidError,  # what is left: names, provenance
 }
+_NOT_STORED: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
 _METHODS: Final = ("DELETE", "GET", "HEAD", "OPTIONS", "PATCH", "POST", "PUT")
 _BY_STATUS: Final = {404: PathNotFoundError, 405: MethodNotAllowedError}
 
@@ -105,6 +108,11 @@ def problem_of(error: Exception) -> ApiError:
     for foreign, kind in _FOREIGN.items():
         if isinstance(error, foreign):
             return kind(str(error))
+    if isinstance(error, OSError) and error.errno in _NOT_STORED:
+        return NotStoredError(
+            f"the server cannot write it ({error.strerror}): have its disk freed, or its file "
+            "system writable, and ask again"
+        )
     return InternalError("an unexpected fault; the server's log has it with this path and time")
 
 
@@ -121,7 +129,7 @@ def install(app: FastAPI) -> None:
 
     for kind in (ApiError, RefusedError, RequestValidationError, HTTPException, Exception):
         app.add_exception_handler(kind, answer)
-    for foreign in _FOREIGN:
+    for foreign in (*_FOREIGN, OSError):
         app.add_exception_handler(foreign, answer)
 
 

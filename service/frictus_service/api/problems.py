@@ -308,6 +308,12 @@ class NoRegistryError(ApiError):
     status, code, title = 503, "no_registry", "The registry cannot be reached"
 
 
+class NotStoredError(ApiError):
+    """The disk takes nothing: it is full or read-only."""
+
+    status, code, title = 507, "not_stored", "It cannot be kept"
+
+
 class UnavailableError(ApiError):
     """The rig is not ready."""
 

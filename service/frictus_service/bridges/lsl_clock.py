@@ -37,18 +37,19 @@ class LslClock:
         self._local_clock_s = local_clock_s
         self._utc_ns = utc_ns
         self._runs: dict[int, SlewedClock] = {}
+        """The one used last at the end. Numbers of runs tell no order: anybody may say one."""
         self._newest_ns = 0
         self._offset_ns = 0
         self._read_offset()
 
     @property
     def run(self) -> int | None:
-        """The newest run; None before the first."""
-        return max(self._runs, default=None)
+        """The run that was spoken of last; None before the first."""
+        return next(reversed(self._runs), None)
 
     @property
     def error_ms(self) -> float:
-        """How far the stamps of the newest run were off the newest fit when it came."""
+        """How far the stamps of that run were off the newest fit when it came."""
         run = self.run
         return 0.0 if run is None else 1e-6 * self._runs[run].error_ns
 
@@ -73,7 +74,7 @@ class LslClock:
         Parameters
         ----------
         run : int
-            Of the rig; an older one than the newest two is refused.
+            Of the rig; of two others the one that was spoken of last is kept.
         sample : int
             Device index, of which the time is known.
         utc_ns : int
@@ -86,20 +87,17 @@ class LslClock:
         if not (low <= ns_per_sample <= high and abs(sample) <= MAX_SAMPLE):
             return False
         if run in self._runs:
-            leap = abs(sample - self._runs[run].newest_sample)
-            return leap * ns_per_sample <= MAX_LEAP_NS
+            self._runs[run] = known = self._runs.pop(run)
+            return abs(sample - known.newest_sample) * ns_per_sample <= MAX_LEAP_NS
         if len(self._runs) == RUNS:
-            oldest = min(self._runs)
-            if run < oldest:
-                return False
-            del self._runs[oldest]
+            del self._runs[next(iter(self._runs))]
         later_ns = self._newest_ns + round(ns_per_sample)  # whatever UTC was set to meanwhile
         at_ns = max(utc_ns - self._offset_ns, later_ns)
         self._runs[run] = SlewedClock(sample, at_ns, ns_per_sample)
         return True
 
     def knows(self, run: int) -> bool:
-        """Return whether a run was begun, and is not too old by now."""
+        """Return whether a run was begun, and not two others since."""
         return run in self._runs
 
     def stamp_s(self, run: int, sample: int) -> float:

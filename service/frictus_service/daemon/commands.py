@@ -94,7 +94,8 @@ class Commands:
         self._limits = limits
         self._gate = CommandValidator(limits)
         self._utc_ns = utc_ns
-        self._presence = ClientPresence(control.vanish)
+        self.presence = ClientPresence(control.vanish)
+        """Of those who may arm."""
         self._answering: CommandQueue[IncomingCommand] = CommandQueue(ANSWERING)
         self._rendering: CommandQueue[IncomingCommand] = CommandQueue(RENDERING)
         self._newest_scene: dict[str, IncomingCommand] = {}
@@ -235,7 +236,7 @@ class Commands:
 
     def _on_token(self, sample: zenoh.Sample) -> None:
         client = str(sample.key_expr).rsplit("/", 1)[1]
-        self._presence.on_token(client, sample.kind == zenoh.SampleKind.PUT)
+        self.presence.on_token(client, sample.kind == zenoh.SampleKind.PUT)
 
     def serve_answers(self) -> None:
         """Move virtual fingers and answer calls until closed."""
@@ -313,7 +314,7 @@ class Commands:
 
     def _arm(self, request: ArmRequest) -> Reply:
         reply = self._control.arm(request)
-        self._presence.on_armed(request.client)
+        self.presence.on_armed(request.client)
         return reply
 
     def _guide(self, payload: bytes) -> None:
@@ -367,7 +368,7 @@ class Commands:
         for declared in self._declared:
             declared.undeclare()
         self._declared.clear()
-        self._presence.close()
+        self.presence.close()
         self._answering.close()
         self._rendering.close()
         for thread in self._threads:

@@ -138,17 +138,15 @@ class Interlock:
         return self._state
 
 
-FALLEN: Final = 4096
-"""Names of clients whose token fell last that are kept."""
 CONFIRM_S: Final = 0.5
-"""A client that arms after its token fell must show it again within this time."""
+"""A client that arms must show its token within this time."""
 
 
 class ClientPresence:
     """Follows the tokens of clients. Any thread may call it; it never waits for long.
 
-    A request to arm may be decided after its client has died and its token has fallen: such
-    an owner is given `CONFIRM_S` to show a token, not the whole lease.
+    A client may arm without a token, or be dead and its token fallen by the time its request is
+    decided: such an owner is given `CONFIRM_S` to show one, not the whole lease.
 
     Parameters
     ----------
@@ -159,24 +157,21 @@ class ClientPresence:
     def __init__(self, vanish: Callable[[str], object]) -> None:
         self._vanish = vanish
         self._lock = threading.Lock()
-        self._fallen: dict[str, None] = {}
+        self._standing: set[str] = set()
+        """No more than Zenoh itself holds."""
         self._confirming: dict[str, threading.Timer] = {}
 
     def on_token(self, client: str, present: bool) -> None:
         """Take note that a client's token stands, or has fallen."""
         with self._lock:
-            self._fallen.pop(client, None)
-            if not present:
-                if len(self._fallen) == FALLEN:
-                    del self._fallen[next(iter(self._fallen))]
-                self._fallen[client] = None
+            (self._standing.add if present else self._standing.discard)(client)
         if not present:
             self._vanish(client)
 
     def on_armed(self, client: str) -> None:
         """Take note that a client has armed the rig."""
         with self._lock:
-            if client not in self._fallen or client in self._confirming:
+            if client in self._standing or client in self._confirming:
                 return
             timer = threading.Timer(CONFIRM_S, self._confirm, (client,))
             timer.daemon = True
@@ -186,7 +181,7 @@ class ClientPresence:
     def _confirm(self, client: str) -> None:
         with self._lock:
             self._confirming.pop(client, None)
-            gone = client in self._fallen
+            gone = client not in self._standing
         if gone:
             self._vanish(client)
 

@@ -83,13 +83,16 @@ def _length_s(path: Path, size: int, modified_s: float) -> float | None:
     except (OSError, McapError, ValueError, struct.error):
         return None
     statistics = None if summary is None else summary.statistics
-    if statistics is None or statistics.message_count == 0:
+    if summary is None or statistics is None or statistics.message_count == 0:
         return None
-    return 1e-9 * (statistics.message_end_time - statistics.message_start_time)
+    # The first states say when they came into force, which may be days before.
+    began_ns = [one.log_time for one in summary.attachment_indexes]
+    start_ns = max([statistics.message_start_time, *began_ns])
+    return 1e-9 * max(0, statistics.message_end_time - start_ns)
 
 
 def length_s(one: Shelved) -> float | None:
-    """Return the seconds between first and last message, as the file's own statistics say.
+    """Return the seconds from the beginning to the last message, as the file itself says.
 
     Parameters
     ----------

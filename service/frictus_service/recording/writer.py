@@ -257,6 +257,8 @@ class RecordingWriter:
     def _explained(self) -> Iterator[None]:
         try:
             yield
+        except NotWrittenError:  # explained already
+            raise
         except OSError as error:
             raise NotWrittenError(
                 f"{self.path} cannot be written any further ({error.strerror or error}); what "

@@ -83,9 +83,10 @@ class TouchedSamples:
         end = part.first_sample + part.data["render"].shape[1]
         return bool(self._reports[-1].sample >= end + AROUND_S * part.sample_rate_hz)
 
-    @staticmethod
-    def _is_past(report: TouchState, run: int, sample: float) -> bool:
-        return report.run < run or bool(report.run == run and report.sample < sample)
+    def _is_past(self, report: TouchState, run: int, sample: float) -> bool:
+        if report.run != run:  # their numbers tell no order
+            return self._reports[-1].run == run
+        return report.sample < sample
 
     def _moved(self, part: AlignedSamples) -> AlignedSamples:
         around = AROUND_S * part.sample_rate_hz
@@ -97,7 +98,7 @@ class TouchedSamples:
             for report in self._reports
             if report.run == part.run
             and report.in_contact
-            and report.sample <= first + n_samples + around
+            and first - around <= report.sample <= first + n_samples + around
         ]
         time_s = (first + np.arange(n_samples)) / part.sample_rate_hz
         reports = np.array(near, dtype=float).reshape(-1, 3)

@@ -172,9 +172,10 @@ def test_a_channel_that_the_rig_changes_is_advertised_anew(
 def test_numbers_that_no_rig_counts_are_refused(hand: Any, client: frictus.Client) -> None:
     with FoxgloveBridge(client, client.rig("hand", "lab")) as bridge:
         odd: list[dict[str, Any]] = [
-            {"first_sample": 2**63},
             {"utc_ns": 2**63 - 1},
             {"sample_rate_hz": 1e-9},
+            {"first_sample": 2**63},
+            {"first_sample": 2**63 + BLOCK},  # one alone is left out before
         ]
         for sequence, changes in enumerate(odd):
             hand.force(1, sequence, **changes)

@@ -99,6 +99,8 @@ class Desk:
         self.commands = Commands(
             control, self.stage, self.models, self.interlock, self.limits, lambda: self.utc_ns
         )
+        for client in ("ann", "ben", "cid", "owner"):
+            self.commands.presence.on_token(client, True)
 
     @property
     def utc_ns(self) -> int:

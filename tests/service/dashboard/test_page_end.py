@@ -6,6 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fastapi import WebSocket, WebSocketDisconnect
+from starlette.types import Message
+from starlette.websockets import WebSocketState
 
 from frictus.errors import LinkError, RefusedError
 from frictus.messages import Applied
@@ -131,7 +134,9 @@ def test_a_fault_at_the_end_keeps_no_other_part_open(monkeypatch: Any) -> None:
 
     async def scene() -> None:
         hub = Hub(Link())  # type: ignore[arg-type]
-        socket: Any = SimpleNamespace(receive=receive, send_text=ignore)
+        socket: Any = SimpleNamespace(
+            receive=receive, send_text=ignore, application_state=WebSocketState.CONNECTED
+        )
         with pytest.raises(RuntimeError, match="unforeseen"):
             await Conversation(socket, hub, (), ConnectedPages()).serve()
         await hub.close()
@@ -164,3 +169,23 @@ def test_a_stream_ends_whatever_a_call_ended_with() -> None:
 
     asyncio.run(scene())
     assert stream.closed
+
+
+def test_each_part_that_sends_finds_a_page_gone_that_broke_off() -> None:
+    async def receive() -> Message:
+        return {"type": "websocket.connect"}
+
+    async def send(message: Message) -> None:
+        if message["type"] == "websocket.send":
+            raise ConnectionResetError
+
+    async def scene() -> None:
+        socket = WebSocket({"type": "websocket", "headers": []}, receive, send)
+        await socket.accept()
+        hub = Hub(Link())  # type: ignore[arg-type]
+        conversation = Conversation(socket, hub, (), ConnectedPages())
+        for message in ("first", b"second"):
+            with pytest.raises(WebSocketDisconnect):
+                await conversation._send(message)
+
+    asyncio.run(scene())

@@ -58,14 +58,6 @@ def test_a_new_run_begins_anew() -> None:
     assert (frame.run, frame.first_sample, frame.lost_samples) == (2, 0, 0)
 
 
-def test_a_repeated_block_is_left_out() -> None:
-    trace = Trace(watch(raw=True))
-    frames = trace.push([block(0), block(1), block(1), block(0), block(2)])
-    assert [(frame.first_sample, frame.columns, frame.lost_samples) for frame in frames] == [
-        (0, 30, 0)
-    ]
-
-
 def test_flags_of_all_blocks_are_told() -> None:
     (frame,) = Trace(watch()).push([block(0, flags=Flag.ARMED), block(1, flags=Flag.CLIPPED)])
     assert frame.flags == Flag.ARMED | Flag.CLIPPED
@@ -74,3 +66,14 @@ def test_flags_of_all_blocks_are_told() -> None:
 @pytest.mark.parametrize("raw", [True, False])
 def test_nothing_makes_no_frame(raw: bool) -> None:
     assert Trace(watch(raw=raw)).push([]) == []
+
+
+def test_counts_that_went_back_mute_nothing() -> None:
+    trace = Trace(watch(raw=True))
+    frames = trace.push([block(0), block(2**40), block(1), block(2)])
+    assert [frame.first_sample for frame in frames] == [
+        block(0).first_sample,
+        block(2**40).first_sample,
+        block(1).first_sample,
+    ]
+    assert frames[-1].data.shape[1] == 2 * block(1).data.shape[1]

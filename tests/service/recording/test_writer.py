@@ -11,10 +11,17 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
+from frictus.keys import Topics
 from frictus_service.errors import NotWrittenError
 from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.records import GapNote
-from frictus_service.recording.summary import RecordingSummary, shelved, summarise, unfinished
+from frictus_service.recording.summary import (
+    RecordingSummary,
+    length_s,
+    shelved,
+    summarise,
+    unfinished,
+)
 from frictus_service.recording.writer import FLUSH_S, SYNC_S, RecordingWriter
 
 GAP = {"utc_ns": 1, "stream": "force", "run": 5, "reason": "lost"}
@@ -158,8 +165,9 @@ def test_a_full_disk_says_so_and_keeps_what_was_synced(
 
 
 def test_a_disk_that_is_full_at_once_leaves_no_file(tmp_path: Path, known: Any) -> None:
-    with full_after(100), pytest.raises(NotWrittenError):
+    with full_after(100), pytest.raises(NotWrittenError) as refused:
         opened(tmp_path / "a.mcap", known)
+    assert str(refused.value).count("cannot be written") == 1
     assert not list(tmp_path.iterdir())
 
 
@@ -172,3 +180,15 @@ def test_shelf(tmp_path: Path, make_whole: Any) -> None:
     os.utime(torn, (2e9, 2e9))
     assert unfinished(tmp_path) == torn
     assert [one.finished for one in shelved(tmp_path)] == [False, True]
+
+
+def test_its_length_counts_from_its_beginning_not_from_what_held_before(
+    tmp_path: Path, known: Any
+) -> None:
+    path = tmp_path / "a.mcap"
+    with opened(path, known) as writer:
+        day_ns = 86_400 * 10**9
+        writer.state(Topics.TOUCH, known.touch(0).to_json(), known.UTC_NS - day_ns)
+        writer.end("asked for", writer.info.started_utc_ns + 2 * 10**9)
+    (found,) = shelved(tmp_path)
+    assert length_s(found) == pytest.approx(2.0)

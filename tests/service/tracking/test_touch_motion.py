@@ -111,6 +111,25 @@ def test_reports_of_another_run_or_of_a_lifted_finger_say_nothing(lifted: bool) 
     assert not found.data["render"][2].any()
 
 
+@pytest.mark.parametrize("forged", [{"sample": 1e18}, {"run": 0}, {"run": 2**62}])
+def test_a_report_that_no_rig_made_keeps_nothing_from_being_known(
+    forged: dict[str, float],
+) -> None:
+    touched = TouchedSamples()
+    touched.report(next(reports(0.0)).model_copy(update=forged))
+    found = []
+    for number, report in enumerate(reports(20.0)):
+        x_mm = 35.0 + 20.0 * np.sin(2.0 * np.pi * 0.5 * report.sample / RATE_HZ)
+        touched.report(report.model_copy(update={"x_mm": x_mm}))
+        if number % 6 == 5:  # 0.1 s
+            found += list(touched.take(part(2_000 * (number // 6))))
+    assert len(found) > 190
+    for each in found[-10:]:
+        time_s = (each.first_sample + np.arange(2_000)) / RATE_HZ
+        speed = np.abs(20.0 * np.pi * np.cos(np.pi * time_s))
+        np.testing.assert_allclose(each.data["render"][2], speed, atol=0.5)
+
+
 def test_a_new_run_does_not_wait_for_the_old_one() -> None:
     touched = TouchedSamples()
     assert not list(touched.take(part(0, run=1)))

@@ -8,6 +8,7 @@ from collections.abc import Collection
 from typing import Final, get_args
 
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
+from starlette.websockets import WebSocketState
 
 from frictus.websocket.messages import (
     Asked,
@@ -47,6 +48,8 @@ MESSAGES_PER_S: Final = 2_000.0
 BURST: Final = 1_000
 COST_BYTES: Final = 4_096
 """So many bytes count as one message more."""
+GONE: Final = 1006
+"""The connection broke without a word."""
 _LOG: Final = logging.getLogger(__name__)
 router = APIRouter()
 
@@ -244,6 +247,8 @@ class Conversation:
         return data if text is None else read(text)
 
     async def _send(self, message: str | bytes) -> None:
+        if self._socket.application_state is not WebSocketState.CONNECTED:
+            raise WebSocketDisconnect(GONE)  # as another part of the conversation has found
         async with asyncio.timeout(SEND_S):
             if isinstance(message, bytes):
                 await self._socket.send_bytes(message)

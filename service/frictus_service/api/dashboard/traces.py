@@ -85,6 +85,14 @@ def _extremes(samples: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.stack((samples.min(axis=2), samples.max(axis=2)), axis=1)
 
 
+def _missing(last: Block, block: Block) -> int | None:
+    """Return how many samples are between two blocks; None where one does not follow."""
+    if block.run != last.run or len(block.data) != len(last.data):
+        return None
+    missing = block.first_sample - last.first_sample - last.data.shape[1]
+    return missing if missing >= 0 else None
+
+
 class Trace:
     """Makes frames of what a viewer has seen of a stream; counts what it has not.
 
@@ -106,7 +114,7 @@ class Trace:
         Parameters
         ----------
         blocks : iterable of Block
-            In order. One that overlaps those before is left out.
+            In order. One that is behind those before begins anew, as one of another run does.
         """
         return [frame for part in self._stretches(blocks) if (frame := self._frame(part))]
 
@@ -114,13 +122,7 @@ class Trace:
         stretch: list[Block] = []
         for block in blocks:
             last, self._last = self._last, block
-            if last is None or block.run != last.run or len(block.data) != len(last.data):
-                missing = None
-            else:
-                missing = block.first_sample - last.first_sample - last.data.shape[1]
-                if missing < 0:
-                    self._last = last
-                    continue
+            missing = None if last is None else _missing(last, block)
             if missing != 0 and stretch:
                 yield stretch
                 stretch = []

@@ -47,6 +47,7 @@ class Publication(BaseModel):
         problems.RigNotFoundError,
         problems.NoLinkError,
         problems.RigCalibratingError,
+        problems.NotStoredError,
         problems.IdempotencyKeyReusedError,
         *BODY,
     ),

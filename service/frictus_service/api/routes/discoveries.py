@@ -28,7 +28,11 @@ router = jobs.router
     "",
     status_code=202,
     responses=problems.documented(
-        *ASKED, problems.InvalidError, problems.StudyNotFoundError, *BODY
+        *ASKED,
+        problems.InvalidError,
+        problems.StudyNotFoundError,
+        problems.NotStoredError,
+        *BODY,
     ),
     openapi_extra=body_of(DiscoverySpec),
 )

@@ -51,6 +51,7 @@ Existing = Annotated[ExperimentJob, jobs.existing]
         problems.RigNotFoundError,
         problems.NoLinkError,
         problems.RigCalibratingError,
+        problems.NotStoredError,
         *BODY,
     ),
     openapi_extra=body_of(ExperimentSpec),

@@ -98,7 +98,11 @@ class JobRoutes(Generic[Job]):
     ) -> None:
         self.router = APIRouter(prefix=f"/v1/{plural}", tags=[plural])
         self.read: Problems = (*ASKED, problems.InvalidError, missing, *more)
-        self.write: Problems = (*self.read, problems.WrongStateError)
+        self.write: Problems = (
+            *self.read,
+            problems.WrongStateError,
+            problems.NotStoredError,
+        )
         self._kind, self._document, self._engine = kind, document, engine
         self._id = id_of(kind)
 

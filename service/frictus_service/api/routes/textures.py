@@ -63,6 +63,7 @@ _WRITE: Final = (
     problems.TooLargeError,
     problems.UnsupportedMediaError,
     problems.PreconditionRequiredError,
+    problems.NotStoredError,
 )
 _KINDS: Final = ("Spectrum", "Profile", "Beta", "Slope", "Map")
 TEXTURE_SCHEMA: Final = {

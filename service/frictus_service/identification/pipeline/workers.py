@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus_service.errors import ServiceError
+from frictus_service.errors import ServiceError, StudyError
 from frictus_service.identification.observation.response import TrialObservations
 from frictus_service.processes import quiet_numerics
 from frictus_service.study.trial import StudyInfo, Trial
@@ -293,7 +293,7 @@ class _Crew(Generic[Task, Result]):
 def _result_in(said: Any) -> Any:
     done, result = said
     if not done:
-        raise WorkerError(f"the work of a worker process failed:\n{result}")
+        raise result
     return result
 
 
@@ -309,8 +309,11 @@ def _serve(work: Callable[[Any], Any], pipe: Any) -> None:
             return
         try:
             said = (True, work(task))
+        except (StudyError, OSError) as error:  # the file has changed since: no bug
+            said = (False, StudyError(str(error)))
         except Exception:
-            said = (False, traceback.format_exc())
+            failed = f"the work of a worker process failed:\n{traceback.format_exc()}"
+            said = (False, WorkerError(failed))
         pipe.send(said)
 
 

@@ -1,5 +1,6 @@
 """Discoveries as jobs over REST: real processes, started, followed, cancelled and killed."""
 
+import errno
 import json
 import os
 import sys
@@ -12,6 +13,7 @@ from fastapi.testclient import TestClient
 from tests.service.api.conftest import configuration
 from tests.service.jobs import stepwise_discovery
 
+from frictus_service import job_folder
 from frictus_service.api.server import build_app
 from frictus_service.discovery.across_studies.document import AcrossStudies
 from frictus_service.discovery.document import Discovery
@@ -221,3 +223,17 @@ def test_an_api_that_ends_leaves_interrupted_ones(
         for job in (running, waiting, f"/v1/discoveries/{lost.id}"):
             assert api.get(job).json()["state"] == "interrupted"
         assert states(follow(api, f"/v1/discoveries/{lost.id}")) == ["queued", "interrupted"]
+
+
+def test_of_a_discovery_that_the_disk_does_not_take_nothing_stays(
+    api: TestClient, studies: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, content: bytes) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    with monkeypatch.context() as disk:
+        disk.setattr(job_folder, "replace_file", full)
+        answer = start(api)
+    assert (answer.status_code, answer.json()["code"]) == (507, "not_stored")
+    assert list((studies / "discoveries").iterdir()) == []
+    assert start(api).status_code == 202

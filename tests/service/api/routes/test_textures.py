@@ -1,5 +1,6 @@
 """The texture library over REST."""
 
+import errno
 import io
 import json
 import wave
@@ -274,3 +275,16 @@ def test_a_refused_recording_is_named_as_its_texture(api: TestClient) -> None:
     answer = api.put("/v1/textures/nul", content=b"1\n2\n3\n", params=query, headers=headers)
     assert answer.status_code == 422
     assert "texture name 'nul'" in answer.json()["detail"]
+
+
+def test_a_disk_that_takes_nothing_is_said(
+    api: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, content: bytes) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    monkeypatch.setattr(library_module, "replace_file", full)
+    answer = api.put("/v1/textures/sine", json=SINE, headers=NEW)
+    assert (answer.status_code, answer.json()["code"]) == (507, "not_stored")
+    assert "No space left" in answer.json()["detail"]
+    assert api.get("/v1/textures/sine").status_code == 404

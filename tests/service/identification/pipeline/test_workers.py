@@ -18,12 +18,14 @@ from tests.service.identification.tasks import (
     threads,
 )
 
+from frictus_service.errors import StudyError
 from frictus_service.identification.pipeline.workers import (
     MOST_CRASHES,
     Crash,
     WorkerError,
     work_through,
 )
+from frictus_service.study.reader import StudyReader
 
 pytestmark = pytest.mark.long
 
@@ -72,6 +74,18 @@ def test_workers_have_one_thread_and_the_parent_keeps_its_own() -> None:
 def test_work_that_fails_is_told_with_its_traceback() -> None:
     with pytest.raises(WorkerError, match=r"(?s)Traceback.*no 5"):
         list(work_through(fail, [5], 1, silent))
+
+
+@pytest.mark.parametrize("content", [None, b"", b"no study"])
+def test_a_study_that_cannot_be_read_any_more_is_told_in_words(
+    content: bytes | None, tmp_path: Path
+) -> None:
+    study = tmp_path / "changed.h5"
+    if content is not None:
+        study.write_bytes(content)
+    with pytest.raises(StudyError, match=r"changed\.h5") as refused:
+        list(work_through(StudyReader, [study], 1, silent))
+    assert "Traceback" not in str(refused.value)
 
 
 def test_whoever_stops_listening_leaves_no_worker() -> None:
