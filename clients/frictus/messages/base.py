@@ -2,7 +2,7 @@
 
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from frictus.errors import FrameError, explain
 from frictus.keys import MAX_NAME
@@ -46,6 +46,13 @@ MAX_COUNT: Final = 2**63 - 1
 Count = Annotated[int, Field(ge=0, lt=MAX_COUNT + 1)]
 Int64 = Annotated[int, Field(ge=-(2**63), lt=2**63)]
 SpanMm = tuple[PositionMm, PositionMm]
+VelocityMmS = Annotated[FiniteFloat, Field(ge=-1e6, le=1e6)]
+ForceN = Annotated[FiniteFloat, Field(ge=-10_000.0, le=10_000.0)]
+DurationMs = Annotated[FiniteFloat, Field(ge=-1e12, le=1e12)]
+"""Below 0: before its time. 1e12 is 31 years."""
+LengthS = Annotated[FiniteFloat, Field(ge=0.0, le=1e9)]
+FrequencyHz = Annotated[FiniteFloat, Field(ge=0.0, le=1e9)]
+Decibel = Annotated[FiniteFloat, Field(ge=-1e6, le=1e6)]
 ClientName = Annotated[
     str, Field(min_length=1, max_length=MAX_NAME, pattern=r"^[A-Za-z0-9._-]+$")
 ]

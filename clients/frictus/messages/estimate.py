@@ -4,24 +4,34 @@ from typing import Annotated
 
 from pydantic import Field, FiniteFloat
 
-from frictus.messages.base import MAX_REASON, AdaptationPolicy, Count, Message, UtcNs
-from frictus.model import Model
+from frictus.messages.base import (
+    MAX_REASON,
+    AdaptationPolicy,
+    Count,
+    Decibel,
+    ForceN,
+    FrequencyHz,
+    Message,
+    UtcNs,
+    VelocityMmS,
+)
+from frictus.model import Model, Value
 
 
 class Interval(Message):
     """A value and its central 95 % interval."""
 
-    value: FiniteFloat
-    low: FiniteFloat
-    high: FiniteFloat
+    value: Value
+    low: Value
+    high: Value
 
 
 class BandRatio(Message):
     """Measured friction over what the model in force predicts, in a band of a sixth octave."""
 
-    centre_hz: FiniteFloat
-    ratio_db: FiniteFloat
-    half_width_db: FiniteFloat
+    centre_hz: FrequencyHz
+    ratio_db: Decibel
+    half_width_db: Decibel
     """Half of its 95 % interval."""
 
 
@@ -40,22 +50,22 @@ class LawNow(Message):
 class LawValues(Message):
     """A law without intervals: of a model that is, or was, in force."""
 
-    gain_n: FiniteFloat
-    cutoff_20_hz: FiniteFloat
-    cutoff_100_hz: FiniteFloat
+    gain_n: ForceN
+    cutoff_20_hz: Value
+    cutoff_100_hz: Value
 
 
 class ResponsePoint(Message):
     """Friction per drive as it was measured in the last 10 s of sliding, in one band."""
 
-    speed_mm_s: FiniteFloat
+    speed_mm_s: VelocityMmS
     """Mean of the windows that it is made from."""
-    centre_hz: FiniteFloat
-    gain_n: FiniteFloat
+    centre_hz: FrequencyHz
+    gain_n: ForceN
     """Modulus."""
-    half_width_db: FiniteFloat
+    half_width_db: Decibel
     """Half of its 95 % interval."""
-    phase_deg: FiniteFloat
+    phase_deg: Annotated[FiniteFloat, Field(ge=-1e6, le=1e6)]
 
 
 class ModelChange(Message):
@@ -96,15 +106,15 @@ class EstimateState(Message):
     """The law that the rig inverts; None where it has another form."""
     points: Annotated[tuple[ResponsePoint, ...], Field(max_length=128)] = ()
     bands: Annotated[tuple[BandRatio, ...], Field(max_length=64)] = ()
-    error_db: Annotated[dict[str, FiniteFloat], Field(max_length=8)] = {}
+    error_db: Annotated[dict[str, Decibel], Field(max_length=8)] = {}
     """Of `in_force`, of `first`, in force when it began, and of `newest`, the estimate."""
-    gain_nats: Annotated[dict[str, FiniteFloat], Field(max_length=8)] = {}
+    gain_nats: Annotated[dict[str, Value], Field(max_length=8)] = {}
     """Log-likelihood of `in_force` and of `newest` over that of `first`, all windows so far,
     each predicted before it was used."""
-    evidence: Annotated[dict[str, FiniteFloat], Field(max_length=64)] = {}
+    evidence: Annotated[dict[str, Value], Field(max_length=64)] = {}
     """Against the model in force by cause, nats; at `alarm_nats` it is wrong. `unknown`: by
     anything that no cause is."""
-    alarm_nats: FiniteFloat = 0.0
+    alarm_nats: Value = 0.0
     alarms: Annotated[tuple[str, ...], Field(max_length=64)] = ()
     """Causes whose evidence has ever reached it under this model."""
     advice: Annotated[dict[str, str], Field(max_length=64)] = {}

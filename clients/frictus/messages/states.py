@@ -9,14 +9,18 @@ from frictus.messages.base import (
     MAX_REASON,
     AdaptationPolicy,
     Count,
+    DurationMs,
     FaultKind,
+    ForceN,
     Int64,
+    LengthS,
     Message,
     SafetyState,
     SpanMm,
     UtcNs,
+    VelocityMmS,
 )
-from frictus.model import BY_MODEL, Compensation, Model
+from frictus.model import BY_MODEL, Compensation, Model, Range
 from frictus.textures import PhaseRad, PositionMm, Scene
 
 SensorName = Literal["touch", "acceleration", "force"]
@@ -30,14 +34,14 @@ class FingerState(Message):
     """Device sample index this state holds for."""
     utc_ns: UtcNs
     uncertainty_ns: Count
-    x_mm: FiniteFloat
-    y_mm: FiniteFloat
-    vx_mm_s: FiniteFloat
-    vy_mm_s: FiniteFloat
-    normal_force_n: FiniteFloat
+    x_mm: PositionMm
+    y_mm: PositionMm
+    vx_mm_s: VelocityMmS
+    vy_mm_s: VelocityMmS
+    normal_force_n: ForceN
     in_contact: bool
     source: Literal["touch", "pointer", "simulated"]
-    age_ms: FiniteFloat
+    age_ms: DurationMs
     """Age of the touch report behind this state."""
     stale: bool
     extrapolated: bool
@@ -48,10 +52,10 @@ class TouchState(Message):
     """One report of the touch sensor as it came, before any prediction."""
 
     run: Count
-    sample: FiniteFloat
+    sample: Annotated[FiniteFloat, Field(ge=-(2.0**63), le=2.0**63)]
     """Device sample index at which the finger was there; a report arrives later than that."""
-    x_mm: FiniteFloat
-    y_mm: FiniteFloat
+    x_mm: PositionMm
+    y_mm: PositionMm
     in_contact: bool
     source: Literal["touch", "pointer", "simulated"]
 
@@ -77,9 +81,9 @@ class GuidanceState(Message):
     span_mm: SpanMm
     """Ends of the strokes."""
     x_mm: PositionMm | None = None
-    speed_mm_s: Annotated[FiniteFloat, Field(ge=-1e6, le=1e6)] | None = None
+    speed_mm_s: VelocityMmS | None = None
     """Actual; None where the finger is not seen."""
-    force_n: Annotated[FiniteFloat, Field(ge=-10_000.0, le=10_000.0)] | None = None
+    force_n: ForceN | None = None
     colour: Literal["green", "yellow", "red", "grey"] = "grey"
     """Force in the target range, below, above; grey: no contact."""
     message: str = ""
@@ -105,7 +109,7 @@ class RecordingState(Message):
     path: str | None = None
     """On the recorder's machine."""
     bytes_written: Count = 0
-    seconds: FiniteFloat = 0.0
+    seconds: LengthS = 0.0
     blocks: Count = 0
     lost_blocks: Count = 0
     problem: str | None = None
@@ -160,11 +164,11 @@ class Counters(Message):
 class LoopTiming(Message):
     """How late the loop woke against its absolute deadlines, over the last seconds."""
 
-    lateness_p50_ms: FiniteFloat = 0.0
-    lateness_p99_ms: FiniteFloat = 0.0
-    lateness_max_ms: FiniteFloat = 0.0
+    lateness_p50_ms: DurationMs = 0.0
+    lateness_p99_ms: DurationMs = 0.0
+    lateness_max_ms: DurationMs = 0.0
     """Since the rig started."""
-    margin_min_ms: FiniteFloat = 0.0
+    margin_min_ms: DurationMs = 0.0
     """Least output still queued when a block was handed over, over the last seconds."""
 
 
@@ -200,15 +204,15 @@ class RigStatus(Message):
     """What the finger's motion is estimated from now."""
     sample_rate_hz: Annotated[float, Field(gt=0.0, le=1e6)]
     block_samples: Count
-    lead_ms: FiniteFloat
+    lead_ms: DurationMs
     """From handing a drive over to its playing, as it is now."""
-    max_lead_ms: FiniteFloat | None = None
+    max_lead_ms: DurationMs | None = None
     """To which it may grow at an arming after an underrun; `lead_ms`: it is fixed."""
-    screen_mm: tuple[FiniteFloat, FiniteFloat]
-    screen_peak_v: FiniteFloat
-    converter_steps: dict[str, Annotated[FiniteFloat, Field(gt=0.0)]] = {}
+    screen_mm: SpanMm
+    screen_peak_v: Annotated[FiniteFloat, Field(ge=0.0, le=1e5)]
+    converter_steps: dict[str, Annotated[FiniteFloat, Field(gt=0.0, le=1e6)]] = {}
     """Value of one count of the converter behind a stream, in the stream's unit."""
-    touch_latency_s: FiniteFloat | None = None
+    touch_latency_s: LengthS | None = None
     """Declared age of a touch report when it arrives."""
     aux: tuple[AuxChannel, ...] = ()
     """What the channels of the stream `aux` are, in their order; none: no such stream."""
@@ -227,19 +231,22 @@ class RigStatus(Message):
     timing: LoopTiming = LoopTiming()
 
 
+Gain = Annotated[FiniteFloat, Field(ge=0.0, le=1e9)]
+
+
 class Applied(Message):
     """What the rig made of a scene; nothing is scaled in silence."""
 
-    gain: FiniteFloat
+    gain: Gain
     """Rendered friction over requested friction; below 1 the scene was scaled."""
-    feasible_gain: FiniteFloat
+    feasible_gain: Gain
     """Largest gain that fits the drive at all speeds."""
-    bias: FiniteFloat
+    bias: Annotated[FiniteFloat, Field(ge=0.0, le=1.0)]
     """Drive fraction at zero texture."""
-    bias_n: FiniteFloat
+    bias_n: ForceN
     """Mean friction that the bias adds, N."""
     scaled: bool
-    speed_range_mm_s: tuple[FiniteFloat, FiniteFloat]
+    speed_range_mm_s: Range
     """Speeds for which the gain holds."""
     notes: list[str] = []
     """What was rounded, cut or left out."""
@@ -306,9 +313,10 @@ class TimeState(Message):
     run: Count
     sample: Int64
     utc_ns: UtcNs
-    ns_per_sample: FiniteFloat
+    ns_per_sample: Annotated[FiniteFloat, Field(ge=1.0, le=1e9)]
+    """1 Hz to 1 GHz."""
     uncertainty_ns: Count
-    skew_ppm: FiniteFloat
+    skew_ppm: Annotated[FiniteFloat, Field(ge=-1e6, le=1e6)]
     """Rate of the device clock against this machine's, parts per million."""
     skew_uncertainty_ppm: Annotated[float, Field(ge=0.0, le=200.0)] | None = None
     """What `skew_ppm` may be off by (95 %); 200 until the fit has seen 1.6 s."""

@@ -36,6 +36,9 @@ STATE_S: Final = 0.5
 """The estimate is told this often."""
 LATELY: Final = 200
 """Windows of the last 10 s of sliding."""
+MOST: Final = 1e15
+MOST_DB: Final = 1e3
+"""No number that is told is beyond: messages hold none that no finger has."""
 ANOTHER: Final = 3
 """So many strange batches in a row are another finger; fewer are left out."""
 
@@ -316,12 +319,12 @@ class Tracker:
             bands=tuple(
                 BandRatio(centre_hz=centre, ratio_db=ratio, half_width_db=half)
                 for centre, ratio, half in judged
-                if np.isfinite(ratio) and np.isfinite(half)
+                if abs(ratio) <= MOST_DB and half <= MOST_DB
             ),
-            error_db={name: value for name, value in rms.items() if np.isfinite(value)},
-            gain_nats=dict(self._gain.nats),
+            error_db={name: value for name, value in rms.items() if value <= MOST_DB},
+            gain_nats={name: _told(nats) for name, nats in self._gain.nats.items()},
             evidence={
-                cause: float(nats)
+                cause: _told(nats)
                 for cause, nats in evidence
                 if cause not in self._model.effects
             },
@@ -362,10 +365,17 @@ def _of_a_new_finger(prior: Prior, known: LawEstimate) -> LawEstimate:
     return LawEstimate.begin(prior, known.noise_n2.size)
 
 
+def _told(value: float) -> float:
+    """Return a number as messages hold it: what no rig sends can make it any."""
+    return float(np.clip(value, -MOST, MOST))
+
+
 def _law_now(estimate: LawEstimate) -> LawNow:
     ends = estimate.mean + np.multiply.outer([0.0, -1.0, 1.0], estimate.half_width)
-    told = np.vstack([np.exp(ends[:, :3]).T, 1e6 * ends[:, 3]]).tolist()
+    with np.errstate(over="ignore"):
+        told = np.vstack([np.exp(ends[:, :3]).T, 1e6 * ends[:, 3]])
     at_20, at_100, gain, delay = (
-        Interval(value=value, low=low, high=high) for value, low, high in told
+        Interval(value=_told(value), low=_told(low), high=_told(high))
+        for value, low, high in told
     )
     return LawNow(gain_n=gain, cutoff_20_hz=at_20, cutoff_100_hz=at_100, delay_us=delay)

@@ -1,20 +1,22 @@
 """One block as the loop hands it over, and what a rig publishes of it."""
 
-import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ValidationError
 
 from frictus.block import Block, FingerSensor, Flag
 from frictus.keys import ACCEL, AUX, FORCE, RENDER, STREAMS, TRUTH, VOLTAGE
-from frictus.messages import FingerState, TouchState
+from frictus.messages import FingerState, Message, TouchState
 from frictus_hardware.base import Exchange, RigInfo, TouchReport
 from frictus_service.daemon.block_loop.timebase import Stamp, UtcReading
 from frictus_service.synthesis.kernel import BlockMotion
+
+M = TypeVar("M", bound=Message)
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,15 +197,14 @@ def _course(n_samples: int, sample_rate_hz: float) -> NDArray[np.float64]:
 def finger_of(turn: BlockRecord, stamp: Stamp, info: RigInfo) -> FingerState | None:
     """Return the finger's state at the end of a turn's sensed samples.
 
-    None where it is not finite, as with a force sensor that failed: nobody can use it.
+    None where no finger can be so, as with a force sensor that failed: nobody can use it.
     """
     exchange = turn.exchange
     x_mm, y_mm, vx_mm_s, vy_mm_s = turn.finger
-    if not all(map(math.isfinite, (*turn.finger, turn.normal_force_n))):
-        return None
     # Before the first report there is no age; the longest that a message holds says so.
     age_ms = min(1e3 * turn.report_age_s, 1e9)
-    return FingerState(
+    return _if_possible(
+        FingerState,
         sequence=turn.number,
         sample=exchange.first_sample + exchange.voltage_v.size,
         utc_ns=stamp.utc_ns,
@@ -222,10 +223,9 @@ def finger_of(turn: BlockRecord, stamp: Stamp, info: RigInfo) -> FingerState | N
 
 
 def touch_of(report: TouchReport, run: int, info: RigInfo) -> TouchState | None:
-    """Return a touch report as it came; None for one that is not finite, which none can use."""
-    if not all(map(math.isfinite, (report.measured_sample, report.x_mm, report.y_mm))):
-        return None
-    return TouchState(
+    """Return a touch report as it came; None for one of a place or time that none can have."""
+    return _if_possible(
+        TouchState,
         run=run,
         sample=report.measured_sample,
         x_mm=report.x_mm,
@@ -233,3 +233,11 @@ def touch_of(report: TouchReport, run: int, info: RigInfo) -> TouchState | None:
         in_contact=report.in_contact,
         source=info.finger_source,
     )
+
+
+def _if_possible(kind: type[M], **fields: object) -> M | None:
+    """Return a message; None where a number is out of its range."""
+    try:
+        return kind(**fields)
+    except ValidationError:
+        return None
