@@ -11,6 +11,9 @@ from frictus_hardware.errors import ConfigError, NotArmedError, UnsafeDriveError
 
 Positive = Annotated[float, Field(gt=0.0)]
 NonNegative = Annotated[float, Field(ge=0.0)]
+LONGEST_MM: Final = 10_000.0
+"""Side of a screen; messages hold no place further off."""
+SideMm = Annotated[float, Field(gt=0.0, le=LONGEST_MM)]
 
 
 class StrictModel(BaseModel):

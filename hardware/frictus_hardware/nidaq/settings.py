@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from frictus_hardware.arguments import Positive, StrictModel
+from frictus_hardware.arguments import Positive, SideMm, StrictModel
 from frictus_hardware.base import Backend, RigConfig
 from frictus_hardware.nidaq.config import (
     AuxInput,
@@ -235,7 +235,7 @@ class NiRigConfig(RigConfig):
     output: str = "ao0"
     amplifier_gain: float = 50.0
     screen_peak_v: float = 75.0
-    screen_mm: Annotated[tuple[Positive, Positive], Field(strict=False)] = (70.0, 35.0)
+    screen_mm: Annotated[tuple[SideMm, SideMm], Field(strict=False)] = (70.0, 35.0)
     sample_rate_hz: float = 20_000.0
     transfer_ms: float | None = None
     lead_ms: float = 30.0

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from frictus_hardware.arguments import LONGEST_MM
 from frictus_hardware.arrays import FloatArray, IntArray
 from frictus_hardware.base import RigConfig
 from frictus_hardware.errors import ConfigError
@@ -193,7 +194,10 @@ class Tape:
             ),
             "sample_rate_hz": (1e3 <= rate_hz <= 2e5, "1000 to 200000 accepted"),
             "lead_samples": (1 <= self.lead_samples <= rate_hz, "1 sample to 1 s accepted"),
-            "screen_mm": (all(side > 0.0 for side in width_height), "above 0 accepted"),
+            "screen_mm": (
+                all(0.0 < side <= LONGEST_MM for side in width_height),
+                f"above 0, to {LONGEST_MM:g} accepted",
+            ),
             "screen_peak_v": (0.0 < self.screen_peak_v <= 75.0, "above 0, to 75 accepted"),
             "touch_latency_s": (0.0 <= self.touch_latency_s <= 1.0, "0 to 1 accepted"),
             "force_step_n": (self.force_step_n > 0.0, "above 0 accepted"),

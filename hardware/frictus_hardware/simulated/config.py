@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from frictus_hardware.arguments import (
     NonNegative,
     Positive,
+    SideMm,
     StrictModel,
     longest_lead_ms,
     require_max_lead,
@@ -207,7 +208,7 @@ class SimulatedConfig(RigConfig):
     max_lead_ms: float | None = Field(default=None, gt=0.0, le=1_000.0)
     clock: ClockSetting = "real"
     clock_skew_ppm: float = Field(default=0.0, ge=-1_000.0, le=1_000.0)
-    screen_mm: Annotated[tuple[Positive, Positive], Field(strict=False)] = (70.0, 35.0)
+    screen_mm: Annotated[tuple[SideMm, SideMm], Field(strict=False)] = (70.0, 35.0)
     screen_peak_v: float = Field(default=75.0, gt=0.0, le=75.0)
     finger: FingerConfig = HumanStrokes()
     participant: SimulatedParticipant = SimulatedParticipant()

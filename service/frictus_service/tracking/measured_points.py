@@ -20,6 +20,8 @@ FEWEST: Final = 4.0
 """Windows of a group, below which it is not shown."""
 SHOWN: Final = 1e-2
 """Share of the strongest band's power density below which a band is not shown."""
+MOST_N: Final = 1e4
+"""A larger response is no finger's, whatever a sensor sent, and no message holds it."""
 WIDEST_DB: Final = 6.0
 """Half width beyond which a point is not shown."""
 
@@ -105,6 +107,6 @@ class MeasuredPoints:
                     half_width_db=float(half[band]),
                     phase_deg=float(np.degrees(np.angle(response[band]))),
                 )
-                for band in np.flatnonzero(shown & (half < WIDEST_DB))
+                for band in np.flatnonzero(shown & (half < WIDEST_DB) & (size <= MOST_N))
             ]
         return tuple(found)

@@ -19,6 +19,7 @@ from frictus_hardware.nidaq.config import Inputs
         ("screen_peak_v", 75.1),
         ("screen_peak_v", np.nan),
         ("screen_mm", (70.0, 0.0)),
+        ("screen_mm", (10_001.0, 35.0)),
         ("sample_rate_hz", 0.0),
         ("block_ms", np.inf),
         ("lead_ms", -1.0),

@@ -69,6 +69,7 @@ def refused(path: Path) -> str:
         ("sample_rate_hz", "20 kHz", "accepted is"),
         ("lead_samples", 0, "1 sample to 1 s"),
         ("screen_mm", [70.0, -1.0], "above 0"),
+        ("screen_mm", [10_001.0, 35.0], "to 10000"),
         ("screen_peak_v", 75.1, "to 75"),
         ("touch_latency_s", 1.5, "0 to 1"),
         ("finger_source", "mouse", "'pointer'"),
