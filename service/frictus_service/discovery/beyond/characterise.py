@@ -138,16 +138,25 @@ def _named(
 ) -> tuple[FittedForm, tuple[DiscoveryProblem, Linearised]] | None:
     """Return the form that leaves least with own parameters fitted beside it, and that model.
 
-    None where no form leaves less than the model without one.
+    None where no form leaves less than the model without one. What is left is measured by the
+    noise about the model with which it is least: without a large form, the readings that show
+    it pass for noise, and hardly count.
     """
-    found, least = None, remainder.misfit(problem, model)
-    for form in forms:
-        begin = _fit(remainder, screen, form, range(len(screen.units)))
-        fitted, beside = _again(problem, model, begin)
-        left = remainder.misfit(*beside) + PENALTY * (1 + len(form.shapes))
+    begun = [_fit(remainder, screen, form, range(len(screen.units))) for form in forms]
+    found = [_again(problem, model, each) for each in begun]
+    least_noise = max([model, *(beside[1] for _, beside in found)], key=_log_weight)
+    ruler = Remainder.of(problem, least_noise)
+    least, named = ruler.misfit(problem, model), None
+    for fitted, beside in found:
+        left = ruler.misfit(*beside) + PENALTY * (1 + len(fitted.form.shapes))
         if left < least:
-            found, least = (fitted, beside), left
-    return found
+            least, named = left, (fitted, beside)
+    return named
+
+
+def _log_weight(model: Linearised) -> float:
+    """Return the logarithm of the determinants by which a model whitens all units."""
+    return float(sum(np.log(w.weight).sum() - np.log(w.shrink).sum() for w in model.whitenings))
 
 
 def _again(
