@@ -28,18 +28,18 @@ def test_who_arms_must_show_a_token(
 
     def vanish(client: str) -> None:
         vanished.append(client)
-        if client == "last":
-            confirmed.release()
+        confirmed.release()
 
     presence = ClientPresence(vanish)
     for present in tokens:
         presence.on_token("ann", present)
     vanished.clear()
-    for client in ("ann", "last"):  # what is confirmed first is due first
+    expected = ["last"] if tokens[-1:] == (True,) else ["ann", "last"]
+    for client in ("ann", "last"):
         presence.on_armed(client)
-    assert confirmed.acquire(timeout=10.0)
-    gone = tokens[-1:] != (True,)
-    assert vanished == (["ann", "last"] if gone else ["last"])
+    for _ in expected:
+        assert confirmed.acquire(timeout=10.0)
+    assert sorted(vanished) == expected  # two timers keep no order
 
 
 def test_a_token_that_comes_in_time_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
