@@ -3,7 +3,7 @@
 import contextlib
 import queue
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from math import ceil
 from typing import Any, Final
 
@@ -192,27 +192,30 @@ def present_rigs(session: zenoh.Session, site: str = "*", wait_s: float = 2.0) -
     """
     if not session.info.transports():
         raise LinkError(ROUTER_GONE)
+    looks: list[set[RigKeys]] = []
     found: set[RigKeys] = set()
-    complete = silences = 0
+    silences = 0
     for pause_s in PAUSES_S:
         time.sleep(pause_s)
-        seen: set[RigKeys] = set()
-        in_time = True
-        for answer in _tokens(session, any_rig_alive(site), wait_s):
-            if answer.ok is None:
-                in_time = False
-            else:
-                with contextlib.suppress(ValueError):  # somebody else's token
-                    seen.add(rig_of(str(answer.ok.key_expr)))
-        silences += not in_time
-        complete = complete if seen <= found else 0
-        found |= seen
-        complete += seen == found
-        if silences == LOOKS or (found and complete == LOOKS):
+        answers = list(_tokens(session, any_rig_alive(site), wait_s))
+        silences += any(answer.ok is None for answer in answers)
+        looks.append(_rigs_in(answers))
+        found |= looks[-1]
+        if silences == LOOKS or (found and looks.count(found) == LOOKS):
             break
     if silences == LOOKS and not found:  # that nobody is there would be a claim
         raise LinkError(f"the router has not answered within {wait_s:g} s; try again")
     return sorted(found, key=lambda keys: (keys.site, keys.rig))
+
+
+def _rigs_in(answers: Iterable[zenoh.Reply]) -> set[RigKeys]:
+    """Return the rigs whose tokens are among some answers."""
+    rigs = set()
+    for answer in answers:
+        if answer.ok is not None:
+            with contextlib.suppress(ValueError):  # somebody else's token
+                rigs.add(rig_of(str(answer.ok.key_expr)))
+    return rigs
 
 
 def _tokens(session: zenoh.Session, key: str, wait_s: float) -> Iterator[zenoh.Reply]:

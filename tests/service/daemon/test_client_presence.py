@@ -1,5 +1,6 @@
 """Tokens: the owner's is never lost, and who shows none does not keep what it arms."""
 
+import queue
 import threading
 
 import pytest
@@ -23,25 +24,18 @@ def test_who_arms_must_show_a_token(
     tokens: tuple[bool, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("frictus_service.daemon.control.CONFIRM_S", 0.01)
-    vanished: list[str] = []
-    confirmed = threading.Semaphore(0)
-
-    def vanish(client: str) -> None:
-        vanished.append(client)
-        confirmed.release()
-
-    presence = ClientPresence(vanish)
+    vanished: queue.SimpleQueue[str] = queue.SimpleQueue()
+    presence = ClientPresence(vanished.put)
     for present in tokens:
         presence.on_token("ann", present)
-    vanished.clear()
-    while confirmed.acquire(blocking=False):  # of tokens that went
-        pass
-    expected = ["last"] if tokens[-1:] == (True,) else ["ann", "last"]
+        if not present:
+            assert vanished.get_nowait() == "ann"
     for client in ("ann", "last"):
         presence.on_armed(client)
-    for _ in expected:
-        assert confirmed.acquire(timeout=10.0)
-    assert sorted(vanished) == expected  # two timers keep no order
+    expected = ["last"] if tokens[-1:] == (True,) else ["ann", "last"]
+    # Two timers keep no order.
+    assert sorted(vanished.get(timeout=10.0) for _ in expected) == expected
+    assert vanished.empty()
 
 
 def test_a_token_that_comes_in_time_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
