@@ -142,21 +142,21 @@ def _named(
     noise about the model with which it is least: without a large form, the readings that show
     it pass for noise, and hardly count.
     """
-    begun = [_fit(remainder, screen, form, range(len(screen.units))) for form in forms]
-    found = [_again(problem, model, each) for each in begun]
-    least_noise = max([model, *(beside[1] for _, beside in found)], key=_log_weight)
-    ruler = Remainder.of(problem, least_noise)
+    found = [
+        _again(problem, model, _fit(remainder, screen, form, range(len(screen.units))))
+        for form in forms
+    ]
+    quietest = max(
+        ((problem, model), *(beside for _, beside in found)),
+        key=lambda each: sum(whitening.log_determinant for whitening in each[1].whitenings),
+    )
+    ruler = Remainder.of(*quietest)
     least, named = ruler.misfit(problem, model), None
     for fitted, beside in found:
         left = ruler.misfit(*beside) + PENALTY * (1 + len(fitted.form.shapes))
         if left < least:
             least, named = left, (fitted, beside)
     return named
-
-
-def _log_weight(model: Linearised) -> float:
-    """Return the logarithm of the determinants by which a model whitens all units."""
-    return float(sum(np.log(w.weight).sum() - np.log(w.shrink).sum() for w in model.whitenings))
 
 
 def _again(

@@ -84,6 +84,11 @@ class Whitening:
             weight, left[:, kept], shrink, deviation, np.zeros(raw.random_effects.shape[1])
         )
 
+    @property
+    def log_determinant(self) -> float:
+        """Of the map: the larger, the less do readings scatter."""
+        return float(np.log(self.weight).sum() - np.log(self.shrink).sum())
+
     def __call__(self, columns: FloatArray) -> FloatArray:
         """Return columns, shape (n,) or (n, m), whitened."""
         weighted = (columns.T * self.weight).T
