@@ -116,10 +116,8 @@ def test_a_power_law_and_what_bends_it_back_are_one_bend_also_where_people_diffe
 ) -> None:
     """Everybody's own power law leaves less than the bend, which is the same for all."""
     bend = Hidden("force_saturation", {"exponent": 0.58, "force_n": 0.476}, "unknown")
-    truth = Truth(8, n_tones=3, n_speeds=3, n_forces=5, seconds=1.5)
-    path = tmp_path / "study.h5"
-    make_study(path, Case("unknown", (bend,), truth), Seeds(384590703, 384590704))
-    found = discover_study(path, workers=0, seed=1)
+    design = Truth(8, n_tones=3, n_speeds=3, n_forces=5, seconds=1.5)
+    found = _found_of(bend, design, 384590703, tmp_path)
     (form,) = found.characterised
     assert form.id == "gain_knee_above_force"
     exponent = form.parameters["exponent"]
@@ -129,6 +127,27 @@ def test_a_power_law_and_what_bends_it_back_are_one_bend_also_where_people_diffe
         ("force_dependent_gain", "family")
     ]
     assert found.unexplained == ()
+
+
+def test_a_form_that_is_large_is_not_taken_for_the_noise_that_it_is_compared_by(
+    tmp_path: Path,
+) -> None:
+    """Without the notch in the model its readings scatter more, and count less."""
+    values = {"depth": 0.4, "frequency_hz": 215.0, "quality": 3.2}
+    design = Truth(8, n_tones=15, n_speeds=3, n_forces=1, seconds=1.5)
+    notch = Hidden("notch_at_speed", values, "unknown")
+    found = _found_of(notch, design, 607202352, tmp_path)
+    (form,) = found.characterised
+    assert form.id == "extra_resonance"
+    low, high = form.parameters["frequency_hz"].ci95 or (np.nan, np.nan)
+    assert low <= 215.0 <= high
+    assert form.parameters["depth"].value < 0.0 < form.parameters["by_speed"].value
+
+
+def _found_of(hidden: Hidden, design: Truth, seed: int, folder: Path) -> Discovery:
+    path = folder / "study.h5"
+    make_study(path, Case("unknown", (hidden,), design), Seeds(seed, seed + 1))
+    return discover_study(path, workers=0, seed=1)
 
 
 def test_nothing_is_characterised_in_nothing(rng: np.random.Generator) -> None:
