@@ -1,6 +1,8 @@
 """What every backend promises (`frictus_hardware.base`), held to each of them."""
 
 import gc
+import subprocess
+import sys
 import tracemalloc
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -370,6 +372,19 @@ def test_touches_arrive_in_order_at_their_declared_age(rig: Backend) -> None:
     assert np.all(np.diff([report.measured_sample for report in reports]) > 0.0)
 
 
+def test_no_memory_grows_in_a_process_of_its_own() -> None:
+    """Beside threads of others, as sessions that other tests share, tracemalloc crashes."""
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-n", "0", "-m", "alone", __file__],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
+    assert " 7 passed" in done.stdout, done.stdout
+
+
+@pytest.mark.alone
 def test_memory_does_not_grow_with_time(rig: Backend) -> None:
     def run(n_blocks: int) -> None:
         for _ in range(n_blocks):
