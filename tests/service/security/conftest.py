@@ -15,7 +15,7 @@ from zenoh.handlers import Callback
 import frictus
 from frictus.keys import CALLS, RigKeys, Topic, Topics
 from frictus.messages import Reply
-from frictus.session import declare_latest_publisher, open_router, open_session
+from frictus.session import declare_latest_publisher, is_read, open_router, open_session
 from frictus.tls import Tls
 from frictus_service.processes import free_port
 from frictus_service.security.authority import Issued, issue, make_authority
@@ -135,6 +135,13 @@ def rig(lab: Lab) -> Iterator[SecuredRig]:
     rig.session.close()  # type: ignore[no-untyped-call]
 
 
+@pytest.fixture
+def other_rig(lab: Lab) -> Iterator[SecuredRig]:
+    rig = SecuredRig(lab.endpoint, lab.other_rig, RigKeys("lab", "rig2"))
+    yield rig
+    rig.session.close()  # type: ignore[no-untyped-call]
+
+
 Join = Callable[[Tls], frictus.Client]
 
 
@@ -162,15 +169,25 @@ class Ear:
     def _hear(self, sample: zenoh.Sample) -> None:
         self.heard.put(sample.payload.to_bytes())
 
-    def attune(self, publisher: "zenoh.Publisher | zenoh.ext.AdvancedPublisher") -> None:
-        """Have it said again until it is heard: from then on, whatever is said arrives."""
-        for _ in range(200):
-            publisher.put(b"hear")
+    def attune(self, session: zenoh.Session, key: str) -> None:
+        """Have `session` say something until it is heard: from then on, whatever it says is.
+
+        What is heard first may have left before its sender knew of this ear; what the sender
+        says next is dropped then, until it knows.
+        """
+        publisher = session.declare_publisher(key)
+        for attempt in range(200):
+            said = b"hear %d" % attempt
+            known = is_read(publisher)
+            publisher.put(said)
             try:
-                self.heard.get(timeout=0.05)
+                while self.heard.get(timeout=0.05) != said:
+                    continue
             except queue.Empty:
                 continue
-            return
+            if known:
+                publisher.undeclare()  # type: ignore[no-untyped-call]
+                return
         raise AssertionError("nothing was heard")
 
     def until(self, payload: bytes) -> list[bytes]:

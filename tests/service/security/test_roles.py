@@ -12,7 +12,7 @@ from zenoh.handlers import Callback
 
 import frictus
 from frictus.keys import CALLS, ROOT, RigKeys, Topics
-from frictus.session import declare_publisher, declare_reader
+from frictus.session import declare_reader
 
 from .conftest import WAIT_S, Ear, Join, Lab, SecuredRig, shout
 
@@ -27,7 +27,7 @@ def test_an_observer_sees_the_rig_and_its_last_status(
         for topic in (Topics.STATUS, Topics.FORCE, Topics.FINGER):
             key = rig.keys.of(topic)
             ear = Ear(observer.session, key)
-            ear.attune(rig.session.declare_publisher(key))
+            ear.attune(rig.session, key)
 
 
 def test_a_late_observer_gets_what_was_said_before(
@@ -61,9 +61,9 @@ def test_a_controller_guides_and_everybody_sees_it(
 ) -> None:
     key = rig.keys.of(Topics.GUIDANCE)
     ears = [Ear(session, key) for session in (rig.session, join(lab.observer).session)]
-    publisher = declare_publisher(join(lab.controller).session, key, Topics.GUIDANCE)
+    controller = join(lab.controller)
     for ear in ears:
-        ear.attune(publisher)
+        ear.attune(controller.session, key)
 
 
 @pytest.mark.parametrize("topic", [Topics.TEXTURE, Topics.LEASE, Topics.POINTER])
@@ -101,7 +101,7 @@ def test_neither_observer_nor_controller_can_spoof_a_state(
 ) -> None:
     spoofer, other = join(getattr(lab, who)), join(lab.observer)
     ear = Ear(other.session, rig.keys.of(Topics.STATUS))
-    ear.attune(rig.status)
+    ear.attune(rig.session, rig.keys.of(Topics.STATUS))
     for topic in (Topics.STATUS, Topics.FORCE):
         shout(spoofer.session, rig.keys, topic, b"spoof")
     spoofer.rig("rig1").stop()
@@ -110,15 +110,15 @@ def test_neither_observer_nor_controller_can_spoof_a_state(
     assert b"spoof" not in ear.until(b"true")
 
 
-def test_a_rig_speaks_for_itself_alone(lab: Lab, rig: SecuredRig, join: Join) -> None:
+def test_a_rig_speaks_for_itself_alone(
+    lab: Lab, rig: SecuredRig, other_rig: SecuredRig, join: Join
+) -> None:
     viewer = join(lab.observer)
-    other = SecuredRig(lab.endpoint, lab.other_rig, RigKeys("lab", "rig2"))
     ear = Ear(viewer.session, f"{ROOT}/*/*/{Topics.STATUS.suffix}")
-    ear.attune(other.status)
-    shout(other.session, rig.keys, Topics.STATUS, b"spoof")
-    shout(other.session, other.keys, Topics.STATUS, b"own")
+    ear.attune(other_rig.session, other_rig.keys.of(Topics.STATUS))
+    shout(other_rig.session, rig.keys, Topics.STATUS, b"spoof")
+    shout(other_rig.session, other_rig.keys, Topics.STATUS, b"own")
     assert b"spoof" not in ear.until(b"own")
-    other.session.close()  # type: ignore[no-untyped-call]
 
 
 def test_nobody_answers_in_place_of_the_rig(lab: Lab, rig: SecuredRig, join: Join) -> None:
@@ -153,7 +153,7 @@ def test_an_unknown_member_neither_says_nor_hears_anything(
     shout(stranger.session, rig.keys, Topics.TEXTURE, b"texture")
     known = join(lab.controller)
     known_ear = Ear(known.session, rig.keys.of(Topics.STATUS))
-    known_ear.attune(rig.status)
+    known_ear.attune(rig.session, rig.keys.of(Topics.STATUS))
     shout(stranger.session, rig.keys, Topics.TEXTURE, b"texture")
     known.rig("rig1").stop()
     assert rig.reached_until(rig.keys.call("stop")) == [(rig.keys.call("stop"), b"")]
