@@ -180,7 +180,7 @@ def test_activates_a_version_on_the_rig(page: Page, lab: Lab) -> None:
     expect(active).to_contain_text(f"{NAME}@2")
     page.get_by_text("Who moved aliases, and gave versions to rigs").click()
     expect(table(page, "Given to rigs, newest first")).to_contain_text("as published")
-    with lab.rig.arm():
+    with lab.rig.arm(lease_ms=10_000):
         expect(page.get_by_role("button", name="Activate on rig1")).to_be_disabled()
     expect(page.get_by_role("button", name="Activate on rig1")).to_be_enabled()
 

@@ -257,18 +257,24 @@ def test_a_rig_whose_process_has_ended_is_told_by_its_supervisor(page: Page) -> 
     assert lost["who"].startswith("It said last: tripped")
 
 
+def _call(utc_ns: int, **clients: str) -> dict[str, Any]:
+    made = {name: {"client": client, "utc_ns": utc_ns} for name, client in clients.items()}
+    return {"last_calls": made}
+
+
 LOG = """async (steps) => {
   const { EventLog, MOST } = await import("/event_log.js");
   const log = new EventLog();
   const rest = {
     run: 1, state: "disarmed", owner: null, share_with: [], last_end: null, fault: null,
     compensation: { mode: "model", speed_mm_s: null }, adaptation: "observe", adaptations: 0,
-    model_etag: "a",
+    model_etag: "a", scene_etag: "smooth",
   };
   let before = null;
-  for (const { losses = [], ...changes } of steps) {
+  for (const { losses = [], scene = null, late = null, ...changes } of steps) {
     const after = { ...rest, ...before, ...changes };
-    log.takeStatus(before, after, losses, "ann.page-ffffff");
+    log.takeStatus(before, after, losses, "ann.page-ffffff", scene);
+    if (late !== null) log.takeScene(late);
     before = after;
   }
   return [log.entries.map(({ what, who, more }) => `${what}|${who}|${more}`), MOST];
@@ -283,8 +289,8 @@ def test_events_name_what_and_who_the_newest_first(page: Page) -> None:
         [
             {"utc_ns": 1, "state": "tripped"},  # what was before is no event
             {"utc_ns": 2, "state": "armed", "owner": "tester"},
-            {"utc_ns": 3, "compensation": {"mode": "none"}},
-            {"utc_ns": 4, "adaptation": "adapt"},
+            {"utc_ns": 3, "compensation": {"mode": "none"}} | _call(3, compensation="tester"),
+            {"utc_ns": 4, "adaptation": "adapt"} | _call(4, adaptation="ben.page-123456"),
             {"utc_ns": 5, "adaptations": 1, "model_etag": "b"},
             {"utc_ns": 6, "adaptations": 0, "model_etag": "a"},
             {"utc_ns": 7, "losses": [{"name": "underruns", "grown": 2}]},
@@ -298,7 +304,7 @@ def test_events_name_what_and_who_the_newest_first(page: Page) -> None:
         "Losses, underruns: 2||",
         "Model put back, or set anew||",
         "Model adapted to the finger|the tracker|",
-        "Policy: Adapt||",
+        "Policy: Adapt|ben|",
         "Not compensated: nothing makes up for finger and screen|tester|",
         "Armed|tester|",
     ]
@@ -324,8 +330,34 @@ def test_a_rig_that_was_started_again_is_told_in_order(page: Page) -> None:
 def test_a_reset_is_an_event(page: Page) -> None:
     fault = {"kind": "safety", "reason": "too much force", "utc_ns": 2}
     steps = [{"utc_ns": 1}, {"utc_ns": 2, "state": "tripped", "fault": fault}]
-    got, _ = page.evaluate(LOG, [*steps, {"utc_ns": 3, "state": "disarmed", "fault": None}])
-    assert got == ["Reset||", "Tripped: safety fault, too much force||"]
+    reset = {"state": "disarmed", "fault": None} | _call(3, reset="ben.page-123456")
+    got, _ = page.evaluate(LOG, [*steps, {"utc_ns": 3, **reset}])
+    assert got == ["Reset|ben|", "Tripped: safety fault, too much force||"]
+
+
+def test_a_scene_is_told_by_its_name_with_who_set_it_and_nobody_by_an_older_call(
+    page: Page,
+) -> None:
+    def scene(name: str, source: str = "scene") -> dict[str, Any]:
+        state = {"etag": name, "source": source, "scene": {"name": name}}
+        return {"scene_etag": name, "scene": state}
+
+    steps = [
+        {"utc_ns": 1},
+        {"utc_ns": 4, **scene("silk")} | _call(3, scene="ben.page-123456"),
+        {"utc_ns": 9, **scene("waves", "stream")} | _call(6, open_stream="tester"),
+        {"utc_ns": 12, **scene("silk")},
+        {"utc_ns": 14, "scene_etag": "felt"},
+        {"utc_ns": 15, "scene_etag": "vinyl", "late": scene("vinyl")["scene"]},
+    ]
+    got, _ = page.evaluate(LOG, steps)
+    assert got == [
+        "Scene vinyl||",
+        "Another scene||",
+        "Scene silk||",
+        "Texture streamed by a client|tester|",
+        "Scene silk|ben|",
+    ]
 
 
 def test_a_run_of_losses_is_one_entry_a_minute(page: Page) -> None:
@@ -335,6 +367,26 @@ def test_a_run_of_losses_is_one_entry_a_minute(page: Page) -> None:
     ]
     got, _ = page.evaluate(LOG, steps)
     assert got == ["Losses, underruns: 4|| within 8 s", "Losses, underruns: 4|| within 29 s"]
+
+
+def test_counters_are_told_as_rates_of_the_last_minute_of_one_run(page: Page) -> None:
+    got = page.evaluate(
+        """async () => {
+          const { CounterRates } = await import("/counter_rates.js");
+          const rates = new CounterRates();
+          const told = [];
+          const tell = (run, s, underruns) => {
+            rates.take({ run, utc_ns: s * 1e9, counters: { underruns } });
+            told.push(rates.perMinute("underruns"));
+          };
+          const first = [[0, 4], [4, 5], [10, 5], [30, 6], [90, 6], [95, 9]];
+          for (const [s, n] of first) tell(1, s, n);
+          for (const [s, n] of [[96, 0], [96, 0], [106, 2], [20, 2]]) tell(2, s, n);
+          return told;
+        }"""
+    )
+    of_a_run = [None, None, 6.0, 4.0, 0.0, 36.0]  # from 30 s on, then from 90 s on
+    assert got == [*of_a_run, None, None, 12.0, None]
 
 
 def test_the_log_of_events_is_bounded(page: Page) -> None:

@@ -123,7 +123,7 @@ def test_a_trip_is_told_and_reset_by_an_operator(
     expect(page.locator("#arm-outcome")).to_have_text("The rig is reset")
     expect(fault).to_be_empty()
     told = [told for told in events(page) if not told.startswith("Losses")]
-    assert told[0] == "Reset"
+    assert told[0] == "Reset by you"
     assert told[1].startswith("Tripped: safety fault, ")
     page.get_by_role("button", name="Arm", exact=True).click()
     expect(page.locator("#state")).to_have_text("ARMED")

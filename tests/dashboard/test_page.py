@@ -330,6 +330,13 @@ def test_another_page_sees_who_holds_the_rig_and_with_whom_it_is_shared(
     expect(page.locator("#since")).to_have_text(
         re.compile(r"^stopped by another page at [\d:]+, held by you$")
     )
+    for width in WIDTHS:
+        page.set_viewport_size({"width": width, "height": 900})
+        cut = page.locator(".holder").evaluate(
+            "({ scrollWidth: w, clientWidth: W, scrollHeight: h, clientHeight: H }) =>"
+            " Math.max(w - W, h - H)"
+        )
+        assert cut <= 1, f"{cut} px are cut at {width}"
     with lab.rig.arm(lease_ms=10_000):
         expect(page.locator("#owner")).to_have_text("Held by tester")
         expect(page.get_by_role("button", name="Arm", exact=True)).to_be_disabled()
@@ -371,7 +378,7 @@ def test_stop_needs_no_live_connection_and_is_sent_until_it_is_answered(
         page.route("**/v1/rigs/rig1/stop", lambda route: route.abort(), times=2)
         page.goto(f"{lab.url}/dashboard/#/live/rig1")
         expect(page.locator("#connection")).to_contain_text("No connection")
-        with lab.rig.arm():
+        with lab.rig.arm(lease_ms=10_000):
             page.keyboard.press("Escape")
             # First of all here: the routes above are played only while the browser is asked.
             expect(page.locator("#stop-outcome")).to_contain_text("rig1 answered the stop")
@@ -510,7 +517,7 @@ def test_reader_enters_a_token_and_may_only_look_and_stop(
         expect(page.locator("#arm")).to_be_hidden()
         expect(page.locator("#pressing")).to_be_hidden()
         assert READER not in page.url
-        with lab.rig.arm():
+        with lab.rig.arm(lease_ms=10_000):
             page.locator("#stop").click()
             lab.status(lambda status: status.state == "disarmed")
         expect(page.locator("#session")).to_have_text(

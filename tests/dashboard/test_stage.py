@@ -16,6 +16,8 @@ from tests.dashboard.test_calibrate import BRIEF, DONE_MS, start
 from tests.dashboard.test_calibrate import state as calibration_state
 from tests.dashboard.test_compensation import expect_error, press, switch
 
+from frictus_service.synthesis.compensability import law_of, placeholder_model
+
 pytestmark = pytest.mark.browser
 
 HIDDEN = re.compile("direction asymmetry|force dependent gain|channel delay")
@@ -125,4 +127,9 @@ def test_the_finger_of_the_stage_can_be_calibrated(open_page: OpenPage) -> None:
         page.locator("#first").get_by_role("link", name="Measure this finger").click()
         start(page, "P01", BRIEF)
         expect(calibration_state(page)).to_have_text("Done", timeout=DONE_MS)
-        expect(page.locator("#view-calibrate")).to_contain_text("what was asked for is reached")
+        view = page.locator("#view-calibrate")
+        expect(view).to_contain_text("what was asked for is reached")
+        gain = view.get_by_role("row", name="Gain").inner_text()
+        low_n, high_n = (float(end) for end in re.findall(r"[0-9.]+", gain)[-2:])
+        twice = 2.0 * law_of(placeholder_model()).gain_n
+        assert low_n - 0.03 < twice < high_n + 0.03, gain

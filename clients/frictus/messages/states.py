@@ -139,6 +139,13 @@ class LeaseEnd(Message):
     utc_ns: UtcNs
 
 
+class LastCall(Message):
+    """Who last had a call of a name accepted."""
+
+    client: str
+    utc_ns: UtcNs
+
+
 class Counters(Message):
     """Counts since the rig started; they only grow."""
 
@@ -195,6 +202,9 @@ class RigStatus(Message):
     """Others whom the owner lets change what is rendered."""
     last_end: LeaseEnd | None = None
     """How the lease before ended; None where there was none since the rig started."""
+    last_calls: dict[str, LastCall] = {}
+    """By the name of a call that changes the rig, those of leases and `stop` aside: of which
+    `owner` and `last_end` tell. None was accepted since the rig started: it is not in it."""
     backend: str
     simulated: bool
     finger_source: Literal["touch", "pointer", "simulated"]

@@ -1,19 +1,36 @@
 /** Colours of style.css for what is drawn on a canvas, in light and in dark. */
 
 const DARK = matchMedia("(prefers-color-scheme: dark)");
+/** Has a colour as it is drawn: a property alone may hold one for light and one for dark. */
+const swatch = document.createElement("span");
 const known = new Map();
+const redraws = [];
 
-DARK.addEventListener("change", () => known.clear());
+swatch.hidden = true;
+document.body.append(swatch);
+DARK.addEventListener("change", changeScheme);
 
-/** The colour of a custom property, such as `--ink`. */
+function changeScheme() {
+  known.clear();
+  for (const redraw of redraws) redraw();
+}
+
+/** Draw in one scheme, or in that of the system. @param {"light dark"|"light"|"dark"} scheme */
+export function chooseScheme(scheme) {
+  document.documentElement.style.colorScheme = scheme;
+  changeScheme();
+}
+
+/** The colour of a custom property, such as `--ink`: `rgb(...)`. */
 export function colour(name) {
   if (!known.has(name)) {
-    known.set(name, getComputedStyle(document.documentElement).getPropertyValue(name).trim());
+    swatch.style.color = `var(${name})`;
+    known.set(name, getComputedStyle(swatch).color);
   }
   return known.get(name);
 }
 
 /** Call `redraw` when the scheme changes. */
 export function onSchemeChange(redraw) {
-  DARK.addEventListener("change", redraw);
+  redraws.push(redraw);
 }

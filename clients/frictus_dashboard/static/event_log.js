@@ -9,6 +9,7 @@ import { faultName } from "./strip_state.js";
 /** More are forgotten, the oldest first. */
 export const MOST = 300;
 const MINUTE_NS = 60e9;
+const SCENE_CALLS = ["scene", "excite", "open_stream", "close_stream"];
 const STARTED = "The rig was started again, disarmed; it needs no reset";
 
 export class EventLog {
@@ -23,16 +24,23 @@ export class EventLog {
     this.version = 0;
   }
 
-  /** Note what a status changes against the one before. */
-  takeStatus(before, after, losses, client) {
+  /**
+   * Note what a status changes against the one before.
+   *
+   * @param {object|null} before @param {object} after
+   * @param {object[]} losses of it @param {string} client name of this page
+   * @param {object|null} scene the newest
+   */
+  takeStatus(before, after, losses, client, scene) {
     if (before === null) return; // what was before the page came is no event
     const ns = after.utc_ns;
     const note = (what, who = "", kind = "", more = "", atNs = ns) => {
-      this.#note({ ns: atNs, what, who, kind, more });
+      return this.#note({ ns: atNs, what, who, kind, more });
     };
-    this.#takeLease(before, after, client, note);
+    const by = (...calls) => callerOf(calls, before, after, client);
+    this.#takeLease(before, after, client, by, note);
     if (after.run !== before.run) note(STARTED, "", "bad");
-    this.#takeChoices(before, after, client, note);
+    this.#takeChoices(before, after, scene, by, note);
     for (const { name, grown } of losses) this.#takeLoss(name, grown, ns);
   }
 
@@ -52,16 +60,16 @@ export class EventLog {
     this.version += 1;
   }
 
-  #takeLease(before, after, client, note) {
+  #takeLease(before, after, client, by, note) {
     const { last_end: end, fault } = after;
     const again = after.run !== before.run;
     if (end !== null && end.utc_ns !== before.last_end?.utc_ns) {
       const held = end.by === end.owner ? "" : `, held by ${nameOf(end.owner, client)}`;
-      const by = end.by === null ? "" : nameOf(end.by, client);
+      const ender = end.by === null ? "" : nameOf(end.by, client);
       const what = { stopped: "Stopped", disarmed: "Disarmed" }[end.reason];
-      note(what ?? `Disarmed: ${end.reason}`, by, "", held, end.utc_ns);
+      note(what ?? `Disarmed: ${end.reason}`, ender, "", held, end.utc_ns);
     } else if (before.state === "tripped" && after.state === "disarmed" && !again) {
-      note("Reset");
+      note("Reset", by("reset"));
     } else if (before.state !== "disarmed" && after.state === "disarmed" && !again) {
       note("Disarmed");
     }
@@ -73,31 +81,31 @@ export class EventLog {
     }
   }
 
-  /** What the rig does not say who chose is the holder's where nobody else may choose. */
-  #takeChoices(before, after, client, note) {
-    const alone = after.owner !== null && after.share_with.length === 0;
-    const holder = alone ? nameOf(after.owner, client) : "";
+  #takeChoices(before, after, scene, by, note) {
     const [was, now] = [before, after].map(({ compensation }) => remark(compensation));
-    if (was !== now) note(now === "" ? "Compensation: by the model" : now, holder);
+    if (was !== now) note(now === "" ? "Compensation: by the model" : now, by("compensation"));
     if (policyOf(before) !== policyOf(after)) {
-      note(`Policy: ${POLICIES[policyOf(after)].title}`);
+      note(`Policy: ${POLICIES[policyOf(after)].title}`, by("adaptation"));
     }
     const [changed, changes] = [before, after].map(({ adaptations = 0 }) => adaptations);
     const another = before.model_etag !== after.model_etag;
     if (changes > changed) note("Model adapted to the finger", "the tracker");
-    else if (changes < changed && another) note("Model put back, or set anew");
-    else if (another) note("Model set");
+    else if (changes < changed && another) note("Model put back, or set anew", by("model"));
+    else if (another) note("Model set", by("model"));
+    const { scene_etag: etag } = after;
+    if (before.scene_etag !== etag) {
+      note("Another scene", by(...SCENE_CALLS)).etag = etag;
+      if (scene !== null) this.takeScene(scene);
+    }
   }
 
-  /** Note another scene. @param {object|null} status the rig's newest */
-  takeScene(before, after, status, client) {
-    if (before === null || before.etag === after.etag) return;
-    const ns = after.utc_ns ?? status?.utc_ns ?? 0;
-    const alone = status !== null && status.owner !== null && status.share_with.length === 0;
-    const name = after.scene.name || "without a name";
+  /** Say what a scene is where it was told by its etag only: it may come after the status. */
+  takeScene(scene) {
+    const entry = this.entries.find(({ etag }) => etag === scene.etag);
+    if (entry === undefined) return;
     const sources = { stream: "Texture streamed by a client", excitation: "Excitation played" };
-    const what = sources[after.source] ?? `Scene ${name}`;
-    this.#note({ ns, what, who: alone ? nameOf(status.owner, client) : "", kind: "" });
+    entry.what = sources[scene.source] ?? `Scene ${scene.scene.name || "without a name"}`;
+    this.version += 1;
   }
 
   /** Note that a recording begins or ends. */
@@ -118,5 +126,15 @@ export class EventLog {
     this.entries.unshift(entry);
     this.entries.length = Math.min(this.entries.length, MOST);
     this.version += 1;
+    return entry;
   }
+}
+
+/** Who last had one of these calls accepted between two statuses; empty: nobody. */
+function callerOf(calls, before, after, client) {
+  const made = calls
+    .map((name) => after.last_calls?.[name])
+    .filter((call) => call !== undefined && call.utc_ns > before.utc_ns)
+    .toSorted((one, other) => other.utc_ns - one.utc_ns);
+  return made.length === 0 ? "" : nameOf(made[0].client, client);
 }

@@ -12,7 +12,7 @@ const STEPS = [
 
 /** What a visitor can do who has seen the stage: view, what, and how. */
 const NEXT = [
-  ["calibrate", "Measure this finger", "It does what a calibration asks for: STOP the rig, then start one."],
+  ["calibrate", "Measure this finger", "Has it the 0.39 N of a new rig's placeholder? STOP the rig, then start a calibration: it does what that asks for."],
   ["discovery", "Find what a model gets wrong", "In a sample study of the laboratory next door, where something is hidden: a few seconds."],
   ["textures", "Stream a recording of yours", "A WAV file becomes a texture that this finger feels."],
 ];

@@ -76,6 +76,7 @@ export class Live {
     this.rateHz = NaN;
     this.estimates.clear();
     this.losses.clear();
+    this.health.clear();
     this.events.clear();
     this.traces.open(rig);
     this.heardMs = -Infinity;
@@ -161,9 +162,10 @@ export class Live {
     const nowMs = performance.now();
     if (op === "status") {
       if (before !== null && before.owner !== after.owner) this.heldNs = after.utc_ns;
-      this.events.takeStatus(before, after, this.losses.take(after, nowMs), client);
+      const losses = this.losses.take(after, nowMs);
+      this.events.takeStatus(before, after, losses, client, this.state.scene);
     }
-    if (op === "scene") this.events.takeScene(before, after, this.state.status, client);
+    if (op === "scene") this.events.takeScene(after);
     if (op === "recording") {
       // What was said before a reconnection is told once more: it has not become younger.
       if (before?.utc_ns !== after.utc_ns) this.recordingMs = nowMs;

@@ -2,6 +2,7 @@
 
 import { address, route, VIEWS } from "./address.js";
 import { actAs } from "./api.js";
+import { installAppearance } from "./appearance.js";
 import { at, element, say } from "./element.js";
 import { FirstSteps, firstStepOf } from "./first_steps.js";
 import { Link } from "./link.js";
@@ -150,6 +151,7 @@ link.addEventListener("message", ({ detail }) => {
 link.addEventListener("frame", ({ detail }) => live.take(detail));
 addEventListener("hashchange", follow);
 setInterval(look, LOOK_MS);
+installAppearance();
 installSession(link);
 installStop(() => (live.rig === null ? present.rigs : [live.rig]));
 follow();

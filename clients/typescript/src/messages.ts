@@ -206,6 +206,12 @@ export interface Interval {
   high: number;
 }
 
+/** Who last had a call of a name accepted. */
+export interface LastCall {
+  client: string;
+  utc_ns: number;
+}
+
 /** The law of the finger on the screen; a cutoff between the two is a straight line. */
 export interface LawNow {
   gain_n: Interval;
@@ -405,6 +411,7 @@ export interface RigStatus {
   owner: string | null;
   share_with: Array<string>;
   last_end: LeaseEnd | null;
+  last_calls: Record<string, LastCall>;
   backend: string;
   simulated: boolean;
   finger_source: "touch" | "pointer" | "simulated";

@@ -311,16 +311,21 @@ class TrialSession:
 
 
 def status_of(rig: Rig) -> RigStatus:
-    """Return the rig's status.
+    """Return the status of a rig that may be armed.
 
     Raises
     ------
     CalibrationError
-        If it is tripped: only an operator may reset it.
+        If it is tripped: only an operator may reset it; or if somebody holds it.
     """
     status = rig.status()
     if status.state == "tripped":
         fault = status.fault
         why = f": {fault.reason} {fault.action}" if fault is not None else ""
         raise CalibrationError(f"rig {rig.name} is tripped{why}")
+    if status.owner is not None:
+        raise CalibrationError(
+            f"{status.owner!r} holds rig {rig.name}: wait until it disarms, or stop it; then "
+            "start again"
+        )
     return status

@@ -21,6 +21,7 @@ from frictus.keys import CALLS, MAX_NAME, RigKeys, Topics
 from frictus.messages import (
     MESSAGES,
     ArmRequest,
+    LastCall,
     LeaseRenewal,
     PointerState,
     RefusalCode,
@@ -105,11 +106,17 @@ class Commands:
         self._counting = threading.Lock()
         self._refused = 0
         self.updates_expired = 0
+        self._last_calls: dict[str, LastCall] = {}
 
     @property
     def refused(self) -> int:
         """Commands refused so far, those that full boxes lost included."""
         return self._refused
+
+    @property
+    def last_calls(self) -> dict[str, LastCall]:
+        """Who changed what, by the name of the call: its last that was accepted."""
+        return self._last_calls.copy()
 
     @property
     def updates_lost(self) -> int:
@@ -264,7 +271,7 @@ class Commands:
         handlers: Mapping[str, tuple[type[Request], Callable[[Any], Reply | None]]] = {
             "arm": (ArmRequest, self._arm),
             "disarm": (Request, self._control.disarm),
-            "reset": (Request, self._control.reset),
+            "reset": (Request, self._reset),
             "lease": (LeaseRenewal, self._control.renew),
             "pointer": (PointerState, self._control.point),
         }
@@ -296,7 +303,10 @@ class Commands:
         def work() -> Reply:
             if message.name == "scene":
                 give_way()
-            return handle(self._read(kind, message))
+            request = self._read(kind, message)
+            reply = handle(request)
+            self._note_call(message.name, request.client)
+            return reply
 
         return self._answered(work)
 
@@ -316,6 +326,14 @@ class Commands:
         reply = self._control.arm(request)
         self.presence.on_armed(request.client)
         return reply
+
+    def _reset(self, request: Request) -> Reply:
+        reply = self._control.reset(request)
+        self._note_call("reset", request.client)
+        return reply
+
+    def _note_call(self, name: str, client: str) -> None:
+        self._last_calls[name] = LastCall(client=client, utc_ns=self._utc_ns())
 
     def _guide(self, payload: bytes) -> None:
         self._control.guide(self._gate.read_guidance(payload, self._utc_ns()))

@@ -79,7 +79,7 @@ class Publisher:
     models : ModelController
         With which model.
     commands : Commands
-        Counts what was refused.
+        Knows what was refused, and who was not.
     monotonic_s, utc_ns : callable
         Clocks.
     say : callable
@@ -299,6 +299,7 @@ class Publisher:
             owner=safety.owner,
             share_with=safety.share_with,
             last_end=self._end_shown(),
+            last_calls=self._commands.last_calls,
             backend=info.backend,
             simulated=info.simulated,
             finger_source=info.finger_source,

@@ -52,10 +52,9 @@ def learning_config(folder: Path, port: int, seed: int) -> Config:
     seed : int
         Of the finger's way and the sensors' noise.
     """
-    backend = SimulatedConfig(seed=seed, finger=HumanStrokes(), participant=PERSON)
     tracker = TrackerConfig(policy="adapt", audit=folder / "adaptations.jsonl")
-    config = demo_config(folder, HumanStrokes(), port, seed)
-    return config.model_copy(update={"backend": backend, "tracker": tracker})
+    config = demo_config(folder, HumanStrokes(), port, seed, PERSON)
+    return config.model_copy(update={"tracker": tracker})
 
 
 @dataclass(frozen=True, slots=True)

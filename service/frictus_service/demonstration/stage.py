@@ -8,7 +8,7 @@ from typing import Final
 import frictus
 from frictus.textures import Scene
 from frictus_hardware import SimulatedConfig
-from frictus_hardware.simulated.config import FingerConfig
+from frictus_hardware.simulated.config import FingerConfig, SimulatedParticipant
 from frictus_service.config import (
     LOCAL,
     ApiConfig,
@@ -30,11 +30,19 @@ PATIENT: Final = Limits(missed_deadlines=1_000, freeze_ms=2_500)
 starts beside the rig, and takes every core for a while."""
 LEASE_MS: Final = 10_000
 """Likewise; whoever ends the demo disarms."""
+AS_PLACEHOLDER: Final = SimulatedParticipant()
+"""A person whom the placeholder model fits."""
 SHOWN: Final[tuple[PartName, ...]] = ("rig", "api")
 """What the first look needs; the rest starts under it."""
 
 
-def demo_config(folder: Path, finger: FingerConfig, port: int, seed: int) -> Config:
+def demo_config(
+    folder: Path,
+    finger: FingerConfig,
+    port: int,
+    seed: int,
+    participant: SimulatedParticipant = AS_PLACEHOLDER,
+) -> Config:
     """Return a configuration that disturbs nothing else on this machine.
 
     Parameters
@@ -47,6 +55,8 @@ def demo_config(folder: Path, finger: FingerConfig, port: int, seed: int) -> Con
         Of the API; 0: any.
     seed : int
         Of the finger's way and the sensors' noise.
+    participant : SimulatedParticipant
+        Whose finger it is.
     """
     return Config(
         site="demo",
@@ -55,7 +65,7 @@ def demo_config(folder: Path, finger: FingerConfig, port: int, seed: int) -> Con
         recordings=folder / "recordings",
         studies=folder / "studies",
         registry=RegistryConfig(url=f"sqlite:///{(folder / 'frictus.db').as_posix()}"),
-        backend=SimulatedConfig(seed=seed, finger=finger),
+        backend=SimulatedConfig(seed=seed, finger=finger, participant=participant),
         limits=PATIENT,
         router=RouterConfig(endpoint=free_endpoint()),
         api=ApiConfig(port=port),

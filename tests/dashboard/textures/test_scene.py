@@ -136,7 +136,7 @@ def test_who_does_not_hold_the_rig_is_told_who_does_and_may_only_stop(
     scene = part(page, "Scene: which texture is felt where")
     feel = part(page, "Preview").get_by_role("button", name="Feel it")
     apply = scene.get_by_role("button", name="Apply the scene")
-    with lab.rig.arm():
+    with lab.rig.arm(lease_ms=10_000):
         for shown, button in ((scene, apply), (part(page, "Preview"), feel)):
             expect(shown).to_contain_text("tester holds rig1")
             expect(button).to_be_disabled()

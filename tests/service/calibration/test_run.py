@@ -159,6 +159,17 @@ def test_a_quick_calibration_makes_rendering_right(
     assert after_db <= before_db / 4.0
 
 
+def test_a_rig_that_somebody_holds_is_refused_before_anything_is_prepared(
+    client: frictus.Client, endpoint: str, rng: np.random.Generator, tmp_path: Path
+) -> None:
+    told: list[Progress] = []
+    with frictus.connect(endpoint, name="ann") as other, other.rig("rig1").arm():
+        with pytest.raises(CalibrationError, match="'ann' holds rig rig1"):
+            run_calibration(spec_of(rng), tmp_path, client, told.append, lambda: False)
+        assert other.rig("rig1").status().state == "armed"
+    assert not told
+
+
 def _until_done(feed: frictus.Feed[GuidanceState]) -> list[GuidanceState]:
     shown = []
     for state in feed:

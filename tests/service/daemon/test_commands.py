@@ -94,6 +94,18 @@ def test_anybody_may_set_a_scene_while_disarmed(desk: Desk) -> None:
     assert desk.call("scene", "ben", scene=SCENE).ok
 
 
+def test_who_changed_what_last_is_known_and_who_was_refused_is_not(desk: Desk) -> None:
+    assert not desk.commands.last_calls
+    desk.call("arm", share_with=["ben"])
+    for client in ("ann", "ben", "cy"):  # the last one may not
+        desk.call("scene", client, scene=SCENE)
+        desk.call("compensation", client, compensation={"mode": "none"})
+    desk.interlock.feed(FaultRaised("safety", "too much force"), desk.now_s)
+    desk.call("reset", "cy")
+    told = {name: made.client for name, made in desk.commands.last_calls.items()}
+    assert told == {"scene": "ben", "compensation": "ben", "reset": "cy"}
+
+
 @pytest.mark.parametrize("payload", [b"", b"\xff\xfe", b'{"client": "ben", "utc_ns": 0}'])
 def test_stop_always_stops(desk: Desk, payload: bytes) -> None:
     desk.call("arm")
