@@ -111,6 +111,28 @@ def test_a_discovery_by_clicks_alone(
         expect(asymmetry).to_be_visible()
 
 
+def test_a_study_is_added_by_a_click_and_chosen(
+    lab: Lab, open_page: OpenPage, rng: np.random.Generator, tmp_path: Path
+) -> None:
+    make(lab, "mine.h5", rng)
+    mine = (lab.config.studies / "mine.h5").rename(tmp_path / "mine.h5")
+    (tmp_path / "no.h5").write_text("mice")
+    (tmp_path / "my study.h5").touch()
+    with open_page(expected="422") as page:
+        arrive(page, lab)
+        adding, told = page.get_by_label("Add a file of yours"), page.get_by_role("status")
+        adding.set_input_files(tmp_path / "my study.h5")
+        expect(told.filter(has_text="Rename the file")).to_be_visible()
+        adding.set_input_files(tmp_path / "no.h5")
+        refused = told.filter(has_text="no.h5 is not added: no.h5 is not an HDF5 file")
+        expect(refused).to_be_visible(timeout=BEGUN_MS)
+        adding.set_input_files(mine)
+        expect(told.filter(has_text="mine.h5 is added")).to_be_visible(timeout=BEGUN_MS)
+        expect(page.get_by_label("Study")).to_have_value("mine.h5")
+        expect_no_violations(page, WIDTHS)
+    assert (lab.config.studies / "mine.h5").read_bytes() == mine.read_bytes()
+
+
 def test_reads_every_part_of_a_report(
     lab: Lab, open_page: OpenPage, rng: np.random.Generator
 ) -> None:

@@ -43,6 +43,8 @@ MAX_BODY_BYTES: Final = 64_000_000
 LARGE_BYTES: Final = 1_000_000
 MAX_LARGE: Final = 2
 """Bodies beyond `LARGE_BYTES` that are parsed at once; others wait."""
+MAX_UPLOADS: Final = 2
+"""Studies that come at once."""
 MAX_STOPS: Final = 64
 """Rigs that are stopped at once, in threads of their own: no stop waits for other requests."""
 BURST_S: Final = 2.0
@@ -103,6 +105,7 @@ class RequestLimits:
     def __init__(self) -> None:
         self.streams = Places(MAX_STREAMS, "streams of events")
         self.bodies = Places(MAX_BODY_BYTES, "bytes of bodies")
+        self.uploads = Places(MAX_UPLOADS, "studies that are sent")
         self.large = asyncio.Semaphore(MAX_LARGE)
         self.stops = anyio.CapacityLimiter(MAX_STOPS)
 

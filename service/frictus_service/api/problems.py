@@ -188,6 +188,12 @@ class RecordingConflictError(ApiError):
     status, code, title = 409, "recording_conflict", "Not with what is being recorded"
 
 
+class StudyExistsError(ApiError):
+    """A study of this name is there."""
+
+    status, code, title = 409, "study_exists", "There is a study of this name"
+
+
 class RigCalibratingError(ApiError):
     """A calibration or an experiment is under way on the rig."""
 

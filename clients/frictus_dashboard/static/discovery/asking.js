@@ -6,6 +6,7 @@ import { choice, labelled, optionsOf } from "../fields.js";
 import { figure } from "../figures.js";
 import { pathOf, referenceOf } from "../models/reference.js";
 import { Outcome } from "../outcome.js";
+import { Adding } from "./adding.js";
 
 const MODELS = 200;
 /** After which it is asked again whether there is a study, while there is none. */
@@ -43,22 +44,24 @@ export class Asking {
     );
     this.response.addEventListener("change", () => this.#offerBases());
     this.form.addEventListener("submit", (event) => (event.preventDefault(), this.#start()));
+    this.adding = new Adding((name) => this.#choose(name));
     this.outcome = new Outcome();
     this.note = element("p", { class: "quiet" });
     this.note.append(
-      "Studies lie in the service's folder, those of calibrations too. ",
-      "A recording becomes one by ",
+      "Those of calibrations lie there too. A recording becomes a study by ",
       element("code", {}, "frictus export FILE --to h5"),
       ".",
     );
     const title = element("h2", {}, "What does a model get wrong?");
-    this.root = element("section", {}, title, this.form, this.note, this.outcome.root);
+    const parts = [this.form, this.adding.root, this.note, this.outcome.root];
+    this.root = element("section", {}, title, ...parts);
   }
 
   /** Ask which studies and models there are, again while there are none. */
   async load() {
     clearTimeout(this.again);
-    this.form.hidden = this.note.hidden = !this.page.can("calibrate");
+    const may = this.page.can("calibrate");
+    for (const part of [this.form, this.adding.root, this.note]) part.hidden = !may;
     if (this.form.hidden) {
       this.outcome.good("To start one takes a token with the scope calibrate.");
       return;
@@ -80,6 +83,11 @@ export class Asking {
       this.outcome.good("There is no study in the folder yet.");
       this.again = setTimeout(() => this.load(), AGAIN_MS);
     }
+  }
+
+  async #choose(name) {
+    await this.load();
+    this.study.value = name;
   }
 
   /** Ask no more. */

@@ -1,15 +1,33 @@
-"""The path of the studies: which there are on this machine."""
+"""The paths of the studies: which there are on this machine, and one more."""
 
 from datetime import UTC, datetime
-from typing import Annotated
+from pathlib import Path as FilePath
+from typing import Annotated, Any, Final
 
-from fastapi import APIRouter, Depends
+from fastapi import APIRouter, Depends, Path, Request
 from pydantic import BaseModel, Field
 
 from frictus_service.api import problems
 from frictus_service.api.access import needs
-from frictus_service.api.services import Services, services
+from frictus_service.api.limits import RequestLimits
+from frictus_service.api.requests import require_media
+from frictus_service.api.services import Given
+from frictus_service.api.uploads import keep_study
 
+HDF5: Final = ("application/x-hdf5", "application/octet-stream")
+_BODY: Final[dict[str, Any]] = {
+    "requestBody": {
+        "required": True,
+        "content": {kind: {"schema": {"type": "string", "format": "binary"}} for kind in HDF5},
+    }
+}
+Name = Annotated[
+    str,
+    Path(
+        description="Letters, digits, '_', '-' and '.'; ends with .h5",
+        pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.\-]{0,95}\.h5$",
+    ),
+]
 router = APIRouter(prefix="/v1/studies", tags=["discoveries"])
 
 
@@ -32,14 +50,42 @@ class StudyList(BaseModel):
     dependencies=[Depends(needs("read"))],
     responses=problems.documented(problems.UnauthenticatedError, problems.MissingScopeError),
 )
-def list_studies(given: Annotated[Services, Depends(services)]) -> StudyList:
+def list_studies(given: Given) -> StudyList:
     """List the studies that a discovery can name; those of calibrations are among them."""
     found = []
     for name, path in given.discoveries.store.studies().items():
         try:
-            stat = path.stat()
+            found.append(_described(name, path))
         except FileNotFoundError:
             continue  # somebody has just moved it
-        modified = datetime.fromtimestamp(stat.st_mtime, UTC).isoformat()
-        found.append(StudyFile(name=name, bytes=stat.st_size, modified_utc=modified))
     return StudyList(studies=sorted(found, key=lambda one: one.modified_utc, reverse=True))
+
+
+@router.put(
+    "/{name}",
+    dependencies=[Depends(needs("calibrate"))],
+    status_code=201,
+    openapi_extra=_BODY,
+    responses=problems.documented(
+        problems.UnauthenticatedError,
+        problems.MissingScopeError,
+        problems.StudyExistsError,
+        problems.InvalidError,
+        problems.TooLargeError,
+        problems.UnsupportedMediaError,
+        problems.BusyError,
+        problems.NotStoredError,
+    ),
+)
+async def put_study(name: Name, given: Given, request: Request) -> StudyFile:
+    """Keep a `study/1` file in the folder of this machine; none is replaced."""
+    require_media(request, *HDF5)
+    limits: RequestLimits = request.app.state.limits
+    with limits.uploads.held(request.client.host if request.client else ""):
+        return _described(name, await keep_study(request, given.config.studies, name))
+
+
+def _described(name: str, path: FilePath) -> StudyFile:
+    stat = path.stat()
+    modified = datetime.fromtimestamp(stat.st_mtime, UTC).isoformat()
+    return StudyFile(name=name, bytes=stat.st_size, modified_utc=modified)

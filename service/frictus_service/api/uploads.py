@@ -1,0 +1,151 @@
+"""A study that comes over HTTP: to the disk piece by piece, looked into, then given its name.
+
+It is looked into by a process of its own: a file that anybody made may take the HDF5 library,
+and the process that it runs in, down.
+"""
+
+import asyncio
+import secrets
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Final
+
+from fastapi import Request
+from fastapi.concurrency import run_in_threadpool
+from starlette.requests import ClientDisconnect
+
+from frictus_service.api.problems import (
+    GoneError,
+    InvalidError,
+    SlowBodyError,
+    StudyExistsError,
+    TooLargeError,
+)
+from frictus_service.api.requests import BODY_S, SLOWEST_BYTES_S
+from frictus_service.durable import put_in_place
+
+MAX_STUDY_BYTES: Final = 4_000_000_000
+PIECE_BYTES: Final = 1_000_000
+"""Held in memory, and written at once."""
+LOOK_S: Final = 60.0
+UNFINISHED: Final = ".upload-"
+LEFT_S: Final = 86_400.0
+"""An unfinished file that is so old was left by a process that was killed."""
+_LOOK: Final = "from frictus_service.cli import main; main()"
+
+
+async def keep_study(request: Request, folder: Path, name: str) -> Path:
+    """Take the body of a request as a study into a folder, and return its file.
+
+    Parameters
+    ----------
+    request : Request
+        Its body is the file.
+    folder : Path
+        Of the studies; made where it is missing.
+    name : str
+        What the file is to be called; a plain name that was checked.
+
+    Raises
+    ------
+    StudyExistsError
+        If the folder has something of this name.
+    TooLargeError, SlowBodyError, GoneError
+        If the body is too large, does not come in time, or ends before its end.
+    InvalidError
+        If it is no study; the text is that of `frictus study show`.
+    OSError
+        If the disk refuses.
+    """
+    place = folder / name
+    _check_free(place)
+    await run_in_threadpool(_make_room, folder)
+    unfinished = folder / f"{UNFINISHED}{secrets.token_hex(4)}.h5"
+    try:
+        await _receive(request, unfinished)
+        await run_in_threadpool(_look_into, unfinished, name)
+        await run_in_threadpool(_name, unfinished, place)
+    finally:
+        unfinished.unlink(missing_ok=True)
+    return place
+
+
+def _check_free(place: Path) -> None:
+    if place.exists():
+        raise StudyExistsError(
+            f"there is a study {place.name!r}, and none is replaced: choose another name"
+        )
+
+
+def _make_room(folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for left in folder.glob(f"{UNFINISHED}*"):
+        if time.time() - left.stat().st_mtime > LEFT_S:
+            left.unlink(missing_ok=True)
+
+
+async def _receive(request: Request, into: Path) -> None:
+    announced = request.headers.get("content-length", "")
+    most = int(announced[:20]) if announced.isdecimal() else MAX_STUDY_BYTES
+    allowed_s = BODY_S + most / SLOWEST_BYTES_S
+    try:
+        async with asyncio.timeout(allowed_s):
+            await _write(request, into, most)
+    except TimeoutError:
+        told = f"a body of up to {most} bytes is to come within {allowed_s:.0f} s"
+        raise SlowBodyError(told, headers={"Connection": "close"}) from None
+    except ClientDisconnect:
+        raise GoneError("the connection ended before the body did") from None
+
+
+async def _write(request: Request, into: Path, announced_bytes: int) -> None:
+    size_bytes, piece = 0, bytearray()
+    with into.open("xb") as file:
+        async for chunk in request.stream():
+            size_bytes += len(chunk)
+            if max(size_bytes, announced_bytes) > MAX_STUDY_BYTES:
+                break
+            piece += chunk
+            if len(piece) >= PIECE_BYTES:
+                await run_in_threadpool(file.write, bytes(piece))
+                piece.clear()
+        await run_in_threadpool(file.write, bytes(piece))
+    if max(size_bytes, announced_bytes) > MAX_STUDY_BYTES:
+        raise TooLargeError(
+            f"the study is larger than {MAX_STUDY_BYTES} bytes: put it into the folder of the "
+            "studies on the machine of the service",
+            headers={"Connection": "close"},
+        )
+
+
+def _look_into(file: Path, name: str) -> None:
+    """Have a process of its own read what the study says of itself."""
+    try:
+        looked = subprocess.run(
+            [sys.executable, "-P", "-c", _LOOK, "study", "show", str(file), "--json"],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=LOOK_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise InvalidError(
+            f"{name}: to read what trials it has takes more than {LOOK_S:g} s; accepted: a "
+            "study of at most some ten thousand trials"
+        ) from None
+    if looked.returncode != 0:
+        said = looked.stderr.decode("utf-8", "replace").strip().removeprefix("frictus: ")
+        raise InvalidError(
+            said.replace(str(file), name) or f"{name} cannot be read: it may be damaged"
+        )
+
+
+def _name(unfinished: Path, place: Path) -> None:
+    try:
+        place.open("xb").close()  # only one of several gets the name
+    except FileExistsError:
+        _check_free(place)
+        raise
+    put_in_place(unfinished, place)
