@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 from tests.dashboard.conftest import OpenPage
@@ -10,6 +11,7 @@ from tests.dashboard.lab import WIDTHS, Lab, enter, expect_no_violations, read_o
 
 import frictus
 from frictus_hardware import SimulatedConfig
+from frictus_hardware.replay.tape import read_tape
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.recording.reader import RecordingReader
 from frictus_service.recording.summary import summarise
@@ -60,9 +62,24 @@ def test_records_by_clicks_lists_and_saves_it(page: Page, lab: Lab) -> None:
         re.compile(r"^The last one, by-clicks: [\d.]+ s, [\d.]+ [kM]B, nothing lost\.$")
     )
     expect(table.get_by_role("row", name="by-clicks")).to_contain_text(" s")
+    page.get_by_role("button", name="Open by-clicks").click()
+    opened = page.get_by_role("region", name="One recording")
+    expect(opened.get_by_role("heading")).to_have_text("by-clicks")
+    expect(opened).to_contain_text("Complete: ")
+    force = opened.get_by_role("img", name="Normal force over time")
+    expect(force).to_have_attribute("aria-label", re.compile(r"[\d.]+ to [\d.]+ N$"))
+    speed = opened.get_by_role("img", name="Speed of the finger")
+    expect(speed).to_have_attribute("aria-label", re.compile(r"[\d.]+ to [\d.]+ mm/s$"))
+    expect(opened).to_contain_text("by-clicks.mcap")
     expect_no_violations(page, WIDTHS)
     with page.expect_download() as saved:
-        page.get_by_role("button", name="Download by-clicks").click()
+        opened.get_by_role("button", name="As a rig to replay (NPZ)").click()
+    assert saved.value.suggested_filename == "by-clicks.npz"
+    tape = read_tape(saved.value.path())
+    assert np.nanmean(np.abs(tape.force)) > 0.0
+    expect(opened).to_contain_text("by-clicks.npz is saved. complete: ")
+    with page.expect_download() as saved:
+        opened.get_by_role("button", name="Download (MCAP)").click()
     assert saved.value.suggested_filename == "by-clicks.mcap"
     kept = saved.value.path()
     assert kept.read_bytes() == (lab.config.recordings / "by-clicks.mcap").read_bytes()

@@ -45,6 +45,8 @@ MAX_LARGE: Final = 2
 """Bodies beyond `LARGE_BYTES` that are parsed at once; others wait."""
 MAX_UPLOADS: Final = 2
 """Studies that come at once."""
+MAX_RECORDINGS: Final = 2
+"""Recordings that are read, or exported, at once."""
 MAX_STOPS: Final = 64
 """Rigs that are stopped at once, in threads of their own: no stop waits for other requests."""
 BURST_S: Final = 2.0
@@ -106,6 +108,7 @@ class RequestLimits:
         self.streams = Places(MAX_STREAMS, "streams of events")
         self.bodies = Places(MAX_BODY_BYTES, "bytes of bodies")
         self.uploads = Places(MAX_UPLOADS, "studies that are sent")
+        self.recordings = Places(MAX_RECORDINGS, "recordings that are read")
         self.large = asyncio.Semaphore(MAX_LARGE)
         self.stops = anyio.CapacityLimiter(MAX_STOPS)
 

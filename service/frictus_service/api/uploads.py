@@ -6,8 +6,6 @@ and the process that it runs in, down.
 
 import asyncio
 import secrets
-import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Final
@@ -16,9 +14,9 @@ from fastapi import Request
 from fastapi.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect
 
+from frictus_service.api.own_process import run_command
 from frictus_service.api.problems import (
     GoneError,
-    InvalidError,
     SlowBodyError,
     StudyExistsError,
     TooLargeError,
@@ -33,7 +31,6 @@ LOOK_S: Final = 60.0
 UNFINISHED: Final = ".upload-"
 LEFT_S: Final = 86_400.0
 """An unfinished file that is so old was left by a process that was killed."""
-_LOOK: Final = "from frictus_service.cli import main; main()"
 
 
 async def keep_study(request: Request, folder: Path, name: str) -> Path:
@@ -65,7 +62,8 @@ async def keep_study(request: Request, folder: Path, name: str) -> Path:
     unfinished = folder / f"{UNFINISHED}{secrets.token_hex(4)}.h5"
     try:
         await _receive(request, unfinished)
-        await run_in_threadpool(_look_into, unfinished, name)
+        asked = ("study", "show", str(unfinished), "--json")
+        await run_in_threadpool(run_command, asked, LOOK_S, unfinished, name)
         await run_in_threadpool(_name, unfinished, place)
     finally:
         unfinished.unlink(missing_ok=True)
@@ -117,28 +115,6 @@ async def _write(request: Request, into: Path, announced_bytes: int) -> None:
             f"the study is larger than {MAX_STUDY_BYTES} bytes: put it into the folder of the "
             "studies on the machine of the service",
             headers={"Connection": "close"},
-        )
-
-
-def _look_into(file: Path, name: str) -> None:
-    """Have a process of its own read what the study says of itself."""
-    try:
-        looked = subprocess.run(
-            [sys.executable, "-P", "-c", _LOOK, "study", "show", str(file), "--json"],
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            timeout=LOOK_S,
-            check=False,
-        )
-    except subprocess.TimeoutExpired:
-        raise InvalidError(
-            f"{name}: to read what trials it has takes more than {LOOK_S:g} s; accepted: a "
-            "study of at most some ten thousand trials"
-        ) from None
-    if looked.returncode != 0:
-        said = looked.stderr.decode("utf-8", "replace").strip().removeprefix("frictus: ")
-        raise InvalidError(
-            said.replace(str(file), name) or f"{name} cannot be read: it may be damaged"
         )
 
 

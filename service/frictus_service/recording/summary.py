@@ -51,12 +51,26 @@ def shelved(folder: Path) -> list[Shelved]:
     found = []
     for path in folder.glob(f"*{SUFFIX}"):
         try:
-            stat = path.stat()
-            finished = is_finished(path)
+            found.append(shelf_entry(path))
         except FileNotFoundError:
             continue  # somebody has just moved it
-        found.append(Shelved(path, stat.st_size, stat.st_mtime, finished))
     return sorted(found, key=lambda one: one.modified_s, reverse=True)
+
+
+def shelf_entry(path: Path) -> Shelved:
+    """Return what there is to know of a recording without reading it.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+
+    Raises
+    ------
+    FileNotFoundError
+    """
+    stat = path.stat()
+    return Shelved(path, stat.st_size, stat.st_mtime, is_finished(path))
 
 
 def is_finished(path: Path) -> bool:

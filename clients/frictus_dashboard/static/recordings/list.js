@@ -1,11 +1,11 @@
-/** The recordings in the folder of the service's machine: when, how long, how large, to be saved. */
+/** The recordings in the folder of the service's machine: when, how long, how large; each opens. */
 
 import { request } from "../api.js";
-import { save } from "../download.js";
 import { element, say } from "../element.js";
 import { button } from "../fields.js";
 import { Outcome } from "../outcome.js";
 import { fill, scrolling, table, words } from "../table.js";
+import { Opened } from "./opened.js";
 import { length, size } from "./record_state.js";
 
 const SHOWN = 50;
@@ -19,7 +19,8 @@ export class RecordingList {
     this.table = table("Recordings, the newest first", ["Name", "File", "When", "Length", "Size"]);
     this.place = scrolling(this.table);
     const summary = element("summary", {}, "Recordings");
-    const parts = [this.note, this.place, this.outcome.root];
+    this.opened = new Opened();
+    const parts = [this.note, this.place, this.outcome.root, this.opened.root];
     this.root = element("details", { class: "recordings" }, summary, ...parts);
     this.root.addEventListener("toggle", () => this.refresh());
   }
@@ -32,6 +33,7 @@ export class RecordingList {
     const wanted = () => mine === this.newest;
     const found = await this.outcome.of(asked, "The list cannot be read", wanted);
     if (found === null || !wanted()) return;
+    this.folder = found.folder;
     this.place.hidden = found.recordings.length === 0;
     const more = found.left_out > 0 ? ` ${found.left_out} older ones are not listed.` : "";
     say(this.note, found.recordings.length === 0 ? "There is none yet." : more);
@@ -39,7 +41,7 @@ export class RecordingList {
   }
 
   #row({ name, modified_utc: when, seconds, bytes, finished }) {
-    const file = finished ? this.#saving(name) : "not finished";
+    const file = finished ? this.#opening(name) : "not finished";
     return [
       name,
       words(file), // first of all: it is in reach on a phone
@@ -49,16 +51,9 @@ export class RecordingList {
     ];
   }
 
-  #saving(name) {
-    const made = button("Download", async () => {
-      made.disabled = true;
-      const path = `/recordings/${encodeURIComponent(name)}/recording.mcap`;
-      const patient = new AbortController(); // no deadline: it may be large
-      const saved = save(path, `${name}.mcap`, { signal: patient.signal });
-      await this.outcome.of(saved, `${name} is not saved`);
-      made.disabled = false;
-    });
-    made.setAttribute("aria-label", `Download ${name}`);
+  #opening(name) {
+    const made = button("Open", () => this.opened.open(name, this.folder));
+    made.setAttribute("aria-label", `Open ${name}`);
     return made;
   }
 }

@@ -1,22 +1,32 @@
 """Paths of recordings: start, end and follow one on a rig; which there are on this machine."""
 
+import json
+import math
+import shutil
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
-from typing import Annotated, Final
+from pathlib import Path as FilePath
+from typing import Annotated, Any, Final, Literal
 
-from fastapi import APIRouter, Depends, Query, Response
+from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi import Path as PathParameter
 from fastapi.responses import FileResponse
 from pydantic import BaseModel, ConfigDict, Field
+from starlette.background import BackgroundTask
 
 from frictus.errors import RefusedError
 from frictus.messages import RecordingState
+from frictus_hardware.arrays import FloatArray
 from frictus_service.api import problems
 from frictus_service.api.access import needs
+from frictus_service.api.limits import RequestLimits
+from frictus_service.api.own_process import run_command
 from frictus_service.api.requests import body_of, json_body
 from frictus_service.api.routes.rigs import RigName
-from frictus_service.api.services import Given
+from frictus_service.api.services import Given, Services
+from frictus_service.errors import RecordingError
 
 _RIG: Final[tuple[type[problems.ApiError], ...]] = (
     problems.UnauthenticatedError,
@@ -32,7 +42,22 @@ _ASK: Final[tuple[type[problems.ApiError], ...]] = (
     problems.StaleError,
     problems.UnavailableError,
 )
+_FILE: Final[tuple[type[problems.ApiError], ...]] = (
+    *_RIG[:2],
+    problems.RecordingNotFoundError,
+    problems.InvalidError,
+    problems.RecordingConflictError,
+)
 MOST_LISTED: Final = 500
+MOST_NOTES: Final = 2_000
+"""Characters of a header."""
+EXPORT_S: Final = 600.0
+ExportFormat = Literal["study", "replay"]
+_EXPORTS: Final[dict[ExportFormat, tuple[str, str]]] = {
+    "study": ("h5", ".h5"),
+    "replay": ("replay", ".npz"),
+}
+"""What the command calls them, and their suffixes."""
 _NAME: Final = r"^[A-Za-z0-9._-]+$"
 RecordingName = Annotated[
     str, PathParameter(min_length=1, max_length=100, pattern=_NAME, description="As listed")
@@ -66,6 +91,32 @@ class RecordingList(BaseModel):
     folder: str
     recordings: list[RecordingFile]
     left_out: int = Field(description="How many older ones there are besides")
+
+
+class RecordedSignal(BaseModel):
+    """One signal over the columns of a course."""
+
+    name: Literal["lateral_force", "normal_force", "speed", "screen_voltage"]
+    unit: str
+    low: list[float | None] = Field(description="Least of each column; null: nothing there")
+    high: list[float | None]
+
+
+class RecordedEvent(BaseModel):
+    """Something that happened while it was recorded."""
+
+    at_s: float
+    what: str
+
+
+class RecordingCourse(BaseModel):
+    """How a recording went."""
+
+    column_s: float = Field(description="What one column covers")
+    signals: list[RecordedSignal]
+    events: list[RecordedEvent] = Field(description="Arming, trips, what is missing; in order")
+    left_out: int = Field(description="How many events there are besides")
+    ending: str = Field(description="How far the recording was looked at, for people")
 
 
 @contextmanager
@@ -112,15 +163,107 @@ def list_recordings(
     "/recordings/{name}/recording.mcap",
     dependencies=[Depends(needs("read"))],
     response_class=FileResponse,
-    responses=problems.documented(
-        *_RIG[:2],
-        problems.RecordingNotFoundError,
-        problems.InvalidError,
-        problems.RecordingConflictError,
-    ),
+    responses=problems.documented(*_FILE),
 )
 def get_recording_file(name: RecordingName, given: Given) -> FileResponse:
     """Return a finished recording of this machine's folder as a file."""
+    path = _finished(name, given)
+    return FileResponse(path, media_type="application/octet-stream", filename=path.name)
+
+
+@router.get(
+    "/recordings/{name}/course",
+    dependencies=[Depends(needs("read"))],
+    responses=problems.documented(*_FILE, problems.BusyError),
+)
+def get_recording_course(
+    name: RecordingName, given: Given, request: Request
+) -> RecordingCourse:
+    """Return how a finished recording went: its signals in columns, and what happened."""
+    from frictus_service.recording.course import SIGNALS, course_of
+    from frictus_service.recording.summary import length_s, shelf_entry
+
+    path = _finished(name, given)
+    limits: RequestLimits = request.app.state.limits
+    with limits.recordings.held(request.client.host if request.client else ""):
+        try:
+            course = course_of(path, length_s(shelf_entry(path)) or 0.0)
+        except RecordingError as error:
+            told = str(error).replace(str(path), name)
+            raise problems.RecordingConflictError(told) from error
+    return RecordingCourse(
+        column_s=course.column_s,
+        signals=[
+            RecordedSignal(
+                name=signal,
+                unit=unit,
+                low=_drawn(course.low[signal]),
+                high=_drawn(course.high[signal]),
+            )
+            for signal, unit in SIGNALS.items()
+        ],
+        events=[RecordedEvent(at_s=one.at_s, what=one.what) for one in course.events],
+        left_out=course.left_out,
+        ending=course.ending,
+    )
+
+
+@router.get(
+    "/recordings/{name}/export/{to}",
+    dependencies=[Depends(needs("read"))],
+    response_class=FileResponse,
+    responses=problems.documented(*_FILE, problems.BusyError, problems.NotStoredError),
+)
+def get_recording_export(
+    name: RecordingName, to: ExportFormat, given: Given, request: Request
+) -> FileResponse:
+    """Return a finished recording in another form, as `frictus export` makes it.
+
+    `study` is a `study/1` file of its guided trials, `replay` what plays as a rig. The header
+    `Frictus-Notes` says what it holds and what was left out.
+    """
+    path = _finished(name, given)
+    option, suffix = _EXPORTS[to]
+    limits: RequestLimits = request.app.state.limits
+    folder = FilePath(tempfile.mkdtemp(prefix="frictus-export-"))
+    out = folder / f"{name}{suffix}"
+    try:
+        with limits.recordings.held(request.client.host if request.client else ""):
+            asked = ("export", str(path), "--to", option, "--out", str(out), "--json")
+            said = run_command(asked, EXPORT_S, path, name)
+    except BaseException:
+        shutil.rmtree(folder)
+        raise
+    return FileResponse(
+        out,
+        media_type="application/octet-stream",
+        filename=out.name,
+        headers={"Frictus-Notes": _notes(json.loads(said))},
+        background=BackgroundTask(shutil.rmtree, folder),
+    )
+
+
+def _notes(said: dict[str, Any]) -> str:
+    """Return what an export says of itself on one line, as a header can hold it."""
+    told = [str(said["ending"])]
+    if "trials" in said:
+        told.append(f"trials: {said['trials']}")
+    if said.get("missing_samples"):
+        told.append(f"samples that are missing: {said['missing_samples']}")
+    told += [
+        f"left out: trial {one['trial']}, {one['field']}: {one['reason']}"
+        for one in said.get("excluded", [])
+    ]
+    line = " ".join("; ".join(told).split()).encode("ascii", "replace").decode()
+    return line if len(line) <= MOST_NOTES else f"{line[:MOST_NOTES]}..."
+
+
+def _drawn(extremes: FloatArray) -> list[float | None]:
+    return [None if math.isnan(each) else round(each, 4) for each in extremes.tolist()]
+
+
+def _finished(name: str, given: Services) -> FilePath:
+    """Return the file of a finished recording in this machine's folder."""
     from frictus_service.recording.recording import SUFFIX
     from frictus_service.recording.summary import is_finished
 
@@ -134,7 +277,7 @@ def get_recording_file(name: RecordingName, given: Given) -> FileResponse:
             f"{name!r} is being written, or was torn: end it, or make a finished file of it "
             "with `frictus recover`"
         )
-    return FileResponse(path, media_type="application/octet-stream", filename=path.name)
+    return path
 
 
 @router.get(

@@ -3,9 +3,14 @@
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 from mcap.writer import Writer
+from tests.service.recording.known import info
+from tests.service.recording.test_export import STATUS, UTC_NS, Tape, value
+
+from frictus_service.recording.writer import RecordingWriter
 
 Serve = Callable[..., TestClient]
 
@@ -95,3 +100,75 @@ def test_a_link_that_leads_elsewhere_is_no_recording(api: TestClient, folder: Pa
         pytest.skip("this system makes no links")
     answer = api.get("/v1/recordings/linked/recording.mcap")
     assert (answer.status_code, answer.json()["code"]) == (404, "no_recording")
+
+
+@pytest.fixture
+def taped(folder: Path) -> Path:
+    """A recording of 3 s of a rig, in which nobody was guided."""
+    path = folder / "taped.mcap"
+    status = STATUS.model_copy(update={"touch_latency_s": 0.03})
+    attached = {"status.json": status.to_json()}
+    with RecordingWriter(path, info("taped"), attached, lambda: 0.0) as writer:
+        tape = Tape(writer)
+        tape.play(1.0)
+        tape.lose(20)
+        tape.play(1.9)
+        writer.end("asked for", UTC_NS)
+    return path
+
+
+def test_how_one_went_is_told_in_columns(api: TestClient, taped: Path) -> None:
+    answer = api.get("/v1/recordings/taped/course")
+    assert answer.status_code == 200, answer.text
+    told = answer.json()
+    assert told["ending"].startswith("complete")
+    signals = {one["name"]: one for one in told["signals"]}
+    force = signals["normal_force"]
+    assert force["unit"] == "N"
+    assert len(force["low"]) == len(force["high"]) > 100
+    assert None in force["low"]
+    assert {None} == set(signals["speed"]["low"])
+    assert "force are missing" in told["events"][0]["what"]
+
+
+def test_one_is_exported_to_be_played_as_a_rig(
+    api: TestClient, taped: Path, tmp_path: Path
+) -> None:
+    answer = api.get("/v1/recordings/taped/export/replay")
+    assert answer.status_code == 200, answer.text
+    assert 'filename="taped.npz"' in answer.headers["content-disposition"]
+    assert "samples that are missing: 200" in answer.headers["frictus-notes"]
+    (tmp_path / "got.npz").write_bytes(answer.content)
+    with np.load(tmp_path / "got.npz") as tape:
+        np.testing.assert_allclose(
+            tape["force"][:200] * tape["force_step_n"], value(1, 0, 200).T, atol=1e-6
+        )
+    assert sorted(path.name for path in taped.parent.iterdir()) == ["taped.mcap"]
+
+
+def test_what_cannot_become_a_study_is_told_in_the_words_of_the_command(
+    api: TestClient, taped: Path
+) -> None:
+    answer = api.get("/v1/recordings/taped/export/study")
+    assert (answer.status_code, answer.json()["code"]) == (422, "bad_request")
+    assert "--speed" in answer.json()["detail"]
+    assert str(taped.parent) not in answer.json()["detail"]
+    assert api.get("/v1/recordings/taped/export/mp3").status_code == 422
+
+
+@pytest.mark.parametrize("form", ["course", "export/study", "export/replay"])
+def test_what_is_not_there_or_not_finished_has_no_other_form(
+    form: str, api: TestClient, folder: Path
+) -> None:
+    content = write(folder, "whole")
+    (folder / "torn.mcap").write_bytes(content[:-5])
+    (folder / "noise.mcap").write_bytes(b"\x07" * 200 + content[-8:])
+    for name, accepted in (
+        ("nothing", {(404, "no_recording")}),
+        ("torn", {(409, "recording_conflict")}),
+        ("noise", {(409, "recording_conflict"), (422, "bad_request")}),
+        ("whole", {(409, "recording_conflict"), (422, "bad_request")}),  # of another program
+    ):
+        answer = api.get(f"/v1/recordings/{name}/{form}")
+        assert (answer.status_code, answer.json()["code"]) in accepted
+        assert str(folder) not in answer.json()["detail"]

@@ -1,0 +1,182 @@
+"""The course of a recording at a glance: extremes of signals by column, and what happened."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from frictus.keys import FORCE, VOLTAGE
+from frictus.messages import FingerState, RigStatus
+from frictus_hardware.arrays import FloatArray
+from frictus_service.recording.reader import Item, RecordingReader, State
+from frictus_service.recording.records import GapNote, PresenceNote
+from frictus_service.recording.samples import Samples
+
+COLUMNS: Final = 400
+MOST_S: Final = 600.0
+"""What is looked at of a recording: so much is read in seconds."""
+MOST_EVENTS: Final = 100
+SIGNALS: Final = {
+    "lateral_force": "N",
+    "normal_force": "N",
+    "speed": "mm/s",
+    "screen_voltage": "V",
+}
+"""By name, with their units."""
+_CHANNELS: Final = {
+    FORCE: (("lateral_force", 0), ("normal_force", 2)),
+    VOLTAGE: (("screen_voltage", 0),),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedEvent:
+    """Something that happened.
+
+    Attributes
+    ----------
+    at_s : float
+        From the beginning of the course.
+    what : str
+        For people.
+    """
+
+    at_s: float
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """How a recording went.
+
+    Attributes
+    ----------
+    column_s : float
+        What one column covers.
+    low, high : dict of name of a signal to ndarray, shape (n_columns,)
+        Extremes; NaN where nothing was recorded. Of the finger's speed: while it touches.
+    events : tuple of RecordedEvent
+        In their order; `MOST_EVENTS` at most.
+    left_out : int
+        Events beyond them.
+    ending : str
+        How far the recording was looked at.
+    """
+
+    column_s: float
+    low: dict[str, FloatArray]
+    high: dict[str, FloatArray]
+    events: tuple[RecordedEvent, ...]
+    left_out: int
+    ending: str
+
+
+def course_of(path: Path, length_s: float) -> Course:
+    """Return the course of a recording, of its first `MOST_S` if it is longer.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+    length_s : float
+        Of the recording, as its summary says it.
+
+    Raises
+    ------
+    RecordingError
+        If the file is no recording.
+    """
+    shown_s = max(min(length_s, MOST_S), 1e-3)
+    with RecordingReader(path) as reader:
+        drawn = _Drawing(shown_s)
+        for item in reader.items():
+            if drawn.is_over(item):
+                ending = f"the first {MOST_S:g} of {length_s:.0f} s are shown"
+                break
+            drawn.add(item)
+        else:
+            ending = str(reader.ending)
+    return Course(
+        drawn.column_s,
+        {name: _finite(low) for name, low in drawn.low.items()},
+        {name: _finite(high) for name, high in drawn.high.items()},
+        tuple(drawn.events),
+        drawn.left_out,
+        ending,
+    )
+
+
+class _Drawing:
+    def __init__(self, shown_s: float) -> None:
+        self.column_s = shown_s / COLUMNS
+        self.low = {name: np.full(COLUMNS, np.inf) for name in SIGNALS}
+        self.high = {name: np.full(COLUMNS, -np.inf) for name in SIGNALS}
+        self.events: list[RecordedEvent] = []
+        self.left_out = 0
+        self._start_ns: int | None = None
+        self._state, self._present = "disarmed", True
+
+    def is_over(self, item: Item) -> bool:
+        """Return whether samples begin behind what is shown; what has no time does not."""
+        if not isinstance(item, Samples):
+            return False
+        if self._start_ns is None:
+            self._start_ns = item.utc_ns
+        return self._at_s(item.utc_ns) > MOST_S
+
+    def add(self, item: Item) -> None:
+        if isinstance(item, Samples):
+            times_s = (
+                self._at_s(item.utc_ns) + np.arange(item.data.shape[1]) / item.sample_rate_hz
+            )
+            for name, channel in _CHANNELS.get(item.stream, ()):
+                if channel < item.data.shape[0]:
+                    self._draw(name, times_s, item.data[channel].astype(float))
+        elif isinstance(item, State) and isinstance(item.message, FingerState):
+            finger = item.message
+            if finger.in_contact and self._start_ns is not None:
+                speed_mm_s = float(np.hypot(finger.vx_mm_s, finger.vy_mm_s))
+                self._draw("speed", np.array([self._at_s(item.utc_ns)]), np.array([speed_mm_s]))
+        elif (event := self._event_of(item)) is not None:
+            if len(self.events) < MOST_EVENTS:
+                self.events.append(event)
+            else:
+                self.left_out += 1
+
+    def _at_s(self, utc_ns: int) -> float:
+        return 1e-9 * (utc_ns - (utc_ns if self._start_ns is None else self._start_ns))
+
+    def _draw(self, name: str, times_s: FloatArray, values: FloatArray) -> None:
+        columns = np.clip(times_s / self.column_s, 0.0, COLUMNS - 1).astype(int)
+        known = np.isfinite(values)
+        np.minimum.at(self.low[name], columns[known], values[known])
+        np.maximum.at(self.high[name], columns[known], values[known])
+
+    def _event_of(self, item: Item) -> RecordedEvent | None:
+        if isinstance(item, State) and isinstance(item.message, RigStatus):
+            status = item.message
+            before, self._state = self._state, status.state
+            if status.state != before:
+                return RecordedEvent(self._at_s(status.utc_ns), _told(status))
+        elif isinstance(item, GapNote):
+            lost = f"{item.missing_blocks} of {item.stream} are missing: {item.reason}"
+            return RecordedEvent(self._at_s(item.utc_ns), lost)
+        elif isinstance(item, PresenceNote):
+            was, self._present = self._present, item.present
+            if item.present != was:
+                what = "the rig is back" if item.present else "the rig is gone"
+                return RecordedEvent(self._at_s(item.utc_ns), what)
+        return None
+
+
+def _told(status: RigStatus) -> str:
+    if status.state == "tripped" and status.fault is not None:
+        return f"tripped: {status.fault.reason}"
+    if status.state == "armed" and status.owner is not None:
+        return f"armed by {status.owner}"
+    return status.state
+
+
+def _finite(extremes: FloatArray) -> FloatArray:
+    return np.where(np.isfinite(extremes), extremes, np.nan)
