@@ -221,6 +221,21 @@ def expect_result(page: Page, result: Any) -> None:
     assert told == pytest.approx([gain, gain - half, gain + half], abs=6e-4)
     for note in result["notes"]:
         expect(page.locator("#view-calibrate")).to_contain_text(note)
+    expect_diagnostics(page, result["details"]["diagnostics"])
+
+
+def expect_diagnostics(page: Page, found: Any) -> None:
+    told = page.locator("#view-calibrate .diagnostics")
+    expect(told).to_contain_text(f"The fit leaves {found['residual_db']:.2f} dB (rms)")
+    expect(told).to_contain_text("held out" if found["held_out"] is None else "has not seen")
+    drawn = told.get_by_role("img")
+    expect(drawn).to_have_attribute("data-points", str(len(found["points"])))  # two speeds
+    told.get_by_text("As a table", exact=True).click()
+    rows = told.get_by_role("table").locator("tbody tr")
+    expect(rows).to_have_count(len(found["points"]))
+    for row, point in zip(rows.all(), found["points"], strict=True):
+        expect(row).to_contain_text(f"{point['magnitude_n']:.4f}")
+    told.get_by_text("As a table", exact=True).click()
 
 
 def test_one_at_a_time_and_cancelled(lab: Lab, open_page: OpenPage) -> None:

@@ -21,13 +21,16 @@ export function chooseScheme(scheme) {
   changeScheme();
 }
 
-/** The colour of a custom property, such as `--ink`: `rgb(...)`. */
+/** The colour of a custom property, such as `--ink`, as `#14181d`. */
 export function colour(name) {
-  if (!known.has(name)) {
-    swatch.style.color = `var(${name})`;
-    known.set(name, getComputedStyle(swatch).color);
-  }
+  if (!known.has(name)) known.set(name, drawn(name));
   return known.get(name);
+}
+
+function drawn(name) {
+  swatch.style.color = `var(${name})`;
+  const parts = getComputedStyle(swatch).color.match(/\d+/g).slice(0, 3); // rgb(20, 24, 29)
+  return `#${parts.map((part) => Number(part).toString(16).padStart(2, "0")).join("")}`;
 }
 
 /** Call `redraw` when the scheme changes. */

@@ -90,7 +90,7 @@ export class Spectrogram {
     this.fresh = false;
     const bins = Math.max(1, ...this.columns.map((column) => column?.length ?? 0));
     const image = new ImageData(COLUMNS, bins);
-    const ink = colour("--accent").match(/\d+/g).slice(0, 3).map(Number);
+    const ink = Number.parseInt(colour("--accent").slice(1), 16);
     const highest = this.columns.map((column) => Math.max(...(column ?? [-Infinity])));
     const top = Math.max(SILENT_DB + DEPTH_DB, ...highest);
     this.columns.forEach((column, i) => {
@@ -98,7 +98,7 @@ export class Spectrogram {
       column?.forEach((level, bin) => {
         const share = Math.max(0, 1 + (level - top) / DEPTH_DB);
         const pixel = 4 * ((bins - 1 - bin) * COLUMNS + x);
-        image.data.set([...ink, 255 * share], pixel);
+        image.data.set([ink >> 16, (ink >> 8) & 255, ink & 255, 255 * share], pixel);
       });
     });
     if (this.canvas.height !== bins) this.canvas.height = bins;

@@ -2,10 +2,10 @@
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from scipy import stats
@@ -13,6 +13,7 @@ from scipy import stats
 from frictus.model import FirstOrderSpeedLaw, Model, Validity
 from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration.coordinates import Prior
+from frictus_service.calibration.diagnostics import diagnose
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec
 from frictus_service.calibration.plan import RecordedTrial
 from frictus_service.calibration.posterior import Posterior, estimate
@@ -58,6 +59,29 @@ def precision_so_far(
         return None
     precision = precision_at(posterior, spec.protocol.speeds_mm_s)
     return precision if np.isfinite(precision) else None
+
+
+WIDER: Final = 1.1
+"""An interval that grows by less is not spoken of."""
+
+
+def why_wider(before: float | None, after: float | None) -> str:
+    """Return why one more trial made an interval wider; empty where it did not.
+
+    A trial only adds to what is known, but for one thing: how much the cutoff wanders is
+    itself judged by the trials (`posterior.Mixture.wandering`).
+
+    Parameters
+    ----------
+    before, after : float or None
+        Half of the interval over its value; None: not known.
+    """
+    if before is None or after is None or after < WIDER * before:
+        return ""
+    return (
+        f"the interval grew from {before:.1%} to {after:.1%}: the cutoff of this finger "
+        "wanders more from trial to trial than those before had shown; more narrow it again"
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +177,11 @@ def conclude(
                     strict=True,
                 )
             ],
+            "diagnostics": asdict(
+                diagnose(
+                    observations, found.model, lambda some: estimate_of(spec, some).parameters
+                )
+            ),
         },
     )
 

@@ -16,7 +16,12 @@ from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import Mount, TransferFunction
 from frictus_hardware.physics.screen import Screen
 from frictus_service.calibration.checks import alignment_of, linearity_of
-from frictus_service.calibration.conclusion import conclude, precision_so_far, prior_of
+from frictus_service.calibration.conclusion import (
+    conclude,
+    precision_so_far,
+    prior_of,
+    why_wider,
+)
 from frictus_service.calibration.folder import CalibrationFolder
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Phase, Progress
 from frictus_service.calibration.plan import Ask, plan_of
@@ -173,7 +178,10 @@ class CalibrationRun:
 
     def _next(self) -> Ask | None:
         if self._spec.protocol.kind == "quick":
+            before = self._precision
             self._precision = precision_so_far(self._spec, self._observations())
+            if wider := why_wider(before, self._precision):
+                self.tell("analyse", wider)
         return self._plan.ask(self._kept.done, self._precision)
 
     def _record(self, session: TrialSession, ask: Ask, cue: Cue) -> Trial:

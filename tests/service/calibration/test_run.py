@@ -146,6 +146,7 @@ def test_a_quick_calibration_makes_rendering_right(
     assert abs(sensors["touch_late_s"]) < 3.0 * sensors["touch_late_sd_s"] + 5e-4
     assert not [note for note in result.notes if "accel" in note or "touch" in note]
     _expect_model(result)
+    _expect_diagnostics(result)
     _expect_guidance(shown, told)
     assert [p.phase for p in told[-2:]] == ["analyse", "done"]
     assert {p.phase for p in told} == {"approach", "record", "analyse", "done"}
@@ -198,6 +199,20 @@ def _expect_model(result: CalibrationResult) -> None:
         trial = study.read(study.trials[-1].id)
         assert trial.voltage_source == "monitor"
         assert not np.isnan(trial.force_n).any()
+
+
+def _expect_diagnostics(result: CalibrationResult) -> None:
+    found = result.details["diagnostics"]
+    speeds = {point["speed_mm_s"] for point in found["points"]}
+    assert speeds == {30.0, 90.0}
+    for point in found["points"]:
+        true = STRANGER.law.gain_n * float(
+            1.0 / np.hypot(1.0, point["tone_hz"] / cutoff_hz(STRANGER.law, point["speed_mm_s"]))
+        )
+        assert point["magnitude_n"] == pytest.approx(true, rel=0.1)
+        assert point["fit_n"] == pytest.approx(true, rel=0.1)
+    assert found["residual_db"] < 0.5
+    assert (found["held_out"] is None) == bool(found["note"])
 
 
 def _expect_guidance(shown: list[GuidanceState], told: list[Progress]) -> None:

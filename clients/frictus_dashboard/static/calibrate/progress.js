@@ -13,7 +13,7 @@ export class Progress {
       ["Trials", "Rejected", "Recorded", "Precision"].map((name) => [name, new Reading(name)]),
     );
     const rows = Object.values(this.readings).map((reading) => reading.root);
-    this.title = element("h3", {}, "Rejected, or recorded again");
+    this.title = element("h3", {}, "What to know of the trials");
     this.mishaps = element("ul", { class: "mishaps", tabindex: "0" });
     this.mishaps.setAttribute("aria-label", this.title.textContent);
     this.again = element("div", {}, this.title, this.mishaps);

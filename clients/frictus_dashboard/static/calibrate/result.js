@@ -4,6 +4,7 @@ import { colour } from "../colours.js";
 import { element, say } from "../element.js";
 import { fill, table } from "../table.js";
 import uPlot from "../vendor/uplot.mjs";
+import { Diagnostics } from "./diagnostics.js";
 import { cutoffsOf, parametersOf } from "./fit.js";
 
 const HEIGHT_PX = 220;
@@ -19,6 +20,7 @@ export class Result {
       ["Speed, mm/s", "Cutoff, Hz", "95 % interval, Hz", "Half of it"],
     );
     this.parameters = table("Parameters of the law", ["Parameter", "Value", "95 % interval"]);
+    this.diagnostics = new Diagnostics();
     this.notes = element("ul");
     this.study = element("p", { class: "quiet study" });
     const fit = element("div", {}, this.cutoffs, this.parameters);
@@ -26,6 +28,7 @@ export class Result {
       element("h3", {}, "The fit"),
       this.summary,
       element("div", { class: "columns" }, this.chart.root, fit),
+      this.diagnostics.root,
       this.notes,
       this.study,
     );
@@ -50,6 +53,7 @@ export class Result {
       const interval = ends?.map((end) => fixed(end, digits)).join(" to ") ?? "unknown";
       return [label, fixed(value, digits), interval];
     }));
+    this.diagnostics.show(result);
     this.notes.replaceChildren(...result.notes.map((note) => element("li", {}, note)));
     say(this.study, `All trials, on the machine of the service: ${result.study}`);
   }

@@ -2,6 +2,7 @@
 
 import { colour, onSchemeChange } from "../colours.js";
 import { element, say } from "../element.js";
+import { drawPoints } from "../measured_points.js";
 import uPlot from "../vendor/uplot.mjs";
 import { FREQUENCIES_HZ } from "./law.js";
 import { GROUPS } from "./speed_groups.js";
@@ -12,7 +13,6 @@ const TICKS_HZ = [50, 100, 200, 500, 1000, 2000];
 const FROM_TO_HZ = [FREQUENCIES_HZ[0], FREQUENCIES_HZ.at(-1)];
 /** The level's axis ends at multiples of this, dB: it does not move with every estimate. */
 const STEP_DB = 5;
-const POINT_PX = 4;
 /** Behind a colour of six digits: how much of it covers what lies below. */
 const BAND_ALPHA = "30";
 /** Series of one group: the band's ends, the estimate, the model in force. */
@@ -92,7 +92,7 @@ export class LiveBode {
         series: [PER_GROUP * i + 1, PER_GROUP * i + 2],
         fill: () => `${colour(ink)}${BAND_ALPHA}`,
       })),
-      hooks: { draw: [(chart) => this.#drawPoints(chart)] },
+      hooks: { draw: [(chart) => drawPoints(chart, this.groups)] },
     };
   }
 
@@ -108,52 +108,7 @@ export class LiveBode {
       STEP_DB * Math.ceil((Math.max(...levels) + 0.5) / STEP_DB),
     ];
   }
-
-  #drawPoints(chart) {
-    const { ctx, bbox } = chart;
-    ctx.save();
-    ctx.setLineDash([]); // that of the last line holds still
-    ctx.beginPath();
-    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
-    ctx.clip();
-    for (const group of this.groups) {
-      if (group === null) continue;
-      ctx.fillStyle = ctx.strokeStyle = colour(group.ink);
-      ctx.lineWidth = 1.5 * devicePixelRatio;
-      for (const point of group.points) {
-        const [x, y, top, bottom] = [
-          chart.valToPos(point.hz, "x", true),
-          ...[point.db, point.high, point.low].map((db) => chart.valToPos(db, "y", true)),
-        ];
-        ctx.beginPath();
-        ctx.moveTo(x, top);
-        ctx.lineTo(x, bottom);
-        ctx.stroke();
-        SHAPES[group.shape](ctx, x, y, POINT_PX * devicePixelRatio);
-        ctx.fill();
-      }
-    }
-    ctx.restore();
-  }
 }
-
-const SHAPES = {
-  circle(ctx, x, y, r) {
-    ctx.beginPath();
-    ctx.arc(x, y, r, 0, 2 * Math.PI);
-  },
-  square(ctx, x, y, r) {
-    ctx.beginPath();
-    ctx.rect(x - r, y - r, 2 * r, 2 * r);
-  },
-  triangle(ctx, x, y, r) {
-    ctx.beginPath();
-    ctx.moveTo(x, y - 1.3 * r);
-    ctx.lineTo(x + 1.2 * r, y + r);
-    ctx.lineTo(x - 1.2 * r, y + r);
-    ctx.closePath();
-  },
-};
 
 function keysOf(shown) {
   const groups = shown.map(({ ink, sign, speedMmS, points }) => {

@@ -1,13 +1,10 @@
 /** Measured points by the speed of the finger, and the curves at those speeds. Pure. */
 
+import { LOOKS } from "../measured_points.js";
 import { FREQUENCIES_HZ, halfWidthDb, levelDb, SPEEDS_MM_S, valuesOf } from "./law.js";
 
 /** Slow, medium, fast: up to which speed, and how each is drawn. */
-export const GROUPS = [
-  { below: 35, ink: "--trace-1", shape: "circle", sign: "●" },
-  { below: 70, ink: "--trace-2", shape: "square", sign: "■" },
-  { below: Infinity, ink: "--trace-3", shape: "triangle", sign: "▲" },
-];
+export const GROUPS = [35, 70, Infinity].map((below, i) => ({ below, ...LOOKS[i] }));
 
 /**
  * Points and curves of an estimate; one entry for each of `GROUPS`, null where nothing is shown.

@@ -1,0 +1,44 @@
+"""Why an interval grows with one more trial: what is said of it holds."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from frictus_service.calibration.conclusion import WIDER, why_wider
+from frictus_service.calibration.coordinates import Prior
+from frictus_service.calibration.posterior import Posterior, estimate
+from frictus_service.calibration.precision import Variation, draw
+
+from .test_posterior import asks_of, somebody
+
+SPEEDS = np.array([20.0, 25.0, 30.0, 90.0, 95.0, 100.0])
+
+
+def width(found: Posterior) -> float:
+    return float(np.max(found.relative_width(SPEEDS)))
+
+
+@pytest.mark.parametrize(
+    ("before", "after"), [(None, 0.1), (0.1, None), (None, None), (0.1, 0.05), (0.1, 0.109)]
+)
+def test_what_did_not_grow_is_not_explained(before: float | None, after: float | None) -> None:
+    assert why_wider(before, after) == ""
+
+
+def test_an_interval_that_grows_is_told_in_figures() -> None:
+    assert why_wider(0.08, 0.125).startswith("the interval grew from 8.0% to 12.5%: ")
+
+
+def test_where_an_interval_grows_the_finger_is_judged_to_wander_more(
+    rng: np.random.Generator,
+) -> None:
+    grown = 0
+    for _ in range(8):
+        trials = draw(rng, somebody(rng), asks_of(rng, 16), Variation())
+        found = [estimate(trials[:n], Prior.weak()) for n in range(4, 17)]
+        for before, after in itertools.pairwise(found):
+            if width(after) > WIDER * width(before):
+                grown += 1
+                assert after.mixture.wandering > before.mixture.wandering
+    assert grown > 0
