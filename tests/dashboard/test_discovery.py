@@ -1,6 +1,7 @@
 """The view of discoveries before a real daemon: started by clicks, followed, read."""
 
 import os
+import re
 import signal
 import sys
 from collections.abc import Iterator
@@ -101,6 +102,15 @@ def test_a_discovery_by_clicks_alone(
         report = page.locator("#view-discovery .report")
         expect(report).to_contain_text("6 participants")
         expect(report).to_contain_text("Log-likelihood of held-out data")
+        pictures = report.get_by_role("img")
+        expect(pictures.first).to_have_attribute("alt", re.compile("residual Bode plot by"))
+        expect(report.get_by_role("img", name="parameters by participant")).to_be_visible()
+        drawn = pictures.evaluate_all(
+            "each => each.map(({ complete, naturalWidth: w }) => complete && w > 300)"
+        )
+        assert all(drawn)
+        expect(report.locator("figcaption").first).to_contain_text("line at zero")
+        expect_no_violations(page, WIDTHS)
         earlier = page.get_by_role("table", name="The newest first").locator("tbody tr")
         expect(earlier).to_have_count(2)
         expect(earlier.first).to_contain_text("Cancelled")

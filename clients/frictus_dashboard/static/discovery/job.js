@@ -8,6 +8,7 @@ import { button } from "../fields.js";
 import { moment } from "../figures.js";
 import { Outcome } from "../outcome.js";
 import { token } from "../token.js";
+import { picturesOf } from "./pictures.js";
 import { report, reportAcross } from "./report.js";
 import { ACTIVE, baseOf, stateOf, studyOf } from "./words.js";
 
@@ -133,6 +134,10 @@ export class Job {
     const one = found.schema === "discovery/1";
     const parts = one ? report(found, job.result.sentence) : reportAcross(found);
     this.report.replaceChildren(...parts);
+    const pictures = picturesOf(this.#path, stop.signal);
+    const figures = await this.outcome.of(pictures, "No figures", () => !stop.signal.aborted);
+    if (figures === null || figures.length === 0 || stop.signal.aborted) return;
+    this.report.append(element("h3", {}, "Figures"), ...figures);
   }
 
   /** With a token a link would not be let in, and a page made here would have no style. */
