@@ -32,6 +32,8 @@ NEEDS = [
     ("POST", "/v1/rigs/{rig}/recording/stop", "calibrate"),
     ("GET", "/v1/recordings", "read"),
     ("GET", "/v1/recordings/{name}/recording.mcap", "read"),
+    ("GET", "/v1/recordings/{name}/course", "read"),
+    ("GET", "/v1/recordings/{name}/export/{to}", "read"),
     ("GET", "/v1/textures", "read"),
     ("GET", "/v1/textures/x", "read"),
     ("PUT", "/v1/textures/x", "render"),
@@ -56,6 +58,7 @@ NEEDS = [
     ("POST", "/v1/calibrations/{calibration}/resume", "calibrate"),
     ("POST", "/v1/calibrations/{calibration}/publish", "calibrate"),
     ("GET", "/v1/studies", "read"),
+    ("PUT", "/v1/studies/x", "calibrate"),
     ("GET", "/v1/discoveries", "read"),
     ("POST", "/v1/discoveries", "calibrate"),
     ("GET", "/v1/discoveries/{discovery}", "read"),
@@ -92,7 +95,7 @@ def test_the_table_has_every_path(guarded: TestClient) -> None:
 
 @pytest.mark.parametrize(("method", "path", "scope"), NEEDS)
 def test_scopes(guarded: TestClient, rig: Any, method: str, path: str, scope: str) -> None:
-    names = {"reference": "x", "name": "x", "alias": "production"}
+    names = {"reference": "x", "name": "x", "alias": "production", "to": "hdf5"}
     jobs = dict.fromkeys(("calibration", "discovery", "experiment"), "0")
     url = path.format(rig=rig.name, **jobs, **names)
     missing = guarded.request(method, url)

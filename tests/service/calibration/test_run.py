@@ -165,6 +165,7 @@ def test_a_rig_that_somebody_holds_is_refused_before_anything_is_prepared(
 ) -> None:
     told: list[Progress] = []
     with frictus.connect(endpoint, name="ann") as other, other.rig("rig1").arm():
+        until(client.rig("rig1"), lambda status: status.owner == "ann")
         with pytest.raises(CalibrationError, match="'ann' holds rig rig1"):
             run_calibration(spec_of(rng), tmp_path, client, told.append, lambda: False)
         assert other.rig("rig1").status().state == "armed"

@@ -5,8 +5,9 @@ from pathlib import Path as FilePath
 from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Depends, Path, Request
-from pydantic import BaseModel, Field
+from pydantic import AfterValidator, BaseModel, Field
 
+from frictus.keys import of_a_file
 from frictus_service.api import problems
 from frictus_service.api.access import needs
 from frictus_service.api.limits import RequestLimits
@@ -27,6 +28,7 @@ Name = Annotated[
         description="Letters, digits, '_', '-' and '.'; ends with .h5",
         pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.\-]{0,95}\.h5$",
     ),
+    AfterValidator(of_a_file),
 ]
 router = APIRouter(prefix="/v1/studies", tags=["discoveries"])
 

@@ -72,7 +72,7 @@ def test_what_is_no_study_is_refused_in_words_and_not_kept(
 @pytest.mark.parametrize(
     "name",
     ["visit.mat", ".h5", ".upload-1.h5", "..h5", "a%2Fb.h5", "..%2Fvisit.h5", "a b.h5",
-     "é.h5", "x" * 97 + ".h5"],
+     "é.h5", "x" * 97 + ".h5", "con.h5", "Nul.1.h5"],
 )  # fmt: skip
 def test_names_that_no_study_may_have(api: TestClient, name: str, tmp_path: Path) -> None:
     answer = api.put(f"/v1/studies/{name}", content=b"x", headers=TYPE)
