@@ -11,9 +11,11 @@ pytestmark = pytest.mark.browser
 
 GROUND = "() => getComputedStyle(document.body).backgroundColor"
 LIGHT, DARK = "rgb(243, 245, 247)", "rgb(16, 20, 24)"
-INK_DRAWN = (
-    """async () => (await import(new URL("colours.js", document.baseURI))).colour("--ink")"""
-)
+INK_DRAWN = """async () => {
+  // That the system's scheme changed is told to the page with its next frame.
+  await new Promise((next) => requestAnimationFrame(() => requestAnimationFrame(next)));
+  return (await import(new URL("colours.js", document.baseURI))).colour("--ink");
+}"""
 
 
 @pytest.fixture(scope="module")

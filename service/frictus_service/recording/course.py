@@ -114,28 +114,34 @@ class _Drawing:
         self.high = {name: np.full(COLUMNS, -np.inf) for name in SIGNALS}
         self.events: list[RecordedEvent] = []
         self.left_out = 0
-        self._start_ns: int | None = None
+        self._began: tuple[Samples, float] | None = None
+        self._latest: Samples | None = None
+        self._latest_s = 0.0
         self._state, self._present = "disarmed", True
 
     def is_over(self, item: Item) -> bool:
         """Return whether samples begin behind what is shown; what has no time does not."""
         if not isinstance(item, Samples):
             return False
-        if self._start_ns is None:
-            self._start_ns = item.utc_ns
-        return self._at_s(item.utc_ns) > MOST_S
+        if self._began is None or item.run != self._began[0].run:
+            self._began = item, max(self._latest_s, self._at_s(item.utc_ns))
+        # By the count of samples: somebody may have set the clock of the machine.
+        first, began_s = self._began
+        self._latest = item
+        self._latest_s = (
+            began_s + (item.first_sample - first.first_sample) / item.sample_rate_hz
+        )
+        return self._latest_s > MOST_S
 
     def add(self, item: Item) -> None:
         if isinstance(item, Samples):
-            times_s = (
-                self._at_s(item.utc_ns) + np.arange(item.data.shape[1]) / item.sample_rate_hz
-            )
+            times_s = self._latest_s + np.arange(item.data.shape[1]) / item.sample_rate_hz
             for name, channel in _CHANNELS.get(item.stream, ()):
                 if channel < item.data.shape[0]:
                     self._draw(name, times_s, item.data[channel].astype(float))
         elif isinstance(item, State) and isinstance(item.message, FingerState):
             finger = item.message
-            if finger.in_contact and self._start_ns is not None:
+            if finger.in_contact and self._latest is not None:
                 speed_mm_s = float(np.hypot(finger.vx_mm_s, finger.vy_mm_s))
                 self._draw("speed", np.array([self._at_s(item.utc_ns)]), np.array([speed_mm_s]))
         elif (event := self._event_of(item)) is not None:
@@ -145,7 +151,9 @@ class _Drawing:
                 self.left_out += 1
 
     def _at_s(self, utc_ns: int) -> float:
-        return 1e-9 * (utc_ns - (utc_ns if self._start_ns is None else self._start_ns))
+        """Return a time of the machine's clock, by the latest samples."""
+        later_ns = 0 if self._latest is None else utc_ns - self._latest.utc_ns
+        return self._latest_s + 1e-9 * later_ns
 
     def _draw(self, name: str, times_s: FloatArray, values: FloatArray) -> None:
         columns = np.clip(times_s / self.column_s, 0.0, COLUMNS - 1).astype(int)

@@ -108,6 +108,33 @@ def test_what_happened_stands_at_its_time_and_what_is_missing_is_no_line(look: L
     assert missing[int(3.1 / seen.column_s) : int(3.9 / seen.column_s)].all()
 
 
+@pytest.mark.parametrize("step_s", [-3_600, 3_600])
+def test_a_clock_that_is_set_moves_nothing(look: Look, step_s: int) -> None:
+    def play(tape: Tape) -> None:
+        tape.play(2.0)
+        tape.utc_ns += step_s * 1_000_000_000
+        tape.play(1.0)
+        changes = {"state": "armed", "owner": "ann", "utc_ns": tape.utc_ns}
+        tape.say(Topics.STATUS, STATUS.model_copy(update=changes))
+        tape.play(1.0)
+
+    seen = look(play, 4.0)
+    assert not np.isnan(seen.low["normal_force"]).any()
+    assert [(round(one.at_s, 2), one.what) for one in seen.events] == [(3.0, "armed by ann")]
+    assert seen.ending.startswith("complete")
+
+
+def test_a_rig_that_began_anew_goes_on_when_it_did(look: Look) -> None:
+    def play(tape: Tape) -> None:
+        tape.play(1.0)
+        tape.restart()
+        tape.utc_ns += 2_000_000_000
+        tape.play(1.0)
+
+    missing = np.isnan(look(play, 4.0).low["normal_force"])
+    assert missing.tolist() == [COLUMNS // 4 <= n < 3 * COLUMNS // 4 for n in range(COLUMNS)]
+
+
 def test_of_a_long_one_the_beginning_is_shown_and_that_is_said(
     look: Look, monkeypatch: pytest.MonkeyPatch
 ) -> None:
