@@ -61,6 +61,13 @@ class PatientSocket(WebSocketsSansIOProtocol):
         if self.close_sent:
             self._count_frame()
 
+    async def send(self, message: Any) -> None:
+        """Send what the app says; a page that it refused has been answered."""
+        await super().send(message)
+        if message["type"] == "websocket.http.response.body" and self.close_sent:
+            # Else uvicorn logs an error of the app: each refused page would write one.
+            self.handshake_complete = True
+
     def keepalive_timeout(self) -> None:
         """End, for the peer does not answer."""
         super().keepalive_timeout()

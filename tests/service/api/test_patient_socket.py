@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 import uvicorn
+from starlette.responses import PlainTextResponse
 from tests.campaigns.hostile_clients import frame
 from uvicorn.server import ServerState
 
@@ -157,3 +158,24 @@ def test_what_comes_after_the_end_is_counted(monkeypatch: pytest.MonkeyPatch) ->
         assert wire.aborted.is_set()
 
     with_socket(talk)
+
+
+def test_a_refused_page_is_answered_and_no_error_of_the_server(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    async def run() -> None:
+        wire, state = Wire(), ServerState()
+
+        async def refuse(scope: Any, receive: Any, send: Any) -> None:
+            await PlainTextResponse("not from there", 403)(scope, receive, send)
+
+        socket = PatientSocket(uvicorn.Config(refuse, log_config=None), state, {})
+        socket.connection_made(wire)
+        socket.data_received(UPGRADE)
+        await asyncio.gather(*state.tasks)
+        socket.connection_lost(None)
+        assert wire.written.startswith(b"HTTP/1.1 403 ")
+        assert wire.written.endswith(b"not from there")
+
+    asyncio.run(run())
+    assert not [one for one in caplog.records if one.levelno >= logging.ERROR]
