@@ -40,6 +40,8 @@ MIGRATIONS: Final = Path(__file__).parent / "migrations"
 DRIVERS: Final = ("sqlite", "postgresql+psycopg")
 BUSY_MS: Final = 10_000
 """How long SQLite waits for another writer; a write takes milliseconds."""
+FREE_S: Final = 1.0
+"""How long a thread waits for a connection: while all hang, others have work to do."""
 _UPGRADE_LOCK: Final = 0x66726963
 """Any number; PostgreSQL lets one process at a time bring the tables up to date."""
 
@@ -71,6 +73,7 @@ class Database:
             )
         self._opening = threading.Lock()
         self._engine: Engine | None = None
+        self._failure = ""
 
     def __str__(self) -> str:
         """Return the URL without its password."""
@@ -125,16 +128,31 @@ class Database:
             engine.dispose()
 
     def _opened(self) -> Engine:
-        with self._opening:
+        failed = self._failure
+        # Once it has failed, one thread tries again; the others, up to all of a server, need
+        # not stand in line for it.
+        if not self._opening.acquire(blocking=not failed):
+            raise RegistryUnavailableError(failed)
+        try:
             if self._engine is None:
-                engine = _sqlite(self._url) if self._is_file else _server(self._url)
-                try:
-                    self._upgrade(engine)
-                except BaseException:
-                    engine.dispose()
-                    raise
-                self._engine = engine
+                if self._failure != failed:  # while this thread waited for another's try
+                    raise RegistryUnavailableError(self._failure)
+                self._engine = self._open()
             return self._engine
+        finally:
+            self._opening.release()
+
+    def _open(self) -> Engine:
+        engine = _sqlite(self._url) if self._is_file else _server(self._url)
+        try:
+            with self._told():
+                self._upgrade(engine)
+        except RegistryUnavailableError as error:
+            self._failure = str(error)
+            engine.dispose()
+            raise
+        self._failure = ""
+        return engine
 
     @property
     def _is_file(self) -> bool:
@@ -185,7 +203,7 @@ def insert_or(connection: Connection, table: Table) -> sqlite.Insert | postgresq
 
 
 def _sqlite(url: URL) -> Engine:
-    engine = create_engine(url)
+    engine = create_engine(url, pool_timeout=FREE_S)
 
     @event.listens_for(engine, "connect")
     def prepare(connection: Any, _record: object) -> None:
@@ -209,7 +227,12 @@ def _sqlite(url: URL) -> Engine:
 def _server(url: URL) -> Engine:
     try:
         # A connection that the server has closed meanwhile is opened again, not passed on.
-        return create_engine(url, pool_pre_ping=True, connect_args={"connect_timeout": 5})
+        return create_engine(
+            url,
+            pool_pre_ping=True,
+            pool_timeout=FREE_S,
+            connect_args={"connect_timeout": 5},
+        )
     except ModuleNotFoundError as error:
         raise RegistryUnavailableError(
             "the registry is on PostgreSQL, whose driver is missing: "

@@ -1,8 +1,13 @@
 """How a database is opened: settings, migrations, several at once, foreign ones."""
 
+import contextlib
 import sqlite3
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from alembic.autogenerate import compare_metadata
@@ -11,6 +16,7 @@ from sqlalchemy import text
 
 from frictus.model import Model
 from frictus_service.errors import RegistryUnavailableError
+from frictus_service.registry import database
 from frictus_service.registry.store import Registry
 from frictus_service.registry.tables import metadata
 
@@ -85,3 +91,82 @@ def test_a_reader_is_not_held_up_by_a_writer(tmp_path: Path, model: MakeModel) -
         assert registry.get("a").version == 1
         other.execute("ROLLBACK")
         other.close()
+
+
+@pytest.fixture
+def locked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Registry, Any]]:
+    """A registry whose file another program holds, and that program's connection."""
+    monkeypatch.setattr(database, "BUSY_MS", 100)
+    file = tmp_path / "x.db"
+    other = sqlite3.connect(file, isolation_level=None, check_same_thread=False)
+    other.execute("BEGIN EXCLUSIVE")
+    with Registry(f"sqlite:///{file}") as registry:
+        yield registry, other
+    other.close()
+
+
+def test_who_waits_for_a_try_to_open_it_that_fails_does_not_try_again(
+    locked: tuple[Registry, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    registry, _other = locked
+    opening, tries = registry.database._opening, []
+    in_line, all_there = threading.Semaphore(0), threading.Event()
+
+    def acquire(blocking: bool) -> bool:
+        in_line.release()
+        return opening.acquire(blocking)
+
+    def upgrade(_database: object, _engine: object) -> None:
+        tries.append(1)
+        assert all_there.wait(30.0)
+        raise RegistryUnavailableError("held by another program")
+
+    patient = SimpleNamespace(acquire=acquire, release=opening.release)
+    monkeypatch.setattr(database.Database, "_upgrade", upgrade)
+    with monkeypatch.context() as meanwhile, ThreadPoolExecutor(8) as threads:
+        meanwhile.setattr(registry.database, "_opening", patient)
+        asked = [threads.submit(registry.find) for _ in range(8)]
+        for _ in range(8):
+            assert in_line.acquire(timeout=30.0)
+        all_there.set()
+        for one in asked:
+            with pytest.raises(RegistryUnavailableError, match="another program"):
+                one.result(30.0)
+    assert len(tries) == 1
+
+
+def test_once_it_failed_one_thread_tries_again_and_nobody_waits_for_it(
+    locked: tuple[Registry, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    registry, other = locked
+    with pytest.raises(RegistryUnavailableError, match="locked"):
+        registry.find()
+    trying, go = threading.Event(), threading.Event()
+    upgrade = database.Database._upgrade
+
+    def upgrade_later(*given: Any) -> None:
+        trying.set()
+        assert go.wait(30.0)
+        upgrade(*given)
+
+    monkeypatch.setattr(database.Database, "_upgrade", upgrade_later)
+    with ThreadPoolExecutor(1) as threads:
+        again = threads.submit(registry.find)
+        assert trying.wait(30.0)
+        assert not registry.database.usable
+        other.execute("ROLLBACK")
+        go.set()
+        assert again.result(30.0).models == []
+    assert registry.database.usable
+
+
+def test_threads_that_find_no_connection_free_do_not_stay(
+    registry: Registry, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(database, "FREE_S", 0.05)
+    with contextlib.ExitStack() as held:
+        for _ in range(15):
+            held.enter_context(registry.database.read())
+        with pytest.raises(RegistryUnavailableError, match="limit"):
+            registry.find()
+    registry.find()
