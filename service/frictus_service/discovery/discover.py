@@ -39,6 +39,7 @@ from frictus_service.discovery.problem.problem import DiscoveryProblem
 from frictus_service.discovery.report.assembly import Assembly
 from frictus_service.identification.plausibility.finding import leave_out, stop_if_implausible
 from frictus_service.identification.plausibility.judge import judge_study
+from frictus_service.study.file_state import unchanged
 from frictus_service.study.importers import open_study
 
 
@@ -217,18 +218,21 @@ def discover_study(
     BaseModelError
         If there is no such base model.
     StudyError
-        If the study cannot be read, or is implausible as for `discover`.
+        If the study cannot be read, changes meanwhile, or is implausible as for `discover`.
     """
     tell = tell or (lambda line: None)
     seed = secrets.randbits(32) if seed is None else seed
     criticised = base_model(base, response)
-    facts, mount = facts_of(path)
-    evidence = study_evidence(path, workers=workers, cache=cache, cluster=cluster, tell=tell)
-    tell("criticising the base model")
-    found = discover(evidence, facts, mount, criticised, seed=seed)
-    if found.verdict is not None:
-        return found
-    recording, notes = rank_recording(path, criticised, tell)
+    with unchanged(path):
+        facts, mount = facts_of(path)
+        evidence = study_evidence(
+            path, workers=workers, cache=cache, cluster=cluster, tell=tell
+        )
+        tell("criticising the base model")
+        found = discover(evidence, facts, mount, criticised, seed=seed)
+        if found.verdict is not None:
+            return found
+        recording, notes = rank_recording(path, criticised, tell)
     more = {"one_recording": recording, "notes": (*found.notes, *notes)}
     return found.model_copy(update=more)
 

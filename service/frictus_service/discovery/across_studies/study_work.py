@@ -36,6 +36,7 @@ from frictus_service.discovery.problem.problem import DiscoveryProblem
 from frictus_service.discovery.report import page
 from frictus_service.errors import ServiceError, StudyError
 from frictus_service.identification.pipeline.cache import seal, unsealed
+from frictus_service.study.file_state import unchanged
 
 _SOURCES: Final = (
     "frictus_hardware.physics",
@@ -147,13 +148,17 @@ def _reduced(task: StudyTask) -> StudyResult:
         raise StudyError(
             "the worker that had it runs another version of frictus; install the same one"
         )
-    facts, mount = facts_of(task.path)
-    asked = [facts.sha256, task.sources, task.base.to_json()]
-    of_record = _place(task, [*asked, task.seed], "discovery")
-    of_statistics = _place(task, [*asked, task.chosen], "statistics")
-    kept_record, kept_statistics = unsealed(of_record), unsealed(of_statistics)
+    with unchanged(task.path):
+        facts, mount = facts_of(task.path)
+        asked = [facts.sha256, task.sources, task.base.to_json()]
+        of_record = _place(task, [*asked, task.seed], "discovery")
+        of_statistics = _place(task, [*asked, task.chosen], "statistics")
+        kept_record, kept_statistics = unsealed(of_record), unsealed(of_statistics)
+        known = kept_record is not None and kept_statistics is not None
+        evidence = (
+            [] if known else study_evidence(task.path, workers=0, cache=task.observations)
+        )
     if kept_record is None or kept_statistics is None:
-        evidence = study_evidence(task.path, workers=0, cache=task.observations)
         posed = pose(evidence, facts, mount, task.base)
         if posed.problem is None:
             raise StudyError(" ".join(("nothing can be tested in it:", *posed.notes)))

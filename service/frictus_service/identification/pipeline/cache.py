@@ -114,19 +114,6 @@ class Cache:
         return self.folder / "studies" / f"{state}.contents"
 
 
-def state_of(file: Path) -> str:
-    """Return what changes when a file does: a hash of its place, size and time.
-
-    Parameters
-    ----------
-    file : Path
-        Of the study.
-    """
-    found = file.stat()
-    asked = [str(file.resolve()), found.st_size, found.st_mtime_ns]
-    return hashlib.sha256(json.dumps(asked).encode()).hexdigest()
-
-
 def _encoded(reading: Reading) -> bytes:
     observed = reading.observed
     tables = {"rows": table_of(observed.rows), **reading.more}

@@ -12,7 +12,7 @@ import numpy as np
 from frictus_service.errors import TrialError
 from frictus_service.identification.observation.observe import course_of, observe_along
 from frictus_service.identification.observation.response import NO_ROWS, TrialObservations
-from frictus_service.identification.pipeline.cache import Cache, state_of
+from frictus_service.identification.pipeline.cache import Cache
 from frictus_service.identification.pipeline.workers import Crash, Reader, Reading, work_through
 from frictus_service.identification.plausibility import trial_statistics
 from frictus_service.identification.plausibility.pool import TrialRecord
@@ -20,6 +20,7 @@ from frictus_service.identification.plausibility.trial_statistics import (
     TrialStatistics,
     statistics_of,
 )
+from frictus_service.study.file_state import state_of, unchanged
 from frictus_service.study.importers import Study, open_study
 from frictus_service.study.layout import duplicates
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
@@ -96,7 +97,7 @@ def observe_study(
     Raises
     ------
     StudyError
-        If the study cannot be read.
+        If the study cannot be read, or changes meanwhile.
     WorkerError
         If worker processes do not start, or fail.
     ClusterError
@@ -133,7 +134,7 @@ def read_study(
     tell = tell or (lambda line: None)
     path = Path(path).resolve()
     kept = None if cache is None else Cache(Path(cache).resolve(), reader)
-    with open_study(path) as study:
+    with unchanged(path), open_study(path) as study:
         for left_out in study.excluded:
             tell(f"trial {left_out.trial} is left out: {left_out.field} {left_out.reason}")
         contents = _Contents.of(path, kept)
@@ -179,8 +180,7 @@ class _Contents:
 
     @classmethod
     def of(cls, path: Path, kept: Cache | None) -> "_Contents":
-        # The time of a folder says nothing about the files in it.
-        if kept is None or not path.is_file():
+        if kept is None:
             return cls(None, "", {})
         state = state_of(path)
         return cls(kept, state, kept.contents(state))

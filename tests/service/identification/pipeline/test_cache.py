@@ -14,9 +14,10 @@ from frictus_service.identification.observation.response import (
     TrialObservations,
 )
 from frictus_service.identification.pipeline import cache as caching
-from frictus_service.identification.pipeline.cache import Cache, state_of
+from frictus_service.identification.pipeline.cache import Cache
 from frictus_service.identification.pipeline.study import OBSERVER
 from frictus_service.identification.pipeline.workers import Reader, Reading
+from frictus_service.study.file_state import state_of
 
 
 @pytest.fixture

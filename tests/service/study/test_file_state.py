@@ -1,0 +1,76 @@
+"""A study that changes while it is read is refused, whoever changes it in whatever way."""
+
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.service.identification.trials import STUDY, Made, numbered, trial
+
+from frictus_service.discovery.discover import discover_study
+from frictus_service.errors import StudyError
+from frictus_service.identification.pipeline.study import observe_study
+from frictus_service.study.file_state import unchanged
+from frictus_service.study.writer import StudyWriter
+
+CHANGES: dict[str, Callable[[Path], object]] = {
+    "written": lambda file: file.write_bytes(b"another"),
+    "replaced": lambda file: os.replace(shutil.copy(__file__, file.with_name("new")), file),
+    "gone": lambda file: file.unlink(),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("in_folder", [False, True])
+def test_a_change_is_seen(tmp_path: Path, change: str, in_folder: bool) -> None:
+    folder = tmp_path / "study"
+    folder.mkdir()
+    (folder / "a.h5").write_bytes(b"one")
+    path = folder if in_folder else folder / "a.h5"
+    with unchanged(path):
+        (folder / "a.h5").read_bytes()
+    with pytest.raises(StudyError, match="changed while it was read"), unchanged(path):
+        CHANGES[change](folder / "a.h5")
+
+
+def test_what_is_not_there_is_left_to_who_reads_it(tmp_path: Path) -> None:
+    with unchanged(tmp_path / "none.h5"):
+        pass
+
+
+@pytest.fixture
+def studies(tmp_path: Path, rng: np.random.Generator) -> list[Path]:
+    """Two studies of the same trials, of other people."""
+    made = []
+    for name in ("one.h5", "other.h5"):
+        with StudyWriter(tmp_path / name, STUDY) as writer:
+            for number in range(2):
+                tones = (float(rng.uniform(50.0, 900.0)),)
+                writer.add(numbered(trial(Made(tones, seconds=1.2), rng), number))
+        made.append(tmp_path / name)
+    return made
+
+
+@pytest.mark.parametrize("when", ["known already", "criticising"])
+def test_no_report_is_made_of_parts_of_two_studies(studies: list[Path], when: str) -> None:
+    path, other = studies
+
+    def replaced(line: str) -> None:
+        if when in line:
+            os.replace(other, path)
+
+    with pytest.raises(StudyError, match="changed while it was read"):
+        discover_study(path, workers=0, seed=1, tell=replaced)
+
+
+def test_observations_of_workers_are_of_one_study(studies: list[Path]) -> None:
+    path, other = studies
+
+    def replaced(line: str) -> None:
+        if "known already" in line:
+            os.replace(other, path)
+
+    with pytest.raises(StudyError, match="changed while it was read"):
+        observe_study(path, workers=1, tell=replaced)
