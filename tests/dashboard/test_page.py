@@ -132,6 +132,10 @@ def test_traces_stand_are_looked_into_and_move_again(page: Page) -> None:
 
 
 def test_traces_are_saved_as_they_are_shown(page: Page, tmp_path: Path) -> None:
+    page.wait_for_function(
+        "() => [...document.querySelectorAll('[data-stream] .count')]"
+        ".every((count) => parseInt(count.textContent) > 20000)"
+    )
     page.get_by_role("button", name="Pause", exact=True).click()
     files = {}
     for name in ("CSV", "PNG"):

@@ -14,6 +14,7 @@ a WebSocket, which browsers let any page open and read.
 """
 
 import asyncio
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
@@ -45,8 +46,10 @@ MAX_LARGE: Final = 2
 """Bodies beyond `LARGE_BYTES` that are parsed at once; others wait."""
 MAX_UPLOADS: Final = 2
 """Studies that come at once."""
-MAX_RECORDINGS: Final = 2
-"""Recordings that are read, or exported, at once."""
+MAX_COURSES: Final = 8
+"""Recordings of which the course is read at once; each takes about a second."""
+MAX_EXPORTS: Final = 4
+"""Recordings that are exported, and sent, at once: each is a file on the disk until then."""
 MAX_STOPS: Final = 64
 """Rigs that are stopped at once, in threads of their own: no stop waits for other requests."""
 BURST_S: Final = 2.0
@@ -54,7 +57,7 @@ CLIENTS: Final = 10_000
 
 
 class Places:
-    """Places for what is done at once, in one event loop; no holder takes more than half.
+    """Places for what is done at once, by any thread; no holder takes more than half.
 
     Parameters
     ----------
@@ -68,6 +71,7 @@ class Places:
         self._most = most
         self._what = what
         self._taken: Counter[str] = Counter()
+        self._changing = threading.Lock()
 
     @contextmanager
     def held(self, holder: str, count: int = 1) -> Iterator[None]:
@@ -85,6 +89,17 @@ class Places:
         BusyError
             If there are not so many left, or the holder has some and would have more than half.
         """
+        with self._changing:
+            self._check(holder, count)
+            self._taken[holder] += count
+        try:
+            yield
+        finally:
+            with self._changing:
+                self._taken[holder] -= count
+                self._taken = +self._taken  # who holds none is forgotten
+
+    def _check(self, holder: str, count: int) -> None:
         taken = self._taken.get(holder, 0)
         if taken and 2 * (taken + count) > self._most:
             raise BusyError(
@@ -93,12 +108,6 @@ class Places:
             )
         if self._taken.total() + count > self._most:
             raise BusyError(f"at most {self._most} {self._what} at once: try again later")
-        self._taken[holder] += count
-        try:
-            yield
-        finally:
-            self._taken[holder] -= count
-            self._taken = +self._taken  # who holds none is forgotten
 
 
 class RequestLimits:
@@ -108,7 +117,8 @@ class RequestLimits:
         self.streams = Places(MAX_STREAMS, "streams of events")
         self.bodies = Places(MAX_BODY_BYTES, "bytes of bodies")
         self.uploads = Places(MAX_UPLOADS, "studies that are sent")
-        self.recordings = Places(MAX_RECORDINGS, "recordings that are read")
+        self.courses = Places(MAX_COURSES, "recordings that are read")
+        self.exports = Places(MAX_EXPORTS, "recordings that are exported")
         self.large = asyncio.Semaphore(MAX_LARGE)
         self.stops = anyio.CapacityLimiter(MAX_STOPS)
 

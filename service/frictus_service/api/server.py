@@ -31,6 +31,7 @@ from frictus_service.api.limits import (
     Rate,
     RequestLimits,
 )
+from frictus_service.api.own_process import OwnProcesses
 from frictus_service.api.patient_socket import PatientSocket
 from frictus_service.api.routes import (
     activation,
@@ -183,7 +184,7 @@ def build_app(
         ExperimentEngine(config, present),
     )
     library = TextureLibrary(config.textures)
-    given = Services(config, link, library, registry, *jobs, ConnectedPages())
+    given = Services(config, link, library, registry, *jobs, ConnectedPages(), OwnProcesses())
 
     def recover() -> None:
         for engine in jobs:

@@ -20,6 +20,7 @@ import frictus
 from frictus.calls import require_present
 from frictus.errors import LinkError
 from frictus.keys import RigKeys
+from frictus_service.api.own_process import OwnProcesses
 from frictus_service.config import Config
 from frictus_service.jobs.calibrations import CalibrationEngine
 from frictus_service.jobs.discoveries import DiscoveryEngine
@@ -180,7 +181,7 @@ class RigConnection:
 
 @dataclass(frozen=True, slots=True)
 class Services:
-    """Configuration, rigs, texture library, registry, engines of each kind of job, pages."""
+    """Configuration, rigs, textures, registry, engines of each kind of job, pages, commands."""
 
     config: Config
     link: RigConnection
@@ -190,9 +191,11 @@ class Services:
     discoveries: DiscoveryEngine
     experiments: ExperimentEngine
     pages: ConnectedPages
+    commands: OwnProcesses
 
     def stop_jobs(self) -> None:
-        """Tell all jobs to stop: streams of their events end, too."""
+        """Tell all jobs to stop, and end commands: streams and answers end, too."""
+        self.commands.close()
         for each in (self.calibrations, self.discoveries, self.experiments):
             each.stop()
 

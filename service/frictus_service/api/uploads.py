@@ -5,8 +5,11 @@ and the process that it runs in, down.
 """
 
 import asyncio
+import contextlib
 import secrets
+import threading
 import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -14,7 +17,6 @@ from fastapi import Request
 from fastapi.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect
 
-from frictus_service.api.own_process import run_command
 from frictus_service.api.problems import (
     GoneError,
     SlowBodyError,
@@ -31,9 +33,12 @@ LOOK_S: Final = 60.0
 UNFINISHED: Final = ".upload-"
 LEFT_S: Final = 86_400.0
 """An unfinished file that is so old was left by a process that was killed."""
+_NAMING: Final = threading.Lock()
+Run = Callable[[Sequence[str], float, Path, str], bytes]
+"""As `OwnProcesses.run`."""
 
 
-async def keep_study(request: Request, folder: Path, name: str) -> Path:
+async def keep_study(request: Request, folder: Path, name: str, run: Run) -> Path:
     """Take the body of a request as a study into a folder, and return its file.
 
     Parameters
@@ -44,6 +49,8 @@ async def keep_study(request: Request, folder: Path, name: str) -> Path:
         Of the studies; made where it is missing.
     name : str
         What the file is to be called; a plain name that was checked.
+    run : callable
+        `OwnProcesses.run`.
 
     Raises
     ------
@@ -63,7 +70,7 @@ async def keep_study(request: Request, folder: Path, name: str) -> Path:
     try:
         await _receive(request, unfinished)
         asked = ("study", "show", str(unfinished), "--json")
-        await run_in_threadpool(run_command, asked, LOOK_S, unfinished, name)
+        await run_in_threadpool(run, asked, LOOK_S, unfinished, name)
         await run_in_threadpool(_name, unfinished, place)
     finally:
         unfinished.unlink(missing_ok=True)
@@ -80,48 +87,55 @@ def _check_free(place: Path) -> None:
 def _make_room(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for left in folder.glob(f"{UNFINISHED}*"):
-        if time.time() - left.stat().st_mtime > LEFT_S:
-            left.unlink(missing_ok=True)
+        with contextlib.suppress(FileNotFoundError):  # another upload has just ended
+            if time.time() - left.stat().st_mtime > LEFT_S:
+                left.unlink()
 
 
 async def _receive(request: Request, into: Path) -> None:
     announced = request.headers.get("content-length", "")
-    most = int(announced[:20]) if announced.isdecimal() else MAX_STUDY_BYTES
-    allowed_s = BODY_S + most / SLOWEST_BYTES_S
+    if announced.isdecimal() and int(announced[:20]) > MAX_STUDY_BYTES:
+        raise _too_large()
     try:
-        async with asyncio.timeout(allowed_s):
-            await _write(request, into, most)
+        await _write(request, into)
     except TimeoutError:
-        told = f"a body of up to {most} bytes is to come within {allowed_s:.0f} s"
+        told = (
+            f"a study is to come without a pause of {BODY_S:g} s, and on the whole with "
+            f"{SLOWEST_BYTES_S:g} bytes per second at least"
+        )
         raise SlowBodyError(told, headers={"Connection": "close"}) from None
     except ClientDisconnect:
         raise GoneError("the connection ended before the body did") from None
 
 
-async def _write(request: Request, into: Path, announced_bytes: int) -> None:
-    size_bytes, piece = 0, bytearray()
+async def _write(request: Request, into: Path) -> None:
+    clock_s = asyncio.get_running_loop().time
+    size_bytes, piece, begun_s = 0, bytearray(), clock_s()
     with into.open("xb") as file:
-        async for chunk in request.stream():
-            size_bytes += len(chunk)
-            if max(size_bytes, announced_bytes) > MAX_STUDY_BYTES:
-                break
-            piece += chunk
-            if len(piece) >= PIECE_BYTES:
-                await run_in_threadpool(file.write, bytes(piece))
-                piece.clear()
+        async with asyncio.timeout(BODY_S) as deadline:
+            async for chunk in request.stream():
+                size_bytes += len(chunk)
+                if size_bytes > MAX_STUDY_BYTES:
+                    raise _too_large()
+                piece += chunk
+                if len(piece) >= PIECE_BYTES:
+                    await run_in_threadpool(file.write, bytes(piece))
+                    piece.clear()
+                # Who sends nothing holds a place that others wait for.
+                slowest_s = begun_s + size_bytes / SLOWEST_BYTES_S
+                deadline.reschedule(min(clock_s(), slowest_s) + BODY_S)
         await run_in_threadpool(file.write, bytes(piece))
-    if max(size_bytes, announced_bytes) > MAX_STUDY_BYTES:
-        raise TooLargeError(
-            f"the study is larger than {MAX_STUDY_BYTES} bytes: put it into the folder of the "
-            "studies on the machine of the service",
-            headers={"Connection": "close"},
-        )
+
+
+def _too_large() -> TooLargeError:
+    return TooLargeError(
+        f"the study is larger than {MAX_STUDY_BYTES} bytes: put it into the folder of the "
+        "studies on the machine of the service",
+        headers={"Connection": "close"},
+    )
 
 
 def _name(unfinished: Path, place: Path) -> None:
-    try:
-        place.open("xb").close()  # only one of several gets the name
-    except FileExistsError:
+    with _NAMING:  # of several that come at once only one gets the name
         _check_free(place)
-        raise
-    put_in_place(unfinished, place)
+        put_in_place(unfinished, place)

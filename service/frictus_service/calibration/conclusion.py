@@ -179,7 +179,9 @@ def conclude(
             ],
             "diagnostics": asdict(
                 diagnose(
-                    observations, found.model, lambda some: estimate_of(spec, some).parameters
+                    observations,
+                    found.model,
+                    lambda some: estimated(spec, some, speeds, study).model,
                 )
             ),
         },

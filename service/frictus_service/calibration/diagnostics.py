@@ -23,7 +23,7 @@ FEWEST_TRIALS: Final = FOLDS
 """With fewer, what is left of them hardly determines a law."""
 SHARE_GAIN: Final = 3
 """From so many tones on a trial tells the gain that they share."""
-Estimate = Callable[[Sequence[TrialObservations]], FloatArray]
+Estimate = Callable[[Sequence[TrialObservations]], Model]
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +120,7 @@ def diagnose(
     model : Model
         Made from them, of friction.
     estimate : callable
-        From observations to `coordinates`, as the model was made; may raise EstimateError.
+        From observations to a model, as `model` was made; may raise EstimateError.
 
     Raises
     ------
@@ -227,7 +227,7 @@ def _held_out(
     errors = []
     for fold in range(FOLDS):
         rest = [one for number, one in enumerate(used) if number % FOLDS != fold]
-        errors.append(_errors_db(used[fold::FOLDS], estimate(rest)))
+        errors.append(_errors_db(used[fold::FOLDS], _coordinates_of(estimate(rest))))
     return HeldOutFit(
         FOLDS,
         _rms(np.concatenate(errors)),

@@ -128,6 +128,8 @@ class Database:
             engine.dispose()
 
     def _opened(self) -> Engine:
+        if (engine := self._engine) is not None:
+            return engine
         failed = self._failure
         # Once it has failed, one thread tries again; the others, up to all of a server, need
         # not stand in line for it.
@@ -135,7 +137,8 @@ class Database:
             raise RegistryUnavailableError(failed)
         try:
             if self._engine is None:
-                if self._failure != failed:  # while this thread waited for another's try
+                # While this thread waited, another one tried.
+                if self._failure and self._failure != failed:
                     raise RegistryUnavailableError(self._failure)
                 self._engine = self._open()
             return self._engine
@@ -147,9 +150,10 @@ class Database:
         try:
             with self._told():
                 self._upgrade(engine)
-        except RegistryUnavailableError as error:
-            self._failure = str(error)
+        except BaseException as error:
             engine.dispose()
+            if isinstance(error, RegistryUnavailableError):
+                self._failure = str(error)
             raise
         self._failure = ""
         return engine

@@ -4,8 +4,10 @@ import asyncio
 import json
 import logging
 import socket
+import sys
 import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
@@ -16,7 +18,7 @@ from fastapi.testclient import TestClient
 from tests.service.api.test_server import configuration, get
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from frictus_service.api import error_handlers, limits, requests
+from frictus_service.api import error_handlers, limits, requests, uploads
 from frictus_service.api.problems import BusyError, GoneError
 from frictus_service.api.server import run_api
 from frictus_service.api.services import RigConnection
@@ -104,6 +106,33 @@ def test_a_body_that_does_not_come_is_told_so(port: int) -> None:
     assert json.loads(answer.partition(b"\r\n\r\n")[2])["code"] == "slow_body"
 
 
+def put_study(length: int, *begun: bytes) -> bytes:
+    """Return a request that announces a study of this length, and how it begins."""
+    head = (
+        "PUT /v1/studies/visit.h5 HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+        f"Content-Type: application/x-hdf5\r\nContent-Length: {length}\r\n\r\n"
+    )
+    return head.encode() + b"".join(begun)
+
+
+@pytest.mark.parametrize("begun", [b"", b"\x89HDF" * 1_000])
+def test_a_study_that_does_not_come_holds_no_place(
+    port: int, begun: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(uploads, "BODY_S", 0.3)
+    with connected(port, put_study(uploads.MAX_STUDY_BYTES, begun)) as opened:
+        answer = all_of(opened)
+    assert answer.startswith(b"HTTP/1.1 408")
+    assert b"without a pause of 0.3 s" in answer
+    assert list((tmp_path / "studies").iterdir()) == []
+
+
+def test_a_study_that_is_announced_as_too_large_is_refused_before_it_comes(port: int) -> None:
+    for length in (uploads.MAX_STUDY_BYTES + 1, 10**19):
+        with connected(port, put_study(length)) as opened:
+            assert all_of(opened).startswith(b"HTTP/1.1 413")
+
+
 def test_who_leaves_within_a_body_leaves_no_fault(
     port: int, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -123,6 +152,22 @@ def test_who_leaves_within_a_body_leaves_no_fault(
         assert left.acquire(timeout=20.0)
     assert get(port, "/v1/health")[0] == 200
     assert [one for one in caplog.records if one.levelno >= logging.ERROR] == []
+
+
+def test_who_leaves_within_a_study_leaves_nothing_of_it(
+    port: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left, unlink = threading.Event(), Path.unlink
+
+    def noted(path: Path, missing_ok: bool = False) -> None:
+        unlink(path, missing_ok)
+        left.set()
+
+    monkeypatch.setattr(Path, "unlink", noted)
+    with connected(port, put_study(10_000, b"half of it")):
+        pass
+    assert left.wait(20.0)
+    assert list((tmp_path / "studies").iterdir()) == []
 
 
 def test_who_does_not_take_its_answers_is_cut(
@@ -291,6 +336,26 @@ def test_nobody_holds_more_than_half_of_the_places() -> None:
             pass
         with places.held("b"), places.held("b"):
             pass
+
+
+def test_threads_that_hold_places_at_once_leave_none_behind() -> None:
+    places = limits.Places(64, "streams")
+
+    def hold(holder: str) -> None:
+        for _ in range(2_000):
+            with places.held(holder):
+                pass
+
+    switch_s = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(4) as threads:
+            for done in [threads.submit(hold, f"h{n}") for n in range(4)]:
+                done.result(60.0)
+    finally:
+        sys.setswitchinterval(switch_s)
+    with places.held("one", 64):
+        pass
 
 
 def test_no_more_streams_of_events_than_there_are_places(

@@ -21,6 +21,7 @@ def configuration(router: str, folder: Path, port: int) -> Config:
     return Config(
         router=RouterConfig(endpoint=router, host=False),
         textures=folder,
+        studies=folder / "studies",
         registry=RegistryConfig(url=f"sqlite:///{folder / 'registry.db'}"),
         api=ApiConfig(port=port),
     )

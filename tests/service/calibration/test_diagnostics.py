@@ -34,15 +34,15 @@ def law_at(at: FloatArray) -> Model:
     return Model(base=base, skew_s=skew_s)
 
 
-def parameters(observations: Sequence[TrialObservations]) -> FloatArray:
-    return estimate(observations, None).parameters
+def fitted(observations: Sequence[TrialObservations]) -> Model:
+    return law_at(estimate(observations, None).parameters)
 
 
 def diagnosed(
     rng: np.random.Generator, truth: FloatArray, variation: Variation, n: int = N
 ) -> FitDiagnostics:
     trials = draw(rng, truth, asks_of(rng, n), variation)
-    return diagnose(trials, law_at(parameters(trials)), parameters)
+    return diagnose(trials, fitted(trials), fitted)
 
 
 def of(found: FitDiagnostics) -> HeldOutFit:
@@ -79,9 +79,9 @@ def test_of_a_law_that_holds_residuals_are_what_the_scatter_makes_of_them(
 
 def test_a_law_that_does_not_hold_is_seen_in_its_residuals(rng: np.random.Generator) -> None:
     trials = draw(rng, somebody(rng), asks_of(rng, N), STEADY)
-    right = parameters(trials)
+    right = estimate(trials, None).parameters
     wrong = right - np.array([0.0, np.log(2.0), 0.0, 0.0])  # at 100 mm/s
-    good, bad = (diagnose(trials, law_at(at), parameters) for at in (right, wrong))
+    good, bad = (diagnose(trials, law_at(at), fitted) for at in (right, wrong))
     assert bad.residual_db > 2.0 * good.residual_db
     assert good.standardised is not None
     assert bad.standardised is not None
@@ -122,7 +122,7 @@ def test_trials_of_one_tone_make_points_without_intervals(rng: np.random.Generat
         for tone in design.paper_tones()
     ]
     trials = draw(rng, somebody(rng), asks, STEADY)
-    found = diagnose(trials, law_at(parameters(trials)), parameters)
+    found = diagnose(trials, fitted(trials), fitted)
     assert {(point.trials, point.interval_n) for point in found.points} == {(1, None)}
     assert found.standardised is None
     assert found.held_out is not None
@@ -136,7 +136,7 @@ def test_of_few_trials_nothing_is_held_out_and_that_is_said(rng: np.random.Gener
 
 
 def test_a_part_that_makes_no_law_is_told(rng: np.random.Generator) -> None:
-    def refuse(_: Sequence[TrialObservations]) -> FloatArray:
+    def refuse(_: Sequence[TrialObservations]) -> Model:
         raise EstimateError("too few")
 
     trials = draw(rng, somebody(rng), asks_of(rng, N), STEADY)

@@ -2,19 +2,18 @@
 
 import json
 import math
-import shutil
-import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path as FilePath
+from tempfile import TemporaryDirectory
 from typing import Annotated, Any, Final, Literal
 
 from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi import Path as PathParameter
 from fastapi.responses import FileResponse
 from pydantic import BaseModel, ConfigDict, Field
-from starlette.background import BackgroundTask
+from starlette.types import Receive, Scope, Send
 
 from frictus.errors import RefusedError
 from frictus.messages import RecordingState
@@ -22,7 +21,6 @@ from frictus_hardware.arrays import FloatArray
 from frictus_service.api import problems
 from frictus_service.api.access import needs
 from frictus_service.api.limits import RequestLimits
-from frictus_service.api.own_process import run_command
 from frictus_service.api.requests import body_of, json_body
 from frictus_service.api.routes.rigs import RigName
 from frictus_service.api.services import Given, Services
@@ -185,7 +183,7 @@ def get_recording_course(
 
     path = _finished(name, given)
     limits: RequestLimits = request.app.state.limits
-    with limits.recordings.held(request.client.host if request.client else ""):
+    with limits.courses.held(request.client.host if request.client else ""):
         try:
             course = course_of(path, length_s(shelf_entry(path)) or 0.0)
         except RecordingError as error:
@@ -225,22 +223,41 @@ def get_recording_export(
     path = _finished(name, given)
     option, suffix = _EXPORTS[to]
     limits: RequestLimits = request.app.state.limits
-    folder = FilePath(tempfile.mkdtemp(prefix="frictus-export-"))
-    out = folder / f"{name}{suffix}"
-    try:
-        with limits.recordings.held(request.client.host if request.client else ""):
-            asked = ("export", str(path), "--to", option, "--out", str(out), "--json")
-            said = run_command(asked, EXPORT_S, path, name)
-    except BaseException:
-        shutil.rmtree(folder)
-        raise
-    return FileResponse(
-        out,
-        media_type="application/octet-stream",
-        filename=out.name,
-        headers={"Frictus-Notes": _notes(json.loads(said))},
-        background=BackgroundTask(shutil.rmtree, folder),
-    )
+    with ExitStack() as until_sent:
+        until_sent.enter_context(
+            limits.exports.held(request.client.host if request.client else "")
+        )
+        folder = until_sent.enter_context(TemporaryDirectory(prefix="frictus-export-"))
+        out = FilePath(folder, f"{name}{suffix}")
+        asked = ("export", str(path), "--to", option, "--out", str(out), "--json")
+        said = given.commands.run(asked, EXPORT_S, path, name)
+        answer = ExportResponse(
+            out,
+            media_type="application/octet-stream",
+            filename=out.name,
+            headers={"Frictus-Notes": _notes(json.loads(said))},
+        )
+        answer.until_sent = until_sent.pop_all()
+    return answer
+
+
+class ExportResponse(FileResponse):
+    """A file that is there until it is sent, or nobody takes it.
+
+    Attributes
+    ----------
+    until_sent : ExitStack
+        What is held for it; closed at the end.
+    """
+
+    until_sent: ExitStack
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send it, and let go."""
+        try:
+            await super().__call__(scope, receive, send)
+        finally:
+            self.until_sent.close()  # at once: who is cancelled cannot wait
 
 
 def _notes(said: dict[str, Any]) -> str:
@@ -254,7 +271,8 @@ def _notes(said: dict[str, Any]) -> str:
         f"left out: trial {one['trial']}, {one['field']}: {one['reason']}"
         for one in said.get("excluded", [])
     ]
-    line = " ".join("; ".join(told).split()).encode("ascii", "replace").decode()
+    plain = "".join(each if each.isprintable() else " " for each in "; ".join(told))
+    line = " ".join(plain.split()).encode("ascii", "replace").decode()
     return line if len(line) <= MOST_NOTES else f"{line[:MOST_NOTES]}..."
 
 

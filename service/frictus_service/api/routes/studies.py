@@ -84,7 +84,9 @@ async def put_study(name: Name, given: Given, request: Request) -> StudyFile:
     require_media(request, *HDF5)
     limits: RequestLimits = request.app.state.limits
     with limits.uploads.held(request.client.host if request.client else ""):
-        return _described(name, await keep_study(request, given.config.studies, name))
+        return _described(
+            name, await keep_study(request, given.config.studies, name, given.commands.run)
+        )
 
 
 def _described(name: str, path: FilePath) -> StudyFile:

@@ -310,10 +310,14 @@ def fitted_together(unit: Unit, chosen: list[int]) -> tuple[FloatArray, FloatArr
     """
     effects, readings = _projected(unit, [])
     effects = effects[:, chosen]
-    told = np.einsum("ij,ij->j", effects, effects) > 0.0
-    gram = effects.T @ effects
-    covariance = np.linalg.pinv(gram, rcond=LEAST_SHARE**2, hermitian=True)
-    value = covariance @ (effects.T @ readings)
+    size = np.sqrt(np.einsum("ij,ij->j", effects, effects))
+    told = size > 0.0
+    # Of length 1: what is alike must not be told by the units of coefficients.
+    effects /= np.where(told, size, 1.0)
+    inverse = np.linalg.pinv(effects.T @ effects, rcond=LEAST_SHARE**2, hermitian=True)
+    per_unit = 1.0 / np.where(told, size, 1.0)
+    covariance = per_unit[:, np.newaxis] * inverse * per_unit
+    value = per_unit * (inverse @ (effects.T @ readings))
     root = np.sign(value) * np.sqrt(np.abs(value))
     squared = unit.squared[chosen]
     slope = 2.0 * np.maximum(np.abs(root), np.maximum(np.diagonal(covariance), 0.0) ** 0.25)

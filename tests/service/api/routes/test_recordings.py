@@ -1,15 +1,19 @@
 """The folder of recordings over REST: what is listed, and what is served of it."""
 
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from fastapi.responses import FileResponse
 from fastapi.testclient import TestClient
 from mcap.writer import Writer
 from tests.service.recording.known import info
 from tests.service.recording.test_export import STATUS, UTC_NS, Tape, value
 
+from frictus_service.api.routes.recordings import _notes
 from frictus_service.recording.writer import RecordingWriter
 
 Serve = Callable[..., TestClient]
@@ -144,6 +148,30 @@ def test_one_is_exported_to_be_played_as_a_rig(
             tape["force"][:200] * tape["force_step_n"], value(1, 0, 200).T, atol=1e-6
         )
     assert sorted(path.name for path in taped.parent.iterdir()) == ["taped.mcap"]
+
+
+@pytest.mark.parametrize("part", ["", "bytes=abc", "bytes=999999999-", "bytes=0-99"])
+def test_of_an_export_nothing_stays_and_its_place_is_free(
+    part: str, api: TestClient, taped: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    exports = api.app.state.limits.exports  # type: ignore[attr-defined]
+    seen, call = [], FileResponse.__call__
+
+    async def sent(self: FileResponse, *given: Any) -> None:
+        seen.append(exports._taken.total())
+        await call(self, *given)
+
+    monkeypatch.setattr(FileResponse, "__call__", sent)
+    answer = api.get("/v1/recordings/taped/export/replay", headers={"Range": part})
+    assert answer.status_code in (200, 206, 400, 416)
+    assert list(tmp_path.glob("frictus-export-*")) == []
+    assert (seen, exports._taken.total()) == ([1], 0)
+
+
+def test_notes_are_one_line_that_a_header_can_hold() -> None:
+    told = _notes({"ending": "torn\r\nSet-Cookie: a\0b\x1b[2J é"})
+    assert told == "torn Set-Cookie: a b [2J ?"
 
 
 def test_what_cannot_become_a_study_is_told_in_the_words_of_the_command(

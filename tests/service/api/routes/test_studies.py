@@ -1,6 +1,8 @@
 """Studies over REST: what is sent becomes a study of the folder, or is refused in words."""
 
+import errno
 import os
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import h5py
@@ -78,6 +80,33 @@ def test_names_that_no_study_may_have(api: TestClient, name: str, tmp_path: Path
     answer = api.put(f"/v1/studies/{name}", content=b"x", headers=TYPE)
     assert answer.status_code in (404, 405, 422)
     assert not (tmp_path / "studies").exists()
+
+
+def test_a_disk_that_refuses_at_the_end_leaves_the_name_free(
+    api: TestClient, study: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_written: Path, _path: Path) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as meanwhile:
+        meanwhile.setattr(uploads, "put_in_place", full)
+        answer = api.put("/v1/studies/visit.h5", content=study, headers=TYPE)
+    assert (answer.status_code, answer.json()["code"]) == (507, "not_stored")
+    assert folder_of(tmp_path) == []
+    assert api.put("/v1/studies/visit.h5", content=study, headers=TYPE).status_code == 201
+
+
+def test_of_two_that_come_at_once_one_gets_the_name(
+    api: TestClient, study: bytes, tmp_path: Path
+) -> None:
+    with ThreadPoolExecutor(2) as threads:
+        asked = [
+            threads.submit(api.put, "/v1/studies/visit.h5", content=study, headers=TYPE)
+            for _ in range(2)
+        ]
+        codes = sorted(one.result(60.0).status_code for one in asked)
+    assert codes in ([201, 409], [201, 503])  # one address has half of the places
+    assert folder_of(tmp_path) == ["visit.h5"]
 
 
 def test_a_study_that_is_too_large_is_not_read_to_its_end(

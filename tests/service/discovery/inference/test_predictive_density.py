@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from frictus_hardware.arrays import FloatArray
+from frictus_service.discovery.inference.linear_model import Unit
 from frictus_service.discovery.inference.predictive_density import UnitCoefficients
 
 PEOPLE = 12
@@ -99,3 +100,28 @@ def test_who_knows_more_than_any_other_gains_by_what_others_know(
     both, alone = (UnitCoefficients(each, noise).held_out for each in (value, first_only))
     assert both[5] == pytest.approx(alone[5])
     assert np.all(both > 0.0)
+
+
+def units(rng: np.random.Generator, scale: FloatArray) -> list[Unit]:
+    """Return people who have two effects, whose coefficients are counted in other units."""
+    n, none = 60, np.zeros(2, dtype=np.bool_)
+    made = []
+    for _ in range(PEOPLE):
+        own, effects = rng.normal(size=(n, 1)), rng.normal(size=(n, 2))
+        readings = effects @ rng.normal(3.0, 1.0, 2) + rng.normal(size=n)
+        nothing = np.zeros((n, 0))
+        made.append(
+            Unit(readings, own, effects / scale, nothing, scale, np.zeros(0), none, none)
+        )
+    return made
+
+
+@pytest.mark.parametrize("factor", [1e-9, 1e-4, 1e4, 1e9])
+def test_what_effects_are_counted_in_changes_no_coefficient(factor: float, seed: int) -> None:
+    """A delay in seconds has a signature ten thousand times as long as a share of the gain."""
+    scale = np.array([1.0, factor])
+    plain = UnitCoefficients.of(units(np.random.default_rng(seed), np.ones(2)), [0, 1])
+    other = UnitCoefficients.of(units(np.random.default_rng(seed), scale), [0, 1])
+    np.testing.assert_allclose(other.value, plain.value * scale, rtol=1e-9)
+    np.testing.assert_allclose(other.held_out, plain.held_out, rtol=1e-6)
+    assert plain.held_out.mean() > 0.5
