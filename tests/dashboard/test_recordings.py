@@ -70,7 +70,15 @@ def test_records_by_clicks_lists_and_saves_it(page: Page, lab: Lab) -> None:
     expect(force).to_have_attribute("aria-label", re.compile(r"[\d.]+ to [\d.]+ N$"))
     speed = opened.get_by_role("img", name="Speed of the finger")
     expect(speed).to_have_attribute("aria-label", re.compile(r"[\d.]+ to [\d.]+ mm/s$"))
-    expect(opened).to_contain_text("by-clicks.mcap")
+    file = lab.config.recordings.resolve() / "by-clicks.mcap"
+    asked = f"--router {lab.config.router.endpoint} --site {lab.config.site}"
+    expect(opened.locator("code")).to_have_text(f"frictus replay {file} {asked}")
+    spaced = page.evaluate(
+        """async (found) => (await import(new URL("recordings/opened.js", document.baseURI)))
+          .replaying("pilot", found)""",
+        {"folder": r"C:\A lab\rec", "site": "lab", "router": "tcp/h:1"},
+    )
+    assert spaced == r'frictus replay "C:\A lab\rec/pilot.mcap" --router tcp/h:1 --site lab'
     expect_no_violations(page, WIDTHS)
     with page.expect_download() as saved:
         opened.get_by_role("button", name="As a rig to replay (NPZ)").click()

@@ -340,6 +340,8 @@ class Publisher:
             self._fault = Fault(
                 kind=kind, reason=reason, utc_ns=self._utc_ns(), action=ACTIONS[kind]
             )
+            if self._interlock.state.state == "tripped":
+                self._say(f"tripped, {kind}: {reason}. {self._fault.action}")
         return self._fault
 
     def _end_shown(self) -> LeaseEnd | None:

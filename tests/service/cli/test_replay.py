@@ -59,6 +59,23 @@ def test_what_was_sensed_is_sensed_again_by_whoever_reads_the_rig(recording: Pat
     np.testing.assert_allclose(block.data, expected, atol=1e-6)
 
 
+def test_once_ends_with_the_recording(recording: Path) -> None:
+    endpoint = free_endpoint()
+    with open_router(endpoint):
+        done = subprocess.run(
+            [*COMMAND, str(recording), "--router", endpoint, "--once"],
+            cwd=recording.parent,
+            capture_output=True,
+            text=True,
+            timeout=110.0,
+            check=False,
+        )
+    assert done.returncode == 0, done.stderr
+    assert f"tripped, device_lost: the recording 'pilot' is over, after {SECONDS:.2f} s" in (
+        done.stderr
+    )
+
+
 @pytest.mark.parametrize(
     ("name", "more", "told"),
     [

@@ -33,7 +33,7 @@ export class RecordingList {
     const wanted = () => mine === this.newest;
     const found = await this.outcome.of(asked, "The list cannot be read", wanted);
     if (found === null || !wanted()) return;
-    this.folder = found.folder;
+    this.found = found;
     this.place.hidden = found.recordings.length === 0;
     const more = found.left_out > 0 ? ` ${found.left_out} older ones are not listed.` : "";
     say(this.note, found.recordings.length === 0 ? "There is none yet." : more);
@@ -52,7 +52,7 @@ export class RecordingList {
   }
 
   #opening(name) {
-    const made = button("Open", () => this.opened.open(name, this.folder));
+    const made = button("Open", () => this.opened.open(name, this.found));
     made.setAttribute("aria-label", `Open ${name}`);
     return made;
   }

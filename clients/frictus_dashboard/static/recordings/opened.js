@@ -39,14 +39,17 @@ export class Opened {
     this.root.hidden = true;
   }
 
-  /** @param {string} name of a finished recording @param {string} folder of the service */
-  async open(name, folder) {
+  /**
+   * @param {string} name of a finished recording
+   * @param {{folder: string, site: string, router: string}} found where the service has it
+   */
+  async open(name, found) {
     this.name = name;
     this.root.hidden = false;
     this.outcome.clear();
     say(this.title, name);
     say(this.note, "Reading it…");
-    say(this.command, `frictus replay ${folder}/${name}.mcap`);
+    say(this.command, replaying(name, found));
     this.#draw(null);
     this.title.focus();
     const wanted = () => this.name === name;
@@ -83,6 +86,13 @@ export class Opened {
     const answer = await send("GET", path, { signal });
     return { blob: await answer.blob(), notes: answer.headers.get("Frictus-Notes") ?? "" };
   }
+}
+
+/** The command by which the machine of the service plays a recording on the router of its rigs. */
+export function replaying(name, { folder, site, router }) {
+  const file = `${folder}/${name}.mcap`;
+  const quoted = /^[\w./:\\-]+$/.test(file) ? file : `"${file}"`;
+  return `frictus replay ${quoted} --router ${router} --site ${site}`;
 }
 
 function pathOf(name) {

@@ -87,6 +87,8 @@ class RecordingList(BaseModel):
     """The recordings in the folder of this machine, the newest first."""
 
     folder: str
+    site: str
+    router: str = Field(description="By which this service reaches the rigs")
     recordings: list[RecordingFile]
     left_out: int = Field(description="How many older ones there are besides")
 
@@ -143,6 +145,8 @@ def list_recordings(
     found = shelved(folder)
     return RecordingList(
         folder=str(folder.resolve()),
+        site=given.link.site,
+        router=given.config.router.endpoint,
         recordings=[
             RecordingFile(
                 name=one.path.stem,

@@ -1,13 +1,18 @@
 """`frictus replay`: a recording plays as one more rig."""
 
 import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from frictus_service.cli.options import AsJson, ConfigFile, RouterOption, SiteOption
 from frictus_service.cli.serve import said
+
+if TYPE_CHECKING:
+    from frictus_service.config import Config
 
 
 def replay(
@@ -27,7 +32,7 @@ def replay(
     site: SiteOption = None,
     as_json: AsJson = False,
 ) -> None:
-    """Play FILE as a simulated rig until Ctrl-C; the router runs elsewhere.
+    """Play FILE as a simulated rig until Ctrl-C, or its end; the router runs elsewhere.
 
     What is sensed is what was sensed; what others play on it is felt by nobody.
     """
@@ -70,4 +75,24 @@ def replay(
         except ValidationError as error:
             faults = [f"{each['loc'][-1]}: {each['msg']}" for each in error.errors()]
             raise typer.BadParameter("; ".join(faults)) from error
-        daemon.serve(played, ("rig",), host_router=False, say=say)
+        with ExitStack() as opened:
+            is_over = opened.enter_context(_watched(played)) if once else lambda: False
+            daemon.serve(played, ("rig",), host_router=False, say=say, is_over=is_over)
+
+
+@contextmanager
+def _watched(played: "Config") -> Iterator[Callable[[], bool]]:
+    """Give what says whether the recording is over: its rig has lost its device then."""
+    import frictus
+    from frictus_service.security.members import tls_of_rig
+
+    def is_over() -> bool:
+        try:
+            fault = client.rig(played.rig, played.site).status().fault
+        except frictus.FrictusError:
+            return False  # whoever runs the rig tells what became of it
+        return fault is not None and fault.kind == "device_lost"
+
+    tls = tls_of_rig(played)
+    with frictus.connect(played.router.endpoint, tls=tls, reads_only=True) as client:
+        yield is_over

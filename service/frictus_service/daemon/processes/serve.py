@@ -15,6 +15,7 @@ def serve(
     parts: Sequence[PartName] = ALL,
     host_router: bool | None = None,
     say: Callable[[str], None] = to_stderr,
+    is_over: Callable[[], bool] = lambda: False,
 ) -> None:
     """Run the service until Ctrl-C, SIGTERM or, on Windows, Ctrl-Break; then stop cleanly.
 
@@ -24,6 +25,8 @@ def serve(
     ----------
     config, parts, host_router, say
         As for `Supervisor`.
+    is_over : callable
+        Asked ten times a second, once all parts are ready; True stops them, too.
 
     Raises
     ------
@@ -51,7 +54,7 @@ def serve(
             supervisor.wait_ready()
             manager.ready()
             say_and_show("ready; Ctrl-C stops")
-            while not told:
+            while not (told or is_over()):
                 time.sleep(0.1)  # Windows sees Ctrl-C only between waits
             manager.stopping()
             say_and_show("stopping: the output ramps to zero")
