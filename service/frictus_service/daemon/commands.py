@@ -33,6 +33,7 @@ from frictus_service.command_validation import CommandValidator
 from frictus_service.config import Limits
 from frictus_service.daemon.control import ClientPresence, Control, Interlock
 from frictus_service.daemon.inboxes import CommandQueue, IncomingCommand
+from frictus_service.daemon.last_calls import LastCalls
 from frictus_service.daemon.model_controller import ModelController
 from frictus_service.daemon.scene_controller import SceneController
 
@@ -106,7 +107,7 @@ class Commands:
         self._counting = threading.Lock()
         self._refused = 0
         self.updates_expired = 0
-        self._last_calls: dict[str, LastCall] = {}
+        self._calls = LastCalls(utc_ns)
 
     @property
     def refused(self) -> int:
@@ -116,7 +117,7 @@ class Commands:
     @property
     def last_calls(self) -> dict[str, LastCall]:
         """Who changed what, by the name of the call: its last that was accepted."""
-        return self._last_calls.copy()
+        return self._calls.by_name()
 
     @property
     def updates_lost(self) -> int:
@@ -304,9 +305,8 @@ class Commands:
             if message.name == "scene":
                 give_way()
             request = self._read(kind, message)
-            reply = handle(request)
-            self._note_call(message.name, request.client)
-            return reply
+            with self._calls.noted(message.name, request.client):
+                return handle(request)
 
         return self._answered(work)
 
@@ -328,12 +328,8 @@ class Commands:
         return reply
 
     def _reset(self, request: Request) -> Reply:
-        reply = self._control.reset(request)
-        self._note_call("reset", request.client)
-        return reply
-
-    def _note_call(self, name: str, client: str) -> None:
-        self._last_calls[name] = LastCall(client=client, utc_ns=self._utc_ns())
+        with self._calls.noted("reset", request.client):
+            return self._control.reset(request)
 
     def _guide(self, payload: bytes) -> None:
         self._control.guide(self._gate.read_guidance(payload, self._utc_ns()))

@@ -106,6 +106,24 @@ def test_who_changed_what_last_is_known_and_who_was_refused_is_not(desk: Desk) -
     assert told == {"scene": "ben", "compensation": "ben", "reset": "cy"}
 
 
+def test_a_change_is_never_seen_without_whose_it_is(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = []
+    replace = desk.stage.compensate
+
+    def watched(request: Any) -> Any:
+        reply = replace(request)
+        seen.append(desk.commands.last_calls["compensation"].client)
+        return reply
+
+    monkeypatch.setattr(desk.stage, "compensate", watched)
+    desk.call("arm", share_with=["ben"])
+    reply = desk.call("compensation", "ben", compensation={"mode": "none"})
+    assert reply.ok, reply.message
+    assert seen == ["ben"]
+
+
 @pytest.mark.parametrize("payload", [b"", b"\xff\xfe", b'{"client": "ben", "utc_ns": 0}'])
 def test_stop_always_stops(desk: Desk, payload: bytes) -> None:
     desk.call("arm")
