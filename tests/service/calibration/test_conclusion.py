@@ -1,16 +1,19 @@
-"""Why an interval grows with one more trial: what is said of it holds."""
+"""What is said at the end: why an interval grew, and how the law meets unseen trials."""
 
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from frictus_service.calibration.conclusion import WIDER, why_wider
+from frictus_service.calibration import conclusion
+from frictus_service.calibration.conclusion import WIDER, conclude, why_wider
 from frictus_service.calibration.coordinates import Prior
+from frictus_service.calibration.job import CalibrationSpec, PaperProtocol, QuickProtocol
 from frictus_service.calibration.posterior import Posterior, estimate
-from frictus_service.calibration.precision import Variation, draw
+from frictus_service.calibration.precision import Variation, draw, paper_asks
 
-from .test_posterior import asks_of, somebody
+from .test_posterior import STEADY, asks_of, somebody
 
 SPEEDS = np.array([20.0, 25.0, 30.0, 90.0, 95.0, 100.0])
 
@@ -42,3 +45,23 @@ def test_where_an_interval_grows_the_finger_is_judged_to_wander_more(
                 grown += 1
                 assert after.mixture.wandering > before.mixture.wandering
     assert grown > 0
+
+
+@pytest.mark.parametrize("kind", ["paper", "quick"])
+def test_unseen_trials_are_met_by_the_estimate_that_made_the_model(
+    kind: str, rng: np.random.Generator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each protocol has its own; of the other one's errors nothing may be said."""
+    other = {"paper": "_by_prior", "quick": "_by_analysis"}[kind]
+
+    def refused(*_: object) -> None:
+        raise AssertionError(f"{other} has no part in the {kind} protocol")
+
+    monkeypatch.setattr(conclusion, other, refused)
+    trials = draw(rng, somebody(rng), paper_asks()[::5], STEADY)
+    protocol = {"paper": PaperProtocol(), "quick": QuickProtocol()}[kind]
+    spec = CalibrationSpec(rig="rig1", participant="p", protocol=protocol, seed=1)
+    (tmp_path / "study.h5").write_bytes(b"hashed, and not read")
+    result = conclude(spec, trials, (), (), tmp_path / "study.h5", ())
+    held = result.details["diagnostics"]["held_out"]
+    assert held["in_sample_db"] < held["held_out_db"] < held["placeholder_db"]
