@@ -32,7 +32,12 @@ def go_on(
     done = {line["number"] for line in read(path)}
     for number in numbers:
         if number not in done:
-            line = run(number, secrets.randbits(31))
+            seed = secrets.randbits(31)
+            try:
+                line = run(number, seed)
+            except Exception as error:
+                error.add_note(f"study {number}, of seed {seed}")
+                raise
             with path.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(line) + "\n")
             yield line
