@@ -247,7 +247,7 @@ def test_a_rig_whose_process_has_ended_is_told_by_its_supervisor(page: Page) -> 
     }
     got = page.evaluate(STRIP, {"status": status, "trusted": False, "gone": True})
     assert (got["kind"], got["title"], got["who"]) == ("unknown", "Ended", "Nobody")
-    assert re.fullmatch(r"held by ben until [\d:]+: the rig process ended", got["then"])
+    assert re.fullmatch(r"held by ben until [\d:]+", got["then"])  # the fault says why
     assert "no answer" in got["fault"]
     assert got["arm"]["hidden"]
     assert got["reset"]["hidden"]  # there is nothing to reset

@@ -94,7 +94,7 @@ def test_keys_take_it_over_and_the_spectrum_is_of_that_hand(page: Page, lab: Lab
     expect(page.locator("#takeover")).to_have_text(TAKEN)
     # At the right end it rests: nothing is averaged with what the strokes felt.
     lab.finger(lambda finger: finger.x_mm > 69.0)
-    expect(page.locator("#spectrum-note")).to_contain_text("Waiting for a finger that slides")
+    expect(page.locator("#spectrum-note")).to_contain_text("does not slide now")
     page.keyboard.up("ArrowRight")
     page.keyboard.down("ArrowLeft")  # no lift from one stroke to the next
     lab.finger(lambda finger: finger.x_mm < 20.0)

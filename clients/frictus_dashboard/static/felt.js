@@ -71,7 +71,9 @@ export class Felt {
     const samples = this.samples;
     const speed = steadySpeed(samples[VX], samples[VY]);
     if (speed === null) {
-      this.why = "Waiting for a finger that slides for 0.4 s in one direction.";
+      const waiting = "Waiting for a finger that slides for 0.4 s in one direction.";
+      const rests = "The finger does not slide now: this is of its last strokes.";
+      this.why = this.segments.length === 0 ? waiting : rests;
       return;
     }
     const felt = bandPower(samples[FRICTION], sampleRateHz);

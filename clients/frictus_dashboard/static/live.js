@@ -209,7 +209,7 @@ export class Live {
     this.pointing.enable((pointer || takeover) && !theirs && may);
     this.listening.followed = pointer && this.pointing.enabled;
     const held = `The finger is a pointer's, and ${nameOf(owner, client)} holds the rig.`;
-    say(at("surface-help"), pointer && theirs ? held : FINGERS[pointer ? may : source]);
+    this.source = pointer && theirs ? held : FINGERS[pointer ? may : source];
     this.#showTakeover();
   }
 
@@ -220,6 +220,7 @@ export class Live {
     at("takeover").hidden = !(pointing.enabled && state.status?.finger_takeover);
     at("takeover").toggleAttribute("data-taken", touching);
     say(at("takeover"), touching ? TAKEN : INVITATION);
+    say(at("surface-help"), touching ? "" : this.source);
   }
 
   #showStrip() {
@@ -246,8 +247,9 @@ export class Live {
     const { scene, applied, source } = this.state.scene;
     this.surface.setRegions(source === "scene" ? scene.regions : []);
     const gain = `rendered at ${(100 * applied.gain).toFixed(0)} % of the friction asked for`;
+    const smooth = scene.regions.length === 0;
     const words = {
-      scene: `Scene ${scene.name || "without a name"}, ${gain}`,
+      scene: smooth ? "A smooth screen" : `Scene ${scene.name || "without a name"}, ${gain}`,
       stream: `A client streams a texture to the whole screen, ${gain}`,
       excitation: "An excitation is played, as in a calibration",
     };
@@ -287,7 +289,7 @@ export class Live {
     if (finger === null) return "Where the finger is, is not known.";
     if (!finger.in_contact) return "No finger touches the screen.";
     const place = `${finger.x_mm.toFixed(0)}, ${finger.y_mm.toFixed(0)} mm`;
-    return `The finger is at ${place}, as its sensor said ${finger.age_ms.toFixed(0)} ms ago.`;
+    return `The finger touches at ${place}; this line is renewed once a second.`;
   }
 }
 

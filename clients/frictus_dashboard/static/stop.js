@@ -5,6 +5,8 @@ import { at, say } from "./element.js";
 
 const TRY_MS = 800;
 const PAUSE_MS = 200;
+/** How long an answer is shown: from then on the strip says what there is to know. */
+const SHOWN_MS = 10_000;
 /** Answers that another try would not change. */
 const FINAL = (error) => error instanceof Refusal && error.status < 500;
 
@@ -14,6 +16,7 @@ const FINAL = (error) => error instanceof Refusal && error.status < 500;
  * @param {string} rig
  * @param {(text: string) => void} tell
  * @param {() => boolean} wanted false once a newer stop has taken over
+ * @returns {Promise<boolean>} whether it was answered as asked
  */
 async function stopRig(rig, tell, wanted) {
   for (let tries = 1; wanted(); tries++) {
@@ -21,17 +24,18 @@ async function stopRig(rig, tell, wanted) {
       const path = `/rigs/${encodeURIComponent(rig)}/stop`;
       const { state } = await request("POST", path, { timeoutMs: TRY_MS });
       if (wanted()) tell(`${rig} answered the stop: ${state}`);
-      return;
+      return true;
     } catch (error) {
-      if (!wanted()) return;
+      if (!wanted()) return false;
       if (FINAL(error)) {
         tell(`${rig}: ${error.message}`);
-        return;
+        return false;
       }
       tell(`${rig}: stop sent ${tries} times, no answer yet. Switch the amplifier off.`);
     }
     await new Promise((resume) => setTimeout(resume, PAUSE_MS));
   }
+  return false;
 }
 
 /**
@@ -50,9 +54,14 @@ export function installStop(rigs) {
     const told = new Map(rigs().map((rig) => [rig, `${rig}: stopping…`]));
     const when = new Date().toTimeString().slice(0, 8);
     const show = () => say(outcome, `${when} ${[...told.values()].join("; ")}`);
-    for (const rig of told.keys()) {
-      stopRig(rig, (text) => (told.set(rig, text), show()), () => mine === newest);
-    }
+    const wanted = () => mine === newest;
+    const stopping = [...told.keys()].map((rig) => {
+      return stopRig(rig, (text) => (told.set(rig, text), show()), wanted);
+    });
+    Promise.all(stopping).then((answered) => {
+      if (!answered.length || answered.includes(false)) return; // that stays
+      setTimeout(() => wanted() && say(outcome, ""), SHOWN_MS);
+    });
     if (told.size === 0) told.set("", "Nothing to stop: this page has seen no rig");
     show();
   }

@@ -52,7 +52,7 @@ export class Strip {
     this.badges = shown;
     at("badges").replaceChildren(...badges.map(badge));
     at("notes").hidden = badges.length === 0;
-    say(at("notes-count"), String(badges.length));
+    say(at("notes-count"), `${badges.length} ${badges.length === 1 ? "note" : "notes"}`);
     at("notes-list").replaceChildren(
       ...badges.map(({ word, why }) => element("li", {}, element("b", {}, word), `: ${why}`)),
     );

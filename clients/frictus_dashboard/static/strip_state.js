@@ -68,20 +68,28 @@ function titleOf(heard) {
 
 /** The holder by name, and since when, or who ended the lease before. */
 function whoOf({ status, client, heldNs }) {
-  const { owner, share_with: shared, last_end: end } = status;
+  const { owner, share_with: shared, last_end: end, fault } = status;
   if (owner !== null) {
     const others = shared.length === 0 ? "" : `, shared with ${shared.join(", ")}`;
     const since = heldNs === null ? "" : `since ${clock(heldNs)}`;
     return { who: `Held by ${nameOf(owner, client)}${others}`, then: since, known: owner };
   }
   if (end === null) return { who: "Held by nobody", then: "", known: "" };
-  return { who: "Nobody", then: endOf(end, client), known: "" };
+  return { who: "Nobody", then: endOf(end, client, fault !== null), known: "" };
 }
 
-/** How a lease ended: by whom, or why, and when. */
-export function endOf({ owner, by, reason, utc_ns: ns }, client) {
+/**
+ * How a lease ended: by whom, or why, and when.
+ *
+ * @param {object} end @param {string} client
+ * @param {boolean} told whether the reason stands elsewhere, as that of a trip does
+ */
+export function endOf({ owner, by, reason, utc_ns: ns }, client, told = false) {
   const what = reason === "stopped" ? "stopped" : "disarmed";
-  if (by === null) return `held by ${nameOf(owner, client)} until ${clock(ns)}: ${reason}`;
+  if (by === null) {
+    const why = told ? "" : `: ${reason}`;
+    return `held by ${nameOf(owner, client)} until ${clock(ns)}${why}`;
+  }
   const others = by !== owner ? `, held by ${nameOf(owner, client)}` : "";
   return `${what} by ${nameOf(by, client)} at ${clock(ns)}${others}`;
 }

@@ -5,6 +5,8 @@ import { connect, type Client, type FingerState, type Rig, type TextureStream } 
 const PEAK_N = 0.06;
 const SPAN_N = 0.8;
 const COLUMNS = 400;
+/** A texture is felt until it is as old as this: who streams goes on sending. */
+const TTL_MS = 1_000;
 
 function element<T extends HTMLElement>(id: string): T {
   return document.getElementById(id) as T;
@@ -35,7 +37,7 @@ function profile(): Float32Array {
 }
 
 function sendTexture(): void {
-  stream?.send(profile(), { periodMm: Number(ridge.value), ttlMs: 1_000 });
+  stream?.send(profile(), { periodMm: Number(ridge.value), ttlMs: TTL_MS });
 }
 
 async function play(): Promise<void> {
@@ -57,9 +59,13 @@ async function play(): Promise<void> {
   sizeMm = (await rig.status()).screen_mm;
   paintRidges();
   const lease = await rig.arm();
-  void lease.ended.then((reason) => reason && say(`Stopped: ${reason}.`));
   stream = await rig.openStream(PEAK_N);
   sendTexture();
+  const sending = setInterval(sendTexture, TTL_MS / 2);
+  void lease.ended.then((reason) => {
+    clearInterval(sending);
+    if (reason) say(`Stopped: ${reason}.`);
+  });
   say("Playing: move the pointer over the ridges.");
 }
 

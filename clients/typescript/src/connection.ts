@@ -203,7 +203,7 @@ async function welcomed(socket: WebSocket, token: string | null): Promise<Connec
     const fail = (reason: string) => reject(new ClosedError(reason));
     due = setTimeout(() => fail(`no welcome from ${socket.url}`), WELCOME_MS);
     socket.onopen = () => socket.send(JSON.stringify({ op: "hello", version: 1, token }));
-    socket.onerror = () => fail(`no connection to ${socket.url}: is the service there?`);
+    socket.onerror = () => fail(`no connection to ${socket.url}: the service is not there, or [api] origins does not name this page`);
     socket.onclose = (event) => fail(event.reason || `${socket.url} has closed the connection`);
     socket.onmessage = (event) => {
       let told: Told;

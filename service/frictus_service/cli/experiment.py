@@ -3,7 +3,7 @@
 import sys
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -18,6 +18,9 @@ from frictus_service.cli.options import (
     wants_lines,
     write_line,
 )
+
+OBSERVER: Final = "observer"
+"""How the pseudonyms of simulated observers begin."""
 
 if TYPE_CHECKING:
     from frictus.experiment import (
@@ -37,8 +40,13 @@ def experiment(
         ),
     ],
     participant: Annotated[
-        str, typer.Option("--participant", metavar="P", help="Pseudonym: letters and digits.")
-    ] = "01",
+        str | None,
+        typer.Option(
+            "--participant",
+            metavar="P",
+            help="Pseudonym: letters and digits.  [default: 01; observer, of a simulated one]",
+        ),
+    ] = None,
     order_row: Annotated[
         int,
         typer.Option("--order", min=0, help="Row of the Latin square: number of the person."),
@@ -57,7 +65,10 @@ def experiment(
     ] = None,
     observer: Annotated[
         bool,
-        typer.Option("--observer", help="A simulated observer answers, on a simulated rig."),
+        typer.Option(
+            "--observer",
+            help="A simulated observer answers, on a simulated rig; its name begins so.",
+        ),
     ] = False,
     results_only: Annotated[
         bool, typer.Option("--results", help="Present nothing; say what the log says.")
@@ -84,6 +95,12 @@ def experiment(
     from frictus_service.experiments.phrasing import result_lines
 
     chosen = load_protocol(protocol)
+    participant = participant or (OBSERVER if observer else "01")
+    if observer != participant.startswith(OBSERVER):
+        raise typer.BadParameter(
+            f"participant {participant!r}: the name of a simulated observer (--observer) "
+            f"begins with {OBSERVER!r}, and nobody else's does: they never share a log"
+        )
     path = log or Path(f"{chosen.name}-{participant}.jsonl")
     if not results_only:
         target = TargetRig.of(config, router, site, rig)
@@ -102,7 +119,7 @@ def experiment(
             if observer:
                 virtual = VirtualParticipant(found, chosen.task, SimulatedObserver(), made.seed)
                 with closing(virtual), made:
-                    made.run(virtual)
+                    made.run(_Told(virtual))
             else:
                 person = Keyboard(chosen)
                 with made:
@@ -121,6 +138,19 @@ def experiment(
             write_line(event="result", log=str(path), **each.fields())
         else:
             sys.stdout.write("\n".join(result_lines(each)) + "\n")
+
+
+class _Told:
+    """A participant whose trials are told, a line each: they take minutes."""
+
+    def __init__(self, person: "Participant") -> None:
+        self._person = person
+        self.rest, self.begin, self.learn = person.rest, person.begin, person.learn
+
+    def ask(self, trial: "ScheduledTrial", intervals: "list[PresentedInterval]") -> str:
+        given = self._person.ask(trial, intervals)
+        _say(f"trial {trial.number}: {given}")
+        return given
 
 
 class Keyboard:

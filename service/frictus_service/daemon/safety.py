@@ -32,8 +32,8 @@ ACTIONS: Final[dict[FaultKind, str]] = {
 }
 """What an operator does about each kind of fault."""
 AGAIN: Final = (
-    "The rig is started again by itself, disarmed, and needs no reset. Report the message to "
-    "the maintainers."
+    "The rig is started again by itself, disarmed, and needs no reset. Its scene is gone, and "
+    "its model is that of its start: set both again. Report the message to the maintainers."
 )
 """What an operator does about a rig whose process has ended."""
 

@@ -32,6 +32,8 @@ AROUND_S: Final = 5.0
 order each, not among each other."""
 MAX_SAMPLES: Final = 20_000_000
 """Of one trial, which is held in memory: 1000 s at 20 kHz."""
+MOST_BLANK_SWING_V: Final = 5.0
+"""Peak to peak that a monitor may show without drive: its noise, and the mains."""
 EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -185,13 +187,23 @@ class _Gathering:
         except CaptureError as error:
             return Exclusion(segment.id, "samples", str(error))
         started = EPOCH + timedelta(microseconds=self._capture.utc_ns // 1_000)
-        told = replace(info, drive_vpp=_swing(trial), started_utc=started.isoformat())
+        swing_v = _swing(trial)
+        if not info.tones_hz and swing_v > MOST_BLANK_SWING_V:
+            return Exclusion(
+                segment.id,
+                "tone_hz",
+                f"is 0, but the screen was driven with {swing_v:.0f} V peak to peak: a blank "
+                "trial is recorded without drive; say which tones were played, or use another "
+                "recording",
+            )
+        drive_vpp = swing_v if info.tones_hz else 0.0
+        told = replace(info, drive_vpp=drive_vpp, started_utc=started.isoformat())
         return replace(trial, info=told)
 
 
 def _swing(trial: Trial) -> float:
-    """Return the peak-to-peak voltage that the monitor saw."""
-    if not trial.info.tones_hz or trial.voltage_v is None:
+    """Return the peak-to-peak voltage that the monitor saw; 0 where it saw nothing."""
+    if trial.voltage_v is None or not np.isfinite(trial.voltage_v).any():
         return 0.0
     return round(float(np.nanmax(trial.voltage_v) - np.nanmin(trial.voltage_v)), 3)
 

@@ -97,6 +97,7 @@ def test_an_observer_has_its_difference_threshold_back(router: str, tmp_path: Pa
     done = run(DIFFERENCE, tmp_path, router, "--observer", "--events", str(tmp_path / "bids"))
     assert done.exit_code == 0, done.output
     assert "log.jsonl; Ctrl-C ends it, and the same command goes on" in done.stderr
+    assert [done.stderr.count(f"trial {n}: ") for n in range(1, 32)] == [1] * 30 + [0]
     result = json.loads(done.stdout.splitlines()[-1])
     threshold = result["fit"]["threshold"]
     assert threshold["low"] < SimulatedObserver().jnd_db < threshold["high"]
@@ -115,7 +116,7 @@ def test_an_observer_has_its_difference_threshold_back(router: str, tmp_path: Pa
     # On a busy machine one interval may last longer or less; the row says so, and few do.
     lasted_s = [each["duration_s"] for row in trials for each in row["intervals"]]
     assert median(lasted_s) == pytest.approx(0.3, abs=0.1)
-    with (tmp_path / "bids" / "sub-01_task-difference_events.tsv").open() as file:
+    with (tmp_path / "bids" / "sub-observer_task-difference_events.tsv").open() as file:
         events = list(csv.DictReader(file, delimiter="\t"))
     assert [float(row["level"]) for row in events] == [row["level"] for row in trials]
     assert [int(row["sample"]) for row in events] == [
@@ -128,6 +129,18 @@ def test_an_observer_has_its_difference_threshold_back(router: str, tmp_path: Pa
     other = run(DIFFERENCE.replace("6.0, 4.0, 2.0", "6.0"), tmp_path, router, "--results")
     assert other.exit_code == 2
     assert "procedure differ" in other.stderr
+
+
+@pytest.mark.parametrize(
+    "more", [("--observer", "--participant", "P3"), ("--participant", "observer2")]
+)
+def test_a_person_and_a_simulated_observer_never_share_a_log(
+    more: tuple[str, ...], tmp_path: Path
+) -> None:
+    done = run(DIFFERENCE, tmp_path, "tcp/127.0.0.1:9", *more)
+    assert done.exit_code == 2
+    assert "simulated observer" in done.stderr
+    assert not (tmp_path / "log.jsonl").exists()
 
 
 def test_the_rendered_interval_is_where_the_samples_say(router: str, tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Recordings become studies: guided trials, a declared one, and what is left out."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from frictus.messages import (
 from frictus.textures import Scene
 from frictus_hardware.physics.linear import Mount
 from frictus_service.errors import ExportError
+from frictus_service.recording import export as recording_export
 from frictus_service.recording.export import Exported, export_study
 from frictus_service.recording.records import GapNote
 from frictus_service.recording.segments import TrialDeclaration
@@ -281,6 +283,22 @@ def test_guided_trials(export: Export, tmp_path: Path) -> None:
     for number, trial in enumerate(trials):
         first = round((0.3 + 1.4 * number) * RATE_HZ)
         assert trial.force_n == pytest.approx(value(1, first, 2_000).T)
+
+
+def test_what_was_driven_is_no_blank_trial(
+    export: Export, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recording_export, "MOST_BLANK_SWING_V", 0.01)
+
+    def play(tape: Tape) -> None:
+        guided(tape, 1, (100.0,), 40.0)
+        guided(tape, 2, (), 40.0)
+
+    done = export(play, TrialDeclaration())
+    (left_out,) = done.excluded
+    assert left_out.field == "tone_hz"
+    assert re.search(r"driven with \d+ V peak to peak: a blank trial", left_out.reason)
+    assert [trial.info.order for trial in trials_of(tmp_path)] == [0]
 
 
 def test_guided_trials_that_cannot_be_used_are_named(export: Export, tmp_path: Path) -> None:

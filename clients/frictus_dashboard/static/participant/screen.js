@@ -52,7 +52,7 @@ function ofPhase(screen, task) {
     case "question":
       return {
         kind: phase,
-        title: task.question,
+        title: task.question.replaceAll(/ \(\d\)/g, ""), // numbers are a keyboard's
         text: touched ? "" : LOST,
         buttons: (CHOICES[task.kind] ?? []).map(([answer, label, keys]) => ({ answer, label, keys })),
         number: task.kind === "magnitude" ? { low: task.low, high: task.high } : null,

@@ -106,7 +106,7 @@ class Supervisor:
         self._config = config
         self._alive = alive
         self._host_router = config.router.host if host_router is None else host_router
-        self._say = say
+        self._tell = say
         self._context = multiprocessing.get_context("spawn")
         self._parts = {
             name: _Part(name, self._context.Value("Q", 0, lock=False)) for name in parts
@@ -214,7 +214,7 @@ class Supervisor:
         told, part_telling = self._context.Pipe(duplex=False)
         part.ready.clear()
         part.heartbeat.value = 0
-        part.process = self._context.Process(
+        process = self._context.Process(
             target=run_part,
             args=(
                 part.name,
@@ -227,12 +227,20 @@ class Supervisor:
             name=f"frictus-{part.name}",
             daemon=True,
         )
-        part.process.start()
-        # Only the child holds its ends now: they close with it.
-        part_told.close()
-        part_telling.close()
-        part.telling, part.told = telling, told
         part.started_s = time.monotonic()
+        try:
+            process.start()
+        except OSError as error:  # the machine has no room for it now
+            telling.close()
+            told.close()
+            self._put_off(part, f"{part.name} could not be started: {error}")
+            return
+        finally:
+            # Only the child holds its ends now: they close with it.
+            part_told.close()
+            part_telling.close()
+        part.process = process
+        part.telling, part.told = telling, told
         part.progress.begin()
         part.starts += 1
 
@@ -240,23 +248,37 @@ class Supervisor:
         look_s = 1e-3 * self._config.limits.freeze_ms / LOOKS
         looked_s = time.monotonic()
         while not self._stopping.is_set():
-            running = [part for part in self._parts.values() if part.process is not None]
-            sources = [part.process.sentinel for part in running]
-            sources += [part.told for part in running if part.told is not None]
-            if not sources:
+            try:
+                self._follow(look_s)
+                if time.monotonic() - looked_s >= look_s:
+                    looked_s = time.monotonic()
+                    self._look_for_freeze()
+                self._start_due()
+            except Exception as error:  # whatever it is: a rig that freezes must be ended
+                self._say(f"the supervisor met a bug, and goes on: {error!r}")
                 self._stopping.wait(look_s)
-            ended = wait(sources, look_s) if sources else []
-            for part in running:
-                if part.told in ended:
-                    self._listen(part)
-                if part.process.sentinel in ended:
-                    part.process.join()  # the exit code is known only now
-                    self._listen(part)
-                    self._on_death(part, _how_it_ended(part.process.exitcode))
-            if time.monotonic() - looked_s >= look_s:
-                looked_s = time.monotonic()
-                self._look_for_freeze()
-            self._start_due()
+
+    def _follow(self, look_s: float) -> None:
+        """Wait for what parts say, and for their ends."""
+        running = [part for part in self._parts.values() if part.process is not None]
+        sources = [part.process.sentinel for part in running]
+        sources += [part.told for part in running if part.told is not None]
+        if not sources:
+            self._stopping.wait(look_s)
+        ended = wait(sources, look_s) if sources else []
+        for part in running:
+            if part.told in ended:
+                self._listen(part)
+            if part.process.sentinel in ended:
+                part.process.join()  # the exit code is known only now
+                self._listen(part)
+                self._on_death(part, _how_it_ended(part.process.exitcode))
+
+    def _say(self, line: str) -> None:
+        # The reader of standard error may be gone, its disk full: what watches over voltage
+        # goes on, and has nobody to tell.
+        with contextlib.suppress(Exception):
+            self._tell(line)
 
     def _listen(self, part: _Part) -> None:
         """Take what a part has to say."""
@@ -323,22 +345,25 @@ class Supervisor:
         reason = f"the {part.name} process ended: {part.failure or how}"
         if part.name == "rig":
             reason = self._make_safe(part, reason)
+        self._put_off(part, reason)
+        with self._changed:
+            part.failure = part.failure or reason
+            self._changed.notify_all()
+
+    def _put_off(self, part: _Part, reason: str) -> None:
         now_s = time.monotonic()
         if now_s - part.started_s > SOUND_S:
             part.pause_s = FIRST_PAUSE_S
         part.due_s = now_s + part.pause_s
         self._say(f"{reason}; it is started again in {part.pause_s:.1f} s")
         part.pause_s = min(2.0 * part.pause_s, LONGEST_PAUSE_S)
-        with self._changed:
-            part.failure = part.failure or reason
-            self._changed.notify_all()
 
     def _make_safe(self, part: _Part, reason: str) -> str:
         """Reset the device, then tell everybody; return the reason with what came of it."""
         try:
             self._config.backend.reset()
             reason += "; the device was reset"
-        except HardwareError as error:
+        except Exception as error:  # whatever it is, people must know
             reason += f"; the device could NOT be reset ({error}): switch it off by hand"
         fault = Fault(kind="internal", reason=reason, utc_ns=time.time_ns(), action=AGAIN)
         part.former = FormerRun(fault)
