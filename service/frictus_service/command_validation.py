@@ -8,12 +8,15 @@ from pydantic import ValidationError
 
 from frictus.errors import FrameError, RefusedError, explain
 from frictus.messages import GuidanceState, Message, Request
-from frictus.stream import StreamFrame
+from frictus.stream import MAX_FRAME_BYTES, StreamFrame
 from frictus_service.config import Limits
 from frictus_service.json_text import read_sliced
 
 Kind = TypeVar("Kind", bound=Request)
 AnyMessage = TypeVar("AnyMessage", bound=Message)
+SHORT_BYTES: Final = 4_096
+"""What is decided in a callback is at most so long; it takes microseconds to read."""
+SHORT: Final = ("arm", "disarm", "reset", "lease", "pointer", "compensation", "adaptation")
 CENTURY_NS: Final = 100 * 365 * 86_400 * 10**9
 MAX_NESTED: Final = 10_000
 """Objects and lists in a payload. They take long to read, and meanwhile the block loop may wait
@@ -42,6 +45,21 @@ class CommandValidator:
     """
 
     limits: Limits
+
+    def most_bytes(self, name: str) -> int:
+        """Return how long the payload of a call or message may be.
+
+        Parameters
+        ----------
+        name : str
+            A key of `frictus.keys.CALLS`, or `lease`, `texture`, `pointer`, `guidance`.
+        """
+        if name == "scene":
+            return self.limits.max_scene_bytes
+        if name == "texture":
+            return MAX_FRAME_BYTES
+        most = self.limits.max_payload_bytes
+        return min(SHORT_BYTES, most) if name in SHORT else most
 
     def read(self, kind: type[Kind], payload: bytes, utc_ns: int, most_bytes: int) -> Kind:
         """Return the request that `payload` holds.

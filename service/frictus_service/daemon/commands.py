@@ -50,9 +50,6 @@ OWNERS_CALLS: Final = (
     "model",
 )
 RENDERING_CALLS: Final = (*OWNERS_CALLS, "adaptation", "adapt")
-SHORT_BYTES: Final = 4_096
-"""What is decided in a callback is at most so long; it takes microseconds to read."""
-SHORT: Final = ("arm", "disarm", "reset", "lease", "pointer", "compensation", "adaptation")
 UNNAMED_BYTES: Final = 64_000
 """A call whose attachment names nobody is at most so long: only reading it would tell who sent
 it, and whether that client may."""
@@ -93,7 +90,6 @@ class Commands:
         self._stage = stage
         self._models = models
         self._interlock = interlock
-        self._limits = limits
         self._gate = CommandValidator(limits)
         self._utc_ns = utc_ns
         self.presence = ClientPresence(control.vanish)
@@ -188,7 +184,7 @@ class Commands:
             if name in OWNERS_CALLS and sender:
                 self._stage.check_owner(sender)
             size_bytes = len(payload or b"")
-            self._gate.check_size(size_bytes, self._most_bytes(name))
+            self._gate.check_size(size_bytes, self._gate.most_bytes(name))
             if not sender and size_bytes > UNNAMED_BYTES:
                 raise RefusedError(
                     "too_large",
@@ -198,12 +194,6 @@ class Commands:
 
         reply = self._answered(check)
         return None if reply.ok else reply
-
-    def _most_bytes(self, name: str) -> int:
-        if name == "scene":
-            return self._limits.max_scene_bytes
-        most = self._limits.max_payload_bytes
-        return min(SHORT_BYTES, most) if name in SHORT else most
 
     def _decide(self, message: IncomingCommand) -> None:
         self._to_answer(message, self.keep_safe(message))
@@ -218,15 +208,23 @@ class Commands:
             with self._counting:
                 self._refused += 1
 
-    def _take_lease(self, sample: zenoh.Sample) -> None:
-        refused = self._refusal_unread("lease", "", sample.payload)
+    def _copied(self, name: str, sample: zenoh.Sample) -> bytes | None:
+        """Return a payload, or count it as refused: to copy a long one stops the loop."""
+        refused = self._refusal_unread(name, "", sample.payload)
         if refused is not None:
             self._count(refused)
-            return
-        self._count(self.keep_safe(IncomingCommand("lease", sample.payload.to_bytes())))
+            return None
+        return sample.payload.to_bytes()
+
+    def _take_lease(self, sample: zenoh.Sample) -> None:
+        payload = self._copied("lease", sample)
+        if payload is not None:
+            self._count(self.keep_safe(IncomingCommand("lease", payload)))
 
     def _post_texture(self, sample: zenoh.Sample) -> None:
-        payload = sample.payload.to_bytes()
+        payload = self._copied("texture", sample)
+        if payload is None:
+            return
         # Anybody's would push out the update of whom the stream belongs to.
         reply = self._answered(lambda: self._stage.check_ticket(ticket_of(payload)))
         self._count(reply)
@@ -234,13 +232,15 @@ class Commands:
             self._rendering.post("texture", IncomingCommand("texture", payload))
 
     def _post_pointer(self, sample: zenoh.Sample) -> None:
-        sender = _name_in(sample.attachment)
-        self._answering.post(
-            "pointer", IncomingCommand("pointer", sample.payload.to_bytes()), sender
-        )
+        payload = self._copied("pointer", sample)
+        if payload is not None:
+            sender = _name_in(sample.attachment)
+            self._answering.post("pointer", IncomingCommand("pointer", payload), sender)
 
     def _post_guidance(self, sample: zenoh.Sample) -> None:
-        self._answering.post("guidance", IncomingCommand("guidance", sample.payload.to_bytes()))
+        payload = self._copied("guidance", sample)
+        if payload is not None:
+            self._answering.post("guidance", IncomingCommand("guidance", payload))
 
     def _on_token(self, sample: zenoh.Sample) -> None:
         client = str(sample.key_expr).rsplit("/", 1)[1]
@@ -335,7 +335,7 @@ class Commands:
         self._control.guide(self._gate.read_guidance(payload, self._utc_ns()))
 
     def _read(self, kind: Any, message: IncomingCommand) -> Any:
-        most_bytes = self._most_bytes(message.name)
+        most_bytes = self._gate.most_bytes(message.name)
         request = self._gate.read(kind, message.payload, self._utc_ns(), most_bytes)
         if message.sender not in ("", request.client):
             raise RefusedError(

@@ -121,8 +121,9 @@ class Recorder:
         return post
 
     def _answer(self, name: str, query: zenoh.Query) -> None:
-        payload = query.payload.to_bytes() if query.payload else b""
         try:
+            self._gate.check_size(len(query.payload or b""), self._gate.most_bytes(name))
+            payload = query.payload.to_bytes() if query.payload else b""
             reply = self._record(payload) if name == "record" else self._end(payload)
         except RefusedError as error:
             code: RefusalCode = error.code  # type: ignore[assignment]

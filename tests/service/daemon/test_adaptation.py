@@ -16,8 +16,8 @@ from frictus_hardware import SimulatedConfig
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
 from frictus_hardware.simulated.strokes import SteadyStrokes
+from frictus_service.command_validation import SHORT_BYTES
 from frictus_service.config import ApiConfig, Config, Limits, RouterConfig, TrackerConfig
-from frictus_service.daemon.commands import SHORT_BYTES
 from frictus_service.daemon.inboxes import (
     CompensationUpdate,
     ModelSlot,

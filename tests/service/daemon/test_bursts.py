@@ -9,8 +9,10 @@ import pytest
 import zenoh
 
 from frictus.keys import RigKeys, Topics
+from frictus.stream import MAX_FRAME_BYTES
 from frictus.textures import Region
 from frictus_hardware.physics.screen import Screen
+from frictus_service.command_validation import SHORT_BYTES
 from frictus_service.daemon.commands import UNNAMED_BYTES
 from frictus_service.daemon.inboxes import IncomingCommand
 from frictus_service.synthesis.layers import Layer, layers_of
@@ -140,6 +142,23 @@ def test_a_strangers_scene_is_refused_before_it_is_copied(desk: Wired) -> None:
     query = Query(Unread(2_000_000), zenoh.ZBytes("ben"))
     desk.callbacks[KEYS.call("scene")](query)
     assert desk.commands.refused == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "most"),
+    [
+        ("texture", MAX_FRAME_BYTES),
+        ("pointer", SHORT_BYTES),
+        ("guidance", UNNAMED_BYTES),
+    ],
+)
+def test_a_long_message_is_refused_before_it_is_copied(name: str, most: int) -> None:
+    desk = Wired()
+    post = getattr(desk.commands, f"_post_{name}")
+    post(Sample(name, Unread(most + 1)))  # type: ignore[arg-type]
+    assert desk.commands.refused == 1
+    with pytest.raises(AssertionError, match="it was read"):
+        post(Sample(name, Unread(most)))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("name", ["scene", "model", "excite"])

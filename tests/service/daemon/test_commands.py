@@ -12,9 +12,8 @@ from frictus.keys import CALLS
 from frictus.messages import SceneRequest
 from frictus.textures import MAX_PROFILE_SAMPLES, Profile, Region, Scene
 from frictus_service import command_validation
-from frictus_service.command_validation import MAX_DIGITS, MAX_MEMBERS, MAX_VALUES
+from frictus_service.command_validation import MAX_DIGITS, MAX_MEMBERS, MAX_VALUES, SHORT_BYTES
 from frictus_service.config import Limits
-from frictus_service.daemon.commands import SHORT_BYTES
 from frictus_service.daemon.inboxes import ModelSlot
 from frictus_service.daemon.safety import FaultRaised, OutputQuiet, Safety
 from frictus_service.synthesis.compensability import placeholder_model

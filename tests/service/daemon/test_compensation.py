@@ -12,7 +12,7 @@ from frictus.model import BY_MODEL, Compensation, CompensationMode
 from frictus.textures import Component, Region, Scene, Spectrum
 from frictus_hardware.physics.friction import motion_fade
 from frictus_hardware.simulated.strokes import SteadyStrokes
-from frictus_service.daemon.commands import SHORT_BYTES
+from frictus_service.command_validation import SHORT_BYTES
 from frictus_service.daemon.inboxes import CompensationUpdate
 from frictus_service.daemon.safety import (
     Arm,

@@ -1,5 +1,6 @@
 """A real supervisor, a real rig process, a real router: who dies, and what the screen gets."""
 
+import errno
 import os
 import queue
 import signal
@@ -393,6 +394,51 @@ def test_rig_that_dies_or_freezes_is_reset_and_started_again(
             lease.disarm()
     assert any("started again" in line for line in said)
     assert said[-1] == "stopped"
+
+
+@posix_signals
+def test_a_rig_is_watched_although_nobody_can_be_told_and_whatever_fails_once(
+    device: SimulatedDeviceConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who reads standard error may be gone, its disk full; a process may not start."""
+    config = config_with(device)
+
+    def say(_line: str) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with (
+        Supervisor(config, ("rig",), say=say) as supervisor,
+        frictus.connect(config.router.endpoint) as client,
+    ):
+        supervisor.wait_ready(100.0)
+        rig = client.rig("rig1")
+        run = rig.status().run
+        context = supervisor._context
+        failures: list[str] = []
+        follow, process = supervisor._follow, context.Process
+
+        def failing(look_s: float) -> None:
+            follow(look_s)
+            if not failures:
+                failures.append("follow")
+                raise ZeroDivisionError
+
+        def unstarted(**given: Any) -> Any:
+            made = process(**given)
+            if "start" not in failures:
+                failures.append("start")
+                monkeypatch.setattr(made, "start", lambda: os.open("/nowhere", os.O_RDONLY))
+            return made
+
+        monkeypatch.setattr(supervisor, "_follow", failing)
+        monkeypatch.setattr(context, "Process", unstarted)
+        with rig.watch(Topics.STATUS, timeout_s=60.0) as states:
+            os.kill(supervisor.pid_of("rig"), signal.SIGSTOP)
+            told: Any = next(state for state in states if state.state == "tripped")  # type: ignore[attr-defined]
+            assert "the device was reset" in told.fault.reason
+            again: Any = next(s for s in states if s.run != run)  # type: ignore[attr-defined]
+        assert again.state == "disarmed"
+        assert failures == ["follow", "start"]
 
 
 def _held_samples(voltage_v: Any) -> int:

@@ -21,6 +21,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Any, Final, Literal
 
@@ -33,6 +34,8 @@ from frictus_service.processes import Heartbeat
 
 PATIENCE_S: Final = 60.0
 """A start in which nothing moves for so long has failed."""
+FIRST_PAUSE_S: Final = 0.1
+"""Before a part that has ended is started again, for the first time."""
 
 
 class StartProgress:
@@ -164,6 +167,55 @@ class ServiceManager:
 
 
 PartName = Literal["rig", "api", "recorder", "tracker"]
+
+
+@dataclass(slots=True)
+class Part:
+    """One part and its process, as its supervisor knows it.
+
+    Attributes
+    ----------
+    name : PartName
+        Of the part.
+    heartbeat : shared counter
+        Rises while its block loop runs.
+    process : Process or None
+        None while it does not run.
+    telling, told : Connection or None
+        Pipes to and from it; it stops when the former is closed.
+    ready : threading.Event
+        Set once it has said so.
+    progress : StartProgress
+        Of its start.
+    failure : str
+        Why it ended, or could not start.
+    started_s, due_s : float
+        When it was started, and is to be; monotonic.
+    pause_s : float
+        Before it is started the next time.
+    starts, beats, looks : int
+        Starts so far; the counter when it was last looked at, and at how many looks it stood.
+    former : FormerRun or None
+        How its last run ended.
+    """
+
+    name: PartName
+    heartbeat: Any
+    process: Any = None
+    telling: "Connection[Any, Any] | None" = None
+    told: "Connection[Any, Any] | None" = None
+    ready: threading.Event = field(default_factory=threading.Event)
+    progress: StartProgress = field(default_factory=StartProgress)
+    failure: str = ""
+    started_s: float = 0.0
+    due_s: float = 0.0
+    pause_s: float = FIRST_PAUSE_S
+    starts: int = 0
+    beats: int = 0
+    looks: int = 0
+    former: FormerRun | None = None
+
+
 Word = Literal["ready", "failed", "say", "step", "moved"]
 FAILED_EXIT = 3
 """Exit code of a part that could not start or go on, and has said why."""

@@ -12,10 +12,9 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import wait
 from types import TracebackType
-from typing import Any, Final, Self
+from typing import Final, Self
 
 import zenoh
 
@@ -25,9 +24,10 @@ from frictus.session import open_session
 from frictus_hardware.errors import HardwareError
 from frictus_service.config import Config
 from frictus_service.daemon.processes.child_process import (
+    FIRST_PAUSE_S,
     PATIENCE_S,
+    Part,
     PartName,
-    StartProgress,
     run_part,
 )
 from frictus_service.daemon.processes.trip_notice import TripNotice
@@ -44,7 +44,6 @@ LOOKS: Final = 5
 looked less often, and does not blame the rig."""
 STOP_S: Final = 5.0
 """How long a part may take to stop before it is killed."""
-FIRST_PAUSE_S: Final = 0.1
 LONGEST_PAUSE_S: Final = 10.0
 """A part that keeps ending is started again ever more rarely."""
 SOUND_S: Final = 60.0
@@ -54,28 +53,6 @@ SOUND_S: Final = 60.0
 def to_stderr(line: str) -> None:
     """Write a line to standard error."""
     sys.stderr.write(f"{line}\n")
-
-
-@dataclass(slots=True)
-class _Part:
-    """One part and its process."""
-
-    name: PartName
-    heartbeat: Any
-    process: Any = None
-    telling: "Connection[Any, Any] | None" = None
-    """Closed to stop the part."""
-    told: "Connection[Any, Any] | None" = None
-    ready: threading.Event = field(default_factory=threading.Event)
-    progress: StartProgress = field(default_factory=StartProgress)
-    failure: str = ""
-    started_s: float = 0.0
-    due_s: float = 0.0
-    pause_s: float = FIRST_PAUSE_S
-    starts: int = 0
-    beats: int = 0
-    looks: int = 0
-    former: FormerRun | None = None
 
 
 class Supervisor:
@@ -109,7 +86,7 @@ class Supervisor:
         self._tell = say
         self._context = multiprocessing.get_context("spawn")
         self._parts = {
-            name: _Part(name, self._context.Value("Q", 0, lock=False)) for name in parts
+            name: Part(name, self._context.Value("Q", 0, lock=False)) for name in parts
         }
         self._stopping = threading.Event()
         self._changed = threading.Condition()
@@ -209,7 +186,7 @@ class Supervisor:
         tls = config.tls("client") if api_alone else tls_of_rig(config)
         return open_session(config.router.endpoint, tls=tls)
 
-    def _start(self, part: _Part) -> None:
+    def _start(self, part: Part) -> None:
         part_told, telling = self._context.Pipe(duplex=False)
         told, part_telling = self._context.Pipe(duplex=False)
         part.ready.clear()
@@ -280,7 +257,7 @@ class Supervisor:
         with contextlib.suppress(Exception):
             self._tell(line)
 
-    def _listen(self, part: _Part) -> None:
+    def _listen(self, part: Part) -> None:
         """Take what a part has to say."""
         try:
             while part.told is not None and part.told.poll():
@@ -298,12 +275,12 @@ class Supervisor:
                 part.told.close()
             part.told = None
 
-    def _on_progress(self, part: _Part, step: str) -> None:
+    def _on_progress(self, part: Part, step: str) -> None:
         after_s = part.progress.move(step)
         if step:
             self._say(f"{part.name}, {after_s:.1f} s: {step}")
 
-    def _on_ready(self, part: _Part) -> None:
+    def _on_ready(self, part: Part) -> None:
         part.failure = ""
         if part.name == "rig" and self._trip_notice is not None:
             self._trip_notice.withdraw()
@@ -335,7 +312,7 @@ class Supervisor:
         if not any(part.looks for part in self._parts.values()):
             self._alive()
 
-    def _on_death(self, part: _Part, how: str) -> None:
+    def _on_death(self, part: Part, how: str) -> None:
         part.process.close()
         part.process = None
         for pipe in (part.telling, part.told):
@@ -350,7 +327,7 @@ class Supervisor:
             part.failure = part.failure or reason
             self._changed.notify_all()
 
-    def _put_off(self, part: _Part, reason: str) -> None:
+    def _put_off(self, part: Part, reason: str) -> None:
         now_s = time.monotonic()
         if now_s - part.started_s > SOUND_S:
             part.pause_s = FIRST_PAUSE_S
@@ -358,7 +335,7 @@ class Supervisor:
         self._say(f"{reason}; it is started again in {part.pause_s:.1f} s")
         part.pause_s = min(2.0 * part.pause_s, LONGEST_PAUSE_S)
 
-    def _make_safe(self, part: _Part, reason: str) -> str:
+    def _make_safe(self, part: Part, reason: str) -> str:
         """Reset the device, then tell everybody; return the reason with what came of it."""
         try:
             self._config.backend.reset()
@@ -381,12 +358,12 @@ class Supervisor:
             if due and not self._held_back(part):
                 self._start(part)
 
-    def _held_back(self, part: _Part) -> bool:
+    def _held_back(self, part: Part) -> bool:
         """Whether the part that it starts after, if that runs here, is not ready."""
         first = self._parts.get(STARTS_AFTER.get(part.name, part.name))
         return first is not None and first is not part and not first.ready.is_set()
 
-    def _stop(self, part: _Part) -> None:
+    def _stop(self, part: Part) -> None:
         if part.process is None:
             return
         if part.telling is not None:

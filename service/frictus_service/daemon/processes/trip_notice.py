@@ -1,6 +1,7 @@
 """What is said under a rig's name while its process is gone."""
 
 from collections import deque
+from typing import Final
 
 import zenoh
 from zenoh.handlers import Callback
@@ -10,6 +11,9 @@ from frictus.keys import RigKeys, Topics
 from frictus.messages import Fault, LeaseEnd, RigStatus
 from frictus.session import declare_latest_publisher
 from frictus_service.daemon.safety import FormerRun
+
+MAX_STATUS_BYTES: Final = 1_000_000
+"""Whoever sends more under the rig's name is not looked at: to copy it would hold the watch."""
 
 
 class TripNotice:
@@ -30,7 +34,8 @@ class TripNotice:
         self._publisher: zenoh.ext.AdvancedPublisher | None = None
 
         def note(sample: zenoh.Sample) -> None:
-            self._last.append(sample.payload.to_bytes())
+            if len(sample.payload) <= MAX_STATUS_BYTES:
+                self._last.append(sample.payload.to_bytes())
 
         self._subscriber = session.declare_subscriber(self._key, Callback(note, indirect=False))
 
