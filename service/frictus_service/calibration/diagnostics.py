@@ -14,6 +14,7 @@ from scipy import stats
 from frictus.model import FirstOrderSpeedLaw, Model
 from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_service.calibration import coordinates
+from frictus_service.calibration.score_information import usable
 from frictus_service.errors import EstimateError
 from frictus_service.identification.observation.response import TrialObservations
 from frictus_service.synthesis.compensability import placeholder_model
@@ -116,7 +117,7 @@ def diagnose(
     Parameters
     ----------
     observations : sequence of TrialObservations
-        Of one person; the invalid ones are left out.
+        Of one person; of those that are `usable` their rows at the law's speeds.
     model : Model
         Made from them, of friction.
     estimate : callable
@@ -127,7 +128,7 @@ def diagnose(
     EstimateError
         If no valid trial has a response.
     """
-    used = [one for one in observations if one.valid and one.rows.tone_hz.size]
+    used = usable(observations)
     if not used:
         raise EstimateError("no valid trial has a response")
     at = _coordinates_of(model)

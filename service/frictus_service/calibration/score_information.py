@@ -13,6 +13,7 @@ import numpy as np
 
 from frictus_hardware.arrays import ComplexArray, FloatArray, IntArray
 from frictus_service.calibration import coordinates
+from frictus_service.calibration.coordinates import Prior
 from frictus_service.errors import EstimateError
 from frictus_service.identification.observation.response import TrialObservations
 
@@ -34,6 +35,35 @@ class GainScatter:
 
     trial: float = 0.1
     segment: float = 0.1
+
+
+def usable(observations: Sequence[TrialObservations]) -> list[TrialObservations]:
+    """Return the valid trials that have rows, in which what is beyond the law counts for less.
+
+    How a finger goes on below 20 and above 100 mm/s is not part of the law: its cutoff may be
+    held there, as rendering does, or follow the line. Such rows are taken midway, and known no
+    better than these two differ: else a few of them, a little beyond, bend the line between.
+
+    Parameters
+    ----------
+    observations : sequence of TrialObservations
+        Of one person or several.
+    """
+    return [_midway(one) for one in observations if one.valid and one.rows.tone_hz.size]
+
+
+def _midway(one: TrialObservations) -> TrialObservations:
+    rows, typical = one.rows, Prior.weak().mean
+    held_mm_s = np.clip(rows.speed_mm_s, coordinates.LOW_MM_S, coordinates.HIGH_MM_S)
+    speed_mm_s = 0.5 * (rows.speed_mm_s + held_mm_s)
+    straight, held, midway = (
+        coordinates.response(typical, speed, rows.tone_hz)
+        for speed in (rows.speed_mm_s, held_mm_s, speed_mm_s)
+    )
+    share = 0.5 * np.abs((straight - held) / midway)
+    unknown = np.square(share * np.abs(rows.friction_response))
+    variance = rows.friction_variance + 0.5 * unknown  # of real and imaginary part each
+    return replace(one, rows=replace(rows, speed_mm_s=speed_mm_s, friction_variance=variance))
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,14 +97,14 @@ class Data:
 
     @classmethod
     def of(cls, observations: Sequence[TrialObservations]) -> Self:
-        """Collect the valid trials that have rows.
+        """Collect the rows of the trials that are `usable`.
 
         Raises
         ------
         EstimateError
             If there is none, or they are of several people.
         """
-        used = [item for item in observations if item.valid and item.rows.tone_hz.size]
+        used = usable(observations)
         people = sorted({item.info.participant for item in used})
         if not used:
             raise EstimateError(f"none of {len(observations)} trials is valid; repeat them")

@@ -62,7 +62,28 @@ def misses(found: Posterior, truth: FloatArray) -> FloatArray:
 def test_without_noise_the_law_comes_back(rng: np.random.Generator) -> None:
     truth = somebody(rng)
     found = estimate(draw(rng, truth, asks_of(rng, 4), SILENT), None)
-    np.testing.assert_allclose(found.parameters, truth, rtol=1e-4, atol=1e-8)
+    # Rows beyond the law's speeds, here on the line, are taken midway to a cutoff that is held.
+    np.testing.assert_allclose(found.parameters, truth, rtol=5e-4, atol=1e-8)
+
+
+@pytest.mark.parametrize("beyond", ["held", "straight"])
+def test_how_a_finger_goes_on_beyond_the_law_bends_nothing_between(
+    beyond: str, rng: np.random.Generator
+) -> None:
+    """A seventh of all rows up to 7 % beyond: the line between was off by 8 %, known to 9 %."""
+    truth = somebody(rng)
+    trials = []
+    for one in draw(rng, truth, asks_of(rng, 48), SILENT):
+        speed = one.rows.speed_mm_s * rng.uniform(0.97, 1.07, one.rows.speed_mm_s.size)
+        felt = np.clip(speed, 20.0, 100.0) if beyond == "held" else speed
+        response = coordinates.response(truth, felt, one.rows.tone_hz)
+        rows = replace(one.rows, speed_mm_s=speed, friction_response=response)
+        trials.append(replace(one, rows=rows))
+    found = estimate(trials, Prior.weak())
+    speeds = np.array([20.0, 30.0, 60.0, 90.0, 100.0])
+    expected = coordinates.cutoff_hz(truth, speeds)
+    np.testing.assert_allclose(found.cutoff_hz(speeds), expected, rtol=0.005)
+    assert np.all(found.relative_width(speeds) < 0.01)
 
 
 def test_tones_played_together_do_not_feel_the_gain(rng: np.random.Generator) -> None:
