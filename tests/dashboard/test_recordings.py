@@ -66,6 +66,8 @@ def test_records_by_clicks_lists_and_saves_it(page: Page, lab: Lab) -> None:
     opened = page.get_by_role("region", name="One recording")
     expect(opened.get_by_role("heading")).to_have_text("by-clicks")
     expect(opened).to_contain_text("Complete: ")
+    expect(opened.get_by_role("button", name="As a study")).to_be_disabled()
+    expect(opened).to_contain_text("Nobody was guided in it")
     force = opened.get_by_role("img", name="Normal force over time")
     expect(force).to_have_attribute("aria-label", re.compile(r"[\d.]+ to [\d.]+ N$"))
     speed = opened.get_by_role("img", name="Speed of the finger")

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from frictus.keys import FORCE, VOLTAGE
-from frictus.messages import FingerState, RigStatus
+from frictus.messages import FingerState, GuidanceState, RigStatus
 from frictus_hardware.arrays import FloatArray
 from frictus_service.recording.reader import Item, RecordingReader, State
 from frictus_service.recording.records import GapNote, PresenceNote
@@ -60,6 +60,8 @@ class Course:
         In their order; `MOST_EVENTS` at most.
     left_out : int
         Events beyond them.
+    guided_trials : int
+        In what is shown: how many of those a study is made of.
     ending : str
         How far the recording was looked at.
     """
@@ -69,6 +71,7 @@ class Course:
     high: dict[str, FloatArray]
     events: tuple[RecordedEvent, ...]
     left_out: int
+    guided_trials: int
     ending: str
 
 
@@ -103,6 +106,7 @@ def course_of(path: Path, length_s: float) -> Course:
         {name: _finite(high) for name, high in drawn.high.items()},
         tuple(drawn.events),
         drawn.left_out,
+        len(drawn.guided),
         ending,
     )
 
@@ -114,6 +118,7 @@ class _Drawing:
         self.high = {name: np.full(COLUMNS, -np.inf) for name in SIGNALS}
         self.events: list[RecordedEvent] = []
         self.left_out = 0
+        self.guided: set[int] = set()
         self._began: tuple[Samples, float] | None = None
         self._latest: Samples | None = None
         self._latest_s = 0.0
@@ -144,6 +149,9 @@ class _Drawing:
             if finger.in_contact and self._latest is not None:
                 speed_mm_s = float(np.hypot(finger.vx_mm_s, finger.vy_mm_s))
                 self._draw("speed", np.array([self._at_s(item.utc_ns)]), np.array([speed_mm_s]))
+        elif isinstance(item, State) and isinstance(item.message, GuidanceState):
+            if item.message.phase == "record":
+                self.guided.add(item.message.trial)
         elif (event := self._event_of(item)) is not None:
             if len(self.events) < MOST_EVENTS:
                 self.events.append(event)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.service.recording.test_export import RATE_HZ, STATUS, UTC_NS, Tape, value
+from tests.service.recording.test_export import RATE_HZ, STATUS, UTC_NS, Tape, guided, value
 
 from frictus.keys import Topics
 from frictus.messages import Fault, FingerState
@@ -143,6 +143,15 @@ def test_of_a_long_one_the_beginning_is_shown_and_that_is_said(
     assert seen.ending == "the first 2 of 5 s are shown"
     assert not np.isnan(seen.low["normal_force"]).any()
     assert seen.column_s * COLUMNS == pytest.approx(2.0)
+
+
+def test_trials_that_somebody_was_guided_in_are_counted(look: Look) -> None:
+    def play(tape: Tape) -> None:
+        for trial in (1, 2):
+            guided(tape, trial, (100.0,), 40.0)
+
+    assert look(play, 3.0).guided_trials == 2
+    assert look(lambda tape: tape.play(1.0), 1.0).guided_trials == 0
 
 
 def test_events_are_bounded(look: Look, monkeypatch: pytest.MonkeyPatch) -> None:

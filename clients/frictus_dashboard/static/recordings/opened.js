@@ -18,6 +18,10 @@ const FORMS = {
   replay: { path: "export/replay", suffix: ".npz", label: "As a rig to replay (NPZ)" },
 };
 
+const FREE =
+  "Nobody was guided in it, as in a calibration. To make a study of it, say what was done: " +
+  "on the service's machine, `frictus export --help` tells how.";
+
 export class Opened {
   constructor() {
     this.name = null;
@@ -25,6 +29,8 @@ export class Opened {
     this.forms = Object.entries(FORMS).map(([form, { label }]) => {
       return button(label, () => this.#save(form));
     });
+    this.study = this.forms[Object.keys(FORMS).indexOf("study")];
+    this.free = element("p", { class: "quiet" });
     this.outcome = new Outcome();
     this.note = element("p", { class: "quiet" });
     this.charts = Object.keys(TITLES).map((signal) => new SignalChart(signal));
@@ -35,7 +41,7 @@ export class Opened {
     const actions = element("p", { class: "fields" }, ...this.forms, closing);
     const drawn = this.charts.map(({ root }) => root);
     this.root = element("section", { class: "opened", "aria-label": "One recording" });
-    this.root.append(this.title, actions, this.outcome.root, this.note, ...drawn, this.events, play);
+    this.root.append(this.title, actions, this.free, this.outcome.root, this.note, ...drawn, this.events, play);
     this.root.hidden = true;
   }
 
@@ -51,6 +57,7 @@ export class Opened {
     say(this.note, "Reading it…");
     say(this.command, replaying(name, found));
     this.#draw(null);
+    this.#offer(null);
     this.title.focus();
     const wanted = () => this.name === name;
     const patient = new AbortController(); // a long one takes seconds
@@ -58,6 +65,7 @@ export class Opened {
     const course = await this.outcome.of(asked, "It cannot be shown", wanted);
     if (!wanted()) return;
     say(this.note, course === null ? "" : sentence(course));
+    this.#offer(course);
     this.#draw(course);
   }
 
@@ -65,6 +73,13 @@ export class Opened {
     for (const chart of this.charts) chart.show(course);
     const told = course === null ? [] : eventsOf(course);
     this.events.replaceChildren(...told.map((text) => element("li", {}, text)));
+  }
+
+  /** What it can be saved as: a study is made of guided trials, or by who knows what was done. */
+  #offer(course) {
+    this.guided = course === null || course.guided_trials > 0;
+    for (const each of this.forms) each.disabled = each === this.study && !this.guided;
+    say(this.free, this.guided ? "" : FREE);
   }
 
   async #save(form) {
@@ -76,7 +91,7 @@ export class Opened {
     const asked = this.#fetched(`${pathOf(name)}/${path}`, patient.signal);
     const wanted = () => this.name === name;
     const got = await this.outcome.of(asked, `${name} is not saved`, wanted);
-    for (const each of this.forms) each.disabled = false;
+    for (const each of this.forms) each.disabled = each === this.study && !this.guided;
     if (got === null) return;
     saveBlob(got.blob, `${name}${suffix}`);
     if (wanted()) this.outcome.good(`${name}${suffix} is saved. ${got.notes}`.trim());

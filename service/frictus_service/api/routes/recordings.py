@@ -116,6 +116,7 @@ class RecordingCourse(BaseModel):
     signals: list[RecordedSignal]
     events: list[RecordedEvent] = Field(description="Arming, trips, what is missing; in order")
     left_out: int = Field(description="How many events there are besides")
+    guided_trials: int = Field(description="Trials in which somebody was guided: of a study")
     ending: str = Field(description="How far the recording was looked at, for people")
 
 
@@ -206,6 +207,7 @@ def get_recording_course(
         ],
         events=[RecordedEvent(at_s=one.at_s, what=one.what) for one in course.events],
         left_out=course.left_out,
+        guided_trials=course.guided_trials,
         ending=course.ending,
     )
 
