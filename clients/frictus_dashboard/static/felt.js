@@ -10,6 +10,8 @@ const EVERY = 4;
 const STEADY_MM_S = 10;
 /** Segments averaged, about 2 s of them. */
 const SEGMENTS = 10;
+/** So many segments without a slide, 2 s, are more than a turn. */
+const RESTING = 5;
 const [X, Y, VX, VY, FRICTION] = [0, 1, 2, 3, 4];
 
 export class Felt {
@@ -23,6 +25,7 @@ export class Felt {
     this.samples = Array.from({ length: 5 }, () => new Float64Array(SEGMENT));
     this.segments = [];
     this.why = "Waiting for a finger that slides.";
+    this.still = 0;
   }
 
   /**
@@ -71,11 +74,14 @@ export class Felt {
     const samples = this.samples;
     const speed = steadySpeed(samples[VX], samples[VY]);
     if (speed === null) {
+      this.still += 1;
       const waiting = "Waiting for a finger that slides for 0.4 s in one direction.";
       const rests = "The finger does not slide now: this is of its last strokes.";
-      this.why = this.segments.length === 0 ? waiting : rests;
+      if (this.segments.length === 0) this.why = waiting;
+      else this.why = this.still < RESTING ? "" : rests; // between strokes it only turns
       return;
     }
+    this.still = 0;
     const felt = bandPower(samples[FRICTION], sampleRateHz);
     let target = null;
     this.why = "";
