@@ -251,7 +251,20 @@ class LoopInbox:
 
     model: ModelSlot
     scene: deque[SceneUpdate] = field(default_factory=lambda: deque(maxlen=1))
+    standing: deque[SceneUpdate] = field(default_factory=lambda: deque(maxlen=1))
     compensation: deque[CompensationUpdate] = field(default_factory=lambda: deque(maxlen=1))
+
+    def stand(self, scene: CompiledScene) -> None:
+        """Leave a standing scene; what is ordered over it before it is taken does not lose it.
+
+        Parameters
+        ----------
+        scene : CompiledScene
+            To be played until another stands, or something is played over it.
+        """
+        update = SceneUpdate(scene)
+        self.scene.append(update)
+        self.standing.append(update)  # last: whatever is taken between, the newest stands
 
 
 @dataclass(frozen=True, slots=True)

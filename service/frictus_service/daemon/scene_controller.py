@@ -126,7 +126,7 @@ class SceneController:
         self._chosen: _ChosenCompensation | None = None
         self.scaled_scenes = 0
         self.updates = 0
-        orders.scene.append(SceneUpdate(self._standing_scene))
+        orders.stand(self._standing_scene)
 
     @property
     def stream_open(self) -> bool:
@@ -197,7 +197,7 @@ class SceneController:
         self.check_owner(request.client)  # compiling may have outlasted the lease
         self._stream = self._guest = None
         self._standing, self._standing_scene = state, compiled
-        self._orders.scene.append(SceneUpdate(compiled))
+        self._orders.stand(compiled)
         self.scaled_scenes += state.applied.scaled
         return Reply(ok=True, etag=state.etag, applied=state.applied)
 

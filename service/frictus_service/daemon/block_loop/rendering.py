@@ -105,10 +105,7 @@ class LoopRendering:
         change = self._inbox.model.take(safety, energised)
         if change is not None:
             self._put_in_force(change, safety, now_s, energised)
-        if self._inbox.scene:
-            coming = self._inbox.scene.popleft()
-            if not coming.ended(safety):
-                self._play(coming)
+        self._take_scenes(safety)
         playing = self._playing
         if playing is not None and now_s > playing.until_s and playing.afterwards is not None:
             after = playing.afterwards
@@ -120,6 +117,7 @@ class LoopRendering:
     ) -> None:
         """Render with another model; while there is output, with a cross-fade."""
         # What waits was made for the former model, and nothing newer can be there yet.
+        self._inbox.standing.clear()
         self._inbox.scene.clear()
         self._inbox.compensation.clear()
         self._compensation = None
@@ -134,6 +132,17 @@ class LoopRendering:
             self.chain.renderer.set_model(
                 change.model.inverse, self._playing.scene, self._model_began_sample()
             )
+
+    def _take_scenes(self, safety: Safety) -> None:
+        """Take the scene that stands, and then what is to be played, over it or itself."""
+        if self._inbox.standing:
+            self._standing = self._inbox.standing.popleft()
+            if self._playing is None or self._playing.standing:
+                self._play(self._standing)
+        if self._inbox.scene:
+            coming = self._inbox.scene.popleft()
+            if not coming.ended(safety):
+                self._play(coming)
 
     def _take_compensation(self, energised: bool) -> None:
         """Take up a mode that was chosen, or forget one that ended before the device was armed.
