@@ -46,6 +46,8 @@ class Lease:
         Others who may change what is rendered meanwhile.
     keep_model : bool
         Whether no tracker may change the model meanwhile.
+    still_there : callable
+        Asked by the renewing thread before each renewal, which goes out only where it is true.
     """
 
     def __init__(
@@ -56,6 +58,7 @@ class Lease:
         on_lost: Callable[[LeaseLostError], None],
         share_with: Sequence[str] = (),
         keep_model: bool = False,
+        still_there: Callable[[], bool] = lambda: True,
     ) -> None:
         self._caller = caller
         self._status = status
@@ -65,6 +68,7 @@ class Lease:
         self._gone = threading.Event()
         self._loss: LeaseLostError | None = None
         self._on_lost = on_lost
+        self._still_there = still_there
         session, keys = caller.session, caller.keys
         self._declared: contextlib.ExitStack = contextlib.ExitStack()
         with contextlib.ExitStack() as undo:
@@ -155,16 +159,19 @@ class Lease:
             if loss is not None:
                 self._lose(loss)
                 return
-            renewal = LeaseRenewal(
-                client=self._caller.client, utc_ns=time.time_ns(), ttl_ms=self._lease_ms
-            )
             try:
-                self._publisher.put(renewal.to_json())
+                if self._still_there():
+                    self._publisher.put(self._renewal().to_json())
             except zenoh.ZError as error:
                 self._lose(LeaseLostError(f"the session is gone: {error}"))
                 return
             # Missed deadlines are skipped, not caught up: one renewal is as good as ten.
             due_s = max(due_s + interval_s, time.monotonic())
+
+    def _renewal(self) -> LeaseRenewal:
+        return LeaseRenewal(
+            client=self._caller.client, utc_ns=time.time_ns(), ttl_ms=self._lease_ms
+        )
 
     def _judge(self, confirmed: bool) -> tuple[bool, LeaseLostError | None]:
         """Return whether the rig has named us its owner yet, and why the lease is lost."""

@@ -2,7 +2,7 @@
 
 import contextlib
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import zenoh
 
@@ -81,6 +81,7 @@ class Rig(WatchedRig):
         share_with: Sequence[str] = (),
         *,
         keep_model: bool = False,
+        still_there: Callable[[], bool] = lambda: True,
     ) -> Lease:
         """Take the rig and let it drive the screen; use it in ``with``.
 
@@ -93,11 +94,13 @@ class Rig(WatchedRig):
             clients, or people of the API by the name of their token.
         keep_model : bool
             Whether no tracker may adapt the model until the lease ends: for trials.
+        still_there : callable
+            Whether whom we hold it for is there, asked by a thread: else nothing is renewed.
         """
         status = self._readings.latest(Topics.STATUS, RigStatus)
         fail = self._leases.fail_followers
         return self._leases.hold(
-            Lease(self._caller, status, lease_ms, fail, share_with, keep_model)
+            Lease(self._caller, status, lease_ms, fail, share_with, keep_model, still_there)
         )
 
     def set_scene(

@@ -215,6 +215,25 @@ def test_the_lease_is_renewed_and_given_back(client: Client, fake: Any) -> None:
     assert fake.calls.empty()
 
 
+def test_the_lease_is_not_renewed_for_somebody_who_is_gone(client: Client, fake: Any) -> None:
+    asked, asked_again = 0, threading.Event()
+
+    def there() -> bool:
+        nonlocal asked
+        asked += 1
+        if asked == 5:
+            asked_again.set()
+        return asked <= 2
+
+    with client.rig("sim").arm(lease_ms=100, still_there=there):
+        assert asked_again.wait(WAIT_S)
+        fake.next_put(Topics.LEASE)
+        fake.next_put(Topics.LEASE)
+    fake.asked("arm")
+    fake.asked("disarm")
+    assert fake.puts.empty()
+
+
 def test_a_lease_taken_away_is_seen_and_not_renewed(client: Client, fake: Any) -> None:
     rig = client.rig("sim")
     with rig.arm(lease_ms=100) as lease:

@@ -53,9 +53,10 @@ def test_a_scene_outlasts_what_is_played_over_it_at_once(
     bench.turn(0.1)
     bench.arm()
     bench.turn(0.1)
-    assert bench.loop.rendering.chain.renderer.scene is stage.compiled_for(
-        bench.orders.model.in_force.inverse
-    ).compiled
+    assert (
+        bench.loop.rendering.chain.renderer.scene
+        is stage.compiled_for(bench.orders.model.in_force.inverse).compiled
+    )
     assert stage.scene.scene == texture
 
 

@@ -111,6 +111,31 @@ def test_a_rig_that_is_given_back_is_closed_whatever_it_says() -> None:
     assert done == ["disarm", "close"]
 
 
+def test_a_page_that_is_not_heard_is_not_there_though_the_loop_stands_still(
+    monkeypatch: Any,
+) -> None:
+    now_s = 100.0
+    monkeypatch.setattr(control, "time", SimpleNamespace(monotonic=lambda: now_s))
+    asked: dict[str, Any] = {}
+    lease = SimpleNamespace(loss=None, disarm=lambda: None)
+    rig = SimpleNamespace(arm=lambda **how: asked.update(how) or lease, close=lambda: None)
+
+    async def scene() -> None:
+        nonlocal now_s
+        arming = Arming(Hub(Link(rig)), "page", ignore)  # type: ignore[arg-type]
+        await arming.arm(PageArmRequest(op="arm", rig="rig1", lease_ms=500))
+        there = asked["still_there"]
+        now_s += 0.4
+        assert there()
+        now_s += 0.2  # nothing else has had its turn
+        assert not there()
+        arming.hear()
+        assert there()
+        await arming.close()
+
+    asyncio.run(scene())
+
+
 def test_a_fault_at_the_end_keeps_no_other_part_open(monkeypatch: Any) -> None:
     ended: list[str] = []
 

@@ -100,7 +100,12 @@ class Arming:
     def _armed(self, asked: PageArmRequest) -> _ArmedRig:
         rig = self._hub.rig_of(asked.rig, self._client)
         try:
-            lease = rig.arm(share_with=asked.share_with, keep_model=asked.keep_model)
+            lease = rig.arm(
+                share_with=asked.share_with,
+                keep_model=asked.keep_model,
+                # Asked in the lease's thread: this event loop may be what stands still.
+                still_there=lambda: self._silence_s() <= asked.lease_ms / 1_000,
+            )
         except BaseException:
             rig.close()
             raise
@@ -131,12 +136,12 @@ class Arming:
             held, asked = self._held(), self._asked
             if held is None or asked is None:
                 continue
-            silence_s = asked.lease_ms / 1_000
+            most_s = asked.lease_ms / 1_000
             if (loss := held.lease.loss) is not None:
                 await self._give_back(loss.reason, loss=loss)
-            elif time.monotonic() - self._heard_s > silence_s:
+            elif self._silence_s() > most_s:
                 # It may be frozen: it keeps no screen driven.
-                await self._give_back(f"the page said nothing for {silence_s:g} s")
+                await self._give_back(f"the page said nothing for {most_s:g} s")
 
     async def close(self) -> None:
         """Give back what is held, or about to be."""
@@ -146,6 +151,9 @@ class Arming:
                     await self._end(await self._arming)
             finally:
                 self._arming = None
+
+    def _silence_s(self) -> float:
+        return time.monotonic() - self._heard_s
 
     def _held(self) -> _ArmedRig | None:
         arming = self._arming
