@@ -29,7 +29,8 @@ export class Silence extends Error {
 
 /** Whether what was asked for may have been done all the same. @param {Error} error */
 export function outcomeUnknown(error) {
-  return error.code === "outcome_unknown" || (error instanceof Silence && error.changes);
+  const mayBeDone = ["outcome_unknown", "not_noted"].includes(error.code);
+  return mayBeDone || (error instanceof Silence && error.changes);
 }
 
 /**

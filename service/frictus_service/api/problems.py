@@ -314,6 +314,12 @@ class NoRegistryError(ApiError):
     status, code, title = 503, "no_registry", "The registry cannot be reached"
 
 
+class NotNotedError(ApiError):
+    """It was done, but the registry's database could not be used to write it down."""
+
+    status, code, title = 503, "not_noted", "It is done, but not written down"
+
+
 class NotStoredError(ApiError):
     """The disk takes nothing: it is full or read-only."""
 

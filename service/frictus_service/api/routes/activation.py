@@ -7,9 +7,10 @@ from pydantic import BaseModel, Field
 
 from frictus_service.api import problems
 from frictus_service.api.access import acts_as, needs
-from frictus_service.api.requests import IfMatch, body_of, json_body, required_match
+from frictus_service.api.requests import IfMatch, body_of, json_body, quoted, required_match
 from frictus_service.api.routes.rigs import REPLACE, RigName
 from frictus_service.api.services import Given
+from frictus_service.errors import RegistryUnavailableError
 from frictus_service.registry.documents import REFERENCE, Activation
 
 router = APIRouter(prefix="/v1/rigs", tags=["models"])
@@ -40,7 +41,10 @@ class Activated(Activation):
 @router.post(
     "/{rig}/model/activate",
     responses=problems.documented(
-        *REPLACE, problems.ModelNotFoundError, problems.NoRegistryError
+        *REPLACE,
+        problems.ModelNotFoundError,
+        problems.NoRegistryError,
+        problems.NotNotedError,
     ),
     openapi_extra=body_of(Wanted),
 )
@@ -64,9 +68,15 @@ def activate(
     etag, remarks = asked.on_behalf_of(client).apply_model(
         version.model, None if replaces == "*" else replaces
     )
-    activation = given.registry.activations.record(
-        version, site=given.link.site, rig=rig, confirmed=etag, by=by
-    )
+    try:
+        activation = given.registry.activations.record(
+            version, site=given.link.site, rig=rig, confirmed=etag, by=by
+        )
+    except RegistryUnavailableError as error:
+        raise problems.NotNotedError(
+            f"rig {rig!r} applies it now, and its model has the ETag {quoted(etag)}; but that "
+            f"could not be written down, so activate it again later: {error}"
+        ) from error
     return Activated(
         **activation.model_dump(),
         as_published=etag == version.etag,

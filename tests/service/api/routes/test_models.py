@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from scipy.io import loadmat
 
 from frictus.model import Model
+from frictus_service.errors import RegistryUnavailableError
+from frictus_service.registry.aliases import Activations
 
 PROVENANCE = {"study_sha256": "ab" * 32, "code_version": "0.1.0", "settings": {}, "seed": 3}
 NAME = "rig1/P01"
@@ -206,6 +208,28 @@ def test_a_rig_confirms_what_it_applied(api: TestClient, rig: Any) -> None:
     assert api.post(path, json={"model": "nobody"}).json()["code"] == "no_model"
     nobody = api.post("/v1/rigs/nobody/model/activate", json={"model": NAME})
     assert nobody.json()["code"] == "no_rig"
+
+
+def test_what_a_rig_applies_is_told_though_it_cannot_be_written_down(
+    api: TestClient, rig: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    publish(api)
+
+    def fail(*_: Any, **__: Any) -> None:
+        raise RegistryUnavailableError("the database is locked")
+
+    path = f"/v1/rigs/{rig.name}/model/activate"
+    with monkeypatch.context() as hanging:
+        hanging.setattr(Activations, "record", fail)
+        said = api.post(path, json={"model": NAME})
+    assert (said.status_code, said.json()["code"]) == (503, "not_noted")
+    etag = api.get(f"/v1/rigs/{rig.name}/model").headers["etag"]
+    told = said.json()["detail"]
+    assert f"{rig.name!r} applies it now, and its model has the ETag {etag}" in told
+    assert "the database is locked" in told
+    assert api.get(f"/v1/models/{NAME}/audit").json()["activations"] == []
+    assert api.post(path, json={"model": NAME}).is_success, "as the detail asks for"
+    assert len(api.get(f"/v1/models/{NAME}/audit").json()["activations"]) == 1
 
 
 def test_who_may_do_what(serve: Any, rig: Any) -> None:
