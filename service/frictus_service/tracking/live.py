@@ -8,6 +8,7 @@ goes on with the model that it has.
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from types import TracebackType
 from typing import Final, Self
 
@@ -121,6 +122,7 @@ class LiveTracker:
         self._scene: SceneState | None = None
         self._guided_s = self._changed_s = self._felt_s = -float("inf")
         self._changes: deque[ModelChange] = deque(maxlen=CHANGES)
+        self._unwritten: deque[Callable[[], None]] = deque()
         self._unaudited = ""
 
     def __enter__(self) -> Self:
@@ -239,15 +241,24 @@ class LiveTracker:
         self.tracker.put_in_force(ModelInForce.of(new.etag, carried(new.model, self._place)))
 
     def _keep(self, change: ModelChange, before: Model, after: Model) -> None:
-        if self._audit is None:
-            return
+        if self._audit is not None:
+            add = partial(self._audit.add, self.status, change, before, after)
+            self._unwritten.append(add)
+            self._write_down()
+
+    def _write_down(self) -> None:
+        """Write down what is not yet: a disk that was full may take it now."""
         try:
-            self._audit.add(self.status, change, before, after)
+            while self._unwritten:
+                self._unwritten[0]()
+                self._unwritten.popleft()
+            self._unaudited = ""
         except OSError as error:
             self._unaudited = f"changes of the model cannot be written down: {error}"
 
     def _conclude(self) -> None:
         """Have the model follow the finger where it may, and tell what is known."""
+        self._write_down()
         state = self.tracker.state(time.time_ns())
         why = self._held_back(state.alarms)
         if not why and self.status.adaptation == "adapt":
