@@ -79,7 +79,8 @@ def new_folder(folder: Path) -> Iterator[Path]:
     """
     if folder.exists():
         raise StudyError(f"{folder} exists; choose another name, or delete it first")
-    unfinished = folder.with_name(f".{folder.name}.{os.getpid()}.part")
+    # Not by process id: in a container it comes again, and meets what a kill left behind.
+    unfinished = folder.with_name(f".{folder.name}.{secrets.token_hex(4)}.part")
     unfinished.mkdir(parents=True)
     try:
         yield unfinished

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from frictus_service.durable import replace_file
+from frictus_service.durable import new_folder, replace_file
 
 SERVICE = Path(__file__).parents[2] / "service"
 
@@ -48,6 +48,16 @@ def test_disk_that_refuses_leaves_the_old_file(
         replace_file(path, b"new")
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_a_kill_left_of_a_folder_is_in_nobodys_way(tmp_path: Path) -> None:
+    folder = tmp_path / "archive"
+    with new_folder(folder) as unfinished:
+        (unfinished / "trial").write_bytes(b"half of it")
+    folder.rename(unfinished)  # as if it had been killed before
+    with new_folder(folder) as again:
+        (again / "trial").write_bytes(b"whole")
+    assert (folder / "trial").read_bytes() == b"whole"
 
 
 def test_nothing_replaces_files_another_way() -> None:
