@@ -3,14 +3,18 @@
 A reader finds the old content or the new one, never a part of either.
 """
 
+import errno
 import os
 import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Final
 
 from frictus_service.errors import StudyError
+
+_NO_LINKS: Final = frozenset({errno.EPERM, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP})
 
 
 def replace_file(path: Path, content: bytes) -> None:
@@ -46,10 +50,51 @@ def put_in_place(written: Path, path: Path) -> None:
     path : Path
         What it is to be called; what stands there is replaced.
     """
-    with written.open("rb+") as file:
-        os.fsync(file.fileno())
+    _sync_file(written)
     os.replace(written, path)
     sync_folder(path.parent)
+
+
+def put_in_free_place(written: Path, path: Path) -> None:
+    """As `put_in_place`, but where something bears the name, it stays, whenever it came.
+
+    Parameters
+    ----------
+    written : Path
+        In the folder of `path`.
+    path : Path
+        What it is to be called.
+
+    Raises
+    ------
+    FileExistsError
+        If something bears the name; what was written stays where it is.
+    """
+    _sync_file(written)
+    if os.name != "posix":
+        os.rename(written, path)  # refuses there, where POSIX would replace
+        return
+    try:
+        os.link(written, path)
+    except OSError as error:
+        if error.errno not in _NO_LINKS:
+            raise
+        # No links on this file system. The name is taken exclusively all the same, but it is
+        # that of an empty file for a moment, and stays so where the process is killed then.
+        path.touch(exist_ok=False)
+        try:
+            os.replace(written, path)
+        except BaseException:
+            path.unlink()
+            raise
+    else:
+        written.unlink()
+    sync_folder(path.parent)
+
+
+def _sync_file(written: Path) -> None:
+    with written.open("rb+") as file:
+        os.fsync(file.fileno())
 
 
 def sync_folder(folder: Path) -> None:

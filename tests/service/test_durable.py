@@ -1,12 +1,13 @@
 """Files replaced whole: what is synced when, and that nothing replaces files another way."""
 
+import errno
 import os
 import re
 from pathlib import Path
 
 import pytest
 
-from frictus_service.durable import new_folder, replace_file
+from frictus_service.durable import new_folder, put_in_free_place, replace_file
 
 SERVICE = Path(__file__).parents[2] / "service"
 
@@ -48,6 +49,27 @@ def test_disk_that_refuses_leaves_the_old_file(
         replace_file(path, b"new")
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_a_name_that_is_taken_stays_with_what_bears_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, links: bool
+) -> None:
+    def no_links(*_: Path) -> None:
+        raise PermissionError(errno.EPERM, "Operation not permitted")
+
+    if not links:
+        monkeypatch.setattr(os, "link", no_links)
+    first, second, path = (tmp_path / name for name in ("first", "second", "visit.h5"))
+    first.write_bytes(b"first")
+    second.write_bytes(b"second")
+    put_in_free_place(first, path)
+    with pytest.raises(FileExistsError):
+        put_in_free_place(second, path)
+    assert {one.name: one.read_bytes() for one in tmp_path.iterdir()} == {
+        "visit.h5": b"first",
+        "second": b"second",
+    }
 
 
 def test_what_a_kill_left_of_a_folder_is_in_nobodys_way(tmp_path: Path) -> None:

@@ -7,7 +7,6 @@ and the process that it runs in, down.
 import asyncio
 import contextlib
 import secrets
-import threading
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -24,7 +23,7 @@ from frictus_service.api.problems import (
     TooLargeError,
 )
 from frictus_service.api.requests import BODY_S, SLOWEST_BYTES_S
-from frictus_service.durable import put_in_place
+from frictus_service.durable import put_in_free_place
 
 MAX_STUDY_BYTES: Final = 4_000_000_000
 PIECE_BYTES: Final = 1_000_000
@@ -33,7 +32,6 @@ LOOK_S: Final = 60.0
 UNFINISHED: Final = ".upload-"
 LEFT_S: Final = 86_400.0
 """An unfinished file that is so old was left by a process that was killed."""
-_NAMING: Final = threading.Lock()
 Run = Callable[[Sequence[str], float, Path, str], bytes]
 """As `OwnProcesses.run`."""
 
@@ -64,7 +62,8 @@ async def keep_study(request: Request, folder: Path, name: str, run: Run) -> Pat
         If the disk refuses.
     """
     place = folder / name
-    _check_free(place)
+    if place.exists():
+        raise _exists(place)
     await run_in_threadpool(_make_room, folder)
     unfinished = folder / f"{UNFINISHED}{secrets.token_hex(4)}.h5"
     try:
@@ -77,11 +76,10 @@ async def keep_study(request: Request, folder: Path, name: str, run: Run) -> Pat
     return place
 
 
-def _check_free(place: Path) -> None:
-    if place.exists():
-        raise StudyExistsError(
-            f"there is a study {place.name!r}, and none is replaced: choose another name"
-        )
+def _exists(place: Path) -> StudyExistsError:
+    return StudyExistsError(
+        f"there is a study {place.name!r}, and none is replaced: choose another name"
+    )
 
 
 def _make_room(folder: Path) -> None:
@@ -136,6 +134,7 @@ def _too_large() -> TooLargeError:
 
 
 def _name(unfinished: Path, place: Path) -> None:
-    with _NAMING:  # of several that come at once only one gets the name
-        _check_free(place)
-        put_in_place(unfinished, place)
+    try:
+        put_in_free_place(unfinished, place)
+    except FileExistsError:  # it came meanwhile, from whichever process
+        raise _exists(place) from None

@@ -9,7 +9,7 @@ from typing import Any, Final, Self
 import h5py
 import numpy as np
 
-from frictus_service.durable import put_in_place
+from frictus_service.durable import put_in_free_place
 from frictus_service.errors import FieldError, StudyError
 from frictus_service.study.layout import (
     DATA_SETS,
@@ -48,7 +48,7 @@ class StudyWriter:
     def __init__(self, path: Path | str, info: StudyInfo) -> None:
         self.path = Path(path)
         if self.path.exists():
-            raise StudyError(f"{self.path} exists; choose another name, or delete it first")
+            raise _exists(self.path)
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self._unfinished = self.path.with_name(f".{self.path.name}.{os.getpid()}.part")
         # v110: this version of the format protects names, attributes and indices by checksums.
@@ -72,11 +72,21 @@ class StudyWriter:
             self._discard()
 
     def close(self) -> None:
-        """Put the file in its place."""
+        """Put the file in its place.
+
+        Raises
+        ------
+        StudyError
+            If another came there meanwhile, which stays.
+        """
         if not self._file:
             return
         self._file.close()
-        put_in_place(self._unfinished, self.path)
+        try:
+            put_in_free_place(self._unfinished, self.path)
+        except FileExistsError:
+            self._discard()
+            raise _exists(self.path) from None
 
     def add(self, trial: Trial, steps: Mapping[str, ConverterStep] | None = None) -> str:
         """Write a trial.
@@ -121,6 +131,10 @@ class StudyWriter:
     def _discard(self) -> None:
         self._file.close()
         self._unfinished.unlink(missing_ok=True)
+
+
+def _exists(path: Path) -> StudyError:
+    return StudyError(f"{path} exists; choose another name, or delete it first")
 
 
 def _encoded(trial: Trial, steps: Mapping[str, ConverterStep]) -> dict[str, Encoded]:

@@ -49,6 +49,19 @@ def assert_same(read: Trial, written: Trial) -> None:
             np.testing.assert_array_equal(found, was, err_msg=name)
 
 
+def test_a_study_that_came_meanwhile_is_not_replaced(
+    tmp_path: Path, make_trial: MakeTrial
+) -> None:
+    path = tmp_path / "visit.h5"
+    writer = StudyWriter(path, StudyInfo(rig="rig1", mount=None))
+    writer.add(make_trial())
+    path.write_bytes(b"of somebody")
+    with pytest.raises(StudyError, match=r"visit\.h5 exists; choose another name"):
+        writer.close()
+    assert path.read_bytes() == b"of somebody"
+    assert list(tmp_path.iterdir()) == [path]
+
+
 def test_every_kind_of_trial_comes_back_exactly(
     make_trial: MakeTrial, write_study: WriteStudy, rng: np.random.Generator
 ) -> None:

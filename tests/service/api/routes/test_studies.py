@@ -14,6 +14,7 @@ from tests.blind.generator.study import Seeds, make_study
 from tests.service.api.conftest import TOKENS, Serve
 
 from frictus_service.api import uploads
+from frictus_service.durable import put_in_free_place
 
 DESIGN = Design(participants=1, n_tones=1, n_speeds=1, n_forces=1, seconds=0.5)
 TYPE = {"Content-Type": "application/x-hdf5"}
@@ -89,7 +90,7 @@ def test_a_disk_that_refuses_at_the_end_leaves_the_name_free(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as meanwhile:
-        meanwhile.setattr(uploads, "put_in_place", full)
+        meanwhile.setattr(uploads, "put_in_free_place", full)
         answer = api.put("/v1/studies/visit.h5", content=study, headers=TYPE)
     assert (answer.status_code, answer.json()["code"]) == (507, "not_stored")
     assert folder_of(tmp_path) == []
@@ -106,6 +107,22 @@ def test_of_two_that_come_at_once_one_gets_the_name(
         ]
         codes = sorted(one.result(60.0).status_code for one in asked)
     assert codes in ([201, 409], [201, 503])  # one address has half of the places
+    assert folder_of(tmp_path) == ["visit.h5"]
+
+
+def test_a_study_that_came_while_another_was_sent_is_not_replaced(
+    api: TestClient, study: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = tmp_path / "studies" / "visit.h5"
+
+    def late(written: Path, path: Path) -> None:
+        place.write_bytes(b"of another process")
+        put_in_free_place(written, path)
+
+    monkeypatch.setattr(uploads, "put_in_free_place", late)
+    answer = api.put("/v1/studies/visit.h5", content=study, headers=TYPE)
+    assert (answer.status_code, answer.json()["code"]) == (409, "study_exists")
+    assert place.read_bytes() == b"of another process"
     assert folder_of(tmp_path) == ["visit.h5"]
 
 
