@@ -10,6 +10,17 @@ from typing import Any, Final
 from frictus_service.api.problems import BusyError, InvalidError
 
 _MAIN: Final = "from frictus_service.cli import main; main()"
+_ENDS_WITH_ITS_INPUT: Final = """
+import os, threading
+
+def end():
+    while os.read(0, 1):
+        pass
+    os._exit(1)
+
+threading.Thread(target=end, daemon=True).start()
+"""
+"""The system closes the input of a process whose service was killed."""
 
 
 class OwnProcesses:
@@ -42,6 +53,9 @@ class OwnProcesses:
             If the service is stopping.
         """
         with self._begun(arguments) as process:
+            # Its input is held until the end; `communicate` would close it at once.
+            held, process.stdin = process.stdin, None
+            assert held is not None
             try:
                 said, complaint = process.communicate(timeout=timeout_s)
             except subprocess.TimeoutExpired:
@@ -51,6 +65,7 @@ class OwnProcesses:
                 ) from None
             finally:
                 process.kill()
+                held.close()
                 with self._changing:
                     self._running.discard(process)
         if self._closed:
@@ -70,12 +85,12 @@ class OwnProcesses:
                 process.kill()
 
     def _begun(self, arguments: Sequence[str]) -> subprocess.Popen[bytes]:
-        pipes: dict[str, Any] = dict.fromkeys(("stdout", "stderr"), subprocess.PIPE)
-        command = [sys.executable, "-P", "-c", _MAIN, *arguments]
+        pipes: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+        command = [sys.executable, "-P", "-c", _ENDS_WITH_ITS_INPUT + _MAIN, *arguments]
         with self._changing:
             if self._closed:
                 raise _stopping()
-            process = subprocess.Popen(command, stdin=subprocess.DEVNULL, **pipes)
+            process = subprocess.Popen(command, **pipes)
             self._running.add(process)
             return process
 

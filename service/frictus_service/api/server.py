@@ -24,6 +24,7 @@ from frictus.websocket.messages import MAX_BYTES
 from frictus_service.api import error_handlers, problems
 from frictus_service.api.dashboard import asyncapi, conversation, pages
 from frictus_service.api.dashboard.hub import Hub
+from frictus_service.api.exports import remove_left_exports
 from frictus_service.api.limits import (
     HEAD_BYTES,
     OriginCheck,
@@ -187,6 +188,7 @@ def build_app(
     given = Services(config, link, library, registry, *jobs, ConnectedPages(), OwnProcesses())
 
     def recover() -> None:
+        remove_left_exports()
         for engine in jobs:
             try:
                 engine.recover()

@@ -60,3 +60,10 @@ def test_what_runs_ends_with_the_service_and_nothing_begins_after(
     assert len(refused) == 1
     run()
     assert processes._running == set()
+
+
+def test_what_runs_ends_with_a_service_that_is_killed(sleeper: threading.Event) -> None:
+    with OwnProcesses()._begun(("export",)) as process:
+        assert process.stdin is not None
+        process.stdin.close()  # as the system does then
+        assert process.wait(30.0) == 1

@@ -13,13 +13,13 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi import Path as PathParameter
 from fastapi.responses import FileResponse
 from pydantic import BaseModel, ConfigDict, Field
-from starlette.types import Receive, Scope, Send
 
 from frictus.errors import RefusedError
 from frictus.messages import RecordingState
 from frictus_hardware.arrays import FloatArray
 from frictus_service.api import problems
 from frictus_service.api.access import needs
+from frictus_service.api.exports import EXPORT_PREFIX, ExportResponse
 from frictus_service.api.limits import RequestLimits
 from frictus_service.api.requests import body_of, json_body
 from frictus_service.api.routes.rigs import RigName
@@ -233,7 +233,7 @@ def get_recording_export(
         until_sent.enter_context(
             limits.exports.held(request.client.host if request.client else "")
         )
-        folder = until_sent.enter_context(TemporaryDirectory(prefix="frictus-export-"))
+        folder = until_sent.enter_context(TemporaryDirectory(prefix=EXPORT_PREFIX))
         out = FilePath(folder, f"{name}{suffix}")
         asked = ("export", str(path), "--to", option, "--out", str(out), "--json")
         said = given.commands.run(asked, EXPORT_S, path, name)
@@ -245,25 +245,6 @@ def get_recording_export(
         )
         answer.until_sent = until_sent.pop_all()
     return answer
-
-
-class ExportResponse(FileResponse):
-    """A file that is there until it is sent, or nobody takes it.
-
-    Attributes
-    ----------
-    until_sent : ExitStack
-        What is held for it; closed at the end.
-    """
-
-    until_sent: ExitStack
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Send it, and let go."""
-        try:
-            await super().__call__(scope, receive, send)
-        finally:
-            self.until_sent.close()  # at once: who is cancelled cannot wait
 
 
 def _notes(said: dict[str, Any]) -> str:
