@@ -1,6 +1,8 @@
 """What an export makes, until somebody has taken it; and what a killed service left of one."""
 
+import asyncio
 import contextlib
+import logging
 import shutil
 import tempfile
 import time
@@ -11,27 +13,40 @@ from typing import Final
 from fastapi.responses import FileResponse
 from starlette.types import Receive, Scope, Send
 
+from frictus_service.api.limits import TAKE_S
+from frictus_service.api.requests import SLOWEST_BYTES_S
+
 EXPORT_PREFIX: Final = "frictus-export-"
 """Of folders in the temporary folder of the system."""
 LEFT_S: Final = 86_400.0
 """A folder that is so old was left by a service that was killed."""
+_LOG: Final = logging.getLogger(__name__)
 
 
 class ExportResponse(FileResponse):
-    """A file that is there until it is sent, or nobody takes it.
+    """A file that is there until it is sent, or nobody takes it, or not in time.
+
+    Who takes a few bytes now and then holds a place, and a file, that others wait for.
 
     Attributes
     ----------
+    size_bytes : int
+        Of the file.
     until_sent : ExitStack
         What is held for it; closed at the end.
     """
 
+    size_bytes: int
     until_sent: ExitStack
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Send it, and let go."""
+        allowed_s = TAKE_S + self.size_bytes / SLOWEST_BYTES_S
         try:
-            await super().__call__(scope, receive, send)
+            async with asyncio.timeout(allowed_s):
+                await super().__call__(scope, receive, send)
+        except TimeoutError:  # the server ends the connection of an answer that breaks off
+            _LOG.warning("%s was not taken within %.0f s", scope["path"], allowed_s)
         finally:
             self.until_sent.close()  # at once: who is cancelled cannot wait
 

@@ -1,13 +1,48 @@
 """What an export makes stays no longer than it must."""
 
+import asyncio
 import os
 import tempfile
 import time
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from starlette.types import Message
 
 from frictus_service.api import exports
+
+
+def test_who_takes_it_too_slowly_holds_no_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(exports, "TAKE_S", 0.0)
+    monkeypatch.setattr(exports, "SLOWEST_BYTES_S", 1e9)
+    path = tmp_path / "pilot.h5"
+    path.write_bytes(b"trials")
+    answer = exports.ExportResponse(path)
+    answer.size_bytes = 6
+    answer.until_sent = ExitStack()
+    answer.until_sent.callback(path.unlink)
+    sent: list[Message] = []
+
+    async def receive() -> Message:
+        raise AssertionError
+
+    async def send(message: Message) -> None:
+        sent.append(message)
+        await asyncio.Event().wait()  # it takes no more
+
+    scope = {
+        "type": "http",
+        "method": "GET",
+        "path": "/pilot.h5",
+        "headers": [],
+        "asgi": {"spec_version": "2.4"},
+    }
+    asyncio.run(answer(scope, receive, send))
+    assert not path.exists()
+    assert [message["type"] for message in sent] in ([], ["http.response.start"])
 
 
 def test_what_a_killed_service_left_is_removed_a_day_later(

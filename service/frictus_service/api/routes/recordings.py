@@ -243,6 +243,7 @@ def get_recording_export(
             filename=out.name,
             headers={"Frictus-Notes": _notes(json.loads(said))},
         )
+        answer.size_bytes = out.stat().st_size
         answer.until_sent = until_sent.pop_all()
     return answer
 
