@@ -131,12 +131,7 @@ class Hub:
         """Take what has arrived, for all viewers; never waits."""
         if self._tending is not None and self._tending.done():
             self._tending.result()  # it never ends but by a fault: let it be seen
-        if self._presence is not None:
-            for (_, name), present in self._presence.drain():
-                (self._present.add if present else self._present.discard)(name)
-                if not present:
-                    self._vanished.add(name)
-                self.poke()
+        self._note_presence()
         for channel in self._channels.values():
             channel.pump()
 
@@ -214,9 +209,21 @@ class Hub:
             await run_in_threadpool(self._presence.close)
             self._presence = None
 
+    def _note_presence(self) -> None:
+        """Take who came and went."""
+        if self._presence is None:
+            return
+        for (_, name), present in self._presence.drain():
+            (self._present.add if present else self._present.discard)(name)
+            if not present:
+                self._vanished.add(name)
+            self.poke()
+
     async def _tend(self) -> None:
         while True:
             self._poked.clear()
+            # Also while nobody looks: of more than the feed holds, the oldest would be lost.
+            self._note_presence()
             wanted = {
                 (rig, name)
                 for _, watcher in self._watchers
@@ -231,7 +238,8 @@ class Hub:
             if self._watchers:
                 await self._attempt(wanted)
             with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(TEND_S if self._watchers else None):
+                idle = not self._watchers and self._presence is None
+                async with asyncio.timeout(None if idle else TEND_S):
                     await self._poked.wait()
 
     def _outlives(self, name: str) -> bool:
