@@ -1,7 +1,7 @@
 """The view of the models before a real daemon: listed, compared, drawn, activated, aliased."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -185,18 +185,30 @@ def test_activates_a_version_on_the_rig(page: Page, lab: Lab) -> None:
     expect(page.get_by_role("button", name="Activate on rig1")).to_be_enabled()
 
 
-def test_an_activation_whose_answer_is_lost_is_told_by_the_rig(
-    lab: Lab, open_page: OpenPage
+def lost(route: Route) -> None:
+    route.abort("connectionreset")
+
+
+def not_noted(route: Route) -> None:
+    problem = {"status": 503, "code": "not_noted", "detail": "rig 'rig1' applies it now"}
+    route.fulfill(status=503, json=problem, content_type="application/problem+json")
+
+
+@pytest.mark.parametrize(
+    ("answer", "expected"), [(lost, "ERR_CONNECTION_RESET"), (not_noted, "503")]
+)
+def test_an_activation_that_was_not_answered_or_noted_is_told_by_the_rig(
+    lab: Lab, open_page: OpenPage, answer: Callable[[Route], None], expected: str
 ) -> None:
     version = lab.ask("GET", "/models/population@1")
-    with open_page(expected="ERR_CONNECTION_RESET") as page:
+    with open_page(expected=expected) as page:
         page.goto(f"{lab.url}/dashboard/#/models/rig1/population@1")
 
-        def lost(route: Route) -> None:
+        def applied(route: Route) -> None:
             route.fetch()
-            route.abort("connectionreset")
+            answer(route)
 
-        page.route("**/model/activate", lost)
+        page.route("**/model/activate", applied)
         page.get_by_role("button", name="Activate on rig1").click()
         expect(page.get_by_text("rig1 applies it. Activate it again")).to_be_visible()
         assert lab.rig.model().etag == version["etag"]
