@@ -1,6 +1,6 @@
 """Writing a `study/1` file, trial by trial."""
 
-import os
+import secrets
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -50,7 +50,7 @@ class StudyWriter:
         if self.path.exists():
             raise _exists(self.path)
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        self._unfinished = self.path.with_name(f".{self.path.name}.{os.getpid()}.part")
+        self._unfinished = self.path.with_name(f".{self.path.name}.{secrets.token_hex(4)}.part")
         # v110: this version of the format protects names, attributes and indices by checksums.
         self._file = h5py.File(self._unfinished, "w", libver=("v110", "v110"))
         try:

@@ -55,10 +55,12 @@ def test_a_study_that_came_meanwhile_is_not_replaced(
     path = tmp_path / "visit.h5"
     writer = StudyWriter(path, StudyInfo(rig="rig1", mount=None))
     writer.add(make_trial())
-    path.write_bytes(b"of somebody")
+    with StudyWriter(path, StudyInfo(rig="rig2", mount=None)):  # of two at once, the first
+        pass
+    first = path.read_bytes()
     with pytest.raises(StudyError, match=r"visit\.h5 exists; choose another name"):
         writer.close()
-    assert path.read_bytes() == b"of somebody"
+    assert path.read_bytes() == first
     assert list(tmp_path.iterdir()) == [path]
 
 
