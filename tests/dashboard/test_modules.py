@@ -281,6 +281,35 @@ LOG = """async (steps) => {
 }"""
 
 
+def test_a_calibration_fills_no_log_with_its_trials_and_hides_no_stop(page: Page) -> None:
+    """It arms, plays and disarms for each trial; who stops it, and what trips, stays apart."""
+    job, steps = "local.calibration-0a1b2c3d", [{"utc_ns": 1}]
+    for trial in range(1, 41):
+        ns = 10 * trial
+        end = {"owner": job, "by": job, "reason": "disarmed", "utc_ns": ns + 5}
+        etag = f"e{trial}"
+        excited = {"etag": etag, "source": "excitation", "scene": {"name": ""}}
+        if trial == 21:
+            stop = {**end, "by": "ann.page-ffffff", "reason": "stopped"}
+            steps.append({"utc_ns": ns, "state": "armed", "owner": job})
+            steps.append(
+                {"utc_ns": ns + 5, "state": "disarmed", "owner": None, "last_end": stop}
+            )
+            continue
+        steps += [
+            {"utc_ns": ns, "state": "armed", "owner": job},
+            {"utc_ns": ns + 1, "scene_etag": etag, "late": excited},
+            {"utc_ns": ns + 5, "state": "disarmed", "owner": None, "last_end": end},
+            {"utc_ns": ns + 6, "scene_etag": "smooth"},
+        ]
+    got, _ = page.evaluate(LOG, steps)
+    assert len(got) < 16
+    (stopped,) = [n for n, told in enumerate(got) if told.startswith("Stopped|you|")]
+    armed = [told for told in got if told.startswith("Armed|a calibration|")]
+    assert [told.split("|")[2][:10] for told in armed] == [", 19 times", ", 21 times"]
+    assert stopped > 0
+
+
 def test_events_name_what_and_who_the_newest_first(page: Page) -> None:
     end = {"owner": "tester", "by": "ann.page-ffffff", "reason": "stopped", "utc_ns": 9}
     fault = {"kind": "sensor", "reason": "no force", "utc_ns": 12}

@@ -2,9 +2,9 @@
 
 import { POLICIES, policyOf } from "./adaptation.js";
 import { remark } from "./compensation.js";
-import { nameOf } from "./holder.js";
+import { isJob, nameOf } from "./holder.js";
 import { LOSSES } from "./loop_losses.js";
-import { faultName } from "./strip_state.js";
+import { clock, faultName } from "./strip_state.js";
 
 /** More are forgotten, the oldest first. */
 export const MOST = 300;
@@ -21,6 +21,8 @@ export class EventLog {
   clear() {
     /** The newest first: {ns, what, who, kind, more}; `who` is empty where the rig does not say. */
     this.entries = [];
+    /** The calibration or experiment that held the rig last, or null. */
+    this.job = null;
     this.version = 0;
   }
 
@@ -34,14 +36,36 @@ export class EventLog {
   takeStatus(before, after, losses, client, scene) {
     if (before === null) return; // what was before the page came is no event
     const ns = after.utc_ns;
+    if (after.owner !== null) this.job = isJob(after.owner) ? after.owner : null;
+    const { job } = this;
     const note = (what, who = "", kind = "", more = "", atNs = ns) => {
-      return this.#note({ ns: atNs, what, who, kind, more });
+      // What nobody else is named for is the job's own, also right after its lease; no trip is.
+      const own = kind !== "bad" && ["", nameOf(job, client)].includes(who);
+      return this.#note({ ns: atNs, what, who, kind, more, job: own ? job : null });
     };
     const by = (...calls) => callerOf(calls, before, after, client);
     this.#takeLease(before, after, client, by, note);
     if (after.run !== before.run) note(STARTED, "", "bad");
     this.#takeChoices(before, after, scene, by, note);
+    this.#fold();
     for (const { name, grown } of losses) this.#takeLoss(name, grown, ns);
+  }
+
+  /** Of a calibration or experiment the same is told once, and how often: it arms for each trial. */
+  #fold() {
+    const [{ job = null } = {}] = this.entries;
+    if (job === null) return;
+    const others = this.entries.findIndex((one) => one.job !== job && one.loss === undefined);
+    const run = others < 0 ? this.entries : this.entries.slice(0, others);
+    for (const one of run.filter((each) => each.job === job)) {
+      const first = run.findLast(({ what, who }) => what === one.what && who === one.who);
+      if (first === one) continue;
+      first.times = (first.times ?? 1) + (one.times ?? 1);
+      first.lastNs = Math.max(first.lastNs ?? first.ns, one.lastNs ?? one.ns);
+      first.more = `, ${first.times} times until ${clock(first.lastNs)}`;
+      this.entries.splice(this.entries.indexOf(one), 1);
+    }
+    this.version += 1;
   }
 
   /** Note a loss; of a run of losses each counter has one entry a minute. */
@@ -106,6 +130,7 @@ export class EventLog {
     const sources = { stream: "Texture streamed by a client", excitation: "Excitation played" };
     entry.what = sources[scene.source] ?? `Scene ${scene.scene.name || "without a name"}`;
     this.version += 1;
+    this.#fold();
   }
 
   /** Note that a recording begins or ends. */

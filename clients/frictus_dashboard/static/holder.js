@@ -8,6 +8,11 @@ const PROGRAM = /^.+-\d+-[0-9a-f]{6}$/;
 const ANYBODY = "local";
 const ARTICLES = { calibration: "a calibration", experiment: "an experiment" };
 
+/** Whether a client is a calibration or an experiment. */
+export function isJob(owner) {
+  return JOB.test(owner);
+}
+
 /**
  * A client as people know it.
  *
