@@ -319,6 +319,18 @@ OF_FREQUENCY = {
 }
 
 
+def test_who_was_measured_once_hides_no_drift(rng: np.random.Generator) -> None:
+    """A drift has no signature in a first trial, at minute 0."""
+    evidence = made(rng, [("gain_drift", {"per_minute": 0.06})], Design(participants=8))
+    infos = [one.observed.info for one in evidence]
+    kept = [info.participant != "P07" or info.order == 0 for info in infos]
+    found = found_in([one for one, there in zip(evidence, kept, strict=True) if there])
+    assert "gain_drift" in named(found)
+    interval = cause_in(found, "gain_drift").parameters["per_minute"].ci95
+    assert interval is not None
+    assert 0.0 < interval[0] < interval[1] < 0.12
+
+
 @pytest.mark.long
 class TestMount:
     SHARE = 1636.0 / 1714.0 - 1.0

@@ -4,8 +4,6 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-
 from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.decision.naming import (
     RIGHT_FAMILY,
@@ -17,9 +15,7 @@ from frictus_service.discovery.decision.naming import (
 from frictus_service.discovery.decision.prediction_gain import (
     UnexplainedPattern,
 )
-from frictus_service.discovery.inference.linear_model import (
-    joint_gain,
-)
+from frictus_service.discovery.inference.linear_model import joint_gain, project_out
 from frictus_service.discovery.inference.linearisation import (
     Linearised,
     linearise,
@@ -126,7 +122,7 @@ def decide(problem: DiscoveryProblem, flips: FloatArray) -> Decision:
         first=selected.first,
         effects=model.chosen,
         explained_share=explained / (explained + left) if explained + left > 0.0 else 1.0,
-        accuracy=np.mean([unit.accuracy for unit in base.units], axis=0),
+        accuracy=project_out(base.units).accuracy,
     )
 
 

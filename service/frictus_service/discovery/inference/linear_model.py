@@ -39,7 +39,8 @@ class Unit:
     generic : ndarray, shape (n, n_patterns)
         Patterns without a cause.
     accuracy, generic_accuracy : ndarray, shape (n_effects,), (n_patterns,)
-        Coefficient at which each shows as much as measuring is accurate.
+        Coefficient at which each shows as much as measuring is accurate; NaN where it does not
+        show at all.
     positive, squared : ndarray of bool, shape (n_effects,)
         Those whose coefficient cannot be negative; is the square of a parameter.
     """
@@ -97,7 +98,7 @@ class ProjectedUnits:
         Square of what is left of each signature: inverse variance of its coefficient; 0 where
         the unit says nothing.
     accuracy : ndarray, shape (n_effects,)
-        Mean over units.
+        Mean over the units that say something.
     positive, squared : ndarray of bool, shape (n_effects,)
     """
 
@@ -169,7 +170,8 @@ def project_out(units: Sequence[Unit], chosen: Sequence[int] = ()) -> ProjectedU
     """
     parts = [_leave(unit, list(chosen)) for unit in units]
     along, information = (np.stack(part) for part in zip(*parts, strict=True))
-    accuracy = np.mean([unit.accuracy for unit in units], axis=0)
+    told = np.array([unit.accuracy for unit in units])
+    accuracy = mean_of_known(np.where(information > 0.0, told, np.nan))
     return ProjectedUnits(along, information, accuracy, units[0].positive, units[0].squared)
 
 

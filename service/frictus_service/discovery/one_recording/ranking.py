@@ -18,7 +18,12 @@ import numpy as np
 from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.evidence.residuals import Layout, noise_of
 from frictus_service.discovery.inference.covariance import Whiten, Whitening, whiten
-from frictus_service.discovery.inference.linear_model import Unit, orthonormal, project_out
+from frictus_service.discovery.inference.linear_model import (
+    Unit,
+    mean_of_known,
+    orthonormal,
+    project_out,
+)
 from frictus_service.discovery.inference.linearisation import (
     Linearised,
     linearise,
@@ -338,6 +343,6 @@ def _fitted(
         float(left(every).sum() - before.sum() + search),
         every[:k],
         errors[:k],
-        np.mean([unit.accuracy for unit in units], axis=0),
+        mean_of_known(np.array([unit.accuracy for unit in units])),
         ModeShape(every[k:], errors[k:]) if more else None,
     )

@@ -297,8 +297,12 @@ def _by_condition(subject: Subject, signatures: Sequence[FloatArray]) -> FloatAr
 
 
 def as_accurate(columns: FloatArray, accuracy: FloatArray) -> FloatArray:
-    """Return the coefficient at which the largest change of a column is as accuracy is."""
+    """Return the coefficient at which the largest change of a column is as accuracy is.
+
+    NaN of a column that is empty: no coefficient shows.
+    """
     largest = np.max(np.abs(columns) / accuracy[:, np.newaxis], axis=0, initial=0.0)
-    least = np.sqrt(np.finfo(float).tiny)  # so that sums over units stay finite
-    coefficient: FloatArray = 1.0 / np.maximum(largest, least)
+    coefficient = np.full(largest.shape, np.nan)
+    shown = largest > np.sqrt(np.finfo(float).tiny)  # of which the square is known, too
+    np.divide(1.0, largest, out=coefficient, where=shown)
     return coefficient

@@ -1,4 +1,5 @@
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from frictus_service.discovery.inference.linear_model import (
 )
 from frictus_service.discovery.inference.selection import select
 from frictus_service.discovery.inference.significance import PRIOR_DEGREES, signs
+from frictus_service.discovery.problem.problem import as_accurate
 
 LEVEL = 0.05
 
@@ -110,3 +112,19 @@ def test_alike_is_seen_after_own_parameters_are_gone(rng: np.random.Generator) -
     cosines = similarity(found)
     assert cosines[0, 2] == pytest.approx(1.0)
     assert abs(cosines[0, 1]) < 0.3
+
+
+def test_who_shows_nothing_of_an_effect_hides_it_in_nobody(rng: np.random.Generator) -> None:
+    """Nor does it change how accurately others measure it."""
+    people = [*units(rng, [0.6, 0.0]), *units(rng, [0.6, 0.0], n_units=1)]
+    people[-1].effects[:, 0] = 0.0
+    best = np.full(people[0].readings.size, 0.01)
+    people = [replace(unit, accuracy=as_accurate(unit.effects, best)) for unit in people]
+    with_all, without = project_out(people), project_out(people[:-1])
+    assert with_all.margin[0] == pytest.approx(without.margin[0])
+    assert 0.0 < without.margin[0] < 0.1
+    one, other = (
+        left.significance(signs(len(left.along), rng)) for left in (with_all, without)
+    )
+    assert one.t[0] == pytest.approx(other.t[0])
+    assert one.p[0] < 0.05
