@@ -30,6 +30,7 @@ from frictus_service.study.trial import StudyInfo, TrialInfo
 _ESTIMATOR: Final = (
     "frictus_hardware.physics.linear",
     "frictus_service.identification.observation.blocks",
+    "frictus_service.identification.observation.hann_spectrum",
     "frictus_service.identification.observation.least_squares",
     "frictus_service.identification.observation.observe",
     "frictus_service.identification.observation.response",
@@ -106,7 +107,7 @@ class Cache:
     def _place(self, sha256: str, study: StudyInfo) -> Path:
         mount = study.mount and (study.mount.numerator, study.mount.denominator)
         version = [estimator_version(), self.reader.name, self.reader.version]
-        asked = [sha256, *version, study.screen_peak_v, mount]
+        asked = [sha256, *version, study.carrier_hz, study.screen_peak_v, mount]
         key = hashlib.sha256(json.dumps(asked).encode()).hexdigest()
         return self.folder / key[:2] / f"{key}.{self.reader.name}"
 

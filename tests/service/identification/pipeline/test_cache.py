@@ -1,6 +1,7 @@
 """What the cache returns is what was put in, or nothing."""
 
 from dataclasses import fields, replace
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from tests.service.identification.trials import STUDY, Made, trial
 
 from frictus_hardware.physics.linear import TransferFunction
+from frictus_service.discovery.evidence.trial_evidence import EVIDENCE
 from frictus_service.identification.observation.observe import observe
 from frictus_service.identification.observation.response import (
     ResponseRows,
@@ -18,6 +20,8 @@ from frictus_service.identification.pipeline.cache import Cache
 from frictus_service.identification.pipeline.study import OBSERVER
 from frictus_service.identification.pipeline.workers import Reader, Reading
 from frictus_service.study.file_state import state_of
+
+OBSERVING = "frictus_service.identification.observation."
 
 
 @pytest.fixture
@@ -82,9 +86,28 @@ def test_what_matters_is_in_the_key(
     other = TransferFunction((1.0,), (1.0, 2.0))
     assert cache.find("ab12", seen.info, replace(STUDY, mount=other)) is None
     assert cache.find("ab12", seen.info, replace(STUDY, screen_peak_v=110.0)) is None
+    assert cache.find("ab12", seen.info, replace(STUDY, carrier_hz=9000.0)) is None
     assert cache.find("ab12", seen.info, replace(STUDY, rig="elsewhere")) is not None
     monkeypatch.setattr(caching, "estimator_version", lambda: "another")
     assert cache.find("ab12", seen.info, STUDY) is None
+
+
+@pytest.mark.parametrize("reader", [OBSERVER, EVIDENCE], ids=lambda reader: reader.name)
+def test_what_observations_call_is_among_the_sources(
+    reader: Reader, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+    monkeypatch.setattr(caching, "version_of", asked.extend)
+    caching.estimator_version()
+    hashed = {*asked, *reader.sources}
+    called = {
+        str(getattr(value, "__module__", None))
+        for name in hashed
+        for value in vars(import_module(name)).values()
+    }
+    observing = {name for name in called if name.startswith(OBSERVING)}
+    assert observing
+    assert observing <= hashed
 
 
 def test_readers_do_not_share_entries(tmp_path: Path, seen: TrialObservations) -> None:
