@@ -208,6 +208,24 @@ def orthonormal(columns: FloatArray) -> FloatArray:
     return basis
 
 
+def inverse_of(gram: FloatArray, least: float) -> FloatArray:
+    """Return the pseudo-inverse of inner products, which knows no units of coefficients.
+
+    Parameters
+    ----------
+    gram : ndarray, shape (k, k)
+        Of columns; of one that is empty the inverse is 0.
+    least : float
+        Eigenvalue, of the largest, from which columns of length 1 are told apart.
+    """
+    size = np.sqrt(np.diagonal(gram))
+    per_unit = np.divide(1.0, size, out=np.zeros(size.shape), where=size > 0.0)
+    scaled = per_unit[:, np.newaxis] * gram * per_unit
+    inverse = np.linalg.pinv(scaled, rcond=least, hermitian=True)
+    found: FloatArray = per_unit[:, np.newaxis] * inverse * per_unit
+    return found
+
+
 def joint(units: Sequence[Unit], chosen: Sequence[int]) -> FloatArray:
     """Return coefficients of several effects fitted together, (n_units, n_chosen).
 
@@ -312,14 +330,10 @@ def fitted_together(unit: Unit, chosen: list[int]) -> tuple[FloatArray, FloatArr
     """
     effects, readings = _projected(unit, [])
     effects = effects[:, chosen]
-    size = np.sqrt(np.einsum("ij,ij->j", effects, effects))
-    told = size > 0.0
-    # Of length 1: what is alike must not be told by the units of coefficients.
-    effects /= np.where(told, size, 1.0)
-    inverse = np.linalg.pinv(effects.T @ effects, rcond=LEAST_SHARE**2, hermitian=True)
-    per_unit = 1.0 / np.where(told, size, 1.0)
-    covariance = per_unit[:, np.newaxis] * inverse * per_unit
-    value = per_unit * (inverse @ (effects.T @ readings))
+    gram = effects.T @ effects
+    told = np.diagonal(gram) > 0.0
+    covariance = inverse_of(gram, LEAST_SHARE**2)
+    value = covariance @ (effects.T @ readings)
     root = np.sign(value) * np.sqrt(np.abs(value))
     squared = unit.squared[chosen]
     slope = 2.0 * np.maximum(np.abs(root), np.maximum(np.diagonal(covariance), 0.0) ** 0.25)

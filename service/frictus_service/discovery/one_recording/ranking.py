@@ -20,6 +20,7 @@ from frictus_service.discovery.evidence.residuals import Layout, noise_of
 from frictus_service.discovery.inference.covariance import Whiten, Whitening, whiten
 from frictus_service.discovery.inference.linear_model import (
     Unit,
+    inverse_of,
     mean_of_known,
     orthonormal,
     project_out,
@@ -52,6 +53,9 @@ windows of a spectrum are wrong by is the same in all folds."""
 SHARE: Final = 0.02
 """Of what one cause explains, by which two must explain more: windows of a spectrum, and the
 frequencies at which a mode is tried, leave a share of a large effect that another may fill."""
+ALIKE, ROUNDING = 1e-9, 1e-15
+"""Eigenvalues of signatures of length 1, of the largest, at which they are taken for one, and
+at which how well they are told apart is not known."""
 RULE: Final = (
     f"held-out gain above {ERRORS:g} standard errors over folds and {LEAST_GAIN:g} nats, AIC "
     "with 2 ln K for the search below the base model's, and a change of the response somewhere "
@@ -207,9 +211,9 @@ class _Fitted:
         if chosen not in self._tried:
             self._tried.append(chosen)
         parts = [_beside_own(unit.only(list(chosen))) for unit in self.base.units]
-        along = sum(effects.T @ rest for effects, rest in parts)
-        gram = sum(effects.T @ effects for effects, _ in parts)
-        if chosen and along @ np.linalg.lstsq(gram, along, rcond=1e-9)[0] > 2.0 * LEAST_GAIN:
+        along = np.sum([effects.T @ rest for effects, rest in parts], axis=0)
+        gram = np.sum([effects.T @ effects for effects, _ in parts], axis=0)
+        if chosen and along @ inverse_of(gram, ALIKE) @ along > 2.0 * LEAST_GAIN:
             before = self.models.get(start, self.base)
             self.models[chosen] = linearise(
                 self.problem, chosen, chosen, (), start=before, whiten=self._whitened
@@ -315,7 +319,7 @@ def _fitted(
 
     def solved(folds: FloatArray) -> FloatArray:
         gram, sums = np.tensordot(folds, grams, 1), folds @ along
-        found: FloatArray = np.clip(np.linalg.lstsq(gram, sums, rcond=1e-9)[0], low, high)
+        found: FloatArray = np.clip(inverse_of(gram, ALIKE) @ sums, low, high)
         return found
 
     def left(coefficients: FloatArray) -> FloatArray:
@@ -332,7 +336,7 @@ def _fitted(
     every = solved(np.ones(n))
     others = np.array([solved(1.0 - fold) for fold in np.eye(n)])
     search = 2.0 * (len(chosen) * (1.0 + np.log(searched)) + more)
-    formal = np.sqrt(np.diagonal(np.linalg.pinv(grams.sum(axis=0), hermitian=True)))
+    formal = np.sqrt(np.diagonal(inverse_of(grams.sum(axis=0), ROUNDING)))
     jackknife = np.sqrt((n - 1) / n * np.square(others - others.mean(axis=0)).sum(axis=0))
     saved = before - left(others)
     errors, k = np.maximum(formal, jackknife), len(chosen)
