@@ -23,6 +23,9 @@ LEAST_SHARE: Final = 1e-3
 """What own parameters and causes already named leave of a signature, as a share of its square,
 below which a unit says nothing about it."""
 
+ROUNDING: Final = 1e-15
+"""Eigenvalue, of the largest, from which a direction is more than rounding."""
+
 
 @dataclass(frozen=True, slots=True)
 class Unit:
@@ -354,10 +357,12 @@ def _gain_of_one(value: FloatArray, noise: FloatArray, known: BoolArray, unit: i
     values = np.where(there, value[others][:, kept], 0.0)
     mean = values.sum(axis=0) / count[kept]
     apart = np.where(there, values - mean, 0.0)
-    expected = noise[others][:, kept][:, :, kept].mean(axis=0)
+    # Mean over those who know; with the roots of both counts it is a covariance in any case.
+    expected = noise[others][:, kept][:, :, kept].sum(axis=0)
+    expected /= np.sqrt(np.multiply.outer(count[kept], count[kept]))
     variance = (PRIOR_DEGREES * expected + apart.T @ apart) / (PRIOR_DEGREES + least - 1)
     variance *= 1.0 + 1.0 / least
-    towards = np.linalg.lstsq(variance, mean, rcond=None)[0]
+    towards = inverse_of(variance, ROUNDING) @ mean
     return float(towards @ (value[unit, kept] - 0.5 * mean))
 
 

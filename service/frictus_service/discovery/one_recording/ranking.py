@@ -19,6 +19,7 @@ from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.evidence.residuals import Layout, noise_of
 from frictus_service.discovery.inference.covariance import Whiten, Whitening, whiten
 from frictus_service.discovery.inference.linear_model import (
+    ROUNDING,
     Unit,
     inverse_of,
     mean_of_known,
@@ -53,9 +54,8 @@ windows of a spectrum are wrong by is the same in all folds."""
 SHARE: Final = 0.02
 """Of what one cause explains, by which two must explain more: windows of a spectrum, and the
 frequencies at which a mode is tried, leave a share of a large effect that another may fill."""
-ALIKE, ROUNDING = 1e-9, 1e-15
-"""Eigenvalues of signatures of length 1, of the largest, at which they are taken for one, and
-at which how well they are told apart is not known."""
+ALIKE: Final = 1e-9
+"""Eigenvalue, of the largest, at which signatures of length 1 are taken for one."""
 RULE: Final = (
     f"held-out gain above {ERRORS:g} standard errors over folds and {LEAST_GAIN:g} nats, AIC "
     "with 2 ln K for the search below the base model's, and a change of the response somewhere "

@@ -11,6 +11,7 @@ from frictus_service.discovery.inference.linear_model import (
     held_out_gain,
     inverse_of,
     joint,
+    joint_gain,
     project_out,
     similarity,
 )
@@ -140,3 +141,21 @@ def test_who_shows_nothing_of_an_effect_hides_it_in_nobody(rng: np.random.Genera
     )
     assert one.t[0] == pytest.approx(other.t[0])
     assert one.p[0] < 0.05
+
+
+def test_who_says_nothing_adds_nothing_to_gains(rng: np.random.Generator) -> None:
+    people = units(rng, [0.3, 0.4], between=0.0)
+    silent = replace(people[0], effects=np.zeros_like(people[0].effects))
+    gain = joint_gain(people, [0, 1])
+    with_silent = joint_gain([*people, *[silent] * 8], [0, 1])
+    np.testing.assert_allclose(with_silent, [*gain, *[0.0] * 8])
+    alone = held_out_gain(project_out([*people, silent]))[:, 0]
+    np.testing.assert_allclose(joint_gain([*people, silent], [0]), alone)
+
+
+def test_gains_together_know_no_units_of_coefficients(rng: np.random.Generator) -> None:
+    """In s, the variance of a delay is less than rounding of that of a slope in Hz s/mm."""
+    people = units(rng, [0.3, 0.4])
+    scale = np.array([1e8, 0.1])
+    scaled = [replace(unit, effects=unit.effects * scale) for unit in people]
+    np.testing.assert_allclose(joint_gain(scaled, [0, 1]), joint_gain(people, [0, 1]))
