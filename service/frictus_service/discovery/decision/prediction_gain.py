@@ -81,7 +81,7 @@ def find_unexplained(
     """
     level = max(OMNIBUS, 2.0 / len(flips))
     found = select(lambda chosen: units, flips, level, most=MOST_PATTERNS).effects
-    means = joint(units, found).mean(axis=0) if found else np.zeros(0)
+    means = mean_of_known(joint(units, found))
     unexplained = []
     for place, pattern in enumerate(found):
         left = project_out(units, found[:place])
@@ -120,7 +120,7 @@ def _largest_at(
         unit.looking_for(effects, accuracy)
         for unit, (effects, accuracy) in zip(units, columns, strict=True)
     ]
-    mean = np.nan_to_num(project_out(bare).estimates).mean(axis=0)
+    mean = mean_of_known(project_out(bare).estimates)
     size, phase = np.split(mean, 2)
     misfit = np.hypot(size, phase)
     return tuple(

@@ -6,6 +6,7 @@ from tests.service.discovery.made import MOUNT, PAPER, Design, made
 
 from frictus_service.discovery.decision.prediction_gain import (
     DB,
+    find_unexplained,
     gain_of,
     held_out,
     rms_of,
@@ -20,9 +21,10 @@ from frictus_service.discovery.inference.linear_model import (
     joint_gain,
     project_out,
 )
-from frictus_service.discovery.inference.linearisation import linearise
+from frictus_service.discovery.inference.linearisation import Linearised, linearise
 from frictus_service.discovery.inference.predictive_density import UnitCoefficients
-from frictus_service.discovery.problem.candidates import candidates_of
+from frictus_service.discovery.inference.significance import signs
+from frictus_service.discovery.problem.candidates import Pattern, candidates_of
 from frictus_service.discovery.problem.problem import DiscoveryProblem
 
 SHARE = 0.06
@@ -141,6 +143,30 @@ def test_rms_is_of_all_rows(rng: np.random.Generator) -> None:
 
 
 NAMES = ("second", "third", "line50", "line60", "low")
+
+
+def test_who_does_not_know_a_pattern_leaves_its_size_known(rng: np.random.Generator) -> None:
+    columns = rng.standard_normal((9, 60, 1))
+    columns[-1] = 0.0
+    units = [
+        Unit(
+            readings=2.0 * own[:, 0] + rng.standard_normal(60),
+            own=own[:, :0],
+            effects=own,
+            generic=own[:, :0],
+            accuracy=np.zeros(1),
+            generic_accuracy=np.zeros(0),
+            positive=np.zeros(1, dtype=np.bool_),
+            squared=np.zeros(1, dtype=np.bool_),
+        )
+        for own in columns
+    ]
+    hum = (Pattern("line50", (), "none"),)
+    problem = DiscoveryProblem(PAPER, MOUNT, "friction", (), (), hum)
+    nothing = np.zeros((len(units), 0))
+    model = Linearised((), nothing, (), nothing, ())
+    (found,) = find_unexplained(problem, model, units, signs(len(units), rng))
+    assert found.mean == pytest.approx(2.0, rel=0.15)
 
 
 def test_unseen_conditions_are_the_middle_ones(rng: np.random.Generator) -> None:
