@@ -331,6 +331,19 @@ def test_who_was_measured_once_hides_no_drift(rng: np.random.Generator) -> None:
     assert 0.0 < interval[0] < interval[1] < 0.12
 
 
+def test_a_study_that_can_show_no_cause_says_so_of_each(rng: np.random.Generator) -> None:
+    """Mass, damping and stiffness are everybody's own: one tone tells nothing besides."""
+    one = Design(
+        speeds_mm_s=(60.0,), forces_n=(0.4,), tones_hz=(100.0,), tones_per_trial=1, repeats=8
+    )
+    found = found_in(made(rng, design=one, base=PAPER_SKIN), SKIN)
+    assert found.tests
+    assert all(
+        "this design does not show it" in (each.not_tested or "") for each in found.tests
+    )
+    assert not found.causes
+
+
 @pytest.mark.long
 class TestMount:
     SHARE = 1636.0 / 1714.0 - 1.0

@@ -220,7 +220,8 @@ def critical_t(
 ) -> float:
     """Return the |t| that the largest of all effects exceeds by chance at a level.
 
-    Means are taken out first: it is what there would be without effects.
+    Means are taken out first: it is what there would be without effects. Infinite where no
+    effect is tested.
 
     Parameters
     ----------
@@ -231,6 +232,8 @@ def critical_t(
     """
     known = np.isfinite(estimates)
     tested = known.sum(axis=0) >= LEAST_UNITS
+    if not tested.any():
+        return np.inf
     values = np.where(known, estimates, 0.0)[:, tested]
     count = known[:, tested].sum(axis=0)
     centred = np.where(known[:, tested], values - values.sum(axis=0) / count, 0.0)

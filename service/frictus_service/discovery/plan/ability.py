@@ -33,7 +33,8 @@ class Ability:
     n_units : int
         Compared with each other.
     critical : float
-        |t| that the largest of all exceeds by chance in one study of twenty.
+        |t| that the largest of all exceeds by chance in one study of twenty; infinite where
+        none is shown.
     standard_error : ndarray
         Of the mean of each coefficient over units; NaN where it is not asked for.
     detectable : ndarray

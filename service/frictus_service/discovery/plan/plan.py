@@ -68,6 +68,7 @@ def plan(
         zip(problems, remedies(programme, setup, assumptions, problems, seed), strict=True)
     )
     units = unit_count(programme)
+    tests = ability is not None and bool(np.isfinite(ability.critical))
     return Plan(
         code_version=version("frictus"),
         seed=seed,
@@ -78,13 +79,13 @@ def plan(
         finger_s=programme.finger_s,
         units=units,
         compared="participants" if programme.participants >= LEAST_UNITS else "blocks",
-        critical_t=None if ability is None else ability.critical,
+        critical_t=ability.critical if ability is not None and tests else None,
         effects=tuple(
             _effect(setup.candidates, k, ability, wanted, found)
             for k in range(len(setup.candidates))
         ),
         pairs=tuple(_pair(pair, ability, found) for pair in alike if ability is not None),
-        notes=(*_notes(programme, units), *_too_short(programme, setup)),
+        notes=(*_notes(programme, units, tests=tests), *_too_short(programme, setup)),
         assumptions=assumptions.source,
     )
 
@@ -194,7 +195,7 @@ def _addition(tried: Tried, reaches: float) -> Addition:
     )
 
 
-def _notes(programme: Programme, units: int) -> tuple[str, ...]:
+def _notes(programme: Programme, units: int, *, tests: bool) -> tuple[str, ...]:
     people, notes = programme.participants, []
     if units < LEAST_UNITS:
         notes.append(
@@ -206,6 +207,11 @@ def _notes(programme: Programme, units: int) -> tuple[str, ...]:
         notes.append(
             f"{people} participant{'s' if people > 1 else ''}, below {LEAST_UNITS}: blocks of "
             "their trials take the role of people. What is found holds for these people only."
+        )
+    if units >= LEAST_UNITS and not tests:
+        notes.append(
+            "This design shows none of the effects: what they change, everybody's own "
+            "parameters can do at these tones, speeds and forces."
         )
     for name, levels in (
         ("speed", {trial.speed_mm_s for trial in programme.trials}),

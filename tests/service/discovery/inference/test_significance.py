@@ -1,7 +1,11 @@
 import numpy as np
 import pytest
 
-from frictus_service.discovery.inference.significance import largest_of_flips, signs
+from frictus_service.discovery.inference.significance import (
+    critical_t,
+    largest_of_flips,
+    signs,
+)
 
 
 def test_all_flips_once(rng: np.random.Generator) -> None:
@@ -39,6 +43,13 @@ def test_five_units_are_never_tested(rng: np.random.Generator) -> None:
     found = largest_of_flips(estimates, np.ones((8, 2)), signs(8, rng))
     assert np.isfinite(found.p[0])
     assert np.isnan(found.p[1])
+
+
+def test_where_nothing_is_tested_no_t_is_exceeded(rng: np.random.Generator) -> None:
+    estimates, flips = rng.standard_normal((8, 2)), signs(8, rng)
+    assert np.isfinite(critical_t(estimates, np.ones((8, 2)), flips, 0.05))
+    estimates[:3] = np.nan
+    assert critical_t(estimates, np.ones((8, 2)), flips, 0.05) == np.inf
 
 
 def test_signs_and_order_of_units_do_not_matter(rng: np.random.Generator) -> None:

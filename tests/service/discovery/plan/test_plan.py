@@ -116,6 +116,14 @@ def test_what_one_level_cannot_show_is_said_and_what_would_show_it(seed: int) ->
     assert effect(found, "direction_asymmetry").shown == "yes"
 
 
+def test_a_design_of_one_tone_shows_no_effect_of_the_skin_and_says_so(seed: int) -> None:
+    one = design(tones_hz=(100.0,), speeds_mm_s=(60.0,), forces_n=(0.4,))
+    found = planned(one, seed, "mobility")
+    assert found.critical_t is None
+    assert all(each.shown == "no" and each.needs for each in found.effects)
+    assert any("shows none of the effects" in note for note in found.notes)
+
+
 def test_sizes_fall_with_the_root_of_the_participants(seed: int) -> None:
     once = programme_of(design(participants=8), np.random.default_rng(seed))
     few, many = shown_by(once, seed), shown_by(replace(once, participants=32), seed)
