@@ -154,6 +154,38 @@ def test_invalid_trials_are_listed_and_not_used(
     assert sum(count.used for count in found.study.counts) == len(seen) - 10
 
 
+def test_what_lacks_normal_force_does_not_end_the_identification(
+    seen: list[TrialObservations],
+) -> None:
+    """Neither a third of a sweep, nor a whole condition: that is left out, and said."""
+    one = without_force(seen[0], slice(2))
+    whole = identify(seen, settings=QUICK)
+    found = identify([one, *seen[1:]], settings=QUICK)
+    assert found.study.trials_used == whole.study.trials_used
+    for test, other in zip(found.effects, whole.effects, strict=True):
+        assert test.value.value == pytest.approx(other.value.value, rel=0.02)
+    info = seen[0].info
+    there = [
+        (each.info.participant, each.info.speed_mm_s, each.info.force_n)
+        == (info.participant, info.speed_mm_s, info.force_n)
+        for each in seen
+    ]
+    less = [
+        without_force(each, slice(None)) if lacks else each
+        for each, lacks in zip(seen, there, strict=True)
+    ]
+    found = identify(less, settings=QUICK)
+    assert len(found.conditions) == len(whole.conditions) - 1
+    assert len(found.study.excluded) == sum(there)
+    assert all("normal force" in each.reasons[0] for each in found.study.excluded)
+
+
+def without_force(one: TrialObservations, rows: slice) -> TrialObservations:
+    force = one.rows.normal_force_n.copy()
+    force[rows] = np.nan
+    return replace(one, rows=replace(one.rows, normal_force_n=force))
+
+
 def test_an_outlier_is_named_kept_and_left_out_beside(rng: np.random.Generator) -> None:
     bench = replace(SMALL, forces=(0.2, 0.3, 0.4, 0.5), trial_gain=0.03)
     spoiled = []

@@ -9,7 +9,7 @@ import numpy as np
 from frictus_hardware.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from frictus_service.errors import NothingToIdentifyError
 from frictus_service.identification.observation.observe import list_reasons
-from frictus_service.identification.observation.response import TrialObservations
+from frictus_service.identification.observation.response import ResponseRows, TrialObservations
 
 LEAST_RELATIVE = 1e-4
 """No response is known better than this share of its size."""
@@ -22,6 +22,12 @@ class Condition:
     participant: str
     speed_mm_s: float
     force_n: float
+
+    @classmethod
+    def of(cls, trial: TrialObservations) -> "Condition":
+        """Return the condition of a trial."""
+        info = trial.info
+        return cls(info.participant, info.speed_mm_s, info.force_n)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,21 +63,20 @@ class ObservationTable:
 
     @classmethod
     def of(cls, observations: Sequence[TrialObservations]) -> "ObservationTable":
-        """Collect the rows of the valid trials.
+        """Collect the rows of the valid trials, of conditions that were measured.
 
         Raises
         ------
         NothingToIdentifyError
             If there is none.
         """
-        used = tuple(item for item in observations if item.valid and item.rows.tone_hz.size)
+        usable = [item for item in observations if item.valid and item.rows.tone_hz.size]
+        measured = {Condition.of(item) for item in usable if _is_measured(item.rows)}
+        used = tuple(item for item in usable if Condition.of(item) in measured)
         if not used:
             raise NothingToIdentifyError(_why_nothing(observations))
         sizes = [item.rows.tone_hz.size for item in used]
-        keys = [
-            Condition(item.info.participant, item.info.speed_mm_s, item.info.force_n)
-            for item in used
-        ]
+        keys = [Condition.of(item) for item in used]
         conditions = sorted(
             set(keys), key=lambda key: (key.participant, key.speed_mm_s, key.force_n)
         )
@@ -250,6 +255,11 @@ def _number(first: IntArray, second: IntArray, parent: IntArray) -> tuple[IntArr
     key = first * (int(second.max(initial=0)) + 1) + second
     _, at, number = np.unique(key, return_index=True, return_inverse=True)
     return number, parent[at]
+
+
+def _is_measured(rows: ResponseRows) -> bool:
+    """Return whether some row has its speed and its normal force."""
+    return bool(np.isfinite(rows.speed_mm_s * rows.normal_force_n).any())
 
 
 def _why_nothing(observations: Sequence[TrialObservations]) -> str:

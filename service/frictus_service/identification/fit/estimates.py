@@ -74,14 +74,12 @@ class Measured:
 
     @classmethod
     def of(cls, table: ObservationTable) -> "Measured":
-        """Return the means over the rows of each condition."""
-        n = len(table.conditions)
-        count = np.bincount(table.condition, minlength=n)
+        """Return the means over the rows of each condition of which something is known."""
         people = {name: index for index, name in enumerate(table.participants)}
         return cls(
             np.array([people[condition.participant] for condition in table.conditions]),
-            np.bincount(table.condition, table.speed_mm_s, n) / count,
-            np.bincount(table.condition, table.normal_force_n, n) / count,
+            _means(table, table.speed_mm_s),
+            _means(table, table.normal_force_n),
             np.array([condition.speed_mm_s for condition in table.conditions]),
             np.array([condition.force_n for condition in table.conditions]),
         )
@@ -236,6 +234,12 @@ def law_of(
         return None
     evidence = evidence_of(fitted, measured, person, kept)
     return None if evidence is None else estimate(evidence)
+
+
+def _means(table: ObservationTable, column: FloatArray) -> FloatArray:
+    n, known = len(table.conditions), np.isfinite(column)
+    condition = table.condition[known]
+    return np.bincount(condition, column[known], n) / np.bincount(condition, minlength=n)
 
 
 def _typical(fitted: Fitted, measured: Measured) -> FloatArray:

@@ -37,6 +37,7 @@ from frictus_service.identification.report.html import fill, number, picture
 from frictus_service.identification.report.overview import boxes, correlation, effects, laws
 
 NO_ROWS = "no response at its tones could be measured"
+NOT_MEASURED = "nowhere in its condition are speed and normal force known"
 
 
 def account_for(
@@ -59,6 +60,7 @@ def account_for(
     unreadable : sequence of Exclusion
         Trials of which there are no observations.
     """
+    used = {item.info.id for item in table.trials}
     excluded = [
         Excluded(trial=item.trial, reasons=(f"{item.field}: {item.reason}",))
         for item in unreadable
@@ -70,10 +72,10 @@ def account_for(
             speed_mm_s=item.info.speed_mm_s,
             force_n=item.info.force_n,
             tones_hz=item.info.tones_hz,
-            reasons=item.reasons or (NO_ROWS,),
+            reasons=item.reasons or ((NOT_MEASURED if item.rows.tone_hz.size else NO_ROWS),),
         )
         for item in observations
-        if not item.valid or (item.info.tones_hz and not item.rows.tone_hz.size)
+        if not item.valid or (item.info.tones_hz and item.info.id not in used)
     ]
     return StudySummary(
         path=path,
