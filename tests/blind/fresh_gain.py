@@ -64,7 +64,7 @@ def run(number: int, seed: int) -> dict[str, Any]:
 
 def _scored(first: Path, fresh: Path, report: dict[str, Any]) -> dict[str, Any]:
     """Return the gain that a report predicts, and that of people whom it has not seen."""
-    from frictus_service.discovery.inference.linear_model import joint_gain
+    from frictus_service.discovery.inference.joint_gain import joint_gain
     from frictus_service.discovery.inference.linearisation import linearise
     from frictus_service.discovery.inference.predictive_density import UnitCoefficients
 

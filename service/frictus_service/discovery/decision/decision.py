@@ -15,7 +15,8 @@ from frictus_service.discovery.decision.naming import (
 from frictus_service.discovery.decision.prediction_gain import (
     UnexplainedPattern,
 )
-from frictus_service.discovery.inference.linear_model import joint_gain, project_out
+from frictus_service.discovery.inference.joint_gain import joint_gain
+from frictus_service.discovery.inference.linear_model import project_out
 from frictus_service.discovery.inference.linearisation import (
     Linearised,
     linearise,

@@ -21,7 +21,8 @@ from frictus_service.discovery.inference.significance import (
 
 LEAST_SHARE: Final = 1e-3
 """What own parameters and causes already named leave of a signature, as a share of its square,
-below which a unit says nothing about it."""
+below which a unit says nothing about it; and so does one below this share of what is left in
+the others: its coefficient would scatter more than all of theirs."""
 
 ROUNDING: Final = 1e-15
 """Eigenvalue, of the largest, from which a direction is more than rounding."""
@@ -173,9 +174,19 @@ def project_out(units: Sequence[Unit], chosen: Sequence[int] = ()) -> ProjectedU
     """
     parts = [_leave(unit, list(chosen)) for unit in units]
     along, information = (np.stack(part) for part in zip(*parts, strict=True))
+    hardly = information <= LEAST_SHARE * _middle(information)
+    along[hardly], information[hardly] = 0.0, 0.0
     told = np.array([unit.accuracy for unit in units])
     accuracy = mean_of_known(np.where(information > 0.0, told, np.nan))
     return ProjectedUnits(along, information, accuracy, units[0].positive, units[0].squared)
+
+
+def _middle(information: FloatArray) -> FloatArray:
+    """Return the median over the units that say something, (n_effects,); 0 where none does."""
+    ordered = -np.sort(-information, axis=0)
+    place = np.maximum(np.count_nonzero(information, axis=0) - 1, 0) // 2
+    middle: FloatArray = np.take_along_axis(ordered, place[np.newaxis], axis=0)[0]
+    return middle
 
 
 def _leave(unit: Unit, chosen: list[int]) -> tuple[FloatArray, FloatArray]:
@@ -280,90 +291,19 @@ def held_out_gain(left: ProjectedUnits) -> FloatArray:
     value = np.where(known, np.nan_to_num(tested), 0.0)
     with np.errstate(divide="ignore"):
         noise = np.where(known, 1.0 / information, 0.0)
-    count = np.maximum(known.sum(axis=0) - known, 1)
-    mean = (value.sum(axis=0) - value) / count
-    scatter = np.maximum((value**2).sum(axis=0) - value**2 - count * mean**2, 0.0)
-    expected = (noise.sum(axis=0) - noise) / count
+    # Sums of the others are not those of all less one: beside a large one, nothing is left.
+    others = ~np.eye(len(value), dtype=np.bool_)
+    count = np.maximum(others @ known.astype(np.float64), 1.0)
+    mean = (others @ value) / count
+    apart = [np.where(known, value - each, 0.0) for each in mean]
+    scatter = np.array(
+        [np.square(a[o]).sum(axis=0) for a, o in zip(apart, others, strict=True)]
+    )
+    expected = (others @ noise) / count
     variance = (PRIOR_DEGREES * expected + scatter) / (PRIOR_DEGREES + count - 1)
     variance = np.maximum(variance * (1.0 + 1.0 / count), np.finfo(float).tiny)
     gain: FloatArray = (value * mean - 0.5 * mean**2) / variance
     return np.where(known & (known.sum(axis=0) > 1), gain, 0.0)
-
-
-def joint_gain(units: Sequence[Unit], chosen: Sequence[int]) -> FloatArray:
-    """Return by how much several effects together make each unit more likely.
-
-    As `held_out_gain`, of all coefficients at once: where signatures are alike, the gains of
-    each beside the others do not add up to it.
-
-    Parameters
-    ----------
-    units : sequence of Unit
-        Whitened readings and signatures of each participant or block.
-    chosen : sequence of int
-
-    Returns
-    -------
-    ndarray, shape (n_units,)
-    """
-    if not chosen:
-        return np.zeros(len(units))
-    parts = [fitted_together(unit, list(chosen)) for unit in units]
-    value, noise = (np.stack(part) for part in zip(*parts, strict=True))
-    known = np.isfinite(value)
-    return np.array([_gain_of_one(value, noise, known, unit) for unit in range(len(units))])
-
-
-def fitted_together(unit: Unit, chosen: list[int]) -> tuple[FloatArray, FloatArray]:
-    """Return the coefficients fitted together, NaN where unknown, and their covariance.
-
-    Of parameters, and not of their squares, as in `ProjectedUnits.tested`.
-
-    Parameters
-    ----------
-    unit : Unit
-        Whitened readings and signatures.
-    chosen : list of int
-        Effects; what else is known of the unit is its own.
-
-    Returns
-    -------
-    ndarray, shape (n_chosen,)
-    ndarray, shape (n_chosen, n_chosen)
-    """
-    effects, readings = _projected(unit, [])
-    effects = effects[:, chosen]
-    gram = effects.T @ effects
-    told = np.diagonal(gram) > 0.0
-    covariance = inverse_of(gram, LEAST_SHARE**2)
-    value = covariance @ (effects.T @ readings)
-    root = np.sign(value) * np.sqrt(np.abs(value))
-    squared = unit.squared[chosen]
-    slope = 2.0 * np.maximum(np.abs(root), np.maximum(np.diagonal(covariance), 0.0) ** 0.25)
-    scale = np.where(squared & told, 1.0 / np.maximum(slope, np.finfo(float).tiny), 1.0)
-    value = np.where(told, np.where(squared, root, value), np.nan)
-    return value, scale[:, np.newaxis] * covariance * scale
-
-
-def _gain_of_one(value: FloatArray, noise: FloatArray, known: BoolArray, unit: int) -> float:
-    """Return the gain of one unit, whose coefficients are expected to be the others' mean."""
-    others = np.arange(len(value)) != unit
-    count = known[others].sum(axis=0)
-    kept = np.flatnonzero(known[unit] & (count > 0))
-    if not kept.size:
-        return 0.0
-    there = known[others][:, kept]
-    least = int(count[kept].min())
-    values = np.where(there, value[others][:, kept], 0.0)
-    mean = values.sum(axis=0) / count[kept]
-    apart = np.where(there, values - mean, 0.0)
-    # Mean over those who know; with the roots of both counts it is a covariance in any case.
-    expected = noise[others][:, kept][:, :, kept].sum(axis=0)
-    expected /= np.sqrt(np.multiply.outer(count[kept], count[kept]))
-    variance = (PRIOR_DEGREES * expected + apart.T @ apart) / (PRIOR_DEGREES + least - 1)
-    variance *= 1.0 + 1.0 / least
-    towards = inverse_of(variance, ROUNDING) @ mean
-    return float(towards @ (value[unit, kept] - 0.5 * mean))
 
 
 def similarity(units: Sequence[Unit], chosen: Sequence[int] = ()) -> FloatArray:

@@ -17,7 +17,8 @@ import numpy as np
 from scipy import special, stats
 
 from frictus_hardware.arrays import BoolArray, FloatArray, IntArray
-from frictus_service.discovery.inference.linear_model import Unit, fitted_together
+from frictus_service.discovery.inference.joint_gain import fitted_together
+from frictus_service.discovery.inference.linear_model import Unit
 from frictus_service.discovery.inference.significance import PRIOR_DEGREES
 
 DRAWS: Final = 4000
@@ -56,10 +57,7 @@ class UnitCoefficients:
         chosen : sequence of int
             One at least.
         """
-        value, noise = zip(
-            *(fitted_together(each, list(chosen)) for each in units), strict=True
-        )
-        return cls(np.stack(value), np.stack(noise))
+        return cls(*fitted_together(units, chosen))
 
     @property
     def held_out(self) -> FloatArray:

@@ -9,9 +9,9 @@ from frictus_service.discovery.across_studies.study_statistics import (
     decode,
     encode,
 )
+from frictus_service.discovery.inference.joint_gain import joint_gain
 from frictus_service.discovery.inference.linear_model import (
     held_out_gain,
-    joint_gain,
     project_out,
     similarity,
 )

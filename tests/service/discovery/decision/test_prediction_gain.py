@@ -15,10 +15,10 @@ from frictus_service.discovery.decision.prediction_gain import (
 from frictus_service.discovery.evidence.evidence_rows import subjects_of
 from frictus_service.discovery.evidence.observation_table import rows_of, units_of, used
 from frictus_service.discovery.evidence.residuals import Compared
+from frictus_service.discovery.inference.joint_gain import joint_gain
 from frictus_service.discovery.inference.linear_model import (
     Unit,
     held_out_gain,
-    joint_gain,
     project_out,
 )
 from frictus_service.discovery.inference.linearisation import Linearised, linearise

@@ -6,12 +6,13 @@ import pytest
 from scipy import stats
 
 from frictus_hardware.arrays import FloatArray
+from frictus_service.discovery.inference.joint_gain import joint_gain
 from frictus_service.discovery.inference.linear_model import (
+    ProjectedUnits,
     Unit,
     held_out_gain,
     inverse_of,
     joint,
-    joint_gain,
     project_out,
     similarity,
 )
@@ -159,3 +160,38 @@ def test_gains_together_know_no_units_of_coefficients(rng: np.random.Generator) 
     scale = np.array([1e8, 0.1])
     scaled = [replace(unit, effects=unit.effects * scale) for unit in people]
     np.testing.assert_allclose(joint_gain(scaled, [0, 1]), joint_gain(people, [0, 1]))
+
+
+@pytest.mark.parametrize("share", [0.03, 1e-4, 1e-9])
+def test_who_hardly_shows_an_effect_weighs_nothing(
+    share: float, rng: np.random.Generator
+) -> None:
+    """A coefficient of its own would scatter as much more as its signature is less."""
+    people = units(rng, [0.6, 0.4], between=0.0)
+    hardly = replace(people[0], effects=people[0].effects * np.array([share, 1.0]))
+    some, every = project_out(people), project_out([*people, hardly])
+    for one, other in zip(some.tested, every.tested, strict=True):
+        np.testing.assert_array_equal(one[:, 0], other[:-1, 0])
+    assert not every.information[-1, 0]
+    gain = joint_gain([*people, hardly], [0])
+    np.testing.assert_allclose(gain, [*joint_gain(people, [0]), 0.0])
+    assert every.significance(signs(9, rng)).p[0] < 0.05
+
+
+def test_gains_of_one_who_is_far_off_are_exact(rng: np.random.Generator) -> None:
+    """What all sum up to, less what is far off, is rounding."""
+    value = rng.normal(0.5, 0.1, (9, 1))
+    near = held_out_gain(of_values(value))[-1, 0]
+    value[-1] *= 1e12
+    others = value[:-1]
+    off, mean = value[-1, 0], others.mean()
+    spread = PRIOR_DEGREES + np.square(others - mean).sum()
+    spread *= (1.0 + 1.0 / others.size) / (PRIOR_DEGREES + others.size - 1)
+    far = held_out_gain(of_values(value))[-1, 0]
+    assert far == pytest.approx((off * mean - 0.5 * mean**2) / spread)
+    assert far > near
+
+
+def of_values(value: FloatArray) -> ProjectedUnits:
+    none = np.zeros(value.shape[1])
+    return ProjectedUnits(value, np.ones_like(value), none, none > 0.0, none > 0.0)
