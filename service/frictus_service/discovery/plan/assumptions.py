@@ -260,11 +260,19 @@ def _scatter(kept: _Kept, tones_hz: FloatArray) -> dict[int, Grid]:
 
 
 def _spread(left: ProjectedUnits, candidates: Sequence[Candidate]) -> dict[Candidate, float]:
-    """Return by how much the units' coefficients differ more than their noise explains."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        noise = np.mean(1.0 / left.information, axis=0)
-        variance = np.var(left.estimates, axis=0, ddof=1) - noise
-    spread = np.sqrt(np.maximum(np.nan_to_num(variance), 0.0))
+    """Return by how much the units' coefficients differ more than their noise explains.
+
+    By moments, each weighed by what it tells (DerSimonian and Laird 1986): who tells little
+    differs by noise most of all.
+    """
+    weight = left.information
+    whole, known = weight.sum(axis=0), weight > 0.0
+    several = known.sum(axis=0) > 1
+    total = np.where(several, whole, 1.0)
+    apart = np.where(known, left.estimates - left.along.sum(axis=0) / total, 0.0)
+    excess = (weight * np.square(apart)).sum(axis=0) - (known.sum(axis=0) - 1)
+    free = np.where(several, total - np.square(weight).sum(axis=0) / total, 1.0)
+    spread = np.sqrt(np.where(several, np.maximum(excess, 0.0) / free, 0.0))
     return dict(zip(candidates, spread.tolist(), strict=True))
 
 

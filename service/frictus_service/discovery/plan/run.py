@@ -111,12 +111,20 @@ def of_study(
     Raises
     ------
     DesignError
-        If no trial can be used, or those that can say no tones.
+        If no trial can be used, or those that can say no tones, or no target.
     """
     if not any(one.observed.info.tones_hz for one in trials):
         raise DesignError(
             "no usable trial of this study says its tones: there is no design to plan with; "
             "accepted: a study of trials with tones, or a design/1 file"
+        )
+    infos = [one.observed.info for one in trials]
+    without = sum(not min(info.speed_mm_s, info.force_n) > 0.0 for info in infos)
+    if without:
+        raise DesignError(
+            f"{without} of {len(trials)} usable trials have no target speed or no target force "
+            "(0: none was asked for): there is no design to plan with; accepted: a study with "
+            "targets above 0, or a design/1 file"
         )
     trials = comparable(trials, setup.response)
     units = units_of(trials, setup.response)
