@@ -17,8 +17,13 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effects import FORMS, extended
 from frictus_service.discovery.beyond.grammar import Form
 from frictus_service.discovery.evidence.residuals import accuracy_of, reduce
-from frictus_service.discovery.inference.linear_model import orthonormal
+from frictus_service.discovery.inference.linear_model import (
+    LEAST_SHARE,
+    median_of_telling,
+    orthonormal,
+)
 from frictus_service.discovery.inference.linearisation import Linearised, misfits
+from frictus_service.discovery.inference.predictive_density import LEAST_TELLING
 from frictus_service.discovery.problem.problem import DiscoveryProblem
 
 ROUNDS: Final = 60
@@ -239,6 +244,8 @@ def _mean_dose(
 ) -> tuple[float, float]:
     """Return the mean of people's own doses, each of whom counts once, and half its interval.
 
+    Those count who show something of the dose: at one speed, a switch at another shows nothing.
+
     Parameters
     ----------
     dose : float
@@ -248,12 +255,12 @@ def _mean_dose(
     least : float
         Half the interval at least.
     """
-    own = np.array(
-        [
-            dose + (j[:, 0] @ r) / max(float(j[:, 0] @ j[:, 0]), 1e-12)
-            for j, r in zip(slopes, rests, strict=True)
-        ]
-    )
+    shown = np.array([j[:, 0] @ j[:, 0] for j in slopes])
+    telling = shown > LEAST_SHARE * median_of_telling(shown[:, np.newaxis])
+    if telling.sum() < LEAST_TELLING:
+        return dose, least
+    along = np.array([j[:, 0] @ r for j, r in zip(slopes, rests, strict=True)])
+    own = dose + along[telling] / shown[telling]
     half = float(stats.t.ppf(0.975, own.size - 1) * own.std(ddof=1) / np.sqrt(own.size))
     return float(own.mean()), max(half, least)
 

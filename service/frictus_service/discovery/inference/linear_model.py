@@ -174,15 +174,21 @@ def project_out(units: Sequence[Unit], chosen: Sequence[int] = ()) -> ProjectedU
     """
     parts = [_leave(unit, list(chosen)) for unit in units]
     along, information = (np.stack(part) for part in zip(*parts, strict=True))
-    hardly = information <= LEAST_SHARE * _middle(information)
+    hardly = information <= LEAST_SHARE * median_of_telling(information)
     along[hardly], information[hardly] = 0.0, 0.0
     told = np.array([unit.accuracy for unit in units])
     accuracy = mean_of_known(np.where(information > 0.0, told, np.nan))
     return ProjectedUnits(along, information, accuracy, units[0].positive, units[0].squared)
 
 
-def _middle(information: FloatArray) -> FloatArray:
-    """Return the median over the units that say something, (n_effects,); 0 where none does."""
+def median_of_telling(information: FloatArray) -> FloatArray:
+    """Return the median over the units that say something, (n_effects,); 0 where none does.
+
+    Parameters
+    ----------
+    information : ndarray, shape (n_units, n_effects)
+        0 where a unit says nothing.
+    """
     ordered = -np.sort(-information, axis=0)
     place = np.maximum(np.count_nonzero(information, axis=0) - 1, 0) // 2
     middle: FloatArray = np.take_along_axis(ordered, place[np.newaxis], axis=0)[0]

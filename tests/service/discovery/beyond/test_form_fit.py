@@ -1,7 +1,7 @@
 """A form is fitted to the bottom: remainders that are the form itself, without a study."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -32,10 +32,12 @@ class Analytic(Remainder):
 
     noise: FloatArray = field(default_factory=lambda: np.zeros((N_UNITS, 2 * TONES_HZ.size)))
     true: Mapping[str, float] = field(default_factory=dict)
+    last_shows: float = 1.0
 
     def rest(self, unit: int, effect: str, values: Mapping[str, float]) -> FloatArray:
         left = _log_factor(effect, self.true) - _log_factor(effect, values)
-        readings: FloatArray = left / NOISE + self.noise[unit]
+        shows = self.last_shows if unit == N_UNITS - 1 else 1.0
+        readings: FloatArray = shows * left / NOISE + self.noise[unit]
         return readings
 
     def accuracy(self, unit: int) -> FloatArray:
@@ -62,7 +64,7 @@ def _resonance() -> Form:
     return next(each for each in grammar() if each.id == "extra_resonance")
 
 
-def _left_by(true: Mapping[str, float], noise: FloatArray) -> Remainder:
+def _left_by(true: Mapping[str, float], noise: FloatArray) -> Analytic:
     nothing: Any = None  # of a study and its model it asks nothing
     return Analytic(nothing, nothing, (), (1.0,) * N_UNITS, noise, true)
 
@@ -91,6 +93,19 @@ def test_an_interval_holds_the_truth_as_often_as_it_says(rng: np.random.Generato
         )
         held += low <= true["frequency_hz"] <= high
     assert held >= 18  # of 25; at 95 % fewer are as rare as 1 in 1e4
+
+
+@pytest.mark.parametrize("shows", [0.0, 1e-7, 1e-3])
+def test_who_shows_nothing_of_a_form_says_nothing_of_its_dose(
+    shows: float, rng: np.random.Generator
+) -> None:
+    true = {"depth": 0.39, "frequency_hz": 745.0, "damping": 0.07}
+    remainder = _left_by(true, rng.normal(size=(N_UNITS, 2 * TONES_HZ.size)))
+    blind = replace(remainder, last_shows=shows)
+    fitted = fit_form(blind, _resonance(), true, range(N_UNITS))
+    without = fit_form(blind, _resonance(), true, range(N_UNITS - 1))
+    assert fitted.values["depth"] == pytest.approx(without.values["depth"], rel=0.02)
+    assert fitted.half_width["depth"] == pytest.approx(without.half_width["depth"], rel=0.05)
 
 
 def test_a_fit_goes_on_while_its_interval_changes() -> None:
