@@ -283,7 +283,8 @@ LOG = """async (steps) => {
 
 def test_a_calibration_fills_no_log_with_its_trials_and_hides_no_stop(page: Page) -> None:
     """It arms, plays and disarms for each trial; who stops it, and what trips, stays apart."""
-    job, steps = "local.calibration-0a1b2c3d", [{"utc_ns": 1}]
+    job = "local.calibration-0a1b2c3d"
+    steps: list[dict[str, Any]] = [{"utc_ns": 1}]
     for trial in range(1, 41):
         ns = 10 * trial
         end = {"owner": job, "by": job, "reason": "disarmed", "utc_ns": ns + 5}
