@@ -14,7 +14,7 @@ from scipy import stats
 from frictus.model import FirstOrderSpeedLaw, Model
 from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_service.calibration import coordinates
-from frictus_service.calibration.score_information import usable
+from frictus_service.calibration.score_information import midway, usable
 from frictus_service.errors import EstimateError
 from frictus_service.identification.observation.response import TrialObservations
 from frictus_service.synthesis.compensability import placeholder_model
@@ -117,7 +117,7 @@ def diagnose(
     Parameters
     ----------
     observations : sequence of TrialObservations
-        Of one person; of those that are `usable` their rows at the law's speeds.
+        Of one person; those that are not `usable` are left out.
     model : Model
         Made from them, of friction.
     estimate : callable
@@ -128,9 +128,10 @@ def diagnose(
     EstimateError
         If no valid trial has a response.
     """
-    used = usable(observations)
-    if not used:
+    observed = usable(observations)
+    if not observed:
         raise EstimateError("no valid trial has a response")
+    used = [midway(one) for one in observed]
     at = _coordinates_of(model)
     ratios = [_ratios(one, at) for one in used]
     points, standardised = _points(used, ratios, at)
@@ -140,7 +141,7 @@ def diagnose(
         note = f"nothing was held out: that takes {FEWEST_TRIALS} valid trials, not {len(used)}"
     else:
         try:
-            held_out = _held_out(used, at, estimate)
+            held_out = _held_out(observed, used, at, estimate)
         except EstimateError as error:
             note = f"nothing was held out: of a part of the trials no law can be made ({error})"
     return FitDiagnostics(
@@ -223,11 +224,14 @@ def _standardised(logs: FloatArray) -> float:
 
 
 def _held_out(
-    used: Sequence[TrialObservations], at: FloatArray, estimate: Estimate
+    observed: Sequence[TrialObservations],
+    used: Sequence[TrialObservations],
+    at: FloatArray,
+    estimate: Estimate,
 ) -> HeldOutFit:
     errors = []
     for fold in range(FOLDS):
-        rest = [one for number, one in enumerate(used) if number % FOLDS != fold]
+        rest = [one for number, one in enumerate(observed) if number % FOLDS != fold]
         errors.append(_errors_db(used[fold::FOLDS], _coordinates_of(estimate(rest))))
     return HeldOutFit(
         FOLDS,

@@ -38,7 +38,18 @@ class GainScatter:
 
 
 def usable(observations: Sequence[TrialObservations]) -> list[TrialObservations]:
-    """Return the valid trials that have rows, in which what is beyond the law counts for less.
+    """Return the valid trials that have rows.
+
+    Parameters
+    ----------
+    observations : sequence of TrialObservations
+        Of one person or several.
+    """
+    return [one for one in observations if one.valid and one.rows.tone_hz.size]
+
+
+def midway(one: TrialObservations) -> TrialObservations:
+    """Return a trial in which rows at speeds beyond the law count for less.
 
     How a finger goes on below 20 and above 100 mm/s is not part of the law: its cutoff may be
     held there, as rendering does, or follow the line. Such rows are taken midway, and known no
@@ -46,21 +57,17 @@ def usable(observations: Sequence[TrialObservations]) -> list[TrialObservations]
 
     Parameters
     ----------
-    observations : sequence of TrialObservations
-        Of one person or several.
+    one : TrialObservations
+        As it was observed: taken midway twice, a row would count for less still.
     """
-    return [_midway(one) for one in observations if one.valid and one.rows.tone_hz.size]
-
-
-def _midway(one: TrialObservations) -> TrialObservations:
     rows, typical = one.rows, Prior.weak().mean
     held_mm_s = np.clip(rows.speed_mm_s, coordinates.LOW_MM_S, coordinates.HIGH_MM_S)
     speed_mm_s = 0.5 * (rows.speed_mm_s + held_mm_s)
-    straight, held, midway = (
+    straight, held, between = (
         coordinates.response(typical, speed, rows.tone_hz)
         for speed in (rows.speed_mm_s, held_mm_s, speed_mm_s)
     )
-    share = 0.5 * np.abs((straight - held) / midway)
+    share = 0.5 * np.abs((straight - held) / between)
     unknown = np.square(share * np.abs(rows.friction_response))
     variance = rows.friction_variance + 0.5 * unknown  # of real and imaginary part each
     return replace(one, rows=replace(rows, speed_mm_s=speed_mm_s, friction_variance=variance))
@@ -97,14 +104,14 @@ class Data:
 
     @classmethod
     def of(cls, observations: Sequence[TrialObservations]) -> Self:
-        """Collect the rows of the trials that are `usable`.
+        """Collect the rows of the trials that are `usable`, taken `midway` beyond the law.
 
         Raises
         ------
         EstimateError
             If there is none, or they are of several people.
         """
-        used = usable(observations)
+        used = [midway(one) for one in usable(observations)]
         people = sorted({item.info.participant for item in used})
         if not used:
             raise EstimateError(f"none of {len(observations)} trials is valid; repeat them")

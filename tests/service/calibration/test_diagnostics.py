@@ -135,6 +135,21 @@ def test_of_few_trials_nothing_is_held_out_and_that_is_said(rng: np.random.Gener
     assert found.points
 
 
+def test_folds_are_estimated_from_trials_as_they_were_observed(
+    rng: np.random.Generator,
+) -> None:
+    """As the model was: else rows beyond the law's speeds would be discounted twice."""
+    trials = draw(rng, somebody(rng), asks_of(rng, N), STEADY)
+    given: list[TrialObservations] = []
+
+    def seen(some: Sequence[TrialObservations]) -> Model:
+        given.extend(some)
+        return fitted(some)
+
+    diagnose(trials, fitted(trials), seen)
+    assert {id(one) for one in given} == {id(one) for one in trials}
+
+
 def test_a_part_that_makes_no_law_is_told(rng: np.random.Generator) -> None:
     def refuse(_: Sequence[TrialObservations]) -> Model:
         raise EstimateError("too few")
