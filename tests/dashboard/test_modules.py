@@ -277,6 +277,9 @@ LOG = """async (steps) => {
     if (late !== null) log.takeScene(late);
     before = after;
   }
+  const { version } = log;
+  log.takeStatus(before, before, [], "ann.page-ffffff", null);
+  if (log.version !== version) throw new Error("the list is drawn anew, and nothing has changed");
   return [log.entries.map(({ what, who, more }) => `${what}|${who}|${more}`), MOST];
 }"""
 

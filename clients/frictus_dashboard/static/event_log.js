@@ -55,8 +55,7 @@ export class EventLog {
   #fold() {
     const [{ job = null } = {}] = this.entries;
     if (job === null) return;
-    const others = this.entries.findIndex((one) => one.job !== job && one.loss === undefined);
-    const run = others < 0 ? this.entries : this.entries.slice(0, others);
+    const run = this.#newest((one) => one.job === job || one.loss !== undefined);
     for (const one of run.filter((each) => each.job === job)) {
       const first = run.findLast(({ what, who }) => what === one.what && who === one.who);
       if (first === one) continue;
@@ -64,15 +63,19 @@ export class EventLog {
       first.lastNs = Math.max(first.lastNs ?? first.ns, one.lastNs ?? one.ns);
       first.more = `, ${first.times} times until ${clock(first.lastNs)}`;
       this.entries.splice(this.entries.indexOf(one), 1);
+      this.version += 1;
     }
-    this.version += 1;
+  }
+
+  /** The newest entries, up to the first of which something does not hold. */
+  #newest(holds) {
+    const end = this.entries.findIndex((one) => !holds(one));
+    return this.entries.slice(0, end < 0 ? undefined : end);
   }
 
   /** Note a loss; of a run of losses each counter has one entry a minute. */
   #takeLoss(name, grown, ns) {
-    const others = this.entries.findIndex(({ loss }) => loss === undefined);
-    const run = others < 0 ? this.entries : this.entries.slice(0, others);
-    const kept = run.find(({ loss }) => loss === name);
+    const kept = this.#newest(({ loss }) => loss !== undefined).find(({ loss }) => loss === name);
     if (kept === undefined || ns - kept.ns > MINUTE_NS) {
       const what = `Losses, ${LOSSES[name]}: ${grown}`;
       this.#note({ ns, what, who: "", kind: "warn", more: "", loss: name, grown });

@@ -78,8 +78,12 @@ export class Opened {
   /** What it can be saved as: a study is made of guided trials, or by who knows what was done. */
   #offer(course) {
     this.guided = course === null || course.guided_trials > 0;
-    for (const each of this.forms) each.disabled = each === this.study && !this.guided;
+    this.#enable();
     say(this.free, this.guided ? "" : FREE);
+  }
+
+  #enable() {
+    for (const each of this.forms) each.disabled = each === this.study && !this.guided;
   }
 
   async #save(form) {
@@ -91,7 +95,7 @@ export class Opened {
     const asked = this.#fetched(`${pathOf(name)}/${path}`, patient.signal);
     const wanted = () => this.name === name;
     const got = await this.outcome.of(asked, `${name} is not saved`, wanted);
-    for (const each of this.forms) each.disabled = each === this.study && !this.guided;
+    this.#enable();
     if (got === null) return;
     saveBlob(got.blob, `${name}${suffix}`);
     if (wanted()) this.outcome.good(`${name}${suffix} is saved. ${got.notes}`.trim());

@@ -21,7 +21,6 @@ import zenoh
 from frictus.errors import LinkError
 from frictus.messages import Fault
 from frictus.session import open_session
-from frictus_hardware.errors import HardwareError
 from frictus_service.config import Config
 from frictus_service.daemon.processes.child_process import (
     FIRST_PAUSE_S,
@@ -337,11 +336,7 @@ class Supervisor:
 
     def _make_safe(self, part: Part, reason: str) -> str:
         """Reset the device, then tell everybody; return the reason with what came of it."""
-        try:
-            self._config.backend.reset()
-            reason += "; the device was reset"
-        except Exception as error:  # whatever it is, people must know
-            reason += f"; the device could NOT be reset ({error}): switch it off by hand"
+        reason += f"; {self._reset_device() or 'the device was reset'}"
         fault = Fault(kind="internal", reason=reason, utc_ns=time.time_ns(), action=AGAIN)
         part.former = FormerRun(fault)
         try:
@@ -378,11 +373,16 @@ class Supervisor:
         part.process = None
         if part.told is not None:
             part.told.close()
-        if part.name == "rig" and killed:
-            try:
-                self._config.backend.reset()
-            except HardwareError as error:
-                self._say(f"the device could NOT be reset ({error}): switch it off by hand")
+        if part.name == "rig" and killed and (failure := self._reset_device()):
+            self._say(failure)
+
+    def _reset_device(self) -> str:
+        """Reset the device; return what people must know where it could not be."""
+        try:
+            self._config.backend.reset()
+        except Exception as error:  # whatever it is: those that follow are to be ended, too
+            return f"the device could NOT be reset ({error}): switch it off by hand"
+        return ""
 
 
 def _how_it_ended(exitcode: int | None) -> str:
