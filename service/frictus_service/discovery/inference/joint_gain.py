@@ -10,8 +10,8 @@ from frictus_service.discovery.inference.linear_model import (
     LEAST_SHARE,
     ROUNDING,
     Unit,
+    beside,
     inverse_of,
-    orthonormal,
     project_out,
 )
 from frictus_service.discovery.inference.significance import PRIOR_DEGREES
@@ -70,12 +70,11 @@ def fitted_together(
 
 
 def _fitted_together(unit: Unit) -> tuple[FloatArray, FloatArray]:
-    basis = orthonormal(unit.own)
-    effects = unit.effects - basis @ (basis.T @ unit.effects)
+    effects, readings = beside(unit)
     gram = effects.T @ effects
     told = np.diagonal(gram) > 0.0
     covariance = inverse_of(gram, LEAST_SHARE**2)
-    value = covariance @ (effects.T @ unit.readings)
+    value = covariance @ (effects.T @ readings)
     root = np.sign(value) * np.sqrt(np.abs(value))
     squared = unit.squared
     slope = 2.0 * np.maximum(np.abs(root), np.maximum(np.diagonal(covariance), 0.0) ** 0.25)

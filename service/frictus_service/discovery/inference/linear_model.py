@@ -202,14 +202,34 @@ def _leave(unit: Unit, chosen: list[int]) -> tuple[FloatArray, FloatArray]:
 
 def _projected(unit: Unit, chosen: list[int]) -> tuple[FloatArray, FloatArray]:
     """Return what is left of signatures, 0 where it is next to nothing, and of readings."""
-    basis = orthonormal(np.column_stack([unit.own, unit.effects[:, chosen]]))
-    effects = unit.effects - basis @ (basis.T @ unit.effects)
-    readings = unit.readings - basis @ (basis.T @ unit.readings)
+    effects, readings = beside(unit, chosen)
     whole = np.einsum("ij,ij->j", unit.effects, unit.effects)
     silent = np.einsum("ij,ij->j", effects, effects) <= LEAST_SHARE * whole
     silent[chosen] = True
     effects[:, silent] = 0.0
     return effects, readings
+
+
+def beside(unit: Unit, chosen: Sequence[int] = ()) -> tuple[FloatArray, FloatArray]:
+    """Return signatures and readings, with what is the unit's own projected out.
+
+    Parameters
+    ----------
+    unit : Unit
+        Whitened readings and signatures.
+    chosen : sequence of int
+        Effects that are projected out, too.
+
+    Returns
+    -------
+    ndarray, shape (n, n_effects)
+    ndarray, shape (n,)
+    """
+    basis = orthonormal(np.column_stack([unit.own, unit.effects[:, list(chosen)]]))
+    return (
+        unit.effects - basis @ (basis.T @ unit.effects),
+        unit.readings - basis @ (basis.T @ unit.readings),
+    )
 
 
 def orthonormal(columns: FloatArray) -> FloatArray:

@@ -21,9 +21,9 @@ from frictus_service.discovery.inference.covariance import Whiten, Whitening, wh
 from frictus_service.discovery.inference.linear_model import (
     ROUNDING,
     Unit,
+    beside,
     inverse_of,
     mean_of_known,
-    orthonormal,
     project_out,
 )
 from frictus_service.discovery.inference.linearisation import (
@@ -210,7 +210,7 @@ class _Fitted:
         """Fit a model if it explains anything, from the parameters of another."""
         if chosen not in self._tried:
             self._tried.append(chosen)
-        parts = [_beside_own(unit.only(list(chosen))) for unit in self.base.units]
+        parts = [beside(unit.only(list(chosen))) for unit in self.base.units]
         along = np.sum([effects.T @ rest for effects, rest in parts], axis=0)
         gram = np.sum([effects.T @ effects for effects, _ in parts], axis=0)
         if chosen and along @ inverse_of(gram, ALIKE) @ along > 2.0 * LEAST_GAIN:
@@ -232,7 +232,7 @@ class _Fitted:
     def best(self, ruler: Linearised) -> list[FittedModel]:
         """Return the best model of each set of causes, weighed by one ruler, best AIC first."""
         about = weighted_as(self.problem, self.base, ruler, range(len(self.problem.candidates)))
-        before = np.array([np.sum(np.square(_beside_own(unit)[1])) for unit in about])
+        before = np.array([np.sum(np.square(beside(unit)[1])) for unit in about])
         nothing = np.zeros(0)
         found = [FittedModel((), np.zeros(before.size), 0.0, 0.0, nothing, nothing, nothing)]
         for chosen in self._tried:
@@ -292,13 +292,6 @@ def _by_noise(problem: DiscoveryProblem, variance: Sequence[FloatArray]) -> Whit
     return whitened
 
 
-def _beside_own(unit: Unit) -> tuple[FloatArray, FloatArray]:
-    """Return signatures and readings, with what is the fold's own projected out."""
-    own = orthonormal(unit.own)
-    effects = unit.effects - own @ (own.T @ unit.effects)
-    return effects, unit.readings - own @ (own.T @ unit.readings)
-
-
 def _fitted(
     problem: DiscoveryProblem,
     chosen: tuple[int, ...],
@@ -307,7 +300,7 @@ def _fitted(
     searched: int,
 ) -> FittedModel:
     """Return a model from the folds, whose effects are those in it."""
-    parts = [_beside_own(unit) for unit in units]
+    parts = [beside(unit) for unit in units]
     grams = np.array([effects.T @ effects for effects, _ in parts])
     along = np.array([effects.T @ rest for effects, rest in parts])
     low, high = problem.limits(chosen)
