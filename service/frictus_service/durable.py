@@ -3,10 +3,12 @@
 A reader finds the old content or the new one, never a part of either.
 """
 
+import contextlib
 import errno
 import os
 import secrets
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +16,8 @@ from typing import Final
 
 from frictus_service.errors import StudyError
 
+LEFT_S: Final = 86_400.0
+"""What is unfinished and so old was left by a process that was killed."""
 _NO_LINKS: Final = frozenset({errno.EPERM, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP})
 
 
@@ -95,6 +99,22 @@ def put_in_free_place(written: Path, path: Path) -> None:
 def _sync_file(written: Path) -> None:
     with written.open("rb+") as file:
         os.fsync(file.fileno())
+
+
+def left_behind(folder: Path, prefix: str) -> Iterator[Path]:
+    """Yield what processes that were killed have left unfinished: nothing else is so old.
+
+    Parameters
+    ----------
+    folder : Path
+        Looked into, not below.
+    prefix : str
+        Of the names of what is unfinished.
+    """
+    for left in folder.glob(f"{prefix}*"):
+        with contextlib.suppress(FileNotFoundError):  # it has just been finished
+            if time.time() - left.lstat().st_mtime > LEFT_S:
+                yield left
 
 
 def sync_folder(folder: Path) -> None:

@@ -279,7 +279,7 @@ LOG = """async (steps) => {
   }
   const { version } = log;
   log.takeStatus(before, before, [], "ann.page-ffffff", null);
-  if (log.version !== version) throw new Error("the list is drawn anew, and nothing has changed");
+  if (log.version !== version) throw new Error("drawn anew for nothing");
   return [log.entries.map(({ what, who, more }) => `${what}|${who}|${more}`), MOST];
 }"""
 

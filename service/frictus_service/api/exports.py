@@ -5,7 +5,6 @@ import contextlib
 import logging
 import shutil
 import tempfile
-import time
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Final
@@ -15,11 +14,10 @@ from starlette.types import Receive, Scope, Send
 
 from frictus_service.api.limits import TAKE_S
 from frictus_service.api.requests import SLOWEST_BYTES_S
+from frictus_service.durable import left_behind
 
 EXPORT_PREFIX: Final = "frictus-export-"
 """Of folders in the temporary folder of the system."""
-LEFT_S: Final = 86_400.0
-"""A folder that is so old was left by a service that was killed."""
 _LOG: Final = logging.getLogger(__name__)
 
 
@@ -30,30 +28,25 @@ class ExportResponse(FileResponse):
 
     Attributes
     ----------
-    size_bytes : int
-        Of the file.
     until_sent : ExitStack
         What is held for it; closed at the end.
     """
 
-    size_bytes: int
     until_sent: ExitStack
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Send it, and let go."""
-        allowed_s = TAKE_S + self.size_bytes / SLOWEST_BYTES_S
-        try:
-            async with asyncio.timeout(allowed_s):
-                await super().__call__(scope, receive, send)
-        except TimeoutError:  # the server ends the connection of an answer that breaks off
-            _LOG.warning("%s was not taken within %.0f s", scope["path"], allowed_s)
-        finally:
-            self.until_sent.close()  # at once: who is cancelled cannot wait
+        with self.until_sent:  # ends at once: who is cancelled cannot wait
+            allowed_s = TAKE_S + Path(self.path).stat().st_size / SLOWEST_BYTES_S
+            try:
+                async with asyncio.timeout(allowed_s):
+                    await super().__call__(scope, receive, send)
+            except TimeoutError:  # the server ends the connection of an answer that breaks off
+                _LOG.warning("%s was not taken within %.0f s", scope["path"], allowed_s)
 
 
 def remove_left_exports() -> None:
     """Remove what exports of services that were killed have left."""
-    for left in Path(tempfile.gettempdir()).glob(f"{EXPORT_PREFIX}*"):
+    for left in left_behind(Path(tempfile.gettempdir()), EXPORT_PREFIX):
         with contextlib.suppress(OSError):  # somebody else's, or gone already
-            if time.time() - left.lstat().st_mtime > LEFT_S:
-                shutil.rmtree(left)
+            shutil.rmtree(left)

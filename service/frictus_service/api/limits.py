@@ -25,6 +25,7 @@ from urllib.parse import urlsplit
 import anyio
 import h11
 from starlette.datastructures import Headers
+from starlette.requests import Request
 from starlette.types import ASGIApp, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
@@ -334,6 +335,11 @@ class OriginCheck:
                 f"{does}"
             )
         return None
+
+
+def address_of(request: Request) -> str:
+    """Return from where a request comes: by it places are held."""
+    return request.client.host if request.client else ""
 
 
 def _name(host: str) -> str:

@@ -12,7 +12,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic_core import from_json
 from starlette.requests import ClientDisconnect
 
-from frictus_service.api.limits import LARGE_BYTES, RequestLimits
+from frictus_service.api.limits import LARGE_BYTES, RequestLimits, address_of
 from frictus_service.api.problems import (
     ConflictError,
     GoneError,
@@ -79,8 +79,7 @@ async def _body(request: Request, limit_bytes: int) -> AsyncIterator[bytes]:
     most = int(announced[:20]) if announced.isdecimal() else limit_bytes
     if most > limit_bytes:
         raise _too_large(limit_bytes)
-    address = request.client.host if request.client else ""
-    with limits.bodies.held(address, most):
+    with limits.bodies.held(address_of(request), most):
         allowed_s = BODY_S + most / SLOWEST_BYTES_S
         try:
             async with asyncio.timeout(allowed_s):

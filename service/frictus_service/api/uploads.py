@@ -5,10 +5,7 @@ and the process that it runs in, down.
 """
 
 import asyncio
-import contextlib
 import secrets
-import time
-from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -16,6 +13,7 @@ from fastapi import Request
 from fastapi.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect
 
+from frictus_service.api.own_process import OwnProcesses
 from frictus_service.api.problems import (
     GoneError,
     SlowBodyError,
@@ -23,20 +21,16 @@ from frictus_service.api.problems import (
     TooLargeError,
 )
 from frictus_service.api.requests import BODY_S, SLOWEST_BYTES_S
-from frictus_service.durable import put_in_free_place
+from frictus_service.durable import left_behind, put_in_free_place
 
 MAX_STUDY_BYTES: Final = 4_000_000_000
 PIECE_BYTES: Final = 1_000_000
 """Held in memory, and written at once."""
 LOOK_S: Final = 60.0
 UNFINISHED: Final = ".upload-"
-LEFT_S: Final = 86_400.0
-"""An unfinished file that is so old was left by a process that was killed."""
-Run = Callable[[Sequence[str], float, Path, str], bytes]
-"""As `OwnProcesses.run`."""
 
 
-async def keep_study(request: Request, folder: Path, name: str, run: Run) -> Path:
+async def keep_study(request: Request, folder: Path, name: str, commands: OwnProcesses) -> Path:
     """Take the body of a request as a study into a folder, and return its file.
 
     Parameters
@@ -47,8 +41,8 @@ async def keep_study(request: Request, folder: Path, name: str, run: Run) -> Pat
         Of the studies; made where it is missing.
     name : str
         What the file is to be called; a plain name that was checked.
-    run : callable
-        `OwnProcesses.run`.
+    commands : OwnProcesses
+        By which it is looked into.
 
     Raises
     ------
@@ -69,7 +63,7 @@ async def keep_study(request: Request, folder: Path, name: str, run: Run) -> Pat
     try:
         await _receive(request, unfinished)
         asked = ("study", "show", str(unfinished), "--json")
-        await run_in_threadpool(run, asked, LOOK_S, unfinished, name)
+        await run_in_threadpool(commands.run, asked, LOOK_S, unfinished, name)
         await run_in_threadpool(_name, unfinished, place)
     finally:
         unfinished.unlink(missing_ok=True)
@@ -84,10 +78,8 @@ def _exists(place: Path) -> StudyExistsError:
 
 def _make_room(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    for left in folder.glob(f"{UNFINISHED}*"):
-        with contextlib.suppress(FileNotFoundError):  # another upload has just ended
-            if time.time() - left.stat().st_mtime > LEFT_S:
-                left.unlink()
+    for left in left_behind(folder, UNFINISHED):
+        left.unlink(missing_ok=True)
 
 
 async def _receive(request: Request, into: Path) -> None:

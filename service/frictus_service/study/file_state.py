@@ -45,17 +45,17 @@ def unchanged(path: Path | str) -> Iterator[None]:
     StudyError
         At the end, if it has changed.
     """
-    try:
-        before = state_of(Path(path))
-    except OSError:
-        before = ""  # whoever reads it says what is wrong
+    before = _state_if_there(Path(path))
     yield
-    try:
-        after = state_of(Path(path))
-    except OSError:
-        after = ""
-    if after != before:
+    if _state_if_there(Path(path)) != before:
         raise StudyError(
             f"{path} changed while it was read, so that parts of two studies may have been; "
             "start again once nobody writes to it"
         )
+
+
+def _state_if_there(path: Path) -> str | None:
+    try:
+        return state_of(path)
+    except OSError:  # whoever reads it says what is wrong
+        return None

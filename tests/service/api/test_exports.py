@@ -11,6 +11,7 @@ import pytest
 from starlette.types import Message
 
 from frictus_service.api import exports
+from frictus_service.durable import LEFT_S
 
 
 def test_who_takes_it_too_slowly_holds_no_place(
@@ -21,7 +22,6 @@ def test_who_takes_it_too_slowly_holds_no_place(
     path = tmp_path / "pilot.h5"
     path.write_bytes(b"trials")
     answer = exports.ExportResponse(path)
-    answer.size_bytes = 6
     answer.until_sent = ExitStack()
     answer.until_sent.callback(path.unlink)
     sent: list[Message] = []
@@ -50,9 +50,9 @@ def test_what_a_killed_service_left_is_removed_a_day_later(
 ) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     for name, age_s in (
-        ("frictus-export-old", exports.LEFT_S + 60.0),
+        ("frictus-export-old", LEFT_S + 60.0),
         ("frictus-export-new", 0.0),
-        ("of-another-program", exports.LEFT_S + 60.0),
+        ("of-another-program", LEFT_S + 60.0),
     ):
         folder = tmp_path / name
         folder.mkdir()

@@ -20,7 +20,7 @@ from frictus_hardware.arrays import FloatArray
 from frictus_service.api import problems
 from frictus_service.api.access import needs
 from frictus_service.api.exports import EXPORT_PREFIX, ExportResponse
-from frictus_service.api.limits import RequestLimits
+from frictus_service.api.limits import RequestLimits, address_of
 from frictus_service.api.requests import body_of, json_body
 from frictus_service.api.routes.rigs import RigName
 from frictus_service.api.services import Given, Services
@@ -188,7 +188,7 @@ def get_recording_course(
 
     path = _finished(name, given)
     limits: RequestLimits = request.app.state.limits
-    with limits.courses.held(request.client.host if request.client else ""):
+    with limits.courses.held(address_of(request)):
         try:
             course = course_of(path, length_s(shelf_entry(path)) or 0.0)
         except RecordingError as error:
@@ -230,9 +230,7 @@ def get_recording_export(
     option, suffix = _EXPORTS[to]
     limits: RequestLimits = request.app.state.limits
     with ExitStack() as until_sent:
-        until_sent.enter_context(
-            limits.exports.held(request.client.host if request.client else "")
-        )
+        until_sent.enter_context(limits.exports.held(address_of(request)))
         folder = until_sent.enter_context(TemporaryDirectory(prefix=EXPORT_PREFIX))
         out = FilePath(folder, f"{name}{suffix}")
         asked = ("export", str(path), "--to", option, "--out", str(out), "--json")
@@ -243,7 +241,6 @@ def get_recording_export(
             filename=out.name,
             headers={"Frictus-Notes": _notes(json.loads(said))},
         )
-        answer.size_bytes = out.stat().st_size
         answer.until_sent = until_sent.pop_all()
     return answer
 

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BaseModel, Field
 from frictus.keys import of_a_file
 from frictus_service.api import problems
 from frictus_service.api.access import needs
-from frictus_service.api.limits import RequestLimits
+from frictus_service.api.limits import RequestLimits, address_of
 from frictus_service.api.requests import require_media
 from frictus_service.api.services import Given
 from frictus_service.api.uploads import keep_study
@@ -83,10 +83,9 @@ async def put_study(name: Name, given: Given, request: Request) -> StudyFile:
     """Keep a `study/1` file in the folder of this machine; none is replaced."""
     require_media(request, *HDF5)
     limits: RequestLimits = request.app.state.limits
-    with limits.uploads.held(request.client.host if request.client else ""):
-        return _described(
-            name, await keep_study(request, given.config.studies, name, given.commands.run)
-        )
+    with limits.uploads.held(address_of(request)):
+        kept = await keep_study(request, given.config.studies, name, given.commands)
+    return _described(name, kept)
 
 
 def _described(name: str, path: FilePath) -> StudyFile:

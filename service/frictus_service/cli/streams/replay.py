@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -75,8 +75,7 @@ def replay(
         except ValidationError as error:
             faults = [f"{each['loc'][-1]}: {each['msg']}" for each in error.errors()]
             raise typer.BadParameter("; ".join(faults)) from error
-        with ExitStack() as opened:
-            is_over = opened.enter_context(_watched(played)) if once else lambda: False
+        with _watched(played) if once else nullcontext(lambda: False) as is_over:
             daemon.serve(played, ("rig",), host_router=False, say=say, is_over=is_over)
 
 

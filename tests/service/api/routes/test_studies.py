@@ -14,7 +14,7 @@ from tests.blind.generator.study import Seeds, make_study
 from tests.service.api.conftest import TOKENS, Serve
 
 from frictus_service.api import uploads
-from frictus_service.durable import put_in_free_place
+from frictus_service.durable import LEFT_S, put_in_free_place
 
 DESIGN = Design(participants=1, n_tones=1, n_speeds=1, n_forces=1, seconds=0.5)
 TYPE = {"Content-Type": "application/x-hdf5"}
@@ -142,7 +142,7 @@ def test_what_a_killed_process_left_is_taken_away_and_what_is_under_way_is_not(
 ) -> None:
     folder = tmp_path / "studies"
     folder.mkdir()
-    for name, age_s in (("old", uploads.LEFT_S + 60.0), ("new", 0.0)):
+    for name, age_s in (("old", LEFT_S + 60.0), ("new", 0.0)):
         left = folder / f"{uploads.UNFINISHED}{name}.h5"
         left.touch()
         os.utime(left, (left.stat().st_mtime - age_s,) * 2)
