@@ -19,6 +19,8 @@ from frictus_service.discovery.beyond.grammar import Form
 from frictus_service.discovery.evidence.residuals import accuracy_of, reduce
 from frictus_service.discovery.inference.linear_model import (
     LEAST_SHARE,
+    ROUNDING,
+    inverse_of,
     median_of_telling,
     orthonormal,
 )
@@ -232,7 +234,7 @@ def fit_form(
     values = plain(found.x)
     rests = left(values)
     slopes = jacobian(values)
-    half = _half_widths(slopes, rests, [remainder.accuracy(u) for u in units])
+    half = half_widths(slopes, rests, [remainder.accuracy(u) for u in units])
     mean, half[0] = _mean_dose(values[form.dose], slopes, rests, float(half[0]))
     values = {**values, form.dose: float(np.clip(mean, *bounds[form.dose]))}
     cost = _squares(left(values))
@@ -274,7 +276,7 @@ def _gram(slopes: Sequence[FloatArray]) -> FloatArray:
     return gram + RIDGE * np.diag(np.maximum(np.diagonal(gram), 1e-12))
 
 
-def _half_widths(
+def half_widths(
     slopes: Sequence[FloatArray],
     rests: Sequence[FloatArray],
     accuracies: Sequence[FloatArray],
@@ -284,16 +286,25 @@ def _half_widths(
     People differ, and readings of one go together: each unit is left out in turn, by one step
     (jackknife; CR3 of Bell and McCaffrey 2002). It is never less than what noise alone makes;
     and what measuring is wrong by is the same for all, whatever their number.
+
+    Parameters
+    ----------
+    slopes : sequence of ndarray, shape (n, k)
+        Of what is predicted of each unit, whitened, by parameter.
+    rests : sequence of ndarray, shape (n,)
+        What is left of each.
+    accuracies : sequence of ndarray, shape (n,)
+        What measuring is accurate to.
     """
     n, whole = len(slopes), _gram(slopes)
     moved = np.array(
         [
-            np.linalg.lstsq(whole - j.T @ j, j.T @ rest, rcond=None)[0]
+            inverse_of(whole - j.T @ j, ROUNDING) @ j.T @ rest
             for j, rest in zip(slopes, rests, strict=True)
         ]
     )
     jackknife = (n - 1) / n * np.sum(np.square(moved), axis=0)
-    variance = np.maximum(jackknife, np.diagonal(np.linalg.inv(whole)))
+    variance = np.maximum(jackknife, np.diagonal(inverse_of(whole, ROUNDING)))
     shown = np.concatenate(
         [np.abs(j) / a[:, np.newaxis] for j, a in zip(slopes, accuracies, strict=True)]
     ).max(axis=0)

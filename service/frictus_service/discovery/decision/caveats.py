@@ -15,7 +15,12 @@ from frictus_service.discovery.evidence.observation_table import (
 )
 from frictus_service.discovery.evidence.residuals import Compared
 from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
-from frictus_service.discovery.inference.linear_model import Unit, orthonormal
+from frictus_service.discovery.inference.linear_model import (
+    ROUNDING,
+    Unit,
+    inverse_of,
+    orthonormal,
+)
 from frictus_service.discovery.inference.linearisation import Linearised, columns_of
 from frictus_service.discovery.problem.candidates import (
     Covariate,
@@ -62,8 +67,8 @@ def place_of(units: Sequence[Unit], effect: int, patterns: Sequence[Pattern]) ->
         for place, name in enumerate(names):
             columns = unit.generic[:, [each == name for each in family]]
             columns = columns - own @ (own.T @ columns)
-            found = np.linalg.lstsq(columns, signature, rcond=1e-9)[0]
-            explained[place] += float(signature @ columns @ found)
+            basis = orthonormal(columns)
+            explained[place] += float(np.sum(np.square(basis.T @ signature)))
     best = names[int(np.argmax(explained))]
     anywhere: Place = (best[0], "none")
     if anywhere in names and explained[names.index(anywhere)] > MOST * whole:
@@ -153,8 +158,7 @@ def explained_by(
         gram = gram + each.T @ each
         along = along + each.T @ rest
         whole += float(rest @ rest)
-    found = np.linalg.lstsq(gram, along, rcond=1e-9)[0]
-    return float(along @ found) / whole if whole > 0.0 else 0.0
+    return float(along @ inverse_of(gram, ROUNDING) @ along) / whole if whole > 0.0 else 0.0
 
 
 def caveats_on(

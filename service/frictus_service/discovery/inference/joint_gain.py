@@ -12,6 +12,7 @@ from frictus_service.discovery.inference.linear_model import (
     Unit,
     beside,
     inverse_of,
+    joint,
     project_out,
 )
 from frictus_service.discovery.inference.significance import PRIOR_DEGREES
@@ -45,7 +46,9 @@ def fitted_together(
 ) -> tuple[FloatArray, FloatArray]:
     """Return each unit's coefficients fitted together, NaN where unknown, and covariances.
 
-    Of parameters, and not of their squares, as in `linear_model.ProjectedUnits.tested`.
+    Of parameters, and not of their squares, as in `linear_model.ProjectedUnits.tested`. Who
+    cannot tell two effects apart knows neither: the smallest coefficients that would do pull
+    the mean of those who can.
 
     Parameters
     ----------
@@ -61,26 +64,25 @@ def fitted_together(
     """
     units = [unit.only(chosen) for unit in units]
     telling = project_out(units).information > 0.0
-    parts = [
-        _fitted_together(replace(unit, effects=np.where(tells, unit.effects, 0.0)))
+    units = [
+        replace(unit, effects=np.where(tells, unit.effects, 0.0))
         for unit, tells in zip(units, telling, strict=True)
     ]
-    value, noise = (np.stack(part) for part in zip(*parts, strict=True))
-    return value, noise
+    value, noise = (np.stack(each) for each in zip(*map(_fitted_together, units), strict=True))
+    told = np.isfinite(joint(units, range(len(chosen))))
+    return np.where(told, value, np.nan), noise
 
 
 def _fitted_together(unit: Unit) -> tuple[FloatArray, FloatArray]:
     effects, readings = beside(unit)
     gram = effects.T @ effects
-    told = np.diagonal(gram) > 0.0
     covariance = inverse_of(gram, LEAST_SHARE**2)
     value = covariance @ (effects.T @ readings)
     root = np.sign(value) * np.sqrt(np.abs(value))
     squared = unit.squared
     slope = 2.0 * np.maximum(np.abs(root), np.maximum(np.diagonal(covariance), 0.0) ** 0.25)
-    scale = np.where(squared & told, 1.0 / np.maximum(slope, np.finfo(float).tiny), 1.0)
-    value = np.where(told, np.where(squared, root, value), np.nan)
-    return value, scale[:, np.newaxis] * covariance * scale
+    scale = np.where(squared, 1.0 / np.maximum(slope, np.finfo(float).tiny), 1.0)
+    return np.where(squared, root, value), scale[:, np.newaxis] * covariance * scale
 
 
 def _gain_of_one(value: FloatArray, noise: FloatArray, known: BoolArray, unit: int) -> float:

@@ -12,7 +12,12 @@ from frictus_hardware.physics.effects import extended
 from frictus_hardware.physics.paths import factor_of
 from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.simulator import Simulator
-from frictus_service.discovery.beyond.form_fit import FittedForm, Remainder, fit_form
+from frictus_service.discovery.beyond.form_fit import (
+    FittedForm,
+    Remainder,
+    fit_form,
+    half_widths,
+)
 from frictus_service.discovery.beyond.grammar import Form, grammar
 
 TONES_HZ = np.array(
@@ -106,6 +111,18 @@ def test_who_shows_nothing_of_a_form_says_nothing_of_its_dose(
     without = fit_form(blind, _resonance(), true, range(N_UNITS - 1))
     assert fitted.values["depth"] == pytest.approx(without.values["depth"], rel=0.02)
     assert fitted.half_width["depth"] == pytest.approx(without.half_width["depth"], rel=0.05)
+
+
+def test_an_interval_knows_no_units_of_parameters(rng: np.random.Generator) -> None:
+    """A delay in s beside a slope by minute differ by more than rounding, in square."""
+    slopes, rests = (
+        list(rng.normal(size=(N_UNITS, 40, 2))),
+        list(rng.normal(size=(N_UNITS, 40))),
+    )
+    accuracies, scale = [np.full(40, 0.01)] * N_UNITS, np.array([1e9, 0.1])
+    plain = half_widths(slopes, rests, accuracies)
+    scaled = half_widths([each * scale for each in slopes], rests, accuracies)
+    np.testing.assert_allclose(scaled, plain / scale)
 
 
 def test_a_fit_goes_on_while_its_interval_changes() -> None:

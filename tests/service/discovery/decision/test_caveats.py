@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.service.discovery.made import Design, made
 
-from frictus_service.discovery.decision.caveats import caveats_on
+from frictus_service.discovery.decision.caveats import caveats_on, explained_by
 from frictus_service.discovery.decision.trial_accounting import missing_trials
 from frictus_service.discovery.evidence.observation_table import (
     LEAST_TRIALS,
@@ -15,6 +15,7 @@ from frictus_service.discovery.evidence.observation_table import (
     used,
 )
 from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
+from frictus_service.discovery.inference.linear_model import Unit
 
 
 def notes(evidence: list[TrialEvidence]) -> tuple[str, ...]:
@@ -109,3 +110,14 @@ def silent(one: TrialEvidence) -> TrialEvidence:
     rows = one.observed.rows
     rows = replace(rows, friction_response=rows.friction_response * np.nan)
     return replace(one, observed=replace(one.observed, rows=rows))
+
+
+def test_what_is_explained_knows_no_units_of_columns(rng: np.random.Generator) -> None:
+    none = np.zeros((40, 0))
+    unit = Unit(none, np.ones((40, 1)), none, none, none[0], none[0], none[0] > 0, none[0] > 0)
+    columns = list(rng.normal(size=(6, 40, 2)))
+    misfits = [each.sum(axis=1) + rng.normal(size=40) for each in columns]
+    plain = explained_by([unit] * 6, misfits, columns)
+    assert 0.3 < plain < 1.0
+    scaled = [each * np.array([1e8, 0.1]) for each in columns]
+    assert explained_by([unit] * 6, misfits, scaled) == pytest.approx(plain)

@@ -6,7 +6,7 @@ import pytest
 from scipy import stats
 
 from frictus_hardware.arrays import FloatArray
-from frictus_service.discovery.inference.joint_gain import joint_gain
+from frictus_service.discovery.inference.joint_gain import fitted_together, joint_gain
 from frictus_service.discovery.inference.linear_model import (
     ProjectedUnits,
     Unit,
@@ -152,6 +152,21 @@ def test_who_says_nothing_adds_nothing_to_gains(rng: np.random.Generator) -> Non
     np.testing.assert_allclose(with_silent, [*gain, *[0.0] * 8])
     alone = held_out_gain(project_out([*people, silent]))[:, 0]
     np.testing.assert_allclose(joint_gain([*people, silent], [0]), alone)
+
+
+def test_who_cannot_tell_two_effects_apart_says_neither(rng: np.random.Generator) -> None:
+    people = units(rng, [0.9, 0.4, 0.3], between=0.0)
+    alike = people[0].effects.copy()
+    alike[:, 1] = 2.0 * alike[:, 0]
+    blind = replace(people[0], effects=alike)
+    value, _ = fitted_together([*people, blind], [0, 1, 2])
+    np.testing.assert_array_equal(np.isnan(value[-1]), [True, True, False])
+    assert np.isfinite(value[:-1]).all()
+    # What it tells of the third is beside what the two together are.
+    whole = replace(blind, effects=alike[:, 1:])
+    np.testing.assert_allclose(
+        value[-1, 2], fitted_together([whole] * 2, [0, 1])[0][0, 1], rtol=1e-6
+    )
 
 
 def test_gains_together_know_no_units_of_coefficients(rng: np.random.Generator) -> None:
