@@ -56,7 +56,7 @@ def sum_blocks(channels: Sequence[FloatArray], per_sample: tuple[float, ...]) ->
     table = _table(per_sample)
     columns = tuple(channel.shape[1] for channel in channels)
     blocks = channels[0].shape[0] // BLOCK
-    sums = np.empty((sum(columns), blocks, table.shape[1]))
+    sums = np.empty((sum(columns), blocks, table.shape[0]))
     missing = []
     first = 0
     for channel, width in zip(channels, columns, strict=True):
@@ -69,7 +69,7 @@ def sum_blocks(channels: Sequence[FloatArray], per_sample: tuple[float, ...]) ->
 @lru_cache(maxsize=64)
 def _table(per_sample: tuple[float, ...]) -> FloatArray:
     turned = np.multiply.outer(RAMP, np.array(per_sample))
-    return np.column_stack([np.ones(BLOCK), RAMP, np.cos(turned), np.sin(turned)])
+    return np.vstack([np.ones(BLOCK), RAMP, np.cos(turned).T, np.sin(turned).T])
 
 
 def _reduce(channel: FloatArray, table: FloatArray, out: FloatArray) -> IntArray:
@@ -83,14 +83,16 @@ def _reduce(channel: FloatArray, table: FloatArray, out: FloatArray) -> IntArray
     return missing
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
 def _sum(channel, table, out):  # type: ignore[no-untyped-def]
-    length, columns = table.shape
-    out[:] = 0.0
+    columns, length = table.shape
+    samples = np.empty(length)  # side by side, so that a sum is one of vectors
     for axis in range(out.shape[0]):
         for block in range(out.shape[1]):
-            kept = out[axis, block]
             for step in range(length):
-                value = channel[block * length + step, axis]
-                for column in range(columns):
-                    kept[column] += value * table[step, column]
+                samples[step] = channel[block * length + step, axis]
+            for column in range(columns):
+                total = 0.0
+                for step in range(length):
+                    total += samples[step] * table[column, step]
+                out[axis, block, column] = total

@@ -31,10 +31,12 @@ def hann_spectrum(samples: FloatArray) -> tuple[FloatArray, int]:
         Lines are the sample rate over it apart.
     """
     length = fft.prev_fast_len(min(samples.shape[0], LONGEST), real=True)
-    piece = np.nan_to_num(samples[:length])
+    piece = np.array(samples[:length].T, order="C")  # a copy, each column in one piece
+    np.nan_to_num(piece, copy=False)
+    piece -= piece.mean(axis=-1, keepdims=True)
     window = _window(length)
-    tapered = (piece - piece.mean(axis=0)).T * window
-    amplitudes: FloatArray = np.abs(fft.rfft(tapered)).T * (2.0 / window.sum())
+    piece *= window
+    amplitudes: FloatArray = np.abs(fft.rfft(piece)).T * (2.0 / window.sum())
     return amplitudes, length
 
 

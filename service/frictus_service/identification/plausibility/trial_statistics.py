@@ -161,12 +161,9 @@ def _spread(samples: FloatArray) -> FloatArray:
 def _flips(normal_n: FloatArray) -> float:
     if not normal_n.size:
         return np.nan
-    size_n = np.abs(normal_n)
-    pressing = normal_n[size_n > PRESSED * np.quantile(_spread(size_n), 0.9)]
-    if not pressing.size:
-        return np.nan
-    negative = float(np.mean(pressing < 0.0))
-    return min(negative, 1.0 - negative)
+    pressed_n = PRESSED * np.quantile(np.abs(_spread(normal_n)), 0.9)
+    either = [np.count_nonzero(normal_n > pressed_n), np.count_nonzero(normal_n < -pressed_n)]
+    return min(either) / sum(either) if any(either) else np.nan
 
 
 def _across_motion(course: FingerTrajectory) -> float:
