@@ -86,6 +86,13 @@ class SampledFilter:
         )
         return out, state
 
+    def frequency_response(self, per_sample: FloatArray) -> NDArray[np.complex128]:
+        """Return the response at frequencies in cycles per sample."""
+        late = np.arange(self.numerator.size)  # both polynomials have as many coefficients
+        back: NDArray[np.complex128] = np.exp(-2j * np.pi * np.multiply.outer(per_sample, late))
+        response: NDArray[np.complex128] = (back @ self.numerator) / (back @ self.denominator)
+        return response
+
 
 @lru_cache(maxsize=512)  # a model of 64 effects has 448 filters, asked for in every block
 def sample(transfer: TransferFunction, sample_rate_hz: float) -> SampledFilter:

@@ -25,7 +25,7 @@ from frictus_service.tracking.finger_filters import FELT, NOW, PERSON, FingerFil
 from frictus_service.tracking.strokes import Strokes
 from frictus_service.tracking.windows import LawWindow
 
-RESPONSE_WITHIN: Final = 1.5e-3
+RESPONSE_WITHIN: Final = 1e-3
 """Relative error of a response that no average makes smaller: a band's mean frequency stands
 for its lines, and a window is not infinitely long."""
 HIGHEST_HZ: Final = 1e3

@@ -2,11 +2,12 @@
 
 Half overlapping, while the finger slides steadily: 10 to 150 mm/s, one direction. All that a
 law is judged by are the powers and the cross-spectrum of drive and friction in bands of a sixth
-of an octave (Bendat and Piersol, Random Data, chapter 6: H1), mount and hold removed.
+of an octave (Bendat and Piersol, Random Data, chapter 6: H1), both through the mount, as the
+force sensor has them.
 """
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -19,6 +20,7 @@ from frictus_service.calibration.coordinates import HIGH_MM_S, LOW_MM_S
 from frictus_service.discovery.evidence.bands import WINDOW_S, Bands
 from frictus_service.discovery.evidence.broadband import tapered
 from frictus_service.identification.observation.response import drive_fraction, hold
+from frictus_service.tracking.mounted_drive import MountedDrive
 
 SPEEDS_MM_S: Final = (10.0, 150.0)
 PRESSED_N: Final = 0.05
@@ -34,6 +36,8 @@ AT_ITS_END: Final = 0.02
 clipped or stuck has it for longer. With noise of a few steps of the converter a sound one has
 either in one sample of a thousand."""
 STREAMS: Final = ("force", "voltage", "render")
+DRIVE: Final = "drive"
+"""Drive fraction, and the same through the mount, beside the streams that are given."""
 MAINS_HZ: Final = (50.0, 60.0)
 """Frequencies of the windows, at which a line of the mains is looked for."""
 SPOILT: Final = {
@@ -58,11 +62,11 @@ class LawWindow:
     normal_force_n : float
         Mean over the window.
     drive_power : ndarray
-        Of the drive fraction, summed over the frequencies of a band.
+        Of the drive fraction through the mount, summed over the frequencies of a band.
     cross : ndarray of complex
-        Conjugate of the drive times friction, summed likewise, N.
+        Its conjugate times the force, summed likewise, N.
     friction_power : ndarray
-        Of the friction, N².
+        Of the force, N².
     position_mm : float
         Mean along x, from the left edge of the screen.
     direction : float
@@ -142,11 +146,7 @@ class WindowCutter:
         span = np.stack([around, around + self._length // 10])
         self._span = np.clip(span, 0, self._length - 1)
         self._hold = hold(frequency_hz, sample_rate_hz)
-        self._mount = (
-            np.ones(frequency_hz.size, dtype=complex)
-            if mount is None
-            else mount.frequency_response(frequency_hz)
-        )
+        self._mounted = MountedDrive(mount, sample_rate_hz, frequency_hz)
         self._parts: list[AlignedSamples] = []
         self._used = 0  # samples of the first part
         self._held = 0
@@ -168,7 +168,10 @@ class WindowCutter:
             else:
                 self.contact += 1
             self._run, self._parts, self._used, self._held = part.run, [], 0, 0
-        self._parts.append(part)
+            self._mounted.begin()
+        drive = drive_fraction(part.data["voltage"][0].astype(np.float64), self.screen_peak_v)
+        both = np.stack([drive, self._mounted.take(drive)]).astype(np.float32)
+        self._parts.append(replace(part, data={**part.data, DRIVE: both}))
         self._held += part.data["force"].shape[1]
         found = []
         while self._held >= self._length:
@@ -194,7 +197,7 @@ class WindowCutter:
             name: np.concatenate([part.data[name] for part in self._parts], axis=1)[
                 :, self._used : self._used + self._length
             ].astype(np.float64)
-            for name in STREAMS
+            for name in (*STREAMS, DRIVE)
         }
         reason = self._spoilt(flags, data) or _unsteady(data["render"][2])
         if not reason:
@@ -232,37 +235,40 @@ class WindowCutter:
         self, first_sample: int, data: dict[str, FloatArray], along: FloatArray
     ) -> LawWindow | None:
         friction = np.sum(data["force"][:2] * along, axis=0)
-        drive = drive_fraction(data["voltage"][0], self.screen_peak_v)
+        drive, passed = data[DRIVE]
         within = np.clip(data["render"][2], LOW_MM_S, HIGH_MM_S)
-        channels = tapered(np.stack([drive, friction, data["force"][0]]))
-        channels = np.vstack([channels, channels[0] * (within - within.mean())])
+        channels = tapered(np.stack([drive, passed, friction, data["force"][0]]))
+        channels = np.vstack([channels, channels[1] * (within - within.mean())])
         spectra = np.fft.rfft(channels, axis=-1)[:, self._line]
-        driven, felt = spectra[0] * self._hold, spectra[1] / self._mount
-        power = self._sum(np.square(np.abs(driven))).real
-        if np.sqrt(2.0 * power.sum() / self._length) < LEAST_DRIVE:
+        driven, felt = spectra[0] * self._hold, spectra[2]
+        mounted, faster = spectra[[1, 4]] * self._mounted.remainder
+        driven_power, weight = np.square(np.abs(driven)).sum(), np.square(np.abs(mounted))
+        if np.sqrt(2.0 * driven_power / self._length) < LEAST_DRIVE:
             self.refused["nothing is played"] += 1
             return None
+        power = self._sum(weight).real
         # A law is nearly linear in the speed over a window, and what counts of the speed is its
         # mean over the drive's energy.
-        faster = self._sum(driven.conj() * spectra[3] * self._hold).real
-        faster /= np.maximum(power, np.finfo(float).tiny)
+        above = self._sum(mounted.conj() * faster).real / np.maximum(
+            power, np.finfo(float).tiny
+        )
         return LawWindow(
             first_sample,
             self.contact,
             float(within.mean()),
             float(data["force"][2].mean()),
             power,
-            self._sum(driven.conj() * felt),
+            self._sum(mounted.conj() * felt),
             self._sum(np.square(np.abs(felt))).real,
             position_mm=float(data["render"][0].mean()),
             direction=float(np.sign(along[0].mean())),
             drive_mean=float(drive.mean()),
-            drive_variance=2.0 * float(power.sum()) / self._length,
+            drive_variance=2.0 * float(driven_power) / self._length,
             minutes=first_sample / self._rate_hz / 60.0,
-            frequency_hz=self._frequency(np.square(np.abs(driven)), power),
-            mains_n=spectra[2, self._mains],
-            mains_drive=driven[self._mains] * self._mount[self._mains] * along[0].mean(),
-            band_speed_mm_s=np.clip(within.mean() + faster, within.min(), within.max()),
+            frequency_hz=self._frequency(weight, power),
+            mains_n=spectra[3, self._mains],
+            mains_drive=mounted[self._mains] * along[0].mean(),
+            band_speed_mm_s=np.clip(within.mean() + above, within.min(), within.max()),
         )
 
     def _frequency(self, driven: FloatArray, power: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ Bendat and Piersol, Random Data, chapters 6 and 9: H1, its variance, chance cohe
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Final
 
@@ -109,7 +109,7 @@ def broadband(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> Broad
     rate_hz = trial.info.sample_rate_hz
     window = 2 * round(WINDOW_S * rate_hz / 2.0)
     bands = Bands.of(window, rate_hz, study.mount)
-    instrument = Instrument.of(trial, study, bands.frequency_hz)
+    instrument = Instrument.of(trial, replace(study, mount=None), bands.frequency_hz)
     every = [
         _spectra(trial, study, segment, window, bands, instrument)
         for segment in course.segments
@@ -167,7 +167,8 @@ def _spectra(
     message = found.pop() * instrument.drive if trial.voltage_v is not None else None
     skin = found[1] / instrument.skin if len(found) > 1 else None
     mean = np.nan if message is None else float(np.nanmean(channels[-1]))
-    return _Spectra(segment, message, found[0] / instrument.force, skin, mean)
+    force = found[0] / (instrument.force * bands.mount)
+    return _Spectra(segment, message, force, skin, mean)
 
 
 def _windows(channels: FloatArray, window: int) -> FloatArray:
