@@ -20,7 +20,7 @@ from frictus_service.calibration.coordinates import HIGH_MM_S, LOW_MM_S
 from frictus_service.discovery.evidence.bands import WINDOW_S, Bands
 from frictus_service.discovery.evidence.broadband import tapered
 from frictus_service.identification.observation.response import drive_fraction, hold
-from frictus_service.tracking.mounted_drive import MountedDrive
+from frictus_service.identification.observation.through_mount import ThroughMount
 
 SPEEDS_MM_S: Final = (10.0, 150.0)
 PRESSED_N: Final = 0.05
@@ -146,7 +146,8 @@ class WindowCutter:
         span = np.stack([around, around + self._length // 10])
         self._span = np.clip(span, 0, self._length - 1)
         self._hold = hold(frequency_hz, sample_rate_hz)
-        self._mounted = MountedDrive(mount, sample_rate_hz, frequency_hz)
+        self._mounted = None if mount is None else ThroughMount(mount, sample_rate_hz)
+        self._passing = self._hold * self.bands.passing
         self._parts: list[AlignedSamples] = []
         self._used = 0  # samples of the first part
         self._held = 0
@@ -168,9 +169,13 @@ class WindowCutter:
             else:
                 self.contact += 1
             self._run, self._parts, self._used, self._held = part.run, [], 0, 0
-            self._mounted.begin()
+            if self._mounted is not None:
+                self._mounted.begin()
         drive = drive_fraction(part.data["voltage"][0].astype(np.float64), self.screen_peak_v)
-        both = np.stack([drive, self._mounted.take(drive)]).astype(np.float32)
+        passed = drive
+        if self._mounted is not None:
+            passed = self._mounted.take(drive[:, np.newaxis])[:, 0]
+        both = np.stack([drive, passed]).astype(np.float32)
         self._parts.append(replace(part, data={**part.data, DRIVE: both}))
         self._held += part.data["force"].shape[1]
         found = []
@@ -241,7 +246,7 @@ class WindowCutter:
         channels = np.vstack([channels, channels[1] * (within - within.mean())])
         spectra = np.fft.rfft(channels, axis=-1)[:, self._line]
         driven, felt = spectra[0] * self._hold, spectra[2]
-        mounted, faster = spectra[[1, 4]] * self._mounted.remainder
+        mounted, faster = spectra[[1, 4]] * self._passing
         driven_power, weight = np.square(np.abs(driven)).sum(), np.square(np.abs(mounted))
         if np.sqrt(2.0 * driven_power / self._length) < LEAST_DRIVE:
             self.refused["nothing is played"] += 1

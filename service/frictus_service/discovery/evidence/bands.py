@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from frictus_hardware.arrays import ComplexArray, FloatArray, IntArray
 from frictus_hardware.physics.linear import TransferFunction
+from frictus_service.identification.observation.through_mount import remainder
 
 WINDOW_S: Final = 0.1
 PER_OCTAVE: Final = 6
@@ -29,14 +30,14 @@ class Bands:
         Of the windows, those that lie in a band.
     band : ndarray of int, shape (n_frequencies,)
         Rising.
-    mount : ndarray of complex, shape (n_frequencies,)
-        Response of the mount as the windows show it.
+    passing : ndarray of complex, shape (n_frequencies,)
+        What the mount is over what `through_mount.sent_through` does to samples.
     """
 
     centre_hz: FloatArray
     frequency_hz: FloatArray
     band: IntArray
-    mount: ComplexArray
+    passing: ComplexArray
 
     @classmethod
     def of(cls, window: int, sample_rate_hz: float, mount: TransferFunction | None) -> "Bands":
@@ -56,11 +57,11 @@ class Bands:
         margin = 2.0 ** (0.5 / PER_OCTAVE)
         middle = 1000.0 * 2.0 ** (number / PER_OCTAVE)
         within = (middle >= RANGE_HZ[0] / margin) & (middle <= RANGE_HZ[1] * margin)
-        seen, bend = _through(mount, every, sample_rate_hz / window)
-        within &= bend <= MOST_BEND
+        within &= _bend(mount, every, sample_rate_hz / window) <= MOST_BEND
         _, band = np.unique(number[within], return_inverse=True)
         centre = np.bincount(band, every[within]) / np.bincount(band)
-        return cls(centre, every[within], band.astype(np.int64), seen[within])
+        passing = remainder(mount, sample_rate_hz, every[within])
+        return cls(centre, every[within], band.astype(np.int64), passing)
 
     @property
     def lines(self) -> FloatArray:
@@ -104,32 +105,14 @@ class Bands:
         return 0.5 * windows * (self.lines + 0.9)
 
 
-def _through(
+def _bend(
     mount: TransferFunction | None, frequency_hz: FloatArray, step_hz: float
-) -> tuple[ComplexArray, FloatArray]:
-    """Return the mount's response in Hann windows, and how far it is from its neighbours'.
-
-    A window of length T mixes frequencies whose variance is ``1 / (3 T^2)``; so do three that
-    are 1 / T apart with weights of 1, 4 and 1 (Simpson).
-
-    Parameters
-    ----------
-    mount : TransferFunction or None
-        None: 1 throughout.
-    frequency_hz : ndarray, shape (n,)
-        Of the windows.
-    step_hz : float
-        From one to the next.
-
-    Returns
-    -------
-    ndarray of complex, shape (n,)
-    ndarray, shape (n,)
-        As a share.
-    """
+) -> FloatArray:
+    """Return how far the mount's response is from that of its neighbours, as a share."""
     if mount is None:
-        return np.ones(frequency_hz.size, dtype=np.complex128), np.zeros(frequency_hz.size)
+        return np.zeros(frequency_hz.size)
     at, below, above = (
         mount.frequency_response(frequency_hz + off) for off in (0.0, -step_hz, step_hz)
     )
-    return (below + 4.0 * at + above) / 6.0, np.abs(below * above / np.square(at) - 1.0)
+    bend: FloatArray = np.abs(below * above / np.square(at) - 1.0)
+    return bend

@@ -13,7 +13,7 @@ Bendat and Piersol, Random Data, chapters 6 and 9: H1, its variance, chance cohe
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Final
 
 import numpy as np
@@ -31,6 +31,7 @@ from frictus_service.identification.observation.response import (
     drive_fraction,
 )
 from frictus_service.identification.observation.sweeps import SweepThird
+from frictus_service.identification.observation.through_mount import sent_through
 from frictus_service.study.trial import StudyInfo, Trial
 
 CHANCE: Final = 1e-3
@@ -41,13 +42,30 @@ LEAST_OF_FORCE: Final = 0.5
 
 @dataclass(frozen=True, slots=True)
 class _Spectra:
-    """Of one segment, instrument removed; arrays of shape (n_windows, n_frequencies)."""
+    """Of one segment, instrument removed; arrays of shape (n_windows, n_frequencies).
+
+    Attributes
+    ----------
+    segment : SweepThird
+        It is of.
+    message : ndarray of complex or None
+        Drive fraction through the mount, as the force.
+    force : ndarray of complex
+        Along the motion, as the sensor has it.
+    skin : ndarray of complex or None
+        Skin velocity through the mount.
+    message_mean : float
+        Of the drive fraction; NaN without.
+    message_power : ndarray, shape (n_frequencies,)
+        Of the drive fraction itself, summed over windows.
+    """
 
     segment: SweepThird
     message: ComplexArray | None
     force: ComplexArray
     skin: ComplexArray | None
     message_mean: float
+    message_power: FloatArray
 
     @property
     def known(self) -> ComplexArray:
@@ -110,8 +128,9 @@ def broadband(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> Broad
     window = 2 * round(WINDOW_S * rate_hz / 2.0)
     bands = Bands.of(window, rate_hz, study.mount)
     instrument = Instrument.of(trial, replace(study, mount=None), bands.frequency_hz)
+    channels = _Channels.of(trial, study)
     every = [
-        _spectra(trial, study, segment, window, bands, instrument)
+        _spectra(channels, segment, rate_hz, window, bands, instrument)
         for segment in course.segments
     ]
     spectra = [each for each in every if each is not None]
@@ -136,39 +155,73 @@ def broadband(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> Broad
     return Broadband(whole, _message(spectra, rows, bands, used), notes)
 
 
+@dataclass(frozen=True, slots=True)
+class _Channels:
+    """Of a whole trial; arrays of shape (n_samples, n_columns).
+
+    Attributes
+    ----------
+    force : ndarray
+        Lateral, as the sensor has it.
+    drive, mounted_drive : ndarray or None
+        Drive fraction, and the same through the mount.
+    mounted_skin : ndarray or None
+        What the skin's sensor says, through the mount.
+    """
+
+    force: FloatArray
+    drive: FloatArray | None
+    mounted_drive: FloatArray | None
+    mounted_skin: FloatArray | None
+
+    @classmethod
+    def of(cls, trial: Trial, study: StudyInfo) -> "_Channels":
+        """Return the channels of a trial."""
+        through = partial(sent_through, study.mount, trial.info.sample_rate_hz)
+        skin, drive = trial.skin_velocity_m_s, None
+        if trial.accel_m_s2 is not None:
+            skin = trial.accel_m_s2[:, :2]
+        if trial.voltage_v is not None:
+            drive = drive_fraction(trial.voltage_v, study.screen_peak_v)[:, np.newaxis]
+        return cls(
+            trial.force_n[:, :2],
+            drive,
+            None if drive is None else through(drive),
+            None if skin is None else through(skin.reshape(skin.shape[0], -1)),
+        )
+
+
 def _spectra(
-    trial: Trial,
-    study: StudyInfo,
+    channels: _Channels,
     segment: SweepThird,
+    rate_hz: float,
     window: int,
     bands: Bands,
     instrument: Instrument,
 ) -> _Spectra | None:
     """Return the spectra of a segment; None where it holds no window without gaps."""
-    rate_hz = trial.info.sample_rate_hz
     cut = slice(max(int(segment.begin_s * rate_hz), 0), int(segment.end_s * rate_hz))
     along = np.array(segment.along)
-    channels = [trial.force_n[cut, :2] @ along]
-    if trial.accel_m_s2 is not None:
-        channels.append(trial.accel_m_s2[cut, :2] @ along)
-    elif trial.skin_velocity_m_s is not None:
-        channels.append(trial.skin_velocity_m_s[cut] / along[0])
-    if trial.voltage_v is not None:
-        channels.append(drive_fraction(trial.voltage_v[cut], study.screen_peak_v))
+    lines = [channels.force[cut] @ along]
+    skin, drive, mounted = channels.mounted_skin, channels.drive, channels.mounted_drive
     # A sensor that says nothing at all takes only what needs it.
-    skin_dead = trial.voltage_v is not None and len(channels) == 3
-    if skin_dead and np.isnan(channels[1]).all():
-        del channels[1]
-    cut_up = _windows(np.stack(channels), window)
+    if skin is not None and not (drive is not None and np.isnan(skin[cut]).all()):
+        lines.append(skin[cut] @ along if skin.shape[1] > 1 else skin[cut, 0] / along[0])
+    has_skin = len(lines) > 1
+    if drive is not None and mounted is not None:
+        lines += [drive[cut, 0], mounted[cut, 0]]
+    cut_up = _windows(np.stack(lines), window)
     if not cut_up.shape[1]:
         return None
     place = np.rint(bands.frequency_hz * window / rate_hz).astype(np.int64)
-    found = list(np.fft.rfft(tapered(cut_up), axis=-1)[:, :, place])
-    message = found.pop() * instrument.drive if trial.voltage_v is not None else None
-    skin = found[1] / instrument.skin if len(found) > 1 else None
-    mean = np.nan if message is None else float(np.nanmean(channels[-1]))
-    force = found[0] / (instrument.force * bands.mount)
-    return _Spectra(segment, message, force, skin, mean)
+    found = np.fft.rfft(tapered(cut_up), axis=-1)[:, :, place]
+    force = found[0] / instrument.force
+    velocity = found[1] * bands.passing / instrument.skin if has_skin else None
+    if drive is None:
+        return _Spectra(segment, None, force, velocity, np.nan, np.zeros(place.size))
+    power = np.square(np.abs(found[-2] * instrument.drive)).sum(axis=0)
+    message = found[-1] * instrument.drive * bands.passing
+    return _Spectra(segment, message, force, velocity, float(np.nanmean(lines[-2])), power)
 
 
 def _windows(channels: FloatArray, window: int) -> FloatArray:
@@ -251,8 +304,8 @@ def _rows(
     known = spectra.known
     if spectra.message is not None:
         friction = _transfer(bands, known, known, spectra.force)
-        power = bands.total(np.square(np.abs(known))) * 2.0 / known.shape[0] / window
-        amplitude = np.sqrt(2.0 * power)
+        power = bands.total(spectra.message_power[np.newaxis]).real
+        amplitude = np.sqrt(4.0 * power / known.shape[0] / window)
     if spectra.skin is not None:
         # The sensor reports the force of the finger; the skin feels its opposite.
         mobility = _transfer(bands, known, -spectra.force, spectra.skin)
