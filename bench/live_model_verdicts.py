@@ -82,10 +82,9 @@ def coverage(lines: list[Line]) -> str:
         f"outside of 92 to 98 % are, {'; '.join(parts)}." if parts else "all are within.",
         " Where more hold: even the filters that allow for least allow for strokes that differ "
         "by 0.4 % and for windows that differ by 1 %, and the people of this table do neither. "
-        "The cutoff at 100 mm/s is estimated 0.3 % too low: responses are known within 0.15 % "
-        "(`RESPONSE_WITHIN`), and no filter that allows for less may be added before that bias "
-        "is gone: its intervals would miss. The gain's become too wide by the filters that "
-        "wander and still count (`UNSTEADY`). What the rig renders by is a predicted speed"
+        "Responses are taken to be known within 0.1 % (`RESPONSE_WITHIN`), which no average makes "
+        "smaller. The gain's become too wide by the filters that wander and still count "
+        "(`UNSTEADY`). What the rig renders by is a predicted speed"
         f"{_speed_error(lines)}; the tracker takes the one that touch reports tell afterwards.",
     )
 
