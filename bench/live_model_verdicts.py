@@ -82,8 +82,8 @@ def coverage(lines: list[Line]) -> str:
         f"outside of 92 to 98 % are, {'; '.join(parts)}." if parts else "all are within.",
         " Where more hold: even the filters that allow for least allow for strokes that differ "
         "by 0.4 % and for windows that differ by 1 %, and the people of this table do neither. "
-        "Responses are taken to be known within 0.1 % (`RESPONSE_WITHIN`), which no average makes "
-        "smaller. The gain's become too wide by the filters that wander and still count "
+        "Responses are taken to be known within 0.1 % (`RESPONSE_WITHIN`), whatever the "
+        "average. The gain's become too wide by the filters that wander and still count "
         "(`UNSTEADY`). What the rig renders by is a predicted speed"
         f"{_speed_error(lines)}; the tracker takes the one that touch reports tell afterwards.",
     )
