@@ -97,9 +97,7 @@ def test_the_command_tells_of_the_device(server: FakeServer, tmp_path: Path) -> 
     assert {"driver", "device", "disk", "priority", "utc"} <= set(told)
 
 
-def test_warm_tells_each_function_it_compiles(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_warm_tells_what_it_compiles(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     @njit
     def twice(value):  # type: ignore[no-untyped-def]
         return 2.0 * value

@@ -1,8 +1,10 @@
 """A start is given up when nothing moves, not when it takes long."""
 
+import re
 import threading
 from multiprocessing import Pipe
 
+import numpy as np
 import pytest
 from numba import njit
 
@@ -38,15 +40,50 @@ def test_what_is_compiled_is_told_and_what_is_there_is_not() -> None:
     def doubled(x):  # type: ignore[no-untyped-def]
         return 2.0 * x
 
-    functions: list[str] = []
+    @njit
+    def arranged(x):  # type: ignore[no-untyped-def]
+        return np.repeat(x, 2)  # compiles what Numba has for it
+
+    functions: list[tuple[str, str]] = []
     passes: list[None] = []
-    with compiling_told(functions.append, lambda: passes.append(None)):
+    with compiling_told(lambda *told: functions.append(told), lambda: passes.append(None)):
         doubled(1.0)
         doubled(2.0)
-    assert functions == ["doubled"]
+        arranged(np.zeros(2))
+    assert [name for name, _ in functions] == ["doubled", "arranged"]
+    assert re.fullmatch(r"2 of up to \d+ functions", functions[1][1])
     assert len(passes) > 10
     doubled(1)  # compiled for another type, after the context
-    assert functions == ["doubled"]
+    assert len(functions) == 2
+
+
+def test_what_compiles_is_said_now_and_then_and_what_is_begun_at_once() -> None:
+    clock_s = [0.0]
+    said: list[str] = []
+    supervisor = Supervisor(Config(), ("rig",), say=said.append)
+    part = supervisor._parts["rig"]
+    part.progress = StartProgress(lambda: clock_s[0])
+    part.told, telling = Pipe(duplex=False)
+
+    def tell(at_s: float, what: str, line: str) -> None:
+        clock_s[0] = at_s
+        telling.send((what, line))
+        supervisor._listen(part)
+
+    tell(1.0, "step", "loading")
+    tell(2.0, "step", "rendering everything once")
+    for half_s in range(5, 25):
+        tell(0.5 * half_s, "moved", f"compiling f{half_s}")
+        tell(0.5 * half_s, "moved", "")
+    assert said == [
+        "rig, 1.0 s: loading",
+        "rig, 2.0 s: rendering everything once",
+        "rig, 7.0 s: compiling f14",
+        "rig, 12.0 s: compiling f24",
+    ]
+    assert part.progress.step == "compiling f24"  # a start that stands still names it
+    tell(17.0, "moved", "")  # one function for long: systemd waits for a line, too
+    assert said[-1] == "rig, 17.0 s: compiling f24"
 
 
 def test_a_supervisor_waits_for_a_part_that_moves_and_names_the_one_that_does_not() -> None:
@@ -57,11 +94,9 @@ def test_a_supervisor_waits_for_a_part_that_moves_and_names_the_one_that_does_no
     part.progress = StartProgress(lambda: clock_s[0])
     part.told, telling = Pipe(duplex=False)
     for clock_s[0] in (50.0, 100.0, 150.0):
-        telling.send(("moved", ""))
+        telling.send(("moved", "compiling mix"))
         supervisor._listen(part)
-    telling.send(("step", "compiling mix"))
-    supervisor._listen(part)
-    assert said == ["rig, 150.0 s: compiling mix"]
+    assert said[-1] == "rig, 150.0 s: compiling mix"
     waiting = threading.Thread(target=supervisor.wait_ready, args=(60.0,))
     waiting.start()
     part.ready.set()

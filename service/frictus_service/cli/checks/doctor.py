@@ -82,13 +82,20 @@ def _compile(as_json: bool) -> None:
     """Fill the cache of compiled functions, each of which is kept as soon as it is made."""
     from frictus_service.config import Config
     from frictus_service.daemon.preparation import warm_up
-    from frictus_service.daemon.processes.child_process import compiling_told
+    from frictus_service.daemon.processes.child_process import (
+        COMPILING_S,
+        StartProgress,
+        compiling_told,
+    )
 
-    def tell(name: str) -> None:
+    progress = StartProgress()
+
+    def tell(name: str, far: str) -> None:
+        progress.move()
         if as_json:
             write_line(event="compiling", function=name)
-        else:
-            typer.echo(f"compiling {name}")
+        elif progress.due(COMPILING_S):
+            typer.echo(f"compiling {name}, {far}")
 
     defaults = Config()  # which rates are rendered makes no difference to what is compiled
     with compiling_told(tell, lambda: None):

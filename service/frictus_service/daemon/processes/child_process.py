@@ -53,7 +53,7 @@ class StartProgress:
 
     def begin(self) -> None:
         """Start anew; seconds count from here."""
-        self._began_s = self._moved_s = self._now_s()
+        self._began_s = self._moved_s = self._said_s = self._now_s()
         self.step = "starting"
 
     def move(self, step: str = "") -> float:
@@ -68,32 +68,56 @@ class StartProgress:
         self.step = step or self.step
         return self._moved_s - self._began_s
 
+    def due(self, every_s: float) -> bool:
+        """Return whether to say what is done: that was so long ago, or it began then.
+
+        Parameters
+        ----------
+        every_s : float
+            Least time between two sayings.
+        """
+        due = self._moved_s - self._said_s >= every_s
+        if due:
+            self._said_s = self._moved_s
+        return due
+
     def left_s(self, patience_s: float) -> float:
         """Return how much longer it may stand still; 0 or less: it has for too long."""
         return self._moved_s + patience_s - self._now_s()
 
 
+COMPILING_S: Final = 5.0
+"""Between two lines on what is compiled: fifty functions in half a minute, or in many."""
+
+
 @contextmanager
 def compiling_told(
-    on_function: Callable[[str], None], on_pass: Callable[[], None]
+    on_function: Callable[[str, str], None], on_pass: Callable[[], None]
 ) -> Iterator[None]:
     """Tell of what this process compiles meanwhile; what comes from the cache is not told.
 
     Parameters
     ----------
     on_function : callable
-        Called with the name of each function as its compilation begins.
+        Called as the compilation of each function begins, with its name and with how far that
+        is, as in ``12 of up to 54 functions``. Those of Numba itself are not named.
     on_pass : callable
         Called as each pass of the compiler begins, some hundred for a function.
     """
     from numba.core import event  # late: a supervisor does without
 
+    begun: list[str] = []
+    most = 0
+
     class Told(event.Listener):
         def on_start(self, event: event.Event) -> None:
-            if event.kind == "numba:compile":
-                on_function(event.data["dispatcher"].py_func.__name__)
-            else:
+            nonlocal most
+            if event.kind != "numba:compile" or _is_numbas(event.data["dispatcher"]):
                 on_pass()
+                return
+            begun.append(event.data["dispatcher"].py_func.__name__)
+            most = max(most or _functions_to_compile(), len(begun))
+            on_function(begun[-1], f"{len(begun)} of up to {most} functions")
 
         def on_end(self, event: event.Event) -> None:
             """Do nothing: the next beginning says enough."""
@@ -103,6 +127,20 @@ def compiling_told(
         event.install_listener("numba:run_pass", Told()),
     ):
         yield
+
+
+def _is_numbas(dispatcher: Any) -> bool:
+    return bool(dispatcher.py_func.__module__.startswith("numba."))
+
+
+def _functions_to_compile() -> int:
+    """Return how many functions of loaded modules are compiled once they are called."""
+    from numba.core.dispatcher import Dispatcher
+
+    modules = [*sys.modules.values()]
+    loaded = [value for module in modules for value in [*vars(module).values()]]
+    found = [value for value in loaded if isinstance(value, Dispatcher)]
+    return len({id(each) for each in found if not _is_numbas(each)})
 
 
 KEEP_ALIVES: Final = 4
@@ -217,6 +255,7 @@ class Part:
 
 
 Word = Literal["ready", "failed", "say", "step", "moved"]
+"""``step`` is said at once; what has ``moved``, perhaps to another step, now and then."""
 FAILED_EXIT = 3
 """Exit code of a part that could not start or go on, and has said why."""
 
@@ -274,7 +313,7 @@ def run_part(
             from frictus_service.daemon.rig import run_rig
 
             with compiling_told(
-                lambda function: mouth.tell("step", f"compiling {function}"),
+                lambda function, far: mouth.tell("moved", f"compiling {function}, {far}"),
                 lambda: mouth.tell("moved"),
             ):
                 run_rig(

@@ -23,6 +23,7 @@ from frictus.messages import Fault
 from frictus.session import open_session
 from frictus_service.config import Config
 from frictus_service.daemon.processes.child_process import (
+    COMPILING_S,
     FIRST_PAUSE_S,
     PATIENCE_S,
     Part,
@@ -264,7 +265,7 @@ class Supervisor:
                 if word == "say":
                     self._say(f"{part.name}: {line}")
                 elif word in ("step", "moved"):
-                    self._on_progress(part, line)
+                    self._on_progress(part, line, 0.0 if word == "step" else COMPILING_S)
                 elif word == "ready":
                     self._on_ready(part)
                 else:
@@ -274,10 +275,10 @@ class Supervisor:
                 part.told.close()
             part.told = None
 
-    def _on_progress(self, part: Part, step: str) -> None:
+    def _on_progress(self, part: Part, step: str, every_s: float) -> None:
         after_s = part.progress.move(step)
-        if step:
-            self._say(f"{part.name}, {after_s:.1f} s: {step}")
+        if part.progress.due(every_s):
+            self._say(f"{part.name}, {after_s:.1f} s: {part.progress.step}")
 
     def _on_ready(self, part: Part) -> None:
         part.failure = ""
