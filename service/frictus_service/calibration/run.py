@@ -254,7 +254,7 @@ class CalibrationRun:
 
     def conclude(self) -> CalibrationResult:
         """Merge the trials into one study and estimate the model."""
-        self.tell("analyse", "estimating the model")
+        self.tell("done", "estimating the model")
         done = self._kept.done
         excluded = self._kept.merge(self._study)
         result = conclude(
@@ -266,7 +266,7 @@ class CalibrationRun:
             excluded,
         )
         self._precision = result.precision
-        self.tell("done", "")
+        self.tell("done", "estimating the model")
         sensors, notes = self._sensors
         details: dict[str, Any] = {"sensors": sensors}
         if self._spec.protocol.kind != "paper":

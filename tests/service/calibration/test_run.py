@@ -148,7 +148,7 @@ def test_a_quick_calibration_makes_rendering_right(
     _expect_model(result)
     _expect_diagnostics(result)
     _expect_guidance(shown, told)
-    assert [p.phase for p in told[-2:]] == ["analyse", "done"]
+    assert [(p.phase, p.message) for p in told[-2:]] == 2 * [("done", "estimating the model")]
     assert {p.phase for p in told} == {"approach", "record", "analyse", "done"}
     assert told[-1].recorded_s == result.recorded_s == 2.0 * told[-1].trials_done
     # What the rig then inverts is what was measured.

@@ -185,7 +185,7 @@ export class Guidance {
 
 /** Whose trial it is, and what is said of it. */
 function place({ participant, phase, trial, trials, message }) {
-  if (phase === "done") return participant;
+  if (phase === "done") return `Thank you, ${participant}: you may take your finger away`;
   const of = trials === null ? "" : ` of ${trials}`;
   return `${participant}, trial ${trial}${of}${message && `: ${message}`}`;
 }

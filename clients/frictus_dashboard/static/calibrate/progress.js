@@ -4,7 +4,7 @@ import { element, say } from "../element.js";
 import { figure } from "../figures.js";
 
 /** What only tells that it goes on; reasons of a rejection say what would be accepted. */
-const GOING_ON = /^(trial \S+ accepted|estimating the model)$/;
+const GOING_ON = /^(trial \S+ accepted|estimating the model|preparing; .*)$/;
 
 export class Progress {
   /** @param {Element} root */

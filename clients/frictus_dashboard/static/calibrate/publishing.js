@@ -1,4 +1,4 @@
-/** The model of a calibration: published under a name, and given to the rig. */
+/** The model of a calibration: what it is good for, published under a name, given to the rig. */
 
 import { address } from "../address.js";
 import { request } from "../api.js";
@@ -7,6 +7,7 @@ import { labelled } from "../fields.js";
 import { Activation } from "../models/activation.js";
 import { pathOf as pathOfModel, referenceOf } from "../models/reference.js";
 import { Outcome } from "../outcome.js";
+import { adviceOf } from "./advice.js";
 import { pathOf } from "./following.js";
 
 export class Publishing {
@@ -35,11 +36,13 @@ export class Publishing {
       event.preventDefault();
       this.#publish();
     });
+    this.advice = element("div", { class: "advice" });
+    this.next = element("p", { class: "next", role: "status" });
     this.told = element("p", { role: "status" });
     this.outcome = new Outcome();
     this.activation = new Activation(page, () => {});
-    const title = element("h3", {}, "The model");
-    const parts = [title, this.form, this.outcome.root, this.told, this.activation.root];
+    const title = element("h3", {}, "What came of it");
+    const parts = [title, this.advice, this.next, this.form, this.outcome.root, this.told, this.activation.root];
     root.append(...parts);
     this.show(null);
   }
@@ -50,6 +53,8 @@ export class Publishing {
     this.calibration = calibration;
     this.root.hidden = calibration === null;
     if (other) {
+      const sentences = calibration === null ? [] : adviceOf(calibration);
+      this.advice.replaceChildren(...sentences.map((text) => element("p", {}, text)));
       this.version = null;
       this.outcome.clear();
       this.comment.value = "";
@@ -69,7 +74,16 @@ export class Publishing {
     this.form.hidden = published || !may;
     this.activation.root.hidden = version === null;
     if (version !== null) this.activation.open(this.page.live.rig, version);
-    if (!published) say(this.told, may ? "" : "Not published: that needs the scope calibrate.");
+    if (!published) say(this.told, "");
+    say(this.next, this.#next(published, may));
+  }
+
+  #next(published, may) {
+    const { rig } = this.page.live;
+    if (!may) return published ? "" : "Not published: that needs the scope calibrate.";
+    if (!published) return `Next: Publish, then Activate here; until then ${rig} renders with the model that it has.`;
+    if (this.version === null || !this.activation.active) return `Next: Activate on ${rig}, here.`;
+    return `${rig} renders for this finger now: arm it, and feel a texture under Textures.`;
   }
 
   async #publish() {

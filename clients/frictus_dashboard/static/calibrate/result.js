@@ -13,7 +13,6 @@ export class Result {
   /** @param {Element} root */
   constructor(root) {
     this.root = root;
-    this.summary = element("p", { class: "summary" });
     this.chart = new CutoffChart();
     this.cutoffs = table(
       "Cutoff at the speeds that were measured",
@@ -26,7 +25,6 @@ export class Result {
     const fit = element("div", {}, this.cutoffs, this.parameters);
     root.append(
       element("h3", {}, "The fit"),
-      this.summary,
       element("div", { class: "columns" }, this.chart.root, fit),
       this.diagnostics.root,
       this.notes,
@@ -40,9 +38,6 @@ export class Result {
     this.root.hidden = result === null;
     if (result === null) return;
     const cutoffs = cutoffsOf(result.details.cutoff_hz ?? []);
-    const known = `The cutoff is known within ${fixed(100 * result.precision, 1)} %`;
-    const reached = result.reached ? "is reached" : "is not reached";
-    say(this.summary, `${known} at every speed; what was asked for ${reached}.`);
     this.chart.show(cutoffs);
     fill(this.cutoffs, cutoffs.map(({ speed, value, low, high, half }) => {
       const interval = `${fixed(low, 0)} to ${fixed(high, 0)}`;

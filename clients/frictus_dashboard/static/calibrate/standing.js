@@ -21,6 +21,13 @@ const STATES = {
 const RESUMABLE = ["interrupted", "failed"];
 const CANCELLABLE = ["queued", "running", "interrupted"];
 
+/** What is said of a phase between trials that takes long; else it runs. */
+function stageOf({ phase, trials_done: done, message = "" }) {
+  if (phase === "done") return "All trials are done, the finger may go; the model is being estimated";
+  const preparing = phase === "analyse" && done === 0 && message.startsWith("preparing");
+  return preparing ? `Getting ready: ${message}` : STATES.running;
+}
+
 export class Standing {
   /**
    * @param {Element} head what it is, and what may be done
@@ -43,8 +50,8 @@ export class Standing {
     this.outcome = new Outcome();
     const places = [1, 2, 3].map(() => element("div"));
     this.progress = new Progress(places[0]);
-    this.result = new Result(places[1]);
-    this.publishing = new Publishing(places[2], page, changed);
+    this.publishing = new Publishing(places[1], page, changed);
+    this.result = new Result(places[2]);
     const buttons = element("p", { class: "buttons" }, this.cancel, this.resume);
     head.append(this.title, this.state, this.failure, buttons, this.outcome.root);
     body.append(...places);
@@ -108,7 +115,7 @@ export class Standing {
   #inWords(calibration) {
     if (!active(calibration)) return STATES[calibration.state];
     if (this.stopping) return "It was told to stop";
-    return this.moves ? STATES.running : STATES.queued;
+    return this.moves ? stageOf(this.calibration.progress ?? {}) : STATES.queued;
   }
 
   #stands(calibration) {
@@ -133,10 +140,12 @@ export class Standing {
     if (name !== "progress" || calibration.result !== null) return;
     this.progress.note(data.message);
     this.progress.show(data, calibration.spec.protocol);
-    if (this.moves || !active(calibration)) return;
+    if (!active(calibration)) return;
+    calibration.progress = data;
+    const begins = !this.moves;
     this.moves = true;
     this.look();
-    this.changed();
+    if (begins) this.changed();
   }
 
   #cancel() {

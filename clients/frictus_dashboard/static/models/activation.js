@@ -42,21 +42,22 @@ export class Activation {
     this.kept.replaceChildren(...this.#notRendered(model));
   }
 
-  get #active() {
+  /** Whether the rig applies this version. */
+  get active() {
     return this.page.state.model?.etag === this.version.etag;
   }
 
   #sentence(status, model) {
     if (this.rig === null) return "No rig is present.";
     if (model === null) return `Which model ${this.rig} applies is not known yet.`;
-    if (this.#active) return `✓ ${this.rig} applies this version.`;
+    if (this.active) return `✓ ${this.rig} applies this version.`;
     const other = model.model.placeholder ? "a placeholder" : "another model";
     const when = status?.state === "disarmed" ? "" : " It changes only while disarmed.";
     return `${this.rig} applies ${other}.${when}`;
   }
 
   #notRendered(model) {
-    const left = Object.entries(this.#active ? model.not_rendered : {});
+    const left = Object.entries(this.active ? model.not_rendered : {});
     if (left.length === 0) return [];
     return [element("p", {}, "What the rig does not make good:"), facts(left)];
   }
