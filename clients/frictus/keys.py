@@ -193,6 +193,43 @@ def person_of(client: str) -> str:
     return client.rpartition(".")[0] or client
 
 
+_NOUNS: Final = {
+    "page": "page",
+    "participant": "participant's page",
+    "rest": "REST client",
+    "calibration": "calibration",
+    "experiment": "experiment",
+}
+_OF_SERVICE: Final = re.compile(rf"(.+)\.({'|'.join(_NOUNS)})(?:-[0-9a-f]+)?")
+_OF_PROGRAM: Final = re.compile(r"(.+)-(\d+)-[0-9a-f]{6}")
+_ANYBODY: Final = "local"
+"""Whom a service that asks for no tokens speaks for."""
+
+
+def spoken_name(client: str | None) -> str:
+    """Return a client as people know it: ``ann's page``, ``a calibration``, ``'linen-study'``.
+
+    A service makes the names of its pages and jobs, and `frictus.connect` that of a program
+    which gives none; every other name is its client's own, and stays in quotation marks.
+
+    Parameters
+    ----------
+    client : str or None
+        Name of a client; None: there is none.
+    """
+    if client is None:
+        return "nobody"
+    if made := _OF_SERVICE.fullmatch(client):
+        person, noun = made[1], _NOUNS[made[2]]
+        if made[2] == "participant":  # whoever's token its tablet has
+            return f"the {noun}"
+        article = "an" if noun[0] in "aeiou" else "a"
+        return f"{article} {noun}" if person == _ANYBODY else f"{person}'s {noun}"
+    if made := _OF_PROGRAM.fullmatch(client):
+        return f"a program on {made[1]} (process {made[2]})"
+    return repr(client)
+
+
 def _checked(name: str, what: str) -> str:
     if not name or len(name) > MAX_NAME or not name.isascii():
         raise InvalidNameError(

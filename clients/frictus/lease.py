@@ -14,7 +14,7 @@ from zenoh.handlers import Callback
 
 from frictus.calls import Caller
 from frictus.errors import FrameError, LeaseLostError, LinkError, NoRigError, RefusedError
-from frictus.keys import Topics
+from frictus.keys import Topics, spoken_name
 from frictus.mailbox import EndedError
 from frictus.messages import LeaseRenewal, Reply, RigStatus
 from frictus.reception import Latest
@@ -248,8 +248,8 @@ def stream_end(status: RigStatus | None, opened: Reply) -> LeaseLostError | None
         return None
     if status.state == "armed":
         return LeaseLostError(
-            f"the stream has ended: {status.owner!r} holds the rig, and what it plays now is "
-            f"{status.scene_etag!r}"
+            f"the stream has ended: {spoken_name(status.owner)} holds the rig, and what it "
+            f"plays now is {status.scene_etag!r}"
         )
     return _loss(status, "" if status.last_end is None else status.last_end.owner)
 
@@ -259,12 +259,14 @@ def _loss(status: RigStatus, client: str) -> LeaseLostError:
     end = status.last_end
     if end is not None and end.owner == client:
         when = datetime.fromtimestamp(end.utc_ns // 10**9, UTC).strftime("%H:%M:%S UTC")
-        who = f" by {end.by!r}" if end.by is not None else ""
+        who = f" by {spoken_name(end.by)}" if end.by is not None else ""
         reason = f"the rig is {status.state}: {end.reason}{who} at {when}"
         return LeaseLostError(reason, end.by, end.utc_ns)
     if status.fault is not None:
         return LeaseLostError(f"the rig is {status.state}: {status.fault.reason}")
-    return LeaseLostError(f"the rig is {status.state}, its owner is {status.owner or 'nobody'}")
+    return LeaseLostError(
+        f"the rig is {status.state}, its owner is {spoken_name(status.owner)}"
+    )
 
 
 def _taken_back(declared: object) -> None:

@@ -16,6 +16,7 @@ from frictus.keys import (
     RigKeys,
     any_rig_alive,
     rig_of,
+    spoken_name,
 )
 from frictus.messages import MESSAGES
 
@@ -71,3 +72,23 @@ def test_nothing_else_spells_a_key() -> None:
     for source in sources:
         if source.name != "keys.py":
             assert "@v1" not in source.read_text(encoding="utf-8"), source.name
+
+
+@pytest.mark.parametrize(
+    ("client", "said"),
+    [
+        (None, "nobody"),
+        ("local.page-0a1b2c", "a page"),
+        ("ann.page-0a1b2c", "ann's page"),
+        ("local.participant-0a1b2c", "the participant's page"),
+        ("tablet.participant-0a1b2c", "the participant's page"),
+        ("local.rest", "a REST client"),
+        ("local.experiment-0a1b2c3d", "an experiment"),
+        ("ann.b.calibration-0a1b2c3d", "ann.b's calibration"),
+        ("lab-pc-7-4711-0a1b2c", "a program on lab-pc-7 (process 4711)"),
+        ("linen-study", "'linen-study'"),
+        ("ann", "'ann'"),
+    ],
+)
+def test_a_client_has_a_name_that_people_know(client: str | None, said: str) -> None:
+    assert spoken_name(client) == said

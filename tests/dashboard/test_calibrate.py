@@ -363,7 +363,20 @@ def test_the_participants_page_has_the_guidance_alone(
         expect(tablet.get_by_role("button", name="STOP")).to_be_visible()
         expect(tablet.get_by_role("link")).to_have_count(0)
         expect_no_violations(tablet)
-        cancel(page)
+        # It is held since its first trial, not since the one that is under way.
+        since = page.locator("#since")
+        expect(since).to_have_text(re.compile("^since "))
+        first = since.inner_text()
+        trial = page.locator(".readings").get_by_text(re.compile(r"^Trials [4-9]"))
+        expect(trial).to_be_visible(timeout=60_000)
+        expect(since).to_have_text(first)
+        # Whoever looks elsewhere reads where it was stopped.
+        expect(guidance).to_contain_text("Get going")
+        tablet.get_by_role("button", name="STOP").click()
+        expect(since).to_contain_text("by the participant's page at")
+        expect(state(page)).to_contain_text("Failed", timeout=BEGUN_MS)
+        failure = page.locator("#view-calibrate [role=alert]")
+        expect(failure).to_contain_text("stopped by the participant's page")
         let_pass(tablet, 31.0)  # it is gone half a minute after its last word
         expect(guidance).to_be_hidden(timeout=60_000)
         expect(tablet.locator("#view-participant .asked")).to_contain_text("Please wait")

@@ -112,7 +112,12 @@ def test_a_badge_says_that_the_model_was_adapted(
         ("ann.page-ffffff", "you, in another page"),
         ("ben.page-0a1b2c", "ben"),
         ("local.page-0a1b2c", "another page"),
-        ("lab-pc-7-4711-0a1b2c", "a program"),
+        ("local.participant-0a1b2c", "the participant's page"),
+        ("tablet.participant-0a1b2c", "the participant's page"),
+        ("local.rest", "a REST client"),
+        ("ben.rest", "ben's REST client"),
+        ("local", "everybody here"),
+        ("lab-pc-7-4711-0a1b2c", "a program on lab-pc-7"),
         ("linen-study", "linen-study"),
         ("ben.experiment-0a1b2c3d", "ben's experiment"),
         ("local.experiment-0a1b2c3d", "an experiment"),
@@ -128,6 +133,33 @@ def test_a_holder_has_a_name_that_people_know(page: Page, owner: str | None, nam
         owner,
     )
     assert got == name
+
+
+JOB = "ben.experiment-0a1b2c3d"
+
+
+@pytest.mark.parametrize(
+    ("before", "owner", "taken"),
+    [
+        ({"owner": None, "last_end": None}, JOB, True),
+        ({"owner": JOB, "last_end": None}, JOB, False),
+        ({"owner": JOB, "last_end": None}, None, False),
+        ({"owner": None, "last_end": {"owner": JOB}}, JOB, False),  # its next trial
+        ({"owner": None, "last_end": {"owner": "tester"}}, JOB, True),
+        ({"owner": None, "last_end": {"owner": "tester"}}, "tester", True),
+    ],
+)
+def test_a_job_holds_a_rig_from_its_first_trial_on(
+    page: Page, before: dict[str, object], owner: str | None, taken: bool
+) -> None:
+    got = page.evaluate(
+        """async ([before, owner]) => {
+          const { takesRig } = await import("/holder.js");
+          return takesRig(before, { owner });
+        }""",
+        [before, owner],
+    )
+    assert got == taken
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from frictus.textures import PositionMm, RmsFriction, Scene
 from frictus.watched_rig import StreamName
 
 VERSION: Final = 1
-PROTOCOL: Final = "1.1"
+PROTOCOL: Final = "1.2"
 """Version and what was added to it: a newer 1.x only adds fields and messages."""
 MAX_BYTES: Final = 65_536
 MAX_TOKEN: Final = 1_000
@@ -35,6 +35,8 @@ class Hello(_Asked):
     op: Literal["hello"]
     version: Literal[1]
     token: Annotated[SecretStr, Field(max_length=MAX_TOKEN)] | None = None
+    page: Literal["participant"] | None = None
+    """In front of whom it is, as others read of whoever stops or holds a rig."""
 
 
 class Watch(_Asked):

@@ -1,9 +1,11 @@
 /** Who holds a rig, by a name that people know, and whom that keeps from changing what is felt. */
 
-/** Names that the service makes: PERSON.page-1a2b3c, PERSON.experiment-1a2b3c4d, HOST-PID-1a2b3c. */
+/** Names that services and programs are given, as `spoken_name` of frictus.keys reads them. */
 const PAGE = /^(.+)\.page-[0-9a-f]{6}$/;
+const PARTICIPANT = /\.participant-[0-9a-f]{6}$/;
+const REST = /^(.+)\.rest$/;
 const JOB = /^(.+)\.(calibration|experiment)-[0-9a-f]+$/;
-const PROGRAM = /^.+-\d+-[0-9a-f]{6}$/;
+const PROGRAM = /^(.+)-\d+-[0-9a-f]{6}$/;
 /** Whom everybody acts for where the service asks for no tokens. */
 const ANYBODY = "local";
 const ARTICLES = { calibration: "a calibration", experiment: "an experiment" };
@@ -11,6 +13,17 @@ const ARTICLES = { calibration: "a calibration", experiment: "an experiment" };
 /** Whether a client is a calibration or an experiment. */
 export function isJob(owner) {
   return JOB.test(owner);
+}
+
+/**
+ * Whether a rig has another holder than before. A calibration or an experiment lets it go between
+ * its trials, and goes on holding it all the same.
+ *
+ * @param {object} before @param {object} after two statuses of the rig
+ */
+export function takesRig(before, after) {
+  if (after.owner === null || after.owner === before.owner) return false;
+  return !isJob(after.owner) || after.owner !== before.last_end?.owner;
 }
 
 /**
@@ -22,10 +35,16 @@ export function isJob(owner) {
 export function nameOf(owner, client) {
   if (owner === null) return "nobody";
   if (owner === client) return "you";
+  if (owner === ANYBODY) return "everybody here";
   const [, begunBy, job] = JOB.exec(owner) ?? [];
   if (job !== undefined) return begunBy === ANYBODY ? ARTICLES[job] : `${begunBy}'s ${job}`;
-  const person = PAGE.exec(owner)?.[1];
-  if (person === undefined) return PROGRAM.test(owner) ? "a program" : owner;
+  if (PARTICIPANT.test(owner)) return "the participant's page";
+  const [, caller] = REST.exec(owner) ?? [];
+  if (caller !== undefined) return caller === ANYBODY ? "a REST client" : `${caller}'s REST client`;
+  const [, host] = PROGRAM.exec(owner) ?? [];
+  if (host !== undefined) return `a program on ${host}`;
+  const [, person] = PAGE.exec(owner) ?? [];
+  if (person === undefined) return owner;
   if (person === ANYBODY) return "another page";
   return person === personOf(client) ? "you, in another page" : person;
 }

@@ -17,6 +17,7 @@ const LONGEST_PAUSE_MS = 1_000;
  */
 export class Link extends EventTarget {
   #token;
+  #page;
   #socket = null;
   #watching = null;
   #timer = null;
@@ -26,10 +27,14 @@ export class Link extends EventTarget {
   #pings = 0;
   #ended = false;
 
-  /** @param {() => (string|null)} token the token to present, or null */
-  constructor(token) {
+  /**
+   * @param {() => (string|null)} token the token to present, or null
+   * @param {() => (string|null)} page `participant`, or null: any other page
+   */
+  constructor(token, page = () => null) {
     super();
     this.#token = token;
+    this.#page = page;
     this.state = "connecting";
     this.reason = "";
     this.welcome = null;
@@ -52,7 +57,8 @@ export class Link extends EventTarget {
     url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
     const socket = new WebSocket(url);
     socket.binaryType = "arraybuffer";
-    socket.onopen = () => this.#send({ op: "hello", version: 1, token: this.#token() });
+    const hello = { op: "hello", version: 1, token: this.#token(), page: this.#page() };
+    socket.onopen = () => this.#send(hello);
     socket.onmessage = (event) => this.#hear(event.data);
     socket.onclose = (event) => this.#lose(event.reason || "the service does not answer");
     this.#socket = socket;

@@ -10,7 +10,7 @@ import { EventList } from "./event_list.js";
 import { EventLog } from "./event_log.js";
 import { decode } from "./frames.js";
 import { Health } from "./health.js";
-import { keptOut, nameOf } from "./holder.js";
+import { keptOut, nameOf, takesRig } from "./holder.js";
 import { Listening } from "./listening.js";
 import { LoopLosses } from "./loop_losses.js";
 import { Pointing } from "./pointing.js";
@@ -161,7 +161,7 @@ export class Live {
     const client = this.link.welcome?.client ?? "";
     const nowMs = performance.now();
     if (op === "status") {
-      if (before !== null && before.owner !== after.owner) this.heldNs = after.utc_ns;
+      if (before !== null && takesRig(before, after)) this.heldNs = after.utc_ns;
       const losses = this.losses.take(after, nowMs);
       this.events.takeStatus(before, after, losses, client, this.state.scene);
     }

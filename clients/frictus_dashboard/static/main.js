@@ -1,6 +1,6 @@
 /** The page: which view of which rig is shown (`#/live/rig1`), and how the connection stands. */
 
-import { address, route, VIEWS } from "./address.js";
+import { address, ALONE, route, VIEWS } from "./address.js";
 import { actAs } from "./api.js";
 import { installAppearance } from "./appearance.js";
 import { at, element, say } from "./element.js";
@@ -14,7 +14,7 @@ import { askForToken, token } from "./token.js";
 import { linksTo, Page, Views } from "./views.js";
 
 const LOOK_MS = 200;
-const link = new Link(token);
+const link = new Link(token, () => (route(location.hash).view === ALONE ? ALONE : null));
 const live = new Live(link);
 const views = new Views(new Page(link, live));
 const first = new FirstSteps();

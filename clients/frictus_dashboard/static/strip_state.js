@@ -70,7 +70,8 @@ function titleOf(heard) {
 function whoOf({ status, client, heldNs }) {
   const { owner, share_with: shared, last_end: end, fault } = status;
   if (owner !== null) {
-    const others = shared.length === 0 ? "" : `, shared with ${shared.join(", ")}`;
+    const names = shared.map((name) => nameOf(name, client));
+    const others = names.length === 0 ? "" : `, shared with ${names.join(", ")}`;
     const since = heldNs === null ? "" : `since ${clock(heldNs)}`;
     return { who: `Held by ${nameOf(owner, client)}${others}`, then: since, known: owner };
   }

@@ -197,6 +197,7 @@ export interface Hello {
   op: "hello";
   version: 1;
   token?: string | null;
+  page?: "participant" | null;
 }
 
 /** A value and its central 95 % interval. */

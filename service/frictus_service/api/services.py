@@ -58,15 +58,17 @@ class ConnectedPages:
         self._pages: dict[str, PageIdentity] = {}
 
     @contextlib.contextmanager
-    def joined(self, person: str) -> Iterator[PageIdentity]:
+    def joined(self, person: str, kind: str = "page") -> Iterator[PageIdentity]:
         """Give a page its identity within the block.
 
         Parameters
         ----------
         person : str
             Name of its token.
+        kind : str
+            ``page`` or ``participant``: `frictus.keys.spoken_name` says it to people.
         """
-        client = f"{person}.page-{secrets.token_hex(3)}"
+        client = f"{person}.{kind}-{secrets.token_hex(3)}"
         page = PageIdentity(person, client, secrets.token_urlsafe(16))
         self._pages[page.key] = page
         try:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import Final, Literal
 
+from frictus.keys import spoken_name
 from frictus.lease import CONFIRM_S, Lease
 from frictus.messages import FingerState, GuidanceState, RigStatus
 from frictus.rig import Rig
@@ -325,7 +326,7 @@ def status_of(rig: Rig) -> RigStatus:
         raise CalibrationError(f"rig {rig.name} is tripped{why}")
     if status.owner is not None:
         raise CalibrationError(
-            f"{status.owner!r} holds rig {rig.name}: wait until it disarms, or stop it; then "
-            "start again"
+            f"{spoken_name(status.owner)} holds rig {rig.name}: wait until it disarms, or stop "
+            "it; then start again"
         )
     return status

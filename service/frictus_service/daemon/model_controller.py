@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Final
 
 from frictus.errors import RefusedError, TextureError
+from frictus.keys import spoken_name
 from frictus.messages import (
     AdaptationPolicy,
     AdaptationRequest,
@@ -175,7 +176,8 @@ class ModelController:
         if safety.keeps_model_from(client):
             raise RefusedError(
                 "not_owner",
-                f"{safety.owner!r} holds the rig and keeps its model until the lease ends",
+                f"{spoken_name(safety.owner)} holds the rig and keeps its model until the "
+                "lease ends",
             )
         if self._stage.scene.source == "excitation":
             raise RefusedError(

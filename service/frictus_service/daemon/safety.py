@@ -8,7 +8,7 @@ alone (`energised`, `may_render`), so that no lost message can leave the output 
 from dataclasses import dataclass, replace
 from typing import Final
 
-from frictus.keys import person_of
+from frictus.keys import person_of, spoken_name
 from frictus.messages import Fault, FaultKind, LeaseEnd, RefusalCode, SafetyState
 
 LATCHING: Final[frozenset[FaultKind]] = frozenset(
@@ -274,7 +274,8 @@ def refusal(state: Safety, client: str) -> Refuse | None:
     While armed only the owner may; otherwise anybody, since nothing is felt.
     """
     if state.state == "armed" and client != state.owner:
-        return Refuse("not_owner", f"{state.owner!r} holds the rig; wait until it disarms")
+        message = f"{spoken_name(state.owner)} holds the rig; wait until it disarms"
+        return Refuse("not_owner", message)
     return None
 
 

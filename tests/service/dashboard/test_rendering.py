@@ -62,7 +62,7 @@ def stream_of(page: Page, peak_n: float = PEAK_N) -> int:
 
 def test_the_minor_version_and_the_clock_are_told(port: int) -> None:
     with page_at(port, who="read") as page:
-        assert page.told[0]["protocol"] == "1.1"
+        assert page.told[0]["protocol"] == "1.2"
         before_us = page.told[0]["utc_us"]
         page.say("ping", id=1)
         assert 0 <= page.wait("pong")["utc_us"] - before_us < 60e6

@@ -111,10 +111,10 @@ class Conversation:
                 await self._socket.close(refusal.close or NOT_ALLOWED, refusal.code)
 
     async def _converse(self) -> None:
-        person, scopes = await self._greeted()
+        person, scopes, kind = await self._greeted()
         hub = self._hub
         viewer = PageFeed(hub, scopes)
-        with hub.joined(viewer, person), self._pages.joined(person) as page:
+        with hub.joined(viewer, person), self._pages.joined(person, kind) as page:
             welcome = Welcome(
                 scopes=tuple(sorted(scopes)),
                 site=hub.site,
@@ -155,8 +155,8 @@ class Conversation:
         told = Refused(what=refusal.what, code=refusal.code, message=str(refusal), id=request)
         await self._send(told.model_dump_json())
 
-    async def _greeted(self) -> tuple[str, Collection[Scope]]:
-        """Wait for the page to say who it is; return whose it is, and what it may."""
+    async def _greeted(self) -> tuple[str, Collection[Scope], str]:
+        """Wait for the page to say who it is; return whose it is, what it may, and its kind."""
         try:
             async with asyncio.timeout(HELLO_S):
                 hello = await self._receive()
@@ -169,14 +169,15 @@ class Conversation:
         if not isinstance(hello, Hello):
             message = f"the first message is to be hello, not {hello.op}"
             raise RefusedViewerError("hello", "no_hello", message, BAD_DATA)
+        kind = hello.page or "page"
         if not self._tokens:
-            return LOCAL, get_args(Scope)
+            return LOCAL, get_args(Scope), kind
         given = hello.token.get_secret_value() if hello.token is not None else ""
         token = find(given, self._tokens)
         if token is None:
             known = "the token is not known here" if given else "this service asks for a token"
             raise RefusedViewerError("hello", "unauthenticated", known, NOT_ALLOWED)
-        return token.name, token.scopes
+        return token.name, token.scopes, kind
 
     async def _listen(
         self, viewer: PageFeed, pointing: Pointing, arming: Arming, rendering: Rendering

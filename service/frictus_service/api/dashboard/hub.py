@@ -20,7 +20,7 @@ from fastapi.concurrency import run_in_threadpool
 import frictus
 from frictus.client import Presence
 from frictus.errors import LinkError
-from frictus.keys import person_of
+from frictus.keys import person_of, spoken_name
 from frictus.messages import RigStatus
 from frictus.reception import Feed
 from frictus_service.api.dashboard.channels import Channel, Value, open_channel
@@ -176,7 +176,7 @@ class Hub:
         owner = status.owner
         shared = {client, person_of(client)} & set(status.share_with)
         if owner not in (None, client) and not (status.finger_takeover and shared):
-            message = f"rig {name!r} is held by {owner!r}"
+            message = f"rig {name!r} is held by {spoken_name(owner)}"
             raise RefusedViewerError("point", "not_owner", message, None)
         return self._rigs[name]
 

@@ -15,6 +15,7 @@ from rich.table import Table
 
 from frictus import Block, Feed, FingerState, Gap, Rig, RigStatus, SceneState, Topics
 from frictus.errors import SilenceError
+from frictus.keys import spoken_name
 from frictus.textures import BAND_HZ
 from frictus.watched_rig import StreamName
 from frictus_service.cli.options import write_line
@@ -285,7 +286,7 @@ def _rig_rows(felt: RigSnapshot) -> list[tuple[str, str]]:
     if (status := felt.status) is not None:
         state = f"[red]{status.state}[/]" if status.state == "tripped" else status.state
         fault = f": {status.fault.reason}; {status.fault.action}" if status.fault else ""
-        owner = f", held by {status.owner}" if status.owner else ""
+        owner = f", held by {spoken_name(status.owner)}" if status.owner else ""
         late, counts = status.timing, status.counters
         rows += [
             ("rig", f"{state}{owner}{fault}"),
