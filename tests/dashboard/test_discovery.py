@@ -14,6 +14,7 @@ from tests.blind.generator.case import Case, Design, Hidden
 from tests.blind.generator.study import Seeds, make_study
 from tests.dashboard.conftest import OpenPage
 from tests.dashboard.lab import WIDTHS, Lab, enter, expect_no_violations, read_only, running
+from tests.dashboard.textures.view import drop
 from tests.service.discovery.found import across, discovery, left, pair
 
 from frictus_service.discovery.across_studies import page as across_page
@@ -141,6 +142,37 @@ def test_a_study_is_added_by_a_click_and_chosen(
         expect(page.get_by_label("Study")).to_have_value("mine.h5")
         expect_no_violations(page, WIDTHS)
     assert (lab.config.studies / "mine.h5").read_bytes() == mine.read_bytes()
+
+
+def test_a_study_is_dropped_and_what_is_none_refused(
+    lab: Lab, open_page: OpenPage, rng: np.random.Generator, tmp_path: Path
+) -> None:
+    make(lab, "dropped.h5", rng)
+    mine = (lab.config.studies / "dropped.h5").rename(tmp_path / "dropped.h5").read_bytes()
+    with open_page() as page:
+        arrive(page, lab)
+        told = page.locator("#view-discovery").get_by_role("status")
+        for name in ("visit1.zip", "visit1"):  # a folder comes as a file without an ending
+            drop(page, name, b"mice")
+            refused = told.filter(has_text=f"{name} is no .h5 file, as a study is")
+            expect(refused).to_contain_text("add the .h5 in it")
+        marked = page.locator("[data-dropping]")
+        expect(marked).to_have_count(0)
+        page.evaluate(
+            """() => {
+              const dataTransfer = new DataTransfer();
+              dataTransfer.items.add(new File([], "dropped.h5"));
+              const asked = { dataTransfer, bubbles: true, cancelable: true };
+              document.body.dispatchEvent(new DragEvent("dragover", asked));
+            }"""
+        )
+        expect(marked).to_contain_text("Add a file of yours")
+        expect_no_violations(page, WIDTHS)
+        drop(page, "dropped.h5", mine)
+        expect(marked).to_have_count(0)
+        expect(told.filter(has_text="dropped.h5 is added")).to_be_visible(timeout=BEGUN_MS)
+        expect(page.get_by_label("Study")).to_have_value("dropped.h5")
+    assert (lab.config.studies / "dropped.h5").read_bytes() == mine
 
 
 def test_reads_every_part_of_a_report(

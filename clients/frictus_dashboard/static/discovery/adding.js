@@ -4,6 +4,7 @@ import { request } from "../api.js";
 import { element } from "../element.js";
 import { labelled } from "../fields.js";
 import { figure } from "../figures.js";
+import { takeDrops } from "../file_drop.js";
 import { Outcome } from "../outcome.js";
 
 /** What the service takes as a name. */
@@ -14,15 +15,31 @@ export class Adding {
   constructor(added) {
     this.added = added;
     this.file = element("input", { type: "file", accept: ".h5" });
-    this.file.addEventListener("change", () => this.#send());
+    this.file.addEventListener("change", () => this.#send(this.file.files));
     this.outcome = new Outcome();
-    const label = labelled("Add a file of yours, .h5", this.file);
+    const label = labelled("Add a file of yours, .h5: drop it anywhere here, or choose it", this.file);
     this.root = element("div", { class: "fields" }, label, this.outcome.root);
   }
 
-  async #send() {
-    const [file] = this.file.files;
-    if (file === undefined) return;
+  /** Take what is dropped while the view is shown. @param {AbortSignal} signal until then */
+  listen(signal) {
+    takeDrops(this.root, (files) => this.#send(files), signal);
+  }
+
+  async #send(files) {
+    const [file] = files;
+    if (file === undefined || this.file.disabled) return; // one is on its way
+    if (files.length > 1) {
+      this.outcome.bad("One file at a time: nothing was sent");
+      return;
+    }
+    if (!file.name.endsWith(".h5")) {
+      this.outcome.bad(
+        `${file.name} is no .h5 file, as a study is: of a folder or an archive add the .h5 in it; ` +
+          "frictus study import makes one of other recordings",
+      );
+      return;
+    }
     if (!NAME.test(file.name)) {
       const accepted = "letters, digits, _, - and . before .h5, at most 96";
       this.outcome.bad(`${file.name} cannot be its name; accepted: ${accepted}. Rename the file.`);

@@ -13,6 +13,8 @@ export class View {
     this.page = page;
     this.rig = null;
     this.shown = null;
+    /** Ends what goes on while the view is shown; null: it is not. */
+    this.showing = null;
     const addressOf = (id) => address("discovery", this.rig ?? "", id);
     this.asking = new Asking(page, (id) => (location.hash = addressOf(id)));
     this.earlier = new Earlier(addressOf);
@@ -29,12 +31,16 @@ export class View {
     this.shown = rest[0] ?? null;
     this.job.root.hidden = this.shown === null;
     if (this.page.link.welcome === null) return; // called again once it is let in
+    this.showing?.abort();
+    this.showing = new AbortController();
+    if (this.page.can("calibrate")) this.asking.adding.listen(this.showing.signal);
     this.asking.load();
     this.earlier.load(this.shown);
     this.job.open(this.shown);
   }
 
   close() {
+    this.showing?.abort();
     this.asking.close();
     this.job.close();
   }

@@ -4,6 +4,7 @@ import { request } from "../api.js";
 import { element, say } from "../element.js";
 import { apply, labelled, name, number } from "../fields.js";
 import { figure } from "../figures.js";
+import { takeDrops } from "../file_drop.js";
 import { Outcome } from "../outcome.js";
 import { ImageMap, IMAGES } from "./image.js";
 import { Trim } from "./trim.js";
@@ -66,28 +67,12 @@ export class Recording {
 
   /** Take what is dropped while the view is shown. @param {AbortSignal} signal until then */
   listen(signal) {
-    const files = (event) => event.dataTransfer?.types.includes("Files");
-    const over = (event) => {
-      if (!files(event)) return;
-      event.preventDefault(); // or the browser would leave the page for the file
-      event.dataTransfer.dropEffect = "copy";
-      this.into.toggleAttribute("data-dropping", true);
-    };
-    const leave = ({ relatedTarget }) => {
-      if (relatedTarget === null) this.into.removeAttribute("data-dropping"); // of the window
-    };
-    const drop = (event) => {
-      if (!files(event)) return;
-      event.preventDefault();
-      this.into.removeAttribute("data-dropping");
-      const { files: dropped } = event.dataTransfer;
+    const take = (dropped) => {
       this.picker.value = "";
       this.#take(dropped[0] ?? null);
       if (dropped.length > 1) this.outcome.bad("One file at a time: the first was taken");
     };
-    document.addEventListener("dragover", over, { signal });
-    document.addEventListener("dragleave", leave, { signal });
-    document.addEventListener("drop", drop, { signal });
+    takeDrops(this.into, take, signal);
   }
 
   #form() {
