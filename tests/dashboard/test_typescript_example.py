@@ -83,4 +83,9 @@ def test_an_origin_that_is_not_named_is_kept_out(
         open_page(expected="WebSocket connection") as page,
     ):
         play(page, url, port)
-        expect(page.get_by_role("status")).to_contain_text("It does not play")
+        told = page.get_by_role("status")
+        expect(told).to_contain_text("It does not play")
+        expect(told).to_contain_text(f'or its [api] origins does not have "{url}"')
+        page.get_by_label("Service").fill(f"127.0.0.1:{port}")
+        page.get_by_role("button", name="Play").click()
+        expect(told).to_contain_text("is no address: give one such as ws://HOST:8420")

@@ -186,6 +186,9 @@ export async function open(url: string, options: ConnectOptions = {}): Promise<C
   if (Socket === undefined) {
     throw new ClosedError("no WebSocket here: give one, or start node --experimental-websocket");
   }
+  if (!/^(wss?|https?):/.test(url)) {
+    throw new ClosedError(`${url} is no address: give one such as ws://HOST:8420, or wss://HOST with TLS`);
+  }
   const socket = new Socket(new URL("/v1/live", url));
   socket.binaryType = "arraybuffer";
   try {
@@ -197,13 +200,20 @@ export async function open(url: string, options: ConnectOptions = {}): Promise<C
   }
 }
 
+/** What else may be wrong than an absent service, which browsers do not tell apart. */
+function besides(url: string): string {
+  const { origin } = globalThis.location ?? {};
+  const tls = url.startsWith("wss:") ? ", speaks no TLS, or has a certificate that is not trusted here" : "";
+  return origin === undefined ? tls : `${tls}, or its [api] origins does not have "${origin}"`;
+}
+
 async function welcomed(socket: WebSocket, token: string | null): Promise<Connection> {
   let due: ReturnType<typeof setTimeout> | undefined;
   const connection = new Promise<Connection>((resolve, reject) => {
     const fail = (reason: string) => reject(new ClosedError(reason));
     due = setTimeout(() => fail(`no welcome from ${socket.url}`), WELCOME_MS);
     socket.onopen = () => socket.send(JSON.stringify({ op: "hello", version: 1, token }));
-    socket.onerror = () => fail(`no connection to ${socket.url}: the service is not there, or [api] origins does not name this page`);
+    socket.onerror = () => fail(`no connection to ${socket.url}: the service is not there${besides(socket.url)}`);
     socket.onclose = (event) => fail(event.reason || `${socket.url} has closed the connection`);
     socket.onmessage = (event) => {
       let told: Told;

@@ -1,5 +1,6 @@
 """`frictus serve`, and its parts alone: `rig`, `api`, `router`, `recorder`, `tracker`."""
 
+import socket
 import sys
 import time
 from collections.abc import Callable
@@ -29,7 +30,8 @@ def serve(config: ConfigFile = None, as_json: AsJson = False) -> None:
 
 def where_to_look(api: "ApiConfig") -> str:
     """Return what an operator is told of the API's pages."""
-    url = f"http://{api.host}:{api.port}"
+    host = socket.gethostname() if api.host in ("0.0.0.0", "::") else api.host
+    url = f"http://{f'[{host}]' if ':' in host else host}:{api.port}"
     return f"the dashboard will be at {url}/ and the API's description at {url}/docs"
 
 
