@@ -188,7 +188,7 @@ def test_history_is_kept_while_another_view_is_shown(page: Page, lab: Lab) -> No
         expect(gain).to_have_attribute("data-entries", re.compile("[1-9]"))
         before = int(gain.get_attribute("data-entries") or 0)
         page.get_by_role("link", name="Models", exact=True).click()
-        expect(page.get_by_text("No model is published that fits.")).to_be_visible()
+        expect(page.get_by_text("None is published yet")).to_be_visible()
         publisher.show(adapted(3))
         page.get_by_role("link", name="Live model", exact=True).click()
         changes = view(page).get_by_role("list", name="Changes of the model")

@@ -96,7 +96,7 @@ def test_lists_what_is_published_and_filters_it(page: Page) -> None:
     expect(rows).to_contain_text("rig2/P02@1")
     page.get_by_label("Participant").fill("nobody")
     page.keyboard.press("Enter")
-    expect(page.get_by_text("No model is published that fits.")).to_be_visible()
+    expect(page.get_by_text("No published model fits the filter.")).to_be_visible()
 
 
 def test_says_where_a_model_comes_from_and_what_it_adds(page: Page) -> None:

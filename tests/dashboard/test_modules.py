@@ -687,10 +687,10 @@ def test_what_a_calibration_is_good_for_and_what_would_narrow_it(
     [
         (None, ""),
         ("ann.page-0a1b2c", "You hold rig1 yourself: press Disarm, then begin."),
-        ("ben.page-0a1b2c", "ben holds rig1: wait until it is disarmed."),
+        ("ben.page-0a1b2c", "ben holds rig1: wait until it is disarmed, or press STOP."),
         (
             "ben.calibration-0a1b2c3d",
-            "ben's calibration holds rig1: wait until it is disarmed.",
+            "ben's calibration holds rig1: wait until it is disarmed, or press STOP.",
         ),
     ],
 )

@@ -205,8 +205,13 @@ def test_arms_and_stops_by_a_key(page: Page, lab: Lab) -> None:
         page.get_by_role("heading", name="The screen, to scale").click()
         page.keyboard.press(key)
         lab.status(lambda status: status.state == "disarmed")
-        expect(page.locator("#stop-outcome")).to_contain_text("rig1 answered the stop")
+        answer = page.locator("#stop-outcome")
+        expect(answer).to_contain_text("rig1 answered the stop")
         expect(page.locator("#state")).to_have_text("Disarmed")
+        told, strip = answer.bounding_box(), page.locator("#strip").bounding_box()
+        assert told is not None
+        assert strip is not None
+        assert told["y"] >= strip["y"] + strip["height"]  # Arm is within reach
 
 
 def test_space_stops_while_the_pointer_is_the_finger(page: Page, lab: Lab) -> None:
@@ -489,8 +494,8 @@ def follows(page: Page) -> bool:
         ("Live model", "No tracker runs at rig1"),
         ("Textures", "textures, "),
         ("Calibrate", "None was started yet."),
-        ("Models", "No model is published that fits."),
-        ("Discovery", "There is no study in the folder yet."),
+        ("Models", "None is published yet"),
+        ("Discovery", "There is no study yet: add one below"),
     ],
 )
 def test_anybody_can_use_it(view: str, shown: str, page: Page) -> None:

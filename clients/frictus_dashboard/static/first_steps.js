@@ -12,8 +12,8 @@ const STEPS = [
 
 /** What a visitor can do who has seen the stage: view, what, and how. */
 const NEXT = [
-  ["calibrate", "Measure this finger", "Has it the 0.39 N of a new rig's placeholder? STOP the rig, then start a calibration: it does what that asks for."],
-  ["discovery", "Find what a model gets wrong", "In a sample study of the laboratory next door, where something is hidden: a few seconds."],
+  ["calibrate", "Measure this finger", "Press STOP, then start a calibration: this simulated finger follows its guidance by itself, and turns out to feel twice what a new rig assumes (0.39 N)."],
+  ["discovery", "Find what a model gets wrong", "In a sample study in which an effect is hidden: a discovery names it within seconds."],
   ["textures", "Stream a recording of yours", "A WAV file becomes a texture that this finger feels."],
 ];
 const OF = {

@@ -60,7 +60,7 @@ export function heldAlready(rig, owner, client) {
   if (owner === null) return "";
   const name = nameOf(owner, client);
   if (name === "you") return `You hold ${rig} yourself: press Disarm, then begin.`;
-  return `${name} holds ${rig}: wait until it is disarmed.`;
+  return `${name} holds ${rig}: wait until it is disarmed, or press STOP.`;
 }
 
 /**

@@ -68,7 +68,8 @@ export class Listening {
       return "Friction at the finger is known on simulated rigs only: no device measures it.";
     }
     const missing = scene === null ? "" : untold(scene);
-    const idle = status.state === "armed" ? this.felt.why : "Not armed: nothing is rendered.";
+    const last = this.felt.spectra === null ? "" : " Shown is what was felt last.";
+    const idle = status.state === "armed" ? this.felt.why : `Not armed: nothing is rendered.${last}`;
     return [missing, idle].filter(Boolean).join(" ");
   }
 

@@ -8,6 +8,11 @@ export class Outcome {
     this.root = element("p", { class: "outcome", role: "status" });
   }
 
+  /** What is neither good nor bad, as that there is nothing yet. */
+  plain(text) {
+    this.#tell(text, "");
+  }
+
   good(text) {
     this.#tell(text, "good");
   }

@@ -101,7 +101,7 @@ def stage(
     """
     with Supervisor(config, say=say) as supervisor:
         supervisor.wait_ready(START_S, SHOWN)
-        with frictus.connect(config.router.endpoint, "demo") as client:
+        with frictus.connect(config.router.endpoint, "demo-terminal") as client:
             rig = client.rig(config.rig, config.site, wait_s=STARTED_S)
             rig.set_scene(scene)
             lease = rig.arm(LEASE_MS, share_with=(LOCAL,))

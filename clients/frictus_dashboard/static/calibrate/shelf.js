@@ -48,7 +48,7 @@ export class Shelf {
     if (found === null || wanted !== this.wanted) return;
     this.#put([...before, ...found.calibrations], found.next);
     if (this.calibrations.length > 0) this.outcome.clear();
-    else this.outcome.good("None was started yet.");
+    else this.outcome.plain("None was started yet.");
   }
 
   #put(calibrations, next) {

@@ -48,7 +48,7 @@ export class Asking {
     this.outcome = new Outcome();
     this.note = element("p", { class: "quiet" });
     this.note.append(
-      "Those of calibrations lie there too. A recording becomes a study by ",
+      "Every calibration is a study, too, and listed above. A recording becomes one by ",
       element("code", {}, "frictus export FILE --to h5"),
       ".",
     );
@@ -63,7 +63,7 @@ export class Asking {
     const may = this.page.can("calibrate");
     for (const part of [this.form, this.adding.root, this.note]) part.hidden = !may;
     if (this.form.hidden) {
-      this.outcome.good("To start one takes a token with the scope calibrate.");
+      this.outcome.plain("To start one takes a token with the scope calibrate.");
       return;
     }
     const asked = ["/studies", `/models?newest=true&limit=${MODELS}`];
@@ -80,7 +80,7 @@ export class Asking {
     this.button.disabled = studies.length === 0;
     if (studies.length > 0) this.outcome.clear();
     else {
-      this.outcome.good("There is no study in the folder yet.");
+      this.outcome.plain("There is no study yet: add one below, or calibrate somebody.");
       this.again = setTimeout(() => this.load(), AGAIN_MS);
     }
   }

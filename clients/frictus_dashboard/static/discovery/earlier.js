@@ -33,6 +33,6 @@ export class Earlier {
       return [link, words(studyOf(job.spec)), words(baseOf(job.spec)), words(what)];
     }));
     if (discoveries.length > 0) this.outcome.clear();
-    else this.outcome.good("None was started yet.");
+    else this.outcome.plain("None was started yet.");
   }
 }

@@ -90,7 +90,7 @@ export class View {
     this.setup.offer(rig, ready);
     fill(this.earlier, experiments.map((job) => this.#row(job)));
     if (experiments.length > 0) this.outcome.clear();
-    else this.outcome.good("None was started yet.");
+    else this.outcome.plain("None was started yet.");
     const under = experiments.find(active);
     if (this.wanted === null && under !== undefined) {
       location.replace(address("experiment", rig, under.id));

@@ -9,6 +9,7 @@ import { fill, table, words } from "../table.js";
 import { referenceOf } from "./reference.js";
 
 const PAGE = 50;
+const NONE_YET = "None is published yet: a calibration measures one, and its page publishes it.";
 const HEAD = ["Model", "Of", "Rig", "Published", "On the rig"];
 
 export class Listing {
@@ -51,9 +52,12 @@ export class Listing {
   async #load(after) {
     const newest = this.newest.input.checked;
     const asked = new URLSearchParams({ limit: PAGE, newest, after });
+    /** What the list is filtered by; empty: nothing. */
+    this.asked = "";
     for (const name of ["rig", "participant"]) {
       const given = this[name].input.value.trim();
       if (given) asked.set(name, given);
+      this.asked += given;
     }
     const wanted = (this.wanted = {});
     const page = await this.outcome.of(request("GET", `/models?${asked}`), "No list");
@@ -75,7 +79,7 @@ export class Listing {
     }));
     this.more.hidden = this.next === null;
     if (this.found.length > 0) this.outcome.clear();
-    else this.outcome.good("No model is published that fits.");
+    else this.outcome.plain(this.asked === "" ? NONE_YET : "No published model fits the filter.");
   }
 }
 

@@ -64,7 +64,7 @@ export class View {
     this.#mark();
     if (found === null) return;
     if (found.length === 0) {
-      this.outcome.good("Choose a model to see where it comes from.");
+      this.outcome.plain("Choose a model to see where it comes from.");
       return;
     }
     this.outcome.clear();
