@@ -3,7 +3,8 @@
 The force sensor has an offset that drifts; it is estimated while the touch sensor reports no
 contact. Where the force contradicts the touch sensor for longer than reports are late, the
 force sensor has failed or something else loads the screen: then the touch sensor alone
-decides, until both agree again.
+decides, until both agree again. What loads the screen meanwhile is learned as offset, unless
+it was a finger all the time: then the touch sensor finds one without a rise of the force.
 """
 
 import math
@@ -26,6 +27,12 @@ FORGIVEN: Final = 0.25
 """Of a contradiction, by so much agreement; each contact begins and ends with a short one."""
 AGREED_S: Final = 0.5
 LARGEST_OFFSET_N: Final = 1.0
+UNLOADED_S: Final = 0.05
+"""Likewise where the force is below the offset: whatever touches the screen only adds to it."""
+LATELY_S: Final = 0.25
+"""Over which the force without contact is averaged; longer than a report of contact takes."""
+LANDED_S: Final = 0.1
+"""After a report of contact, within which the force of a finger that has landed has risen."""
 
 
 class ContactDetector:
@@ -35,6 +42,10 @@ class ContactDetector:
         self._reported: bool | None = None
         self._pressed = False
         self._offset_n = 0.0
+        self._doubted = False  # since force and touch sensor contradicted, until a landing
+        self._sure_offset_n = 0.0  # as it was before
+        self._lately_n = 0.0
+        self._landing_s: float | None = None
         self._apart_s = 0.0
         self._agreed_s = 0.0
         self._by_force = True
@@ -54,6 +65,8 @@ class ContactDetector:
 
     def report(self, in_contact: bool) -> None:
         """Take what the touch sensor says."""
+        if in_contact and self._reported is False and self._doubted:
+            self._landing_s = 0.0
         self._reported = in_contact
 
     def sense(self, normal_n: FloatArray, block_s: float) -> None:
@@ -70,6 +83,7 @@ class ContactDetector:
         self._sensed = math.isfinite(force_n) and bool((newest != newest[0]).any())
         if not self._sensed or self._reported is None:
             return
+        self._follow_landing(force_n, block_s)
         above_n = force_n - self._offset_n
         self._pressed = above_n > (RELEASED_N if self._pressed else PRESSED_N)
         agrees = self._pressed == self._reported
@@ -77,8 +91,29 @@ class ContactDetector:
         self._apart_s = max(self._apart_s + (-FORGIVEN if agrees else 1.0) * block_s, 0.0)
         if self._by_force:
             self._by_force = self._apart_s < CONTRADICTED_S
+            self._doubted |= not self._by_force
         elif self._agreed_s > AGREED_S:
             self._by_force, self._apart_s = True, 0.0
         if not self._reported and abs(force_n) < LARGEST_OFFSET_N:
             at_rest = not self._pressed or not self._by_force
-            self._offset_n += at_rest * min(block_s / OFFSET_S, 1.0) * above_n
+            within_s = UNLOADED_S if above_n < -PRESSED_N else OFFSET_S
+            self._offset_n += at_rest * min(block_s / within_s, 1.0) * above_n
+            self._lately_n += min(block_s / LATELY_S, 1.0) * (force_n - self._lately_n)
+            if not self._doubted:
+                self._sure_offset_n = self._offset_n
+
+    def _follow_landing(self, force_n: float, block_s: float) -> None:
+        """Take the offset back that was learned while the touch sensor saw no finger.
+
+        A finger that lands adds to the force. Where it does not rise, there was one before.
+        """
+        if self._landing_s is None:
+            return
+        self._landing_s += block_s
+        if not self._reported:
+            self._landing_s = None
+        elif force_n > self._lately_n + PRESSED_N:
+            self._landing_s, self._doubted = None, False
+        elif self._landing_s >= LANDED_S:
+            self._landing_s, self._doubted = None, False
+            self._offset_n = self._sure_offset_n

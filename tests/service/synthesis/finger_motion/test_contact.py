@@ -1,6 +1,7 @@
 """Contact from force within a block, from the touch sensor where the force has failed."""
 
 import numpy as np
+import pytest
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.synthesis.finger_motion.contact import CONTRADICTED_S, ContactDetector
@@ -95,3 +96,33 @@ def test_taps_leave_the_force_believed_and_a_rattle_does_not(rng: np.random.Gene
         feed(detector, rng, 3.0 * np.sin(0.7 * k), BLOCK_S)
     assert not detector.by_force
     assert detector.in_contact
+
+
+@pytest.mark.parametrize("lost_s", [1.0, 3.0, 10.0])
+def test_a_finger_that_the_touch_sensor_lost_is_no_offset(
+    rng: np.random.Generator, lost_s: float
+) -> None:
+    detector = ContactDetector()
+    detector.report(False)
+    feed(detector, rng, 0.0, 1.0)
+    detector.report(True)
+    feed(detector, rng, 0.4, 1.0)
+    detector.report(False)  # it presses all the same
+    assert not any(feed(detector, rng, 0.4, lost_s)[round(CONTRADICTED_S / BLOCK_S) :])
+    detector.report(True)
+    feed(detector, rng, 0.4, 1.0)
+    assert detector.by_force
+    for force_n in (0.42, 0.36, 0.3, 0.2):  # as a finger varies; it was an offset of 0.38 N
+        assert all(feed(detector, rng, force_n, 1.0))
+    assert feed(detector, rng, 0.0, BLOCK_S) == [False]
+
+
+def test_an_offset_that_went_is_forgotten_at_once(rng: np.random.Generator) -> None:
+    detector = ContactDetector()
+    detector.report(False)
+    feed(detector, rng, 0.4, 4.0)  # lies on the screen, and is taken away
+    feed(detector, rng, 0.0, 0.2)
+    feed(detector, rng, 0.2, 0.04)
+    detector.report(True)
+    assert all(feed(detector, rng, 0.2, 1.0))
+    assert detector.by_force
