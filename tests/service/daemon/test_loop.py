@@ -490,6 +490,19 @@ def test_late_blocks_in_a_row_trip(make_bench: Any, texture: Scene) -> None:
     assert bench.loop.lateness.max_ms > 5.0
 
 
+def test_a_clock_that_stood_still_can_be_armed_again(make_bench: Any, texture: Scene) -> None:
+    bench = driven(make_bench(limits=Limits(missed_deadlines=5)), texture)
+    bench.delay_ns += 20_000_000  # the device counted no samples meanwhile, and lost none
+    bench.turn(0.1)
+    kind, _ = bench.interlock.state.fault
+    assert (bench.interlock.state.state, kind) == ("tripped", "deadline")
+    bench.feed(Reset())
+    bench.arm()
+    turns = bench.turn(SETTLED_S)
+    assert bench.interlock.state.state == "armed"
+    assert any(turn.exchange.voltage_v.any() for turn in turns)
+
+
 def test_what_the_publisher_does_not_take_is_counted(make_bench: Any) -> None:
     bench = make_bench()
     for _ in range(HANDOVER_BLOCKS + 10):

@@ -190,6 +190,7 @@ class BlockLoop:
         elif self._sensed_end() >= self._zero_from:  # the last ramp has been played out
             if safety.energised:
                 self._lengthen_lead()
+                self.lateness.restart()  # else a clock that once stood still trips for ever
                 self._backend.arm()
                 self._energised, self._arming = True, safety.armings
             elif safety.state == "stopping":
