@@ -342,6 +342,8 @@ class Publisher:
             )
             if self._interlock.state.state == "tripped":
                 self._say(f"tripped, {kind}: {reason}. {self._fault.action}")
+            elif self._interlock.state.lasting:
+                self._say(f"{kind} fault: {reason}. {self._fault.action}")
         return self._fault
 
     def _end_shown(self) -> LeaseEnd | None:

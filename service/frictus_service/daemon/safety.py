@@ -176,7 +176,8 @@ class Safety:
     lease_s, lease_until_s : float
         Length of the lease and its end on the monotonic clock.
     fault : tuple of kind and reason, or None
-        What tripped the rig, or the latest fault until the next arming.
+        What tripped the rig, or the latest fault until the next arming, or until it is over
+        where the lease went on.
     lasting : tuple of faults
         Faults whose cause is still there, one per kind, oldest first.
     device_ready : bool
@@ -374,9 +375,13 @@ def _raise(state: Safety, event: FaultRaised) -> Outcome:
 
 def _clear(state: Safety, event: FaultCleared) -> Outcome:
     back = event.kind in ("device_lost", "stream_lost", "link_lost")
+    lasting = tuple(fault for fault in state.lasting if fault[0] != event.kind)
+    # Where it ended no lease, rendering goes on: nothing is wrong any more.
+    over = state.state == "armed" and lasting != state.lasting
     cleared = replace(
         state,
-        lasting=tuple(fault for fault in state.lasting if fault[0] != event.kind),
+        fault=(lasting[-1] if lasting else None) if over else state.fault,
+        lasting=lasting,
         device_ready=state.device_ready or back,
     )
     return cleared, (Announce(),) if cleared != state else ()

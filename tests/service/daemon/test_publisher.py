@@ -19,7 +19,7 @@ from frictus_laboratory.benchmarks.processes import await_subscriber
 from frictus_service.daemon.block_loop.timebase import BIN_BLOCKS
 from frictus_service.daemon.control import Interlock
 from frictus_service.daemon.publisher import UNREAD_BLOCKS, UNREAD_S, Publisher
-from frictus_service.daemon.safety import Disarm, Safety
+from frictus_service.daemon.safety import Disarm, FaultCleared, FaultRaised, Safety
 from frictus_service.processes import free_endpoint
 
 KEYS = RigKeys("lab", "rig")
@@ -186,6 +186,23 @@ def test_a_lead_that_grew_is_said_published_and_counted(published: Published) ->
     (line,) = said
     assert "5 ms, 15 from now on" in line
     assert "at most 20, max_lead_ms" in line
+
+
+def test_a_fault_that_suspends_is_logged_once_and_told_no_longer_than_it_lasts(
+    published: Published,
+) -> None:
+    desk, publisher = published.desk, published.publisher
+    said: list[str] = []
+    publisher._say = said.append
+    assert desk.call("arm").ok
+    desk.interlock.feed(FaultRaised("sensor", "gauge 2 is silent"), desk.now_s)
+    for _ in range(3):
+        assert publisher.status().fault is not None
+    (line,) = said
+    assert line.startswith("sensor fault: gauge 2 is silent. Check")
+    desk.interlock.feed(FaultCleared("sensor"), desk.now_s)
+    status = publisher.status()
+    assert (status.state, status.fault) == ("armed", None)
 
 
 def test_no_status_says_armed_and_names_what_is_played_after_it(

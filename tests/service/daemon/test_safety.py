@@ -188,6 +188,16 @@ def test_lasting_faults_suspend_and_clear(kind: FaultKind) -> None:
     assert state.may_render(0.3) == (kind == "sensor")
 
 
+def test_a_fault_that_is_over_is_shown_only_where_it_ended_the_lease() -> None:
+    lasts, _ = step(ARMED, FaultRaised("sensor", "cable"), 0.1)
+    assert lasts.fault == ("sensor", "cable")
+    assert step(lasts, FaultCleared("sensor"), 0.2)[0].fault is None
+    stopped, _ = step(lasts, Stop("ann"), 0.2)
+    assert step(stopped, FaultCleared("sensor"), 0.3)[0].fault == ("sensor", "cable")
+    lost, _ = step(lasts, FaultRaised("link_lost", "network"), 0.2)
+    assert step(lost, FaultCleared("link_lost"), 0.3)[0].fault == ("link_lost", "network")
+
+
 def test_transient_faults_change_nothing() -> None:
     assert step(ARMED, FaultRaised("transient", "read timeout"), 0.1)[0] == ARMED
 
