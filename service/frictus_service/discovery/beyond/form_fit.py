@@ -228,7 +228,7 @@ def fit_form(
         x_scale="jac",
         ftol=SETTLED,
         xtol=SETTLED,
-        gtol=None,
+        gtol=np.finfo(float).eps,  # no slope at all: where a form does nothing, it stays
         max_nfev=ROUNDS,
     )
     values = plain(found.x)

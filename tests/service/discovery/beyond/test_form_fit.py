@@ -136,3 +136,13 @@ def test_a_fit_goes_on_while_its_interval_changes() -> None:
     assert not settled.is_near(elsewhere)
     assert not settled.is_near(vague)
     assert not vague.is_near(settled)
+
+
+def test_a_form_that_does_nothing_where_it_begins_stays_there() -> None:
+    """A switch at a time that no trial reached, as that of longer sessions of other people."""
+    remainder = _left_by({}, np.ones((N_UNITS, 2 * TONES_HZ.size)))
+    form = next(each for each in grammar() if each.id == "cutoff_switch_by_time")
+    begin = {form.dose: -3.0, **dict.fromkeys(form.shapes, 16.0)}
+    fitted = fit_form(remainder, form, begin, range(N_UNITS))
+    assert fitted.values == pytest.approx(begin)
+    assert fitted.cost == pytest.approx(N_UNITS * 2 * TONES_HZ.size)
