@@ -169,8 +169,9 @@ def _trial(
         mobility=_noisy(seen.mobility, scatter, rng),
         mobility_variance=(scatter.response * np.abs(seen.mobility)) ** 2,
     )
+    speed_mm_s = float(at.speed_mm_s.mean())
     observed = TrialObservations(
-        info, info.id, True, (), (), float(at.speed_mm_s.mean()), info.force_n, rows
+        info, info.id, True, (), (), speed_mm_s, info.force_n, rows, info.id
     )
     harmonics = _harmonics(seen, probe, scatter, rng)
     return TrialEvidence(observed, harmonics, _stretches(at, simulator, scatter, mains_hz, rng))

@@ -113,7 +113,7 @@ class StudyResult:
     statistics : StudyStatistics
         About the model with the chosen causes.
     trials : tuple of str
-        Hashes of the content of its trials.
+        Hashes of what was measured in its trials, whatever their attributes are.
     """
 
     summary: StudyOutcome
@@ -163,7 +163,8 @@ def _reduced(task: StudyTask) -> StudyResult:
         if posed.problem is None:
             raise StudyError(" ".join(("nothing can be tested in it:", *posed.notes)))
         if kept_record is None:
-            hashes = tuple(one.observed.sha256 for one in evidence if one.observed.sha256)
+            seen = (one.observed.measured_sha256 for one in evidence)
+            hashes = tuple(measured for measured in seen if measured)
             kept_record = _record(task, posed, hashes)
             seal(of_record, kept_record)
         if kept_statistics is None:

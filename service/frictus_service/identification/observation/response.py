@@ -77,6 +77,8 @@ class TrialObservations:
         Over the sweeps; NaN where nothing was measured.
     rows : ResponseRows
         Empty where there was no drive, or no sweep.
+    measured_sha256 : str
+        Of the data sets alone: a copy has the same, whatever its attributes are.
     """
 
     info: TrialInfo
@@ -87,6 +89,7 @@ class TrialObservations:
     mean_speed_mm_s: float
     mean_force_n: float
     rows: ResponseRows
+    measured_sha256: str = ""
 
 
 def drive_fraction(voltage_v: FloatArray, screen_peak_v: float) -> FloatArray:

@@ -124,6 +124,7 @@ def _encoded(reading: Reading) -> bytes:
         "notes": observed.notes,
         "mean_speed_mm_s": observed.mean_speed_mm_s,
         "mean_force_n": observed.mean_force_n,
+        "measured_sha256": observed.measured_sha256,
         "tables": [(name, table.dtype.descr, table.size) for name, table in tables.items()],
     }
     return json.dumps(said).encode() + b"\n" + b"".join(t.tobytes() for t in tables.values())
@@ -142,6 +143,7 @@ def _decoded(held: bytes, sha256: str, asked: TrialInfo) -> Reading:
         mean_speed_mm_s=said["mean_speed_mm_s"],
         mean_force_n=said["mean_force_n"],
         rows=columns_of(ResponseRows, tables.pop("rows")),
+        measured_sha256=said["measured_sha256"],
     )
     return Reading(observed, tables)
 

@@ -304,8 +304,17 @@ def _reading_of(trial: TrialInfo, outcome: Reading | Crash) -> Reading:
 
 
 def _without_copies(readings: list[Reading]) -> list[Reading]:
-    """Return the same trials; of several with the same content only the first is valid."""
-    hashes = [(each.observed.info.id, each.observed.sha256) for each in readings]
+    """Return the same trials; of several with the same data only the first is valid.
+
+    The first is by participant, session and order: of one person under two names, all trials
+    of one name stay, not some of each, which would still be two people.
+    """
+
+    def place(observed: TrialObservations) -> tuple[str, int, int]:
+        return observed.info.participant, observed.info.session, observed.info.order
+
+    observed = sorted((each.observed for each in readings), key=place)
+    hashes = [(each.info.id, each.measured_sha256) for each in observed]
     copies = {copy.trial: copy.reason for copy in duplicates(h for h in hashes if h[1])}
     return [_marked(each, copies.get(each.observed.info.id)) for each in readings]
 

@@ -2,8 +2,8 @@
 
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import fields, replace
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import fields
 from pathlib import Path
 
 import h5py
@@ -110,18 +110,31 @@ def test_trials_that_cannot_be_read_stay_in_the_list(study: Path) -> None:
     assert seen[2].rows.tone_hz.size == 0
 
 
-def test_copies_count_once(monkeypatch: pytest.MonkeyPatch, study: Path) -> None:
-    """An importer may give the same measurement twice; `study/1` has a place for it once."""
-    plain = StudyReader.read
+def copied(study: Path, trials: Iterable[str], **changed: str | int) -> None:
+    """Add copies of trials, ``z`` before their ids, whose attributes are changed."""
+    with h5py.File(study, "r+") as file:
+        for name in trials:
+            file.copy(f"trials/{name}", f"trials/z{name}")
+            attributes = file[f"trials/z{name}"].attrs
+            del attributes["sha256"]
+            for key, value in changed.items():
+                attributes[key] = value
 
-    def same_content(self: StudyReader, trial_id: str) -> Trial:
-        read = plain(self, trial_id)
-        return replace(read, sha256="ab") if trial_id in ("t1", "t4") else read
 
-    monkeypatch.setattr(StudyReader, "read", same_content)
-    seen = observe_study(study, workers=0)
-    assert [each.valid for each in seen] == [number != 4 for number in range(TRIALS)]
-    assert "same measurement as trial t1" in seen[4].reasons[-1]
+def test_a_copy_in_another_place_counts_once(study: Path) -> None:
+    copied(study, ["t1"], order=90)
+    seen = {each.info.id: each for each in observe_study(study, workers=0)}
+    assert {name for name, each in seen.items() if not each.valid} == {"zt1"}
+    assert "same measurement as trial t1" in seen["zt1"].reasons[-1]
+
+
+def test_a_person_under_two_names_is_one(study: Path, tmp_path: Path) -> None:
+    """Of one name all trials stay, whichever ids come first; and so when they are known."""
+    copied(study, [f"t{number}" for number in range(TRIALS)], participant="A before all")
+    for _ in range(2):
+        seen = observe_study(study, workers=0, cache=tmp_path / "cache")
+        assert len(seen) == 2 * TRIALS
+        assert {each.info.participant for each in seen if each.valid} == {"A before all"}
 
 
 def test_what_the_reader_leaves_out_is_told(study: Path) -> None:
