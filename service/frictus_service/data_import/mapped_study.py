@@ -23,7 +23,7 @@ from frictus_service.data_import.recording import MappedRecording, apply_map
 from frictus_service.errors import Exclusion, FieldError, StudyError
 from frictus_service.identification.observation.response import drive_fraction
 from frictus_service.identification.observation.validity import LEAST_DRIVE
-from frictus_service.study.layout import digest
+from frictus_service.study.layout import hashed
 from frictus_service.study.plausible import (
     SAMPLE_RATE,
     check_asked,
@@ -101,9 +101,9 @@ class MappedStudy:
     def sha256(self) -> str:
         """Hash of the file's bytes and of its map, hexadecimal."""
         with self.path.open("rb") as stream:
-            hashed = hashlib.file_digest(stream, "sha256")
-        hashed.update(map_text(self._map).encode())
-        return hashed.hexdigest()
+            found = hashlib.file_digest(stream, "sha256")
+        found.update(map_text(self._map).encode())
+        return found.hexdigest()
 
     def n_samples(self, trial_id: str) -> int:
         """Return how many samples a trial has."""
@@ -124,7 +124,7 @@ class MappedStudy:
         if trial_id not in self._trials:
             raise StudyError(f"{self.path}: there is no trial {trial_id!r}")
         trial = self._trials[trial_id]
-        return replace(trial, sha256=digest(trial))
+        return hashed(trial)
 
     def __enter__(self) -> Self:
         """Return the study."""

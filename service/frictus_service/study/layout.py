@@ -9,7 +9,7 @@ is left out: a copy under another id shows.
 import hashlib
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -175,8 +175,15 @@ def digest(trial: Trial) -> str:
     trial : Trial
         Its id and its `sha256` do not count.
     """
-    whole = _attributes(trial) + b"\n" + measured_digest(trial).encode()
-    return hashlib.sha256(whole).hexdigest()
+    return hashed(trial).sha256
+
+
+def hashed(trial: Trial) -> Trial:
+    """Return a trial with its hashes: `digest`, and `measured_digest`, which it is made of."""
+    measured = measured_digest(trial)
+    whole = _attributes(trial) + b"\n" + measured.encode()
+    sha256 = hashlib.sha256(whole).hexdigest()
+    return replace(trial, sha256=sha256, measured_sha256=measured)
 
 
 def measured_digest(trial: Trial) -> str:

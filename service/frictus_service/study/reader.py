@@ -4,7 +4,6 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, Self, cast
@@ -31,7 +30,7 @@ from frictus_service.study.layout import (
     SCHEMA,
     ConverterStep,
     DataSet,
-    digest,
+    hashed,
     is_shape_of,
     shape_hint,
 )
@@ -87,7 +86,7 @@ def read_trial(trial_id: str, group: h5py.Group) -> Trial:
         skin_skew_s=_skew(stored.get(skin)),
         voltage_source=_source(stored.get("voltage_v")),
     )
-    read = replace(read, sha256=digest(read))
+    read = hashed(read)
     _check_hash(held, read.sha256)
     return read
 

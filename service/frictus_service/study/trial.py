@@ -101,6 +101,8 @@ class Trial:
     voltage_source : {'command', 'monitor'}
     sha256 : str
         Of the trial's content, the same wherever it is stored; empty until it has been stored.
+    measured_sha256 : str
+        Of its data sets alone, whatever its attributes are; likewise.
     """
 
     info: TrialInfo
@@ -114,6 +116,7 @@ class Trial:
     skin_skew_s: float = 0.0
     voltage_source: Literal["command", "monitor"] = "command"
     sha256: str = ""
+    measured_sha256: str = ""
 
 
 def row_of(trial: Trial) -> dict[str, Any]:

@@ -20,7 +20,6 @@ from frictus_service.identification.observation.sweeps import (
     smooth,
 )
 from frictus_service.identification.observation.validity import Means, judge
-from frictus_service.study.layout import measured_digest
 from frictus_service.study.trial import StudyInfo, Trial
 
 NO_SKIN = "nothing measures the skin: there is no mobility"
@@ -104,7 +103,7 @@ def observe_along(
         mean_speed_mm_s=means.speed_mm_s,
         mean_force_n=means.force_n,
         rows=rows,
-        measured_sha256=measured_digest(trial),
+        measured_sha256=trial.measured_sha256,
     )
 
 
