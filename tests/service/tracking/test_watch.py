@@ -1,5 +1,6 @@
 """Alarms name the cause, are rare while the model is right, and wait for no good moment."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from tests.service.tracking.slides import (
     PAPER,
     Deviation,
     Effects,
+    Place,
     slide,
     strokes,
 )
@@ -17,7 +19,7 @@ from tests.service.tracking.slides import (
 from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.physics.schedule import SlidingConditions
-from frictus_service.calibration.coordinates import Prior
+from frictus_service.calibration.coordinates import Prior, response
 from frictus_service.tracking.evidence import watch as watch_module
 from frictus_service.tracking.evidence.naming import NamedAlarm, named_alarms
 from frictus_service.tracking.evidence.signatures import LAW_SIZES
@@ -51,6 +53,7 @@ def session(
     wander: float = 0.0,
     batches_per_contact: int | None = None,
     watch: ModelWatch | None = None,
+    path: Iterator[tuple[list[float], list[Place]]] | None = None,
 ) -> Session:
     """Return a session in which the finger's laws are the given ones, batch by batch."""
     watch, estimate, alarm = (
@@ -58,7 +61,7 @@ def session(
         LawEstimate.begin(Prior.weak(), BANDS.centre_hz.size),
         None,
     )
-    path, contact, gain = strokes(rng), 0, 0.0
+    path, contact, gain = path or strokes(rng), 0, 0.0
     for number, at in enumerate(true):
         lifted = bool(batches_per_contact and number % batches_per_contact == 0)
         if lifted:
@@ -168,6 +171,30 @@ def test_a_right_model_whose_gain_and_cutoff_wander_raises_none(
 ) -> None:
     found = session(rng, [PAPER] * 120, wander=0.05, batches_per_contact=8)
     assert found.first is None
+
+
+def test_a_speed_that_is_told_with_errors_is_no_slope_of_the_cutoff(
+    rng: np.random.Generator,
+) -> None:
+    """Of a finger at one speed what differs in it is error: the cutoff follows none of it."""
+    steady_mm_s = 25.0
+
+    def path() -> Iterator[tuple[list[float], list[Place]]]:
+        while True:
+            for direction in (1.0, -1.0):
+                for _ in range(4):
+                    told = steady_mm_s + 0.5 * rng.standard_normal(10)
+                    yield told.tolist(), [Place(direction=direction)] * 10
+
+    def at_its_speed(around: SlidingConditions, frequency: FloatArray) -> ComplexArray:
+        true, told = (
+            response(PAPER, speed, frequency)
+            for speed in (np.full_like(frequency, steady_mm_s), around.speed_mm_s)
+        )
+        return np.asarray(true / told, dtype=np.complex128)
+
+    found = session(rng, [PAPER] * 60, deviation=at_its_speed, path=path())
+    assert found.watch.raised == ()
 
 
 def test_a_knock_raises_none(rng: np.random.Generator) -> None:

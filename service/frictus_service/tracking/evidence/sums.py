@@ -29,6 +29,7 @@ _EDGE: Final = np.array(
     [SIZES[name].tolerated / SIZES[name].expected for name in EFFECT_CAUSES]
 )
 _LAW_EDGE: Final = np.array([size.tolerated / size.expected for size in LAW_SIZES])
+_FOLLOWS_SPEED: Final = np.array([name == "speed_dependent_cutoff" for name in LAW_CAUSES])
 _PATTERN_EDGE: Final = PATTERN_SIZE.tolerated / PATTERN_SIZE.expected
 
 
@@ -93,7 +94,10 @@ class Sums:
         """Return log share times ratio, shape (n_begun, n_causes)."""
         slack = self.slack(_diagonal(self.information)) * SHAPED
         effects = log_ratio(self.score, _diagonal(self.information), _EDGE, slack)
-        law = log_ratio(self.law_score[..., -1], self.law_information[..., -1, -1], _LAW_EDGE)
+        known = self.law_information[..., -1, -1]
+        law = log_ratio(
+            self.law_score[..., -1], known, _LAW_EDGE, self.slack(known) * _FOLLOWS_SPEED
+        )
         unknown = _mean(self.patterns())
         mains = _mean(self.mains.reshape(self.mains.shape[0], -1))
         each: FloatArray = np.column_stack([law, effects, mains, unknown]) + self.log_share
