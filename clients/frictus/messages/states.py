@@ -203,8 +203,9 @@ class RigStatus(Message):
     last_end: LeaseEnd | None = None
     """How the lease before ended; None where there was none since the rig started."""
     last_calls: dict[str, LastCall] = {}
-    """By the name of a call that changes the rig, those of leases and `stop` aside: of which
-    `owner` and `last_end` tell. None was accepted since the rig started: it is not in it."""
+    """By the name of a call that changes the rig, and of `stop`, also of one where nothing was
+    driven; of leases `owner` and `last_end` tell. None was accepted since the rig started: it
+    is not in it."""
     backend: str
     simulated: bool
     finger_source: Literal["touch", "pointer", "simulated"]

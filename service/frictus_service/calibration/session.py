@@ -12,7 +12,7 @@ from typing import Final, Literal
 
 from frictus.keys import spoken_name
 from frictus.lease import CONFIRM_S, Lease
-from frictus.messages import FingerState, GuidanceState, RigStatus
+from frictus.messages import FingerState, GuidanceState, LastCall, RigStatus
 from frictus.rig import Rig
 from frictus_service.calibration.checks import StrokesCapture
 from frictus_service.calibration.job import Phase
@@ -185,6 +185,7 @@ class TrialSession:
         self._show = show
         self._tell = tell
         self._cancelled = cancelled
+        self._former_stop = self._last_stop()
         self.strokes = StrokesCapture()
         """What was heard, for the alignment of the sensors."""
 
@@ -220,6 +221,7 @@ class TrialSession:
         RefusedError
             If the rig does not let itself be armed, or cannot play this.
         """
+        self._check_stop()
         with self._rig.arm(LEASE_MS, keep_model=True) as lease:
             self._rig.excite(ask.excitation)
             # Only now: whatever is heard from here on is sensed with the drive ordered.
@@ -282,6 +284,8 @@ class TrialSession:
     def _check(self, heard: StreamReader, lease: Lease | None) -> None:
         if self._cancelled():
             raise CancelledError("cancelled; the finished trials are kept")
+        if lease is None:
+            self._check_stop()
         # The blocks tell in which sample the drive went; the lease tells why, a little later.
         gone = heard.was_armed and not heard.armed
         if lease is not None and (gone or lease.lost):
@@ -290,6 +294,19 @@ class TrialSession:
             raise CalibrationError(
                 f"rig {self._rig.name} took the lease away: {reason}. The finished trials are "
                 "kept; start the calibration again once the cause is gone"
+            )
+
+    def _last_stop(self) -> LastCall | None:
+        return self._rig.status().last_calls.get("stop")
+
+    def _check_stop(self) -> None:
+        """Refuse to drive the screen where somebody has stopped the rig between trials."""
+        stop = self._last_stop()
+        if stop is not None and stop != self._former_stop:
+            who = spoken_name(stop.client) if stop.client else "somebody"
+            raise CalibrationError(
+                f"rig {self._rig.name} was stopped by {who} between two trials. The finished "
+                "trials are kept; start the calibration again once the cause is gone"
             )
 
     def _guide(

@@ -265,8 +265,10 @@ class Commands:
     def keep_safe(self, message: IncomingCommand) -> Reply:
         """Decide on a message that is about safety, or moves a virtual finger."""
         if message.name == "stop":
-            # Whatever it carries and however old it is: a stop always stops.
-            return self._answered(lambda: self._control.stop(message.sender))
+            # Whatever it carries and however old it is: a stop always stops. It is noted, since
+            # a calibration, armed for its trials alone, ends by one between them, too.
+            with self._calls.noted("stop", message.sender):
+                return self._answered(lambda: self._control.stop(message.sender))
         if message.name == "guidance":
             return self._answered(lambda: self._guide(message.payload))
         handlers: Mapping[str, tuple[type[Request], Callable[[Any], Reply | None]]] = {

@@ -338,11 +338,10 @@ def _disarm(state: Safety, event: Disarm) -> Outcome:
 
 
 def _stop(state: Safety, event: Stop | ClientVanished) -> Outcome:
-    if state.state != "armed":
-        return state, ()
     if isinstance(event, ClientVanished) and event.client != state.owner:
         return state, ()
-    return _ramp(state), (Announce(),)
+    # Who stopped is told also where nothing was driven.
+    return (_ramp(state) if state.state == "armed" else state), (Announce(),)
 
 
 def _reset(state: Safety) -> Outcome:

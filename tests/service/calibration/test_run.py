@@ -293,6 +293,42 @@ def test_losing_the_rig_keeps_what_is_finished(
     assert len(list((tmp_path / "trials").glob("*.h5"))) == 1
 
 
+@pytest.mark.parametrize("phase", ["analyse", "break"])
+def test_a_stop_between_two_trials_ends_it_too(
+    phase: str,
+    client: frictus.Client,
+    endpoint: str,
+    rng: np.random.Generator,
+    tmp_path: Path,
+) -> None:
+    """The screen is off then, and whoever stops means that it stays so."""
+    protocol = PaperProtocol(
+        tones_hz=(70.0, 250.0),
+        speeds_mm_s=(30.0, 85.0),
+        forces_n=(0.4,),
+        approach_s=0.7,
+        record_s=1.5,
+        trials_per_block=1,
+        break_s=20.0 if phase == "break" else 0.0,
+    )
+    told: list[Progress] = []
+    with frictus.connect(endpoint, name="somebody") as other:
+        rig = other.rig("rig1")
+
+        def tell(progress: Progress) -> None:
+            told.append(progress)
+            stops = [each for each in told if (each.phase, each.trials_done) == (phase, 1)]
+            if len(stops) == 1 and progress is stops[0]:
+                rig.stop()
+                until(client.rig("rig1"), lambda status: "stop" in status.last_calls)
+
+        with pytest.raises(CalibrationError, match="stopped by 'somebody' between two trials"):
+            run_calibration(spec_of(rng, protocol), tmp_path, client, tell, lambda: False)
+        until(rig, lambda status: status.state == "disarmed")
+    assert {each.trials_done for each in told} == {0, 1}
+    assert len(list((tmp_path / "trials").glob("*.h5"))) == 1
+
+
 def test_the_papers_protocol_rests_with_the_drive_off(
     client: frictus.Client, rng: np.random.Generator, tmp_path: Path
 ) -> None:

@@ -14,7 +14,7 @@ from frictus.textures import MAX_PROFILE_SAMPLES, Profile, Region, Scene
 from frictus_service import command_validation
 from frictus_service.command_validation import MAX_DIGITS, MAX_MEMBERS, MAX_VALUES, SHORT_BYTES
 from frictus_service.config import Limits
-from frictus_service.daemon.inboxes import ModelSlot
+from frictus_service.daemon.inboxes import IncomingCommand, ModelSlot
 from frictus_service.daemon.safety import FaultRaised, OutputQuiet, Safety
 from frictus_service.synthesis.compensability import placeholder_model
 
@@ -103,6 +103,9 @@ def test_who_changed_what_last_is_known_and_who_was_refused_is_not(desk: Desk) -
     desk.call("reset", "cy")
     told = {name: made.client for name, made in desk.commands.last_calls.items()}
     assert told == {"scene": "ben", "compensation": "ben", "reset": "cy"}
+    # Nothing is driven: it is known all the same.
+    assert desk.commands.keep_safe(IncomingCommand("stop", b"", sender="dan")).ok
+    assert desk.commands.last_calls["stop"].client == "dan"
 
 
 def test_a_change_is_never_seen_without_whose_it_is(
