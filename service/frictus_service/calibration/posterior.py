@@ -45,7 +45,7 @@ UNDETERMINED: Final = (
 )
 ENDS: Final = np.array([[1.0, 0.9], [0.9, 1.0]])
 """Correlation of the wandering of the law's two ends. Below 1, so that the slope is taken from
-far speeds, and not from small changes of speed within a condition."""
+far speeds, and not from conditions whose speeds differ little."""
 
 
 @dataclass(frozen=True, slots=True)

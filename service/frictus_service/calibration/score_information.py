@@ -91,6 +91,11 @@ class Data:
         Number of its target speed and force.
     nominal_hz : ndarray, shape (n_rows,), or None
         Same for rows that are one tone, where `tone_hz` differs a little; None: `tone_hz`.
+    typical_mm_s : ndarray, shape (n_rows,), or None
+        Speed at which a row speaks of the law's two ends, that of its condition; None:
+        `speed_mm_s`. Within a condition speeds differ by little more than they are measured
+        to: a slope from there is one towards none, and where responses are known well it
+        outweighs that from far speeds (regression dilution).
     """
 
     speed_mm_s: FloatArray
@@ -101,6 +106,7 @@ class Data:
     trial_of_segment: IntArray
     condition_of_trial: IntArray
     nominal_hz: FloatArray | None = None
+    typical_mm_s: FloatArray | None = None
 
     @classmethod
     def of(cls, observations: Sequence[TrialObservations]) -> Self:
@@ -134,14 +140,19 @@ class Data:
         )
         stretches, segment = np.unique(key, axis=0, return_inverse=True)
         order = np.argsort(segment, kind="stable")
+        speed_mm_s = np.concatenate([item.rows.speed_mm_s for item in used])
+        conditions = _conditions(used)
+        condition = conditions[trial]
+        mean_mm_s = np.bincount(condition, speed_mm_s) / np.bincount(condition)
         whole = cls(
-            np.concatenate([item.rows.speed_mm_s for item in used]),
+            speed_mm_s,
             np.concatenate([item.rows.tone_hz for item in used]),
             np.concatenate([item.rows.friction_response for item in used]),
             np.concatenate([item.rows.friction_variance for item in used]),
             segment.ravel(),
             stretches[:, 0],
-            _conditions(used),
+            conditions,
+            typical_mm_s=mean_mm_s[condition],
         )
         return whole._rows(order)
 
@@ -164,6 +175,7 @@ class Data:
             variance=self.variance[order],
             segment=self.segment[order],
             nominal_hz=None if self.nominal_hz is None else self.nominal_hz[order],
+            typical_mm_s=None if self.typical_mm_s is None else self.typical_mm_s[order],
         )
 
 
@@ -287,7 +299,8 @@ def linearised(data: Data, at: FloatArray) -> tuple[ComplexArray, ComplexArray, 
     gain = np.clip(np.bincount(data.segment, weight * ratio.real) / total, 0.1, 10.0)
     gain = gain[data.segment]
     cutoff = coordinates.cutoff_hz(at, data.speed_mm_s)
-    columns = coordinates.cutoff_gradient(at, data.speed_mm_s).astype(np.complex128)
+    typical_mm_s = data.speed_mm_s if data.typical_mm_s is None else data.typical_mm_s
+    columns = coordinates.cutoff_gradient(at, typical_mm_s).astype(np.complex128)
     columns *= (1j * data.tone_hz / (cutoff + 1j * data.tone_hz))[:, np.newaxis]
     columns[:, 2] = 1.0
     columns[:, 3] = -2j * np.pi * data.tone_hz

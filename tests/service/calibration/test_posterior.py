@@ -63,7 +63,7 @@ def test_without_noise_the_law_comes_back(rng: np.random.Generator) -> None:
     truth = somebody(rng)
     found = estimate(draw(rng, truth, asks_of(rng, 4), SILENT), None)
     # Rows beyond the law's speeds, here on the line, are taken midway to a cutoff that is held.
-    np.testing.assert_allclose(found.parameters, truth, rtol=5e-4, atol=1e-8)
+    np.testing.assert_allclose(found.parameters, truth, rtol=1e-3, atol=1e-8)
 
 
 @pytest.mark.parametrize("beyond", ["held", "straight"])
@@ -104,6 +104,24 @@ def test_single_tones_are_fitted_by_the_same_estimator(rng: np.random.Generator)
     found = estimate(draw(rng, truth, asks, STEADY), None)
     assert np.all(np.abs(misses(found, truth)) < 4.0 * found.relative_width(SPEEDS))
     assert found.spread.trial == pytest.approx(0.1, rel=0.7)
+
+
+def measured(rng: np.random.Generator, trial: TrialObservations) -> TrialObservations:
+    """Return a trial of which the speed of a stretch is known within half a mm/s."""
+    rows = trial.rows
+    off_mm_s = 0.5 * rng.standard_normal((rows.sweep.max() + 1, 3))[rows.sweep, rows.third]
+    return replace(trial, rows=replace(rows, speed_mm_s=rows.speed_mm_s + off_mm_s))
+
+
+def test_speeds_that_are_measured_with_errors_flatten_no_law(rng: np.random.Generator) -> None:
+    steady = replace(Variation(), speed=0.0, sensor_n=2e-4, friction_share=0.005)
+    for _ in range(3):
+        truth = Prior.weak().mean + rng.normal(0.0, 0.1) * np.array([1.0, 1.0, 0.0, 0.0])
+        drawn = draw(rng, truth, asks_of(rng, 48), steady)
+        found = estimate([measured(rng, trial) for trial in drawn], Prior.weak())
+        assert np.all(np.abs(misses(found, truth)) < 2.0 * found.relative_width(SPEEDS))
+        assert found.relative_width(SPEEDS).max() < 0.06
+        assert found.mixture.wandering < 0.1  # 0.05 was drawn
 
 
 def test_gain_and_delay_act_on_nothing_else(rng: np.random.Generator) -> None:
