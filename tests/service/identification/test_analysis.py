@@ -111,6 +111,17 @@ def test_one_speed_is_said_and_gain_and_cutoff_stay(rng: np.random.Generator) ->
         assert cutoff.value == pytest.approx(1214.0, rel=0.4)
 
 
+def test_a_law_through_two_conditions_says_that_its_intervals_are_of_noise_alone(
+    rng: np.random.Generator,
+) -> None:
+    two = replace(SMALL, speeds=(20.0, 100.0), forces=(0.4,))
+    found = identify(observations(people(2, rng), two, rng), settings=QUICK)
+    (said,) = [note for note in found.notes if "line through two conditions" in note]
+    assert "P01, P02" in said
+    more = identify(observations(people(2, rng), SMALL, rng), settings=QUICK)
+    assert not any("line through two conditions" in note for note in more.notes)
+
+
 def test_one_participant_has_intervals_but_no_population(rng: np.random.Generator) -> None:
     found = identify(observations([Finger()], SMALL, rng))
     assert found.population is None

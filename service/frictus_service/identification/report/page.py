@@ -134,7 +134,7 @@ def notes_on(
             *_on_speeds(participants, centre),
             *_on_people(study, participants),
             *_on_conditions(study, conditions),
-            *_on_laws(participants),
+            *_on_laws(conditions, participants),
             *(
                 f"{p.participant}: {p.friction.second_solution}."
                 for p in participants
@@ -195,17 +195,36 @@ def _on_conditions(study: StudySummary, conditions: Sequence[ConditionFit]) -> l
     return out
 
 
-def _on_laws(participants: Sequence[ParticipantResult]) -> list[str]:
+def _on_laws(
+    conditions: Sequence[ConditionFit], participants: Sequence[ParticipantResult]
+) -> list[str]:
+    fitted = Counter(c.participant for c in conditions if c.friction is not None)
+    through_two = [
+        p.participant
+        for p in participants
+        if p.friction and p.friction.law and fitted[p.participant] == 2
+    ]
+    certain = (
+        [
+            f"The speed law of {', '.join(through_two)} is a line through two conditions: how "
+            "far conditions lie from it cannot be estimated, and the intervals of cutoff and "
+            "slope of one person hold the noise of the trials alone. They are too narrow where "
+            "the contact differs between conditions; measure a third speed or a second force."
+        ]
+        if through_two
+        else []
+    )
     negative = [
         p.participant
         for p in participants
         if p.friction and p.friction.law and p.friction.law.cutoff_0_hz.value <= 0.0
     ]
     if not negative:
-        return []
+        return certain
     return [
+        *certain,
         f"The cutoff of {', '.join(negative)}, continued to rest, is not positive: their laws "
-        "hold between the measured speeds and cannot be stored as models."
+        "hold between the measured speeds and cannot be stored as models.",
     ]
 
 
