@@ -107,7 +107,7 @@ def nothing_felt() -> EstimateState:
     )
 
 
-def alarmed(**fields: Any) -> EstimateState:
+def alarmed() -> EstimateState:
     """Return an estimate under which the model in force is wrong."""
     return felt(
         evidence={
@@ -123,7 +123,6 @@ def alarmed(**fields: Any) -> EstimateState:
             "cutoff": "1.9 times that of the model so far: recalibrate this person",
             "unknown": "about 400 Hz at 20 to 40 mm/s: run `frictus discover`",
         },
-        **fields,
     )
 
 

@@ -108,11 +108,6 @@ def test_points_are_grouped_by_speed_and_have_curves_at_it(page: Page) -> None:
         (felt(error_db={"in_force": 0.4, "newest": 0.1}), "fits", "fits this finger"),
         (felt(error_db={}), "learning", "Learning this finger"),
         (alarmed(), "alarm", "wrong: cutoff, something that no cause explains"),
-        (
-            alarmed(error_db={"in_force": 0.4, "newest": 0.1}),
-            "off",
-            "off by less than a finger can tell here: cutoff",
-        ),
     ],
 )
 def test_the_verdict_follows_from_the_estimate(

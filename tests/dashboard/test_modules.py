@@ -617,13 +617,14 @@ def test_the_axis_of_time_moves_stands_and_stays_within_what_is_kept(page: Page)
 
 
 @pytest.mark.parametrize(
-    ("protocol", "precision", "reached", "held_out_db", "good_for", "narrower"),
+    ("protocol", "precision", "reached", "held_out_db", "forces_n", "good_for", "narrower"),
     [
         (
             "quick",
             0.04,
             True,
             0.34,
+            [0.2, 0.6],
             "within 0.34 dB (rms) of what a texture asks for at 20 to 100 mm/s "
             "and 0.2 to 0.6 N, which people do not feel (from 1.21 dB on).",
             "About 80 s recorded in place of 20 s narrow it to 2 %",
@@ -633,6 +634,7 @@ def test_the_axis_of_time_moves_stands_and_stays_within_what_is_kept(page: Page)
             0.1,
             False,
             1.5,
+            [0.2, 0.6],
             "which people can feel (from 1.21 dB on).",
             "About 80 s recorded in place of 20 s narrow it to 5 %",
         ),
@@ -641,7 +643,8 @@ def test_the_axis_of_time_moves_stands_and_stays_within_what_is_kept(page: Page)
             0.04,
             True,
             None,
-            "is not known of so few trials.",
+            [0.4, 0.4],
+            "20 to 100 mm/s and 0.4 N; how close they come to what is asked for is not known",
             "About four times as many trials halve the interval",
         ),
     ],
@@ -652,6 +655,7 @@ def test_what_a_calibration_is_good_for_and_what_would_narrow_it(
     precision: float,
     reached: bool,
     held_out_db: float | None,
+    forces_n: list[float],
     good_for: str,
     narrower: str,
 ) -> None:
@@ -667,7 +671,7 @@ def test_what_a_calibration_is_good_for_and_what_would_narrow_it(
                 "precision": precision,
                 "reached": reached,
                 "recorded_s": 20.0,
-                "model": {"validity": {"speed_mm_s": [20, 100], "normal_force_n": [0.2, 0.6]}},
+                "model": {"validity": {"speed_mm_s": [20, 100], "normal_force_n": forces_n}},
                 "details": {
                     "diagnostics": {"held_out": held_out_db and {"held_out_db": held_out_db}}
                 },

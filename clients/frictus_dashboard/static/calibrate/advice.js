@@ -16,7 +16,7 @@ function known({ precision, reached }) {
 /** By trials that the fit has not seen; where none were held out, only where it was measured. */
 function goodFor(participant, { model: { validity }, details: { diagnostics } }) {
   const { speed_mm_s: speeds, normal_force_n: forces } = validity ?? {};
-  const range = [`${interval(speeds)} mm/s`, `${interval(forces)} N`].join(" and ");
+  const range = `${measured(speeds)} mm/s and ${measured(forces)} N`;
   const db = diagnostics?.held_out?.held_out_db;
   if (db === undefined) {
     return `It is good for textures under ${participant}'s finger at ${range}; how close they ` +
@@ -25,6 +25,11 @@ function goodFor(participant, { model: { validity }, details: { diagnostics } })
   const people = db < JND_DB ? "which people do not feel" : "which people can feel";
   return `With it, friction under ${participant}'s finger comes within ${db.toFixed(2)} dB (rms) of ` +
     `what a texture asks for at ${range}, ${people} (from ${JND_DB} dB on).`;
+}
+
+/** Ends of what was measured; of one value alone that. */
+function measured(ends) {
+  return ends?.[0] === ends?.[1] ? figure(ends?.[0]) : interval(ends);
 }
 
 /** Intervals shrink with the root of what is recorded. */

@@ -58,12 +58,7 @@ function verdictOf(alarms, errorDb) {
   if (alarms.length > 0) {
     const named = alarms.filter((cause) => cause !== "unknown").map(titleOf);
     if (alarms.includes("unknown")) named.push("something that no cause explains");
-    const causes = named.join(", ");
-    if (errorDb == null || errorDb > JND_DB) {
-      return { kind: "alarm", verdict: `The model in force is wrong: ${causes}` };
-    }
-    const felt = "The model in force is off by less than a finger can tell here";
-    return { kind: "off", verdict: `${felt}: ${causes}` };
+    return { kind: "alarm", verdict: `The model in force is wrong: ${named.join(", ")}` };
   }
   if (errorDb == null) return { kind: "learning", verdict: "Learning this finger" };
   if (errorDb > JND_DB) {
