@@ -116,6 +116,7 @@ def pose(
         tuple(candidates_of(response, [effect.id for effect in base.effects])),
         tuple(patterns_of(rows.tones_hz.size, skin=response == "mobility")),
         base.validity.speed_mm_s,
+        people=units.held_out == "participants",
     )
     return PosedStudy(study, base, units, told, rows, problem)
 

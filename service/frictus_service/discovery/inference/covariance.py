@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from frictus_hardware.arrays import FloatArray
+from frictus_hardware.arrays import FloatArray, IntArray
 from frictus_service.discovery.evidence.residuals import Layout, by_kind, huber, scatters
 from frictus_service.discovery.inference.linear_model import LEAST_SHARE, orthonormal
 from frictus_service.discovery.inference.significance import (
@@ -27,6 +27,8 @@ LEAST_SEEN: Final = 1e-6
 """Square of a deviation's signature beside what is a unit's own, below which there is none."""
 LEAST_FREE: Final = 0.1
 """Share of a reading that a fit leaves free, from which its scatter can still be told."""
+LEAST_SHARING: Final = 3
+"""Units that have a condition, from which it is known what is common to them."""
 DEVIATIONS: Final = (0.0, 0.01, 0.02, 0.035, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3)
 """Standard deviations of ln gain or ln cutoff between conditions that are tried."""
 
@@ -126,7 +128,7 @@ def whiten(
             [(raw.readings * weight)[:, np.newaxis], _times(raw.deviating, weight)]
         )
         rests.append(along - basis @ (basis.T @ along))
-    deviation = _deviations(rests, raws[0].n_kinds)
+    deviation = _deviations(rests, [raw.condition for raw in raws], raws[0].n_kinds)
     plain = [
         Whitening.of(raw, weight, deviation) for raw, weight in zip(raws, weights, strict=True)
     ]
@@ -194,23 +196,69 @@ def _rest(raw: UnwhitenedUnit, weight: FloatArray) -> FloatArray:
     return rest
 
 
-def _deviations(rests: Sequence[FloatArray], n_kinds: int) -> FloatArray:
+def _deviations(
+    rests: Sequence[FloatArray], conditions: Sequence[IntArray], n_kinds: int
+) -> FloatArray:
     """Return the deviations of each kind under which the readings are most likely.
 
     Parameters
     ----------
     rests : sequence of ndarray, shape (n, 1 + n_deviating)
         Readings and signatures of deviations, weighted, fit projected out.
+    conditions : sequence of ndarray of int, shape (n_conditions,)
+        Number of each condition of each unit; -1: it is no other unit's.
     n_kinds : int
         How many kinds deviate per condition.
     """
     products = [(rest[:, 1:].T @ rest[:, 1:], rest[:, 1:].T @ rest[:, 0]) for rest in rests]
     if max(float(np.max(np.diagonal(gram), initial=0.0)) for gram, _ in products) < LEAST_SEEN:
         return np.zeros(n_kinds)  # a unit of one condition has its deviation as its own
+    products = _beside_common(products, conditions, n_kinds)
     tried = [np.array(each) for each in product(DEVIATIONS, repeat=min(n_kinds, 2))]
     if n_kinds > 2:  # all but the first alike: the skin's three
         tried = [np.append(each[:1], np.full(n_kinds - 1, each[1])) for each in tried]
     return max(tried, key=lambda each: _likelihood(products, each))
+
+
+def _beside_common(
+    products: Sequence[tuple[FloatArray, FloatArray]],
+    conditions: Sequence[IntArray],
+    n_kinds: int,
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Return the products without what a condition has in common in all units.
+
+    That is a misfit and no scatter. Taken for scatter, a step of a quarter between two speeds,
+    the same in all people, made every condition so uncertain that it was not seen.
+
+    Parameters
+    ----------
+    products : sequence of (ndarray, ndarray)
+        Of each unit: inner products of the signatures of deviations, and with the readings.
+    conditions, n_kinds
+        As for `_deviations`.
+    """
+    numbers, counts = np.unique(np.concatenate(conditions), return_counts=True)
+    shared = numbers[(numbers >= 0) & (counts >= LEAST_SHARING)]
+    if not shared.size:
+        return list(products)
+    size = shared.size * n_kinds
+    gram, along = np.zeros((size, size)), np.zeros(size)
+    places = []
+    for (own_gram, own_along), condition in zip(products, conditions, strict=True):
+        mine = np.flatnonzero(np.isin(condition, shared))
+        theirs = np.searchsorted(shared, condition[mine])
+        kinds = np.arange(n_kinds)
+        columns = (mine[:, np.newaxis] * n_kinds + kinds).ravel()
+        there = (theirs[:, np.newaxis] * n_kinds + kinds).ravel()
+        gram[np.ix_(there, there)] += own_gram[np.ix_(columns, columns)]
+        along[there] += own_along[columns]
+        places.append((columns, there))
+    common = np.linalg.lstsq(gram, along, rcond=1e-9)[0]
+    lost = np.sqrt(len(products) / (len(products) - 1.0))  # the mean is theirs
+    return [
+        (own_gram, lost * (own_along - own_gram[:, columns] @ common[there]))
+        for (own_gram, own_along), (columns, there) in zip(products, places, strict=True)
+    ]
 
 
 def _likelihood(

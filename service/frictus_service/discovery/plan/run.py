@@ -137,6 +137,7 @@ def of_study(
         tuple(subjects_of(rows, len(units.names))),
         setup.candidates,
         (),
+        people=units.held_out == "participants",
     )
     with threadpool_limits(limits=1):
         return programme, estimated(problem, rows, strength(programme.trials))

@@ -13,7 +13,7 @@ from frictus_hardware.physics.effects import EFFECTS, KNOWN
 from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.simulator import Probe, Simulator, predict
 from frictus_service.discovery.evidence.background import MAINS_HZ
-from frictus_service.discovery.evidence.evidence_rows import Subject
+from frictus_service.discovery.evidence.evidence_rows import Subject, as_asked
 from frictus_service.discovery.evidence.residuals import Compared
 from frictus_service.discovery.problem.base_models import ResponseName
 
@@ -58,6 +58,8 @@ class Pattern:
         subject : Subject
             The evidence of one unit.
         """
+        if self.form >= FORMS[self.covariate] - AS_ASKED.get(self.covariate, 0):
+            subject = as_asked(subject)
         probe = subject.trials if self.channel in ("line50", "line60", "low") else subject.rows
         shape = _shape(self, probe.circumstances)
         nothing = Compared.zeros(subject.tone.size, subject.measured.line50.size)
@@ -73,13 +75,18 @@ class Pattern:
 
 FORMS: Final[dict[Covariate, int]] = {
     "none": 1,
-    "speed": 2,
-    "force": 2,
+    "speed": 4,
+    "force": 4,
     "speed x force": 1,
     "minutes": 3,
     "direction": 1,
     "position": 2,
 }
+AS_ASKED: Final[dict[Covariate, int]] = {"speed": 2, "force": 2}
+"""The last forms: of what was asked for. Within a trial a finger's speed wanders by a few per
+cent, without the scatter of contacts, and so tells more than conditions do: what differs from
+condition to condition, but not so within them (a threshold between two speeds, skin that
+follows slowly), would be denied by it."""
 
 
 def scaled(covariate: Covariate, at: SlidingConditions) -> FloatArray:
@@ -110,8 +117,8 @@ def _shape(pattern: Pattern, at: SlidingConditions) -> FloatArray:
     position = scaled("position", at)
     shapes: dict[Covariate, tuple[FloatArray, ...]] = {
         "none": (np.ones_like(speed),),
-        "speed": (speed, speed**2),
-        "force": (force, force**2),
+        "speed": (speed, speed**2, speed, speed**2),
+        "force": (force, force**2, force, force**2),
         "speed x force": (speed * force,),
         "minutes": (time, time**2, np.sign(time) - 1.5 * time),
         "direction": (scaled("direction", at),),

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from frictus_hardware.arrays import BoolArray, FloatArray
+from frictus_hardware.arrays import BoolArray, FloatArray, IntArray
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.simulator import Simulator, predict
 from frictus_service.discovery.evidence.background import MAINS_HZ
@@ -45,6 +45,8 @@ class UnwhitenedUnit:
         Signatures of the effects in the model.
     deviating : ndarray, shape (n, n_deviating)
         Signatures of what deviates in each condition; of `n_kinds` kinds, which alternate.
+    condition : ndarray of int, shape (n_conditions,)
+        Number of each of these conditions; -1: it is no other unit's.
     n_kinds : int
         How many kinds deviate per condition.
     random_effects : ndarray, shape (n, n_random)
@@ -59,6 +61,7 @@ class UnwhitenedUnit:
     own: FloatArray
     chosen: FloatArray
     deviating: FloatArray
+    condition: IntArray
     n_kinds: int
     random_effects: FloatArray
     common: BoolArray
@@ -86,6 +89,9 @@ class DiscoveryProblem:
         Speeds at which the base model was found.
     differing : frozenset of str
         Effects in which units differ by chance: people do, folds of one recording do not.
+    people : bool
+        Units are people, and not blocks of trials of the same people: what a condition has in
+        all of them is no chance.
     """
 
     base: Simulator
@@ -96,6 +102,7 @@ class DiscoveryProblem:
     patterns: tuple[Pattern, ...]
     range_mm_s: tuple[float, float] = (20.0, 100.0)
     differing: frozenset[str] = RANDOM_EFFECTS
+    people: bool = True
 
     @property
     def random_effects(self) -> list[int]:
@@ -239,11 +246,13 @@ class DiscoveryProblem:
             blank = np.zeros((readings.size, 0))
             return np.column_stack([blank, *(signatures[effect] for effect in effects)])
 
+        condition, deviating = _by_condition(subject, mine[: DEVIATING[self.response]])
         raw = UnwhitenedUnit(
             readings + columns(there) @ at,
             np.column_stack(mine),
             columns(chosen),
-            _by_condition(subject, mine[: DEVIATING[self.response]]),
+            deviating,
+            condition if self.people else np.full(condition.size, -1),
             DEVIATING[self.response],
             columns(random),
             np.array([effect not in random for effect in chosen], dtype=np.bool_),
@@ -285,15 +294,18 @@ def _background(subject: Subject) -> list[Compared]:
     return [replace(Compared.zeros(subject.tone.size, force.size), low=force)]
 
 
-def _by_condition(subject: Subject, signatures: Sequence[FloatArray]) -> FloatArray:
-    """Return the signatures of each condition alone, kinds alternating, (n, n_conditions k)."""
+def _by_condition(
+    subject: Subject, signatures: Sequence[FloatArray]
+) -> tuple[IntArray, FloatArray]:
+    """Return the conditions, and the signatures of each alone, kinds alternating, (n, m k)."""
     condition = subject.condition[trials_of(subject.layout)]
+    numbers = np.unique(condition)
     columns = [
         np.where(condition == each, signature, 0.0)
-        for each in np.unique(condition)
+        for each in numbers
         for signature in signatures
     ]
-    return np.column_stack(columns)
+    return numbers, np.column_stack(columns)
 
 
 def as_accurate(columns: FloatArray, accuracy: FloatArray) -> FloatArray:

@@ -1,6 +1,6 @@
 """Scatters and deviations of conditions come back, and readings have unit variance after."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -58,8 +58,11 @@ def study(rng: np.random.Generator, scatters: FloatArray, deviations: FloatArray
         readings += rng.normal(0.0, scatters[kind])
         blank: FloatArray = np.zeros((N, 0))
         common = np.zeros(0, dtype=np.bool_)
+        every = np.arange(N_CONDITIONS)
         raws.append(
-            UnwhitenedUnit(readings, own, blank, deviating, 2, blank, common, np.zeros(N))
+            UnwhitenedUnit(
+                readings, own, blank, deviating, every, 2, blank, common, np.zeros(N)
+            )
         )
     return Study(N_UNITS * [layout], raws, scatters[kind])
 
@@ -103,6 +106,19 @@ def test_no_deviation_is_no_deviation(rng: np.random.Generator) -> None:
     for one in whiten(given.layouts, given.raws):
         assert np.all(one.shrink < 2.0)
         np.testing.assert_allclose(one(np.eye(N)), one(np.eye(N)).T, atol=1e-6 * one.weight[0])
+
+
+def test_what_a_condition_has_in_all_people_is_no_deviation(rng: np.random.Generator) -> None:
+    """It is a misfit. Of blocks of one person's trials nobody knows which of both it is."""
+    given = study(rng, np.array([0.02]), np.array([0.0, 0.035]))
+    step = np.append(np.zeros(2 * N_CONDITIONS - 2), [0.3, 0.0])
+    people = [replace(raw, readings=raw.readings + raw.deviating @ step) for raw in given.raws]
+    found = whiten(given.layouts, people)[0]
+    assert found.deviation[0] == 0.0
+    assert 0.02 <= found.deviation[1] <= 0.05
+    alone = np.full(N_CONDITIONS, -1)
+    blocks = [replace(raw, condition=alone) for raw in people]
+    assert whiten(given.layouts, blocks)[0].deviation[0] > 0.05
 
 
 def test_outliers_change_little(rng: np.random.Generator) -> None:
