@@ -27,7 +27,7 @@ from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, 
 from frictus_service.calibration.plan import Ask, plan_of
 from frictus_service.calibration.rehearsal import rehearse
 from frictus_service.calibration.session import Cue, TrialSession, span_of, status_of
-from frictus_service.errors import CaptureError, Exclusion, FieldError
+from frictus_service.errors import CaptureError, EstimateError, Exclusion, FieldError
 from frictus_service.identification.observation.observe import observe
 from frictus_service.identification.observation.response import TrialObservations
 from frictus_service.study.plausible import check_measured
@@ -257,17 +257,22 @@ class CalibrationRun:
         self.tell("done", "estimating the model")
         done = self._kept.done
         excluded = self._kept.merge(self._study)
-        result = conclude(
-            self._spec,
-            self._observations(),
-            done,
-            self._plan.left_out(done),
-            self._kept.study,
-            excluded,
-        )
+        sensors, notes = self._sensors
+        try:
+            result = conclude(
+                self._spec,
+                self._observations(),
+                done,
+                self._plan.left_out(done),
+                self._kept.study,
+                excluded,
+            )
+        except EstimateError as error:  # often because a sensor lies otherwise than configured
+            if sensors is None or not notes:
+                raise
+            raise EstimateError("; ".join((str(error), *notes))) from error
         self._precision = result.precision
         self.tell("done", "estimating the model")
-        sensors, notes = self._sensors
         details: dict[str, Any] = {"sensors": sensors}
         if self._spec.protocol.kind != "paper":
             accepted = {trial.id for trial in done if not trial.rejected}

@@ -2,6 +2,8 @@
 
 import itertools
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,9 +11,12 @@ import pytest
 from frictus_service.calibration import conclusion
 from frictus_service.calibration.conclusion import WIDER, conclude, why_wider
 from frictus_service.calibration.coordinates import Prior
+from frictus_service.calibration.folder import CalibrationFolder
 from frictus_service.calibration.job import CalibrationSpec, PaperProtocol, QuickProtocol
 from frictus_service.calibration.posterior import Posterior, estimate
 from frictus_service.calibration.precision import Variation, draw, paper_asks
+from frictus_service.calibration.run import CalibrationRun
+from frictus_service.errors import EstimateError
 
 from .test_posterior import STEADY, asks_of, somebody
 
@@ -65,3 +70,21 @@ def test_unseen_trials_are_met_by_the_estimate_that_made_the_model(
     result = conclude(spec, trials, (), (), tmp_path / "study.h5", ())
     held = result.details["diagnostics"]["held_out"]
     assert held["in_sample_db"] < held["held_out_db"] < held["placeholder_db"]
+
+
+def test_trials_that_give_no_law_say_which_sensor_lies_otherwise(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec = CalibrationSpec(rig="rig", participant="p", seed=1)
+    status: Any = SimpleNamespace(screen_mm=(70.0, 35.0), screen_peak_v=75.0)
+    run = CalibrationRun(
+        spec, CalibrationFolder.open(tmp_path / "it", spec), status, None, lambda _: None
+    )
+    monkeypatch.setattr(CalibrationFolder, "merge", lambda *_: [])
+    run._sensors = {"seconds": 20.0}, ("the force sensor lies the other way round: turn it",)
+    with pytest.raises(EstimateError, match=r"none of 0 trials.*lies the other way round"):
+        run.conclude()
+    run._sensors = None, ("whether the sensors lie as configured is unknown",)
+    with pytest.raises(EstimateError, match="none of 0 trials") as caught:
+        run.conclude()
+    assert "unknown" not in str(caught.value)
