@@ -36,7 +36,11 @@ def verdict_sentence(found: Discovery) -> str:
     if found.verdict is None:
         return "Nothing could be tested, so nothing is said of the base model."
     if found.verdict == "clean":
-        return "The base model explains these data: nothing that it gets wrong is reproducible."
+        units = "people" if found.held_out == "participants" else "blocks"
+        return (
+            "The base model explains these data: nothing that it gets wrong is reproducible in "
+            f"the mean over {units}. Whether it is wrong of some of them alone is not tested."
+        )
     if found.verdict == "characterised":
         more = f" More is left{_where(found)}." if found.unexplained else ""
         return (

@@ -131,7 +131,10 @@ def test_without_anything_to_test_it_still_stands(rng: np.random.Generator) -> N
 @pytest.mark.parametrize(
     ("verdict", "said"),
     [
-        ("clean", "explains these data"),
+        (
+            "clean",
+            "explains these data: nothing that it gets wrong is reproducible in the mean",
+        ),
         ("explained", "say why: speed dependent cutoff. Nothing else is left."),
         ("partly_explained", "140 to 220 Hz, by position"),
         ("unexplained", "no known cause explains it, most clearly in size, 140 to 220 Hz"),
