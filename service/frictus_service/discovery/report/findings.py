@@ -36,7 +36,8 @@ def verdict_sentence(found: Discovery) -> str:
     if found.verdict is None:
         return "Nothing could be tested, so nothing is said of the base model."
     if found.verdict == "clean":
-        units = "people" if found.held_out == "participants" else "blocks"
+        blocks = found.evidence is not None and found.evidence.held_out == "blocks"
+        units = "blocks" if blocks else "people"
         return (
             "The base model explains these data: nothing that it gets wrong is reproducible in "
             f"the mean over {units}. Whether it is wrong of some of them alone is not tested."
