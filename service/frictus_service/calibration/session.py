@@ -284,8 +284,6 @@ class TrialSession:
     def _check(self, heard: StreamReader, lease: Lease | None) -> None:
         if self._cancelled():
             raise CancelledError("cancelled; the finished trials are kept")
-        if lease is None:
-            self._check_stop()
         # The blocks tell in which sample the drive went; the lease tells why, a little later.
         gone = heard.was_armed and not heard.armed
         if lease is not None and (gone or lease.lost):
@@ -295,18 +293,19 @@ class TrialSession:
                 f"rig {self._rig.name} took the lease away: {reason}. The finished trials are "
                 "kept; start the calibration again once the cause is gone"
             )
+        self._check_stop()
 
     def _last_stop(self) -> LastCall | None:
         return self._rig.status().last_calls.get("stop")
 
     def _check_stop(self) -> None:
-        """Refuse to drive the screen where somebody has stopped the rig between trials."""
+        """End where somebody has stopped the rig, also while nothing was driven."""
         stop = self._last_stop()
         if stop is not None and stop != self._former_stop:
             who = spoken_name(stop.client) if stop.client else "somebody"
             raise CalibrationError(
-                f"rig {self._rig.name} was stopped by {who} between two trials. The finished "
-                "trials are kept; start the calibration again once the cause is gone"
+                f"rig {self._rig.name} was stopped by {who}. The finished trials are kept; "
+                "start the calibration again once the cause is gone"
             )
 
     def _guide(

@@ -156,7 +156,9 @@ def test_who_does_not_hold_the_rig_is_told_who_does_and_may_only_stop(
     assert ended.by.startswith("local.page-")
     expect(apply).to_be_enabled()
     with lab.rig.arm(share_with=["local"]):
-        expect(page.locator("#owner")).to_have_text("Held by tester, shared with everybody here")
+        expect(page.locator("#owner")).to_have_text(
+            "Held by tester, shared with everybody here"
+        )
         expect(apply).to_be_enabled()
         feel.click()
         expect(part(page, "Preview")).to_contain_text("vinyl is on rig1: ")
