@@ -146,7 +146,7 @@ class WindowCutter:
         span = np.stack([around, around + self._length // 10])
         self._span = np.clip(span, 0, self._length - 1)
         self._hold = hold(frequency_hz, sample_rate_hz)
-        self._mounted = None if mount is None else ThroughMount(mount, sample_rate_hz)
+        self._mounted = ThroughMount(mount, sample_rate_hz)
         self._passing = self._hold * self.bands.passing
         self._parts: list[AlignedSamples] = []
         self._used = 0  # samples of the first part
@@ -169,12 +169,9 @@ class WindowCutter:
             else:
                 self.contact += 1
             self._run, self._parts, self._used, self._held = part.run, [], 0, 0
-            if self._mounted is not None:
-                self._mounted.begin()
+            self._mounted.begin()
         drive = drive_fraction(part.data["voltage"][0].astype(np.float64), self.screen_peak_v)
-        passed = drive
-        if self._mounted is not None:
-            passed = self._mounted.take(drive[:, np.newaxis])[:, 0]
+        passed = self._mounted.take(drive[:, np.newaxis])[:, 0]
         both = np.stack([drive, passed]).astype(np.float32)
         self._parts.append(replace(part, data={**part.data, DRIVE: both}))
         self._held += part.data["force"].shape[1]
@@ -217,7 +214,7 @@ class WindowCutter:
         for flag, reason in SPOILT.items():
             if flags & flag:
                 return reason
-        used = (data["force"], data["voltage"], data["render"][:3])
+        used = (data["force"], data[DRIVE], data["render"][:3])
         if not all(np.isfinite(rows).all() for rows in used):
             return "samples are not numbers"
         if data["force"][2].mean() < PRESSED_N:

@@ -3,6 +3,7 @@
 import re
 import threading
 from multiprocessing import Pipe
+from multiprocessing.connection import Connection
 
 import numpy as np
 import pytest
@@ -57,13 +58,20 @@ def test_what_is_compiled_is_told_and_what_is_there_is_not() -> None:
     assert len(functions) == 2
 
 
-def test_what_compiles_is_said_now_and_then_and_what_is_begun_at_once() -> None:
+def starting(said: list[str]) -> tuple[list[float], Supervisor, Connection]:
+    """Return a supervisor of a rig that starts, its clock, s, and where the rig tells it."""
     clock_s = [0.0]
-    said: list[str] = []
     supervisor = Supervisor(Config(), ("rig",), say=said.append)
     part = supervisor._parts["rig"]
     part.progress = StartProgress(lambda: clock_s[0])
     part.told, telling = Pipe(duplex=False)
+    return clock_s, supervisor, telling
+
+
+def test_what_compiles_is_said_now_and_then_and_what_is_begun_at_once() -> None:
+    said: list[str] = []
+    clock_s, supervisor, telling = starting(said)
+    part = supervisor._parts["rig"]
 
     def tell(at_s: float, what: str, line: str) -> None:
         clock_s[0] = at_s
@@ -87,12 +95,9 @@ def test_what_compiles_is_said_now_and_then_and_what_is_begun_at_once() -> None:
 
 
 def test_a_supervisor_waits_for_a_part_that_moves_and_names_the_one_that_does_not() -> None:
-    clock_s = [0.0]
     said: list[str] = []
-    supervisor = Supervisor(Config(), ("rig",), say=said.append)
+    clock_s, supervisor, telling = starting(said)
     part = supervisor._parts["rig"]
-    part.progress = StartProgress(lambda: clock_s[0])
-    part.told, telling = Pipe(duplex=False)
     for clock_s[0] in (50.0, 100.0, 150.0):
         telling.send(("moved", "compiling mix"))
         supervisor._listen(part)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from frictus_hardware.arrays import ComplexArray, FloatArray, IntArray
 from frictus_hardware.physics.linear import TransferFunction
-from frictus_service.identification.observation.through_mount import remainder
+from frictus_service.identification.observation.through_mount import ThroughMount
 
 WINDOW_S: Final = 0.1
 PER_OCTAVE: Final = 6
@@ -31,7 +31,7 @@ class Bands:
     band : ndarray of int, shape (n_frequencies,)
         Rising.
     passing : ndarray of complex, shape (n_frequencies,)
-        What the mount is over what `through_mount.sent_through` does to samples.
+        What the mount is over what `ThroughMount` does to samples.
     """
 
     centre_hz: FloatArray
@@ -60,7 +60,7 @@ class Bands:
         within &= _bend(mount, every, sample_rate_hz / window) <= MOST_BEND
         _, band = np.unique(number[within], return_inverse=True)
         centre = np.bincount(band, every[within]) / np.bincount(band)
-        passing = remainder(mount, sample_rate_hz, every[within])
+        passing = ThroughMount(mount, sample_rate_hz).remainder(every[within])
         return cls(centre, every[within], band.astype(np.int64), passing)
 
     @property

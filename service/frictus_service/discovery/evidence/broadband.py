@@ -13,7 +13,7 @@ Bendat and Piersol, Random Data, chapters 6 and 9: H1, its variance, chance cohe
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -31,7 +31,7 @@ from frictus_service.identification.observation.response import (
     drive_fraction,
 )
 from frictus_service.identification.observation.sweeps import SweepThird
-from frictus_service.identification.observation.through_mount import sent_through
+from frictus_service.identification.observation.through_mount import ThroughMount
 from frictus_service.study.trial import StudyInfo, Trial
 
 CHANCE: Final = 1e-3
@@ -177,7 +177,10 @@ class _Channels:
     @classmethod
     def of(cls, trial: Trial, study: StudyInfo) -> "_Channels":
         """Return the channels of a trial."""
-        through = partial(sent_through, study.mount, trial.info.sample_rate_hz)
+
+        def through(samples: FloatArray) -> FloatArray:
+            return ThroughMount(study.mount, trial.info.sample_rate_hz).take(samples)
+
         skin, drive = trial.skin_velocity_m_s, None
         if trial.accel_m_s2 is not None:
             skin = trial.accel_m_s2[:, :2]

@@ -14,7 +14,12 @@ import numpy as np
 
 from frictus_hardware.arrays import FloatArray, IntArray
 from frictus_service.discovery.evidence.residuals import Layout, by_kind, huber, scatters
-from frictus_service.discovery.inference.linear_model import LEAST_SHARE, orthonormal
+from frictus_service.discovery.inference.linear_model import (
+    LEAST_SHARE,
+    ROUNDING,
+    inverse_of,
+    orthonormal,
+)
 from frictus_service.discovery.inference.significance import (
     RandomEffects,
     estimate_random_effects,
@@ -253,7 +258,7 @@ def _beside_common(
         gram[np.ix_(there, there)] += own_gram[np.ix_(columns, columns)]
         along[there] += own_along[columns]
         places.append((columns, there))
-    common = np.linalg.lstsq(gram, along, rcond=1e-9)[0]
+    common = inverse_of(gram, ROUNDING) @ along
     lost = np.sqrt(len(products) / (len(products) - 1.0))  # the mean is theirs
     return [
         (own_gram, lost * (own_along - own_gram[:, columns] @ common[there]))

@@ -21,24 +21,25 @@ RINGS_S: Final = 0.1
 
 
 class ThroughMount:
-    """Sends channels through a mount, part by part.
+    """Sends channels through a mount, part by part; without a mount they stay as they are.
 
     Parameters
     ----------
-    mount : TransferFunction
+    mount : TransferFunction or None
         Between screen and force sensor, lateral, force to force.
     sample_rate_hz : float
         Samples per second of the channels.
     """
 
-    def __init__(self, mount: TransferFunction, sample_rate_hz: float) -> None:
-        self._filter = linear.sample(mount, sample_rate_hz)
-        self._settled = round(SETTLED_S * sample_rate_hz)
-        self._state: FloatArray | None = None
+    def __init__(self, mount: TransferFunction | None, sample_rate_hz: float) -> None:
+        self._mount, self._rate_hz = mount, sample_rate_hz
+        self._filter = None if mount is None else linear.sample(mount, sample_rate_hz)
+        self.begin()
 
     def begin(self) -> None:
         """Forget what was sent through so far."""
-        self._state = None
+        self._state: FloatArray | None = None
+        self._lacked: FloatArray | float = -np.inf  # place of what was missing last
 
     def take(self, samples: FloatArray) -> FloatArray:
         """Return samples through the mount; before the first they stood at its values.
@@ -46,60 +47,36 @@ class ThroughMount:
         Parameters
         ----------
         samples : ndarray, shape (n_samples, n_channels)
-            What follows on what was taken before; none missing.
+            What follows on what was taken before; NaN where missing.
+
+        Returns
+        -------
+        ndarray, shape (n_samples, n_channels)
+            NaN also for `RINGS_S` after what is missing.
         """
+        if self._filter is None or not samples.size:
+            return samples
+        lacking = ~np.isfinite(samples)
+        known = np.where(lacking, 0.0, samples)
         if self._state is None:
-            still = np.repeat(samples[:1], self._settled, axis=0)
+            still = np.repeat(known[:1], round(SETTLED_S * self._rate_hz), axis=0)
             _, self._state = self._filter.run(still, self._filter.at_rest(samples.shape[1]))
-        passed, self._state = self._filter.run(samples, self._state)
+        passed, self._state = self._filter.run(known, self._state)
+        if lacking.any() or np.any(self._lacked > -np.inf):
+            place = np.arange(float(samples.shape[0]))[:, np.newaxis]
+            last = np.maximum.accumulate(np.where(lacking, place, self._lacked), axis=0)
+            passed[place - last <= RINGS_S * self._rate_hz] = np.nan
+            self._lacked = last[-1] - samples.shape[0]
         return passed
 
+    def remainder(self, frequency_hz: FloatArray) -> ComplexArray:
+        """Return what the mount is over what is done to samples, smooth, shape (n,).
 
-def remainder(
-    mount: TransferFunction | None, sample_rate_hz: float, frequency_hz: FloatArray
-) -> ComplexArray:
-    """Return what a mount is over what `ThroughMount` does to samples, smooth, shape (n,).
-
-    Parameters
-    ----------
-    mount : TransferFunction or None
-        None: 1 throughout.
-    sample_rate_hz : float
-        Samples per second.
-    frequency_hz : ndarray, shape (n,)
-    """
-    if mount is None:
-        return np.ones(frequency_hz.size, dtype=np.complex128)
-    sampled = linear.sample(mount, sample_rate_hz)
-    done = sampled.frequency_response(frequency_hz / sample_rate_hz)
-    return mount.frequency_response(frequency_hz) / done
-
-
-def sent_through(
-    mount: TransferFunction | None, sample_rate_hz: float, samples: FloatArray
-) -> FloatArray:
-    """Return whole channels through a mount.
-
-    Parameters
-    ----------
-    mount : TransferFunction or None
-        None: as they are.
-    sample_rate_hz : float
-        Samples per second.
-    samples : ndarray, shape (n_samples, n_channels)
-        NaN where missing.
-
-    Returns
-    -------
-    ndarray, shape (n_samples, n_channels)
-        NaN also for `RINGS_S` after what is missing.
-    """
-    if mount is None or not samples.size:
-        return samples
-    lacking = ~np.isfinite(samples)
-    passed = ThroughMount(mount, sample_rate_hz).take(np.where(lacking, 0.0, samples))
-    if lacking.any():
-        known = np.arange(samples.shape[0])[:, np.newaxis]
-        last = np.maximum.accumulate(np.where(lacking, known, -samples.shape[0]), axis=0)
-        passed[known - last <= RINGS_S * sample_rate_hz] = np.nan
-    return passed
+        Parameters
+        ----------
+        frequency_hz : ndarray, shape (n,)
+        """
+        if self._mount is None or self._filter is None:
+            return np.ones(frequency_hz.size, dtype=np.complex128)
+        done = self._filter.frequency_response(frequency_hz / self._rate_hz)
+        return self._mount.frequency_response(frequency_hz) / done

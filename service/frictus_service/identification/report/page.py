@@ -204,28 +204,25 @@ def _on_laws(
         for p in participants
         if p.friction and p.friction.law and fitted[p.participant] == 2
     ]
-    certain = (
-        [
-            f"The speed law of {', '.join(through_two)} is a line through two conditions: how "
-            "far conditions lie from it cannot be estimated, and the intervals of cutoff and "
-            "slope of one person hold the noise of the trials alone. They are too narrow where "
-            "the contact differs between conditions; measure a third speed or a second force."
-        ]
-        if through_two
-        else []
-    )
     negative = [
         p.participant
         for p in participants
         if p.friction and p.friction.law and p.friction.law.cutoff_0_hz.value <= 0.0
     ]
-    if not negative:
-        return certain
-    return [
-        *certain,
-        f"The cutoff of {', '.join(negative)}, continued to rest, is not positive: their laws "
-        "hold between the measured speeds and cannot be stored as models.",
-    ]
+    out = []
+    if through_two:
+        out.append(
+            f"The speed law of {', '.join(through_two)} is a line through two conditions: how "
+            "far conditions lie from it cannot be estimated, and the intervals of cutoff and "
+            "slope of one person hold the noise of the trials alone. They are too narrow where "
+            "the contact differs between conditions; measure a third speed or a second force."
+        )
+    if negative:
+        out.append(
+            f"The cutoff of {', '.join(negative)}, continued to rest, is not positive: their "
+            "laws hold between the measured speeds and cannot be stored as models."
+        )
+    return out
 
 
 EXAMPLE_SPEED_MM_S, EXAMPLE_FORCE_N = 40.0, 0.2

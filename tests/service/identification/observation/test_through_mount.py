@@ -6,8 +6,6 @@ from frictus_hardware.physics.linear import Mount
 from frictus_service.identification.observation.through_mount import (
     RINGS_S,
     ThroughMount,
-    remainder,
-    sent_through,
 )
 
 RATE_HZ = 20_000.0
@@ -23,7 +21,7 @@ def test_in_a_long_spectrum_it_is_the_mount(rng: np.random.Generator) -> None:
     passed = np.concatenate([through.take(part) for part in np.split(given, 20)])
     at, taper = np.rint(frequency_hz * 10.0).astype(int), np.hanning(len(given))
     before, after = (np.fft.rfft(taper * each[:, 0])[at] for each in (given, passed))
-    left = remainder(MOUNT, RATE_HZ, frequency_hz)
+    left = through.remainder(frequency_hz)
     assert np.all(np.abs(np.abs(left) - 1.0) < 0.04)
     expected = MOUNT.frequency_response(frequency_hz)
     np.testing.assert_allclose(after * left / before, expected, rtol=5e-3)
@@ -39,10 +37,11 @@ def test_before_it_began_everything_stood(rng: np.random.Generator) -> None:
 
 def test_after_a_gap_nothing_is_known_while_it_rings(rng: np.random.Generator) -> None:
     given = rng.standard_normal((20_000, 2))
-    whole = sent_through(MOUNT, RATE_HZ, given)
+    whole = ThroughMount(MOUNT, RATE_HZ).take(given)
     gap = given.copy()
     gap[5_000:5_010, 1] = np.nan
-    found = sent_through(MOUNT, RATE_HZ, gap)
+    through = ThroughMount(MOUNT, RATE_HZ)
+    found = np.concatenate([through.take(part) for part in np.split(gap, 25)])
     np.testing.assert_array_equal(found[:, 0], whole[:, 0])
     rings = round(RINGS_S * RATE_HZ)
     np.testing.assert_array_equal(
@@ -54,5 +53,6 @@ def test_after_a_gap_nothing_is_known_while_it_rings(rng: np.random.Generator) -
 
 def test_without_a_mount_nothing_is_changed(rng: np.random.Generator) -> None:
     given = rng.standard_normal((100, 1))
-    assert sent_through(None, RATE_HZ, given) is given
-    np.testing.assert_array_equal(remainder(None, RATE_HZ, np.array([40.0])), 1.0)
+    through = ThroughMount(None, RATE_HZ)
+    assert through.take(given) is given
+    np.testing.assert_array_equal(through.remainder(np.array([40.0])), 1.0)
