@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from importlib.metadata import version
+from typing import Final
 
 import numpy as np
 
@@ -36,12 +37,19 @@ from frictus_service.identification.plausibility.finding import (
     leave_out,
     stop_if_implausible,
 )
+from frictus_service.identification.plausibility.judge import without_skin
 from frictus_service.identification.report.overview import population_of
 from frictus_service.identification.report.page import account_for, notes_on
 from frictus_service.identification.report.results import (
     conditions_of,
     participants_of,
     sweeps_of,
+)
+
+
+NO_SKIN: Final = (
+    "Nothing was fitted to the skin: what its sensor reports cannot be, as said below. Friction "
+    "does not need it."
 )
 
 
@@ -65,7 +73,8 @@ def identify(
     unreadable : sequence of Exclusion
         Trials of the study of which there are no observations.
     findings : sequence of Finding
-        Of `judge_study`; those that stop raise, the others become notes.
+        Of `judge_study`; those that stop raise, the others become notes. Where the skin's
+        sensor alone stops, friction is identified, and the skin is not.
     settings : Settings or None
 
     Raises
@@ -75,7 +84,11 @@ def identify(
     NothingToIdentifyError
         If no trial can be used.
     """
+    stopped = any(each.severity == "stop" for each in findings)
+    findings = without_skin(findings) if stopped else findings
     stop_if_implausible(findings, path)
+    if stopped:  # by the skin's sensor, which friction does not need
+        observations = [each.without_mobility() for each in observations]
     observations = leave_out(observations, findings)
     settings = settings or Settings()
     table = ObservationTable.of(observations)
@@ -110,6 +123,7 @@ def identify(
         pairs=tuple(pairs_of(values, measured)),
         correlations=tuple(correlations_of(values, measured, table.participants)),
         notes=(
+            *((NO_SKIN,) if stopped else ()),
             *(f"{finding.text}." for finding in findings),
             *notes_on(summary, conditions, participants, centre),
         ),

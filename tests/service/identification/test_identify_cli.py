@@ -76,22 +76,43 @@ def test_no_valid_trial_is_a_sentence_and_a_code(study: Path, tmp_path: Path) ->
     assert not (tmp_path / "o" / "report.html").exists()
 
 
-def test_a_turned_accelerometer_is_a_sentence_and_a_code(study: Path, tmp_path: Path) -> None:
+def turn(study: Path, name: str) -> None:
+    """Turn the sign of a channel of all trials."""
     with h5py.File(study, "r+") as file:
         for trial in file["trials"].values():
             trial.attrs.pop("sha256", None)
-            samples = trial["accel_m_s2"]
+            samples = trial[name]
             if "scale" in samples.attrs:
                 samples.attrs["scale"] = -samples.attrs["scale"]
             else:
                 samples[...] = -samples[...]
+
+
+def test_a_turned_force_is_a_sentence_and_a_code(study: Path, tmp_path: Path) -> None:
+    turn(study, "force_n")
     code, told, progress = run(str(study), "--out", str(tmp_path / "o"), "--workers", "0")
     assert code == 2
     assert not told
-    assert "velocity or force has the wrong sign" in progress
-    assert "To do: turn accel_m_s2 or skin_velocity_m_s along x" in progress
+    assert "nothing was fitted" in progress
+    assert "force_n" in progress
     assert not (tmp_path / "o" / "report.html").exists()
     assert not (tmp_path / "o" / "models").exists()
+
+
+def test_a_turned_accelerometer_leaves_friction(study: Path, tmp_path: Path) -> None:
+    options = ("--workers", "0", "--json")
+    _, right, _ = run(str(study), "--out", str(tmp_path / "right"), *options)
+    turn(study, "accel_m_s2")
+    code, told, _ = run(str(study), "--out", str(tmp_path / "turned"), *options)
+    assert code == 0
+    before, after = json.loads(right), json.loads(told)
+    assert "Nothing was fitted to the skin" in after["notes"][0]
+    assert "velocity or force has the wrong sign" in after["notes"][1]
+    assert "turn accel_m_s2 or skin_velocity_m_s along x" in after["notes"][1]
+    for was, now in zip(before["participants"], after["participants"], strict=True):
+        assert now["friction"] == was["friction"]
+        assert was["mobility"] is not None
+        assert now["mobility"] is None
 
 
 def test_a_file_that_is_no_study_is_refused(tmp_path: Path) -> None:

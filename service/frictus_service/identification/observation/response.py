@@ -1,7 +1,7 @@
 """What one trial says: responses at its tones, friction to drive and velocity to friction."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -90,6 +90,12 @@ class TrialObservations:
     mean_force_n: float
     rows: ResponseRows
     measured_sha256: str = ""
+
+    def without_mobility(self) -> "TrialObservations":
+        """Return what the trial says of friction alone."""
+        unknown = np.full(self.rows.mobility.shape, np.nan)
+        rows = replace(self.rows, mobility=unknown + 0j, mobility_variance=unknown)
+        return replace(self, rows=rows)
 
 
 def drive_fraction(voltage_v: FloatArray, screen_peak_v: float) -> FloatArray:
