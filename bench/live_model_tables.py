@@ -1,7 +1,7 @@
 """Tables of the campaign of a model that follows its finger, in markdown."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -157,9 +157,20 @@ NULLS: Final = {
 
 def nulls(lines: list[Line]) -> str:
     """Return by how much a model that was right became worse, and the alarms."""
+    return _against_the_first(lines, {f"null/{which}/": told for which, told in NULLS.items()})
+
+
+def turns(lines: list[Line]) -> str:
+    """Return how the model in force fares where two people take turns without notice."""
+    told = {"right": "the first person's own", "placeholder": "the placeholder"}
+    return _against_the_first(lines, {f"turns/{which}/": it for which, it in told.items()})
+
+
+def _against_the_first(lines: list[Line], kinds: Mapping[str, str]) -> str:
+    """Return by how much the model in force was worse than that of the beginning."""
     rows = []
-    for which, told in NULLS.items():
-        found = Sessions(lines, f"null/{which}/")
+    for kind, told in kinds.items():
+        found = Sessions(lines, kind)
         alarms = found.count(lambda line: line["named"])
         rows.append(
             [
@@ -180,7 +191,7 @@ def nulls(lines: list[Line]) -> str:
             ]
         )
     header = (
-        *("the finger, sessions", "median in time", "95 % in time", "worst in time"),
+        *("sessions", "median in time", "95 % in time", "worst in time"),
         *("time above 0.02 dB", "mean", "changes", "sessions with an alarm"),
     )
     return table(header, rows)

@@ -38,6 +38,7 @@ def main() -> None:
         nulls=tables.nulls(lines),
         drifts=tables.drifts(lines),
         followed=tables.followed(lines),
+        turns=tables.turns(lines),
         causes=tables.causes(lines),
         rig=tables.harm(lines, "rig", live_model.RIG),
         faults=tables.harm(lines, "fault", FAULTS),

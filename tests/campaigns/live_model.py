@@ -68,6 +68,8 @@ RIG: Final = {
 }
 EDGES: Final = ("audit", "carried", "live", "process", "recorded")
 """Modules that bring the tracker samples from elsewhere: no session here runs them."""
+TURN_S: Final = 20.0
+"""So long two people take turns."""
 STARTS: Final = ("right", "placeholder")
 """The model in force at the beginning: the person's own, or that of nobody."""
 RIG_STARTS: Final = (*STARTS, "later")
@@ -86,6 +88,7 @@ def names(times: int) -> list[str]:
         ("learn", [f"{texture}/{factor}" for texture in TEXTURES for factor in FACTORS]),
         ("moisture", [""] * 3),
         ("new_finger", [""] * 5),
+        ("turns", STARTS),
         ("rig", [f"{id_}/{start}" for id_ in RIG for start in RIG_STARTS]),
         ("fault", [f"{id_}/{start}" for id_ in FAULTS for start in STARTS]),
         ("drift", [""]),
@@ -139,6 +142,14 @@ def plan_of(name: str, seed: int) -> SessionPlan:
             plan,
             policy="observe" if which[0] == "scatter_observe" else "adapt",
             disturbance=WithinPerson(seed),
+            lift_probability=LIFTS,
+        )
+    if kind == "turns":
+        return replace(
+            plan,
+            seconds=6.0 * TURN_S,
+            first=plan.first if which[0] == "right" else placeholder_model(),
+            disturbance=NewFinger(draw_participant(rng), TURN_S, TURN_S),
             lift_probability=LIFTS,
         )
     if kind in ("rig", "fault"):

@@ -65,6 +65,24 @@ def test_a_finger_that_changes_without_notice_is_noticed() -> None:
     assert moments[70].in_force_db < 0.05 < moments[100].in_force_db
 
 
+def test_a_finger_that_changes_brings_back_the_model_that_was_set() -> None:
+    """Followed from the placeholder, then another's: no longer by the model of the first."""
+    plan = replace(
+        PLAN,
+        seconds=24.0,
+        first=model_of(PERSON),
+        disturbance=NewFinger(scaled(PERSON, 0.5, 0.6), 0.0, 12.0),
+    )
+    loop = ClosedLoop(plan)
+    moments = list(loop)
+    followed = next(moment.at_s for moment in moments if moment.changed)
+    back = next(moment for moment in moments if moment.at_s > 12.0 and moment.changed)
+    assert followed < 12.0
+    assert moments[110].in_force_db < 0.2
+    assert back.in_force_db == back.first_db == 0.0
+    assert back.at_s < loop.new_fingers[-1]  # long before it is sure
+
+
 def test_what_is_predicted_is_close_to_what_is_known() -> None:
     config = config_of(PLAN)
     known, predicted = KnownMotion(config), PredictedPath(config, 2.0)

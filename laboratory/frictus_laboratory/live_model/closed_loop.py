@@ -17,6 +17,7 @@ import numpy as np
 from frictus.aligned import AlignedSamples
 from frictus.block import Flag
 from frictus.messages import TouchState
+from frictus.model import Model
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.compiled import compiled
 from frictus_hardware.physics.linear import Mount
@@ -46,6 +47,7 @@ from frictus_service.tracking.policy import (
     Circumstances,
     adapted,
     follows_a_contact,
+    goes_back,
     held_back,
 )
 from frictus_service.tracking.touch_motion import TouchedSamples
@@ -284,7 +286,9 @@ class ClosedLoop:
                 self.named.setdefault(cause, end_s)
         if self.tracker.new_fingers > len(self.new_fingers):
             self.new_fingers.append(end_s)
-        asked = self._plan.policy == "adapt" and (updated or self.tracker.lifted)
+        asked = self._plan.policy == "adapt" and (
+            updated or self.tracker.lifted or self.tracker.doubted
+        )
         changed = asked and self._adapt(end_s)
         self.arithmetic_s += time.process_time() - began
         if changed:
@@ -296,10 +300,13 @@ class ClosedLoop:
         now = Circumstances(
             since_change_s=end_s - self.changes[-1] if self.changes else np.inf,
             returning=self.tracker.lifted and follows_a_contact(self._model),
+            doubted=self.tracker.doubted and self._model is not self._plan.first,
             watched=self.tracker.watched,
             watched_before=self.tracker.watched_before,
             suspected=self.tracker.suspected,
         )
+        if goes_back(now):
+            return self._change_to(self._plan.first, end_s)
         try:
             why = held_back(
                 estimate,
@@ -309,14 +316,15 @@ class ClosedLoop:
                 NOT_FITTED & set(self._alarms),
                 now,
             )
-            model = (
-                self._model if why else adapted(self._model, estimate, self.tracker.provenance)
-            )
+            if not why:
+                model = adapted(self._model, estimate, self.tracker.provenance)
+                return self._change_to(model, end_s)
         except EstimateError as error:
-            why, model = str(error), self._model
-        if why:
-            self.held[_kind_of(why)] += 1
-            return False
+            why = str(error)
+        self.held[_kind_of(why)] += 1
+        return False
+
+    def _change_to(self, model: Model, end_s: float) -> bool:
         self._model = model
         self.changes.append(end_s)
         self._put_in_force(f"change {len(self.changes)}")

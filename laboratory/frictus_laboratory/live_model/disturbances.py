@@ -180,14 +180,18 @@ class NewFinger(Disturbance):
         Whose.
     at_s : float
         From when on.
+    every_s : float
+        From then on the two take turns, each so long.
     """
 
     other: SimulatedParticipant
     at_s: float
+    every_s: float = math.inf
 
     def person(self, person: SimulatedParticipant, span: SessionSpan) -> SimulatedParticipant:
         """Return whose finger it is now."""
-        return person if span.at_s < self.at_s else self.other
+        turns = (span.at_s - self.at_s) // self.every_s
+        return self.other if turns >= 0.0 and turns % 2.0 == 0.0 else person
 
 
 @dataclass(frozen=True, slots=True)

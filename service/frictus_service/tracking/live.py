@@ -43,6 +43,7 @@ from frictus_service.tracking.policy import (
     adapted,
     difference_db,
     follows_a_contact,
+    goes_back,
     held_back,
 )
 from frictus_service.tracking.touch_motion import TouchedSamples
@@ -60,6 +61,7 @@ ROWS: Final = {
 CHANGES: Final = 16
 """The newest changes of the model that are told."""
 PUT_BACK: Final = "put back as it was set"
+ANOTHER_FINGER: Final = "put back as it was set: the finger seems another"
 GUIDED: Final = ("approach", "record")
 """Phases of a guided trial."""
 
@@ -118,7 +120,7 @@ class LiveTracker:
         ]
         self._touched = TouchedSamples()
         self._model: ModelState | None = None
-        self._as_set: str | None = None  # etag of the model before it was adapted
+        self._as_set: ModelState | None = None  # before it was adapted, where that was heard
         self._scene: SceneState | None = None
         self._guided_s = self._changed_s = self._felt_s = -float("inf")
         self._changes: deque[ModelChange] = deque(maxlen=CHANGES)
@@ -230,9 +232,9 @@ class LiveTracker:
         if old is not None and new.etag == old.etag:
             return
         self._changed_s = self._monotonic_s()
-        put_back = self._as_set is not None and new.etag == self._as_set
+        put_back = self._as_set is not None and new.etag == self._as_set.etag
         if old is None or not (put_back or new.adapted_from == old.etag):
-            self._as_set = new.etag if new.adapted_from is None else None
+            self._as_set = new if new.adapted_from is None else None
             prior = Prior.of_person(new.model, self._population)
             self.tracker.begin_anew(prior, new.model.participant)
         elif (change := _change(old, new)) is not None:
@@ -260,9 +262,13 @@ class LiveTracker:
         """Have the model follow the finger where it may, and tell what is known."""
         self._write_down()
         state = self.tracker.state(time.time_ns())
-        why = self._held_back(state.alarms)
-        if not why and self.status.adaptation == "adapt":
-            why = self._adapt()
+        now = self._circumstances()
+        why = self._held_back(state.alarms, now)
+        if self.status.adaptation == "adapt" and not self._unaudited:
+            if goes_back(now):
+                why = self._put_back()
+            elif not why:
+                why = self._adapt()
         self._tell(
             state.model_copy(
                 update={
@@ -273,41 +279,59 @@ class LiveTracker:
             )
         )
 
-    def _held_back(self, alarms: Sequence[str]) -> str:
+    def _circumstances(self) -> Circumstances:
+        tracker, now_s = self.tracker, self._monotonic_s()
+        model, as_set = self._model, self._as_set
+        followed = (
+            model is not None
+            and model.adapted_from is not None
+            and follows_a_contact(model.model)
+        )
+        return Circumstances(
+            source=self._scene.source if self._scene else "scene",
+            compensated=self.status.compensation.mode == "model",
+            guided=now_s - self._guided_s < 1.0,
+            since_change_s=now_s - self._changed_s,
+            since_felt_s=now_s - self._felt_s,
+            returning=tracker.lifted and followed,
+            doubted=tracker.doubted and bool(model and as_set and model.etag != as_set.etag),
+            watched=tracker.watched,
+            watched_before=tracker.watched_before,
+            suspected=tracker.suspected,
+        )
+
+    def _held_back(self, alarms: Sequence[str], now: Circumstances) -> str:
         if self._model is None:
             return "the rig has not said yet which model it renders by"
         if self._unaudited:
             return self._unaudited
-        tracker, now_s = self.tracker, self._monotonic_s()
-        followed = self._model.adapted_from is not None and follows_a_contact(self._model.model)
         return held_back(
-            tracker.expected,
-            tracker.in_force,
+            self.tracker.expected,
+            self.tracker.in_force,
             self._population,
-            tracker.speeds_mm_s,
+            self.tracker.speeds_mm_s,
             NOT_FITTED.intersection(alarms),
-            Circumstances(
-                source=self._scene.source if self._scene else "scene",
-                compensated=self.status.compensation.mode == "model",
-                guided=now_s - self._guided_s < 1.0,
-                since_change_s=now_s - self._changed_s,
-                since_felt_s=now_s - self._felt_s,
-                returning=tracker.lifted and followed,
-                watched=tracker.watched,
-                watched_before=tracker.watched_before,
-                suspected=tracker.suspected,
-            ),
+            now,
         )
 
     def _adapt(self) -> str:
         """Ask the rig to follow; return why it does not."""
-        estimate, old = self.tracker.expected, self._model
-        assert old is not None
+        assert self._model is not None
         try:
-            model = adapted(old.model, estimate, self.tracker.provenance)
-            self._rig.adapt(model, old.etag, self._reason())
+            model = adapted(self._model.model, self.tracker.expected, self.tracker.provenance)
         except EstimateError as error:
             return str(error)
+        return self._ask_for(model, self._reason())
+
+    def _put_back(self) -> str:
+        """Ask the rig for the model that was set; return why it does not."""
+        assert self._as_set is not None
+        return self._ask_for(self._as_set.model, ANOTHER_FINGER)
+
+    def _ask_for(self, model: Model, reason: str) -> str:
+        assert self._model is not None
+        try:
+            self._rig.adapt(model, self._model.etag, reason)
         except LinkError as error:
             return f"the rig did not answer: {error}"
         except FrictusError as error:

@@ -76,6 +76,9 @@ class Circumstances:
         Since the newest window ended.
     returning : bool
         Whether the model in force was adapted to a contact that has ended.
+    doubted : bool
+        Whether the model in force was adapted to a finger that is another now, it seems
+        (`Tracker.doubted`).
     watched : int
         Windows of this finger by which the watch could find the rig wrong.
     watched_before : bool
@@ -90,6 +93,7 @@ class Circumstances:
     since_change_s: float = np.inf
     since_felt_s: float = 0.0
     returning: bool = False
+    doubted: bool = False
     watched: int = WATCHED_WINDOWS
     watched_before: bool = False
     suspected: Collection[str] = ()
@@ -174,6 +178,20 @@ def held_back(
     if alike or difference_db(estimate.mean, in_force, speeds_mm_s) < LEAST_DB:
         return "the model in force fits as well"
     return _spoilt(now)
+
+
+def goes_back(now: Circumstances) -> bool:
+    """Return whether the model that was set takes the place of the one in force.
+
+    It was set for whoever comes; one that was adapted to somebody else is further off, mostly,
+    and what is known of the new finger is not enough for a while.
+
+    Parameters
+    ----------
+    now : Circumstances
+        What the rig is doing.
+    """
+    return now.doubted and not _spoilt(now)
 
 
 def _spoilt(now: Circumstances) -> str:

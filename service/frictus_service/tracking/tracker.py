@@ -75,7 +75,7 @@ class Tracker:
         n_bands = cutter.bands.centre_hz.size
         self.estimate = LawEstimate.begin(prior, n_bands)
         self.new_fingers = 0
-        self._run = self._watched = self._watched_before = 0
+        self._run = self._watched = self._watched_before = self._adapted_to = 0
         self._waiting: list[LawWindow] = []
         self._last: LawWindow | None = None
         self._rate_hz = 0.0
@@ -109,6 +109,14 @@ class Tracker:
     def lifted(self) -> bool:
         """Whether the finger left the screen since the newest window that was used."""
         return self._last is not None and self._last.contact != self._cutter.contact
+
+    @property
+    def doubted(self) -> bool:
+        """Whether the finger seems another than at the last change of the model.
+
+        The newest that was felt is unlike what was known then; a batch is enough.
+        """
+        return self._strange > 0 or self.new_fingers != self._adapted_to
 
     @property
     def expected(self) -> LawEstimate:
@@ -184,7 +192,7 @@ class Tracker:
         if model.etag == self._model.etag:
             return
         delay_off_s = model.delay_off_s(self._model)
-        self._model = model
+        self._model, self._adapted_to = model, self.new_fingers
         self._first = model.at if self._first is None else self._first
         self._errors["in_force"] = PrequentialError.begin(self._cutter.bands.centre_hz.size)
         self._gain = self._gain.without_noise_of("in_force")

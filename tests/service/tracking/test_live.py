@@ -31,7 +31,7 @@ from frictus_service.calibration.coordinates import Prior
 from frictus_service.registry.store import Registry
 from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.tracking.audit import ModelChangeLog
-from frictus_service.tracking.live import LiveTracker
+from frictus_service.tracking.live import ANOTHER_FINGER, LiveTracker
 from frictus_service.tracking.policy import WATCHED_WINDOWS
 
 pytestmark = pytest.mark.long
@@ -173,6 +173,30 @@ def test_what_cannot_be_written_down_is_not_done(tmp_path: Path) -> None:
     ):
         live.follow(changed.is_set)
     assert len(told[-1].changes) == 1
+
+
+@pytest.mark.timeout(300)
+def test_another_finger_brings_back_the_model_that_was_set(tmp_path: Path) -> None:
+    told = list[EstimateState]()
+    back = threading.Event()
+    with playing(config_in(tmp_path, "adapt")) as (_, rig):
+        begun = rig.model()
+
+        def tell(state: EstimateState) -> None:
+            told.append(state)
+            if len(state.changes) == 1:
+                live.tracker.new_fingers += 1
+            elif len(state.changes) > 1:
+                back.set()
+
+        with LiveTracker(rig, Mount().lateral, Prior.weak(), tell) as live:
+            live.follow(back.is_set)
+        change = told[-1].changes[1]
+        assert change.etag_after == begun.etag
+        assert change.reason == ANOTHER_FINGER
+        assert change.utc_ns - told[-1].changes[0].utc_ns >= 1.9e9
+        assert rig.model().model == begun.model
+        assert rig.status().state == "armed"
 
 
 @pytest.mark.timeout(300)

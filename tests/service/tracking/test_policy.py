@@ -27,6 +27,7 @@ from frictus_service.tracking.policy import (
     Circumstances,
     adapted,
     difference_db,
+    goes_back,
     held_back,
     loosest_half_width,
 )
@@ -65,6 +66,22 @@ def test_a_finger_that_is_known_and_another_is_put_in_force() -> None:
 )
 def test_what_the_rig_does_holds_it_back(now: Circumstances, why: str) -> None:
     assert why in told(estimate(TWICE), now)
+
+
+@pytest.mark.parametrize(
+    ("now", "back"),
+    [
+        (FREE, False),
+        (replace(FREE, doubted=True), True),
+        (replace(FREE, doubted=True, suspected=("delay",)), True),
+        (replace(FREE, doubted=True, source="excitation"), False),
+        (replace(FREE, doubted=True, compensated=False), False),
+        (replace(FREE, doubted=True, guided=True), False),
+        (replace(FREE, doubted=True, since_change_s=1.5), False),
+    ],
+)
+def test_another_finger_brings_back_what_was_set(now: Circumstances, back: bool) -> None:
+    assert goes_back(now) is back
 
 
 def test_what_is_wrong_with_the_rig_holds_it_back() -> None:

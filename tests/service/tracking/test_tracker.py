@@ -301,11 +301,18 @@ def test_a_new_finger_is_known_where_it_was_felt_itself(felt: Signals) -> None:
     for part in parts(felt):
         found.take(part)
     before = found.state(0).model
+    assert not found.doubted
+    doubted = 0
     for part in parts(felt):
         other = 3.0 * part.data["force"]
         found.take(replace(part, data={**part.data, "force": other}))
+        doubted += found.doubted and not found.new_fingers
+    assert doubted  # before it is sure
     after = found.state(0).model
     assert found.new_fingers == 1
+    assert found.doubted  # until a model is put in force that knows of it
+    found.put_in_force(ModelInForce("adapted", found.estimate.mean))
+    assert not found.doubted
     assert before is not None
     assert after is not None
     assert after.validity.normal_force_n[0] > 2.0 * before.validity.normal_force_n[0]
