@@ -146,3 +146,29 @@ def test_a_service_that_sends_nonsense_is_left(sent: list[str | bytes], why: str
         server.shutdown()
         thread.join()
     assert re.match(why, told), told
+
+
+AT_ONCE = """
+import { connect } from "./build/src/index.js";
+class AtOnce {
+  constructor() {
+    setTimeout(() => {
+      this.onopen();
+      this.onmessage({ data: process.argv[2] });
+      this.onmessage({ data: "{" });
+      this.onclose({ reason: "" });
+    });
+  }
+  send() {}
+  close() {}
+}
+const client = await connect("ws://127.0.0.1", { WebSocket: AtOnce });
+console.log("closed:", await client.closed);
+"""
+
+
+def test_what_comes_together_with_the_end_is_heard() -> None:
+    """Else who listens is told of a lost connection, not of what the service said before."""
+    (package() / "at_once.mjs").write_text(AT_ONCE, encoding="utf-8")
+    told = run("node", "at_once.mjs", WELCOME, folder=package())
+    assert re.match("closed: the service sent what cannot be read", told), told

@@ -70,12 +70,15 @@ export class Connection {
     // What comes together with the welcome waits until who awaits `connect` can listen.
     const early: (string | ArrayBuffer)[] = [];
     socket.onmessage = (event) => early.push(event.data);
-    setTimeout(() => {
-      if (this.#ended) return;
+    const hearEarly = (): void => {
       socket.onmessage = (event) => this.#hear(event.data);
-      early.forEach((data) => this.#ended || this.#hear(data));
-    }, 0);
-    socket.onclose = (event) => this.#lose(event.reason || "the connection is lost");
+      early.splice(0).forEach((data) => this.#ended || this.#hear(data));
+    };
+    setTimeout(() => this.#ended || hearEarly(), 0);
+    socket.onclose = (event) => {
+      hearEarly(); // or what came with the end would be lost, and with it why it ended
+      this.#lose(event.reason || "the connection is lost");
+    };
     this.#timer = setInterval(() => this.#ping(), PING_MS);
   }
 
