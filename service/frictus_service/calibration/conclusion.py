@@ -138,7 +138,10 @@ def conclude(
     """
     valid = [observed.info for observed in observations if observed.valid]
     if not valid:
-        raise EstimateError(f"none of {len(done)} trials is valid; {study} says why of each")
+        last = f" (the last: {done[-1].rejected})" if done and done[-1].rejected else ""
+        raise EstimateError(
+            f"none of {len(done)} trials is valid{last}; {study} says why of each"
+        )
     speeds = np.array(sorted({info.speed_mm_s for info in valid}))
     estimated = _by_analysis if spec.protocol.kind == "paper" else _by_prior
     found = estimated(spec, observations, speeds, study)

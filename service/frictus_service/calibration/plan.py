@@ -96,6 +96,21 @@ class CalibrationProtocol(Protocol):
         ...
 
 
+HOPELESS: Final = 8
+"""Trials of which none was accepted: more would drive the finger for nothing."""
+
+
+def is_hopeless(done: Sequence[RecordedTrial]) -> bool:
+    """Return whether so many trials were recorded, and all rejected, that none is asked for.
+
+    Parameters
+    ----------
+    done : sequence of RecordedTrial
+        So far.
+    """
+    return len(done) >= HOPELESS and all(trial.rejected for trial in done)
+
+
 Condition = tuple[float, float, float]
 """Tone in Hz, speed in mm/s, force in N."""
 

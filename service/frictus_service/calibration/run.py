@@ -24,7 +24,7 @@ from frictus_service.calibration.conclusion import (
 )
 from frictus_service.calibration.folder import CalibrationFolder
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Phase, Progress
-from frictus_service.calibration.plan import Ask, plan_of
+from frictus_service.calibration.plan import HOPELESS, Ask, is_hopeless, plan_of
 from frictus_service.calibration.rehearsal import rehearse
 from frictus_service.calibration.session import Cue, TrialSession, span_of, status_of
 from frictus_service.errors import CaptureError, EstimateError, Exclusion, FieldError
@@ -136,6 +136,7 @@ class CalibrationRun:
         self._tell = tell
         self._plan = plan_of(spec.protocol, spec.seed, prior_of(spec))
         self._observed: dict[str, TrialObservations] = {}
+        self._begun = len(kept.done)
         self._earlier = bool(kept.done)
         self._precision: float | None = None
         self._sensors: tuple[dict[str, Any] | None, tuple[str, ...]] = None, ()
@@ -153,7 +154,6 @@ class CalibrationRun:
 
     def measure(self, session: TrialSession) -> None:
         """Run what is left of the plan."""
-        begun = len(self._kept.done)
         while (ask := self._next()) is not None:
             done = self._kept.done
             cue = Cue(
@@ -163,7 +163,7 @@ class CalibrationRun:
                 ask.force_n,
                 self._span,
             )
-            if len(done) == begun:
+            if len(done) == self._begun:
                 self.tell("analyse", "preparing; half a minute on a new installation")
                 rehearse(self._asked(ask), self._study)
             elif (pause_s := self._plan.break_s(done)) > 0.0:
@@ -182,6 +182,9 @@ class CalibrationRun:
             self._precision = precision_so_far(self._spec, self._observations())
             if wider := why_wider(before, self._precision):
                 self.tell("analyse", wider)
+        if is_hopeless(self._kept.done[self._begun :]):
+            self.tell("analyse", f"{HOPELESS} trials, and all rejected: no more are asked for")
+            return None
         return self._plan.ask(self._kept.done, self._precision)
 
     def _record(self, session: TrialSession, ask: Ask, cue: Cue) -> Trial:

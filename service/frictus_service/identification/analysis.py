@@ -46,10 +46,9 @@ from frictus_service.identification.report.results import (
     sweeps_of,
 )
 
-
 NO_SKIN: Final = (
-    "Nothing was fitted to the skin: what its sensor reports cannot be, as said below. Friction "
-    "does not need it."
+    "Nothing was fitted to the skin: what its sensor reports cannot be, as said below. "
+    "Friction does not need it."
 )
 
 

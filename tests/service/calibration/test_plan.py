@@ -9,13 +9,16 @@ from hypothesis import strategies as st
 
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_service.calibration.coordinates import Prior
+from frictus_service.calibration.design import single
 from frictus_service.calibration.job import FOR_DISCOVERY, PaperProtocol, QuickProtocol
 from frictus_service.calibration.plan import (
+    HOPELESS,
     Ask,
     CalibrationProtocol,
     PaperPlan,
     QuickPlan,
     RecordedTrial,
+    is_hopeless,
 )
 from frictus_service.discovery.evidence.observation_table import (
     BLOCKS,
@@ -47,6 +50,14 @@ def work_off(
         done.append(finished(ask, len(done), rejected))
         assert len(done) < 1_000
     return done
+
+
+def test_a_finger_that_fails_every_trial_is_not_asked_for_ever() -> None:
+    ask = Ask(60.0, 0.4, single(100.0), 1.0, 1.0)
+    failed = [finished(ask, number, rejected=True) for number in range(HOPELESS)]
+    assert is_hopeless(failed)
+    assert not is_hopeless(failed[1:])
+    assert not is_hopeless([finished(ask, HOPELESS), *failed])
 
 
 def test_the_papers_protocol_has_375_trials_in_random_order(rng: np.random.Generator) -> None:

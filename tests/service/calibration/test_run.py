@@ -32,11 +32,17 @@ from frictus_service.calibration.job import (
     Progress,
     QuickProtocol,
 )
+from frictus_service.calibration.plan import HOPELESS
 from frictus_service.calibration.run import run_calibration
 from frictus_service.cli.app import app
 from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
 from frictus_service.daemon.processes.supervisor import Supervisor
-from frictus_service.errors import CalibrationError, CancelledError, FolderError
+from frictus_service.errors import (
+    CalibrationError,
+    CancelledError,
+    EstimateError,
+    FolderError,
+)
 from frictus_service.fidelity.measure import (
     compare,
     feel,
@@ -399,6 +405,21 @@ def test_a_trial_that_cannot_be_followed_is_rejected_and_left_out(
     # The screen that the documentation shows has seen all of it.
     assert {what for what, _, _ in drawn} >= {"reference", "finger", "done"}
     assert "green" in {colour for _, _, colour in drawn}
+
+
+def test_a_finger_that_fails_every_trial_is_let_go(
+    client: frictus.Client, rng: np.random.Generator, tmp_path: Path
+) -> None:
+    protocol = BRIEF.model_copy(
+        update={"speeds_mm_s": (240.0, 250.0), "approach_s": 0.5, "record_s": 0.5}
+    )
+    told: list[Progress] = []
+    with pytest.raises(
+        EstimateError, match=rf"none of {HOPELESS} trials is valid \(the last: "
+    ):
+        run_calibration(spec_of(rng, protocol), tmp_path, client, told.append, lambda: False)
+    assert any("all rejected: no more are asked for" in each.message for each in told)
+    assert told[-1].trials_rejected == told[-1].trials_done == HOPELESS
 
 
 def _documented_screen(endpoint: str, drawn: list[tuple[str, float, str]]) -> None:

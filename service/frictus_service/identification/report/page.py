@@ -180,7 +180,10 @@ def _on_conditions(study: StudySummary, conditions: Sequence[ConditionFit]) -> l
     if driven and left_out > MANY_LEFT_OUT * driven:
         out.append(f"{left_out} of {driven} driven trials are not used.")
     if all(c.mobility is None for c in conditions):
-        out.append("No mobility: nothing usable measured the skin at enough tones up to its limit.")
+        out.append(
+            "No mobility: nothing that can be used says how the skin moves at enough tones up "
+            "to its limit."
+        )
     if all(c.friction is None for c in conditions):
         out.append("No friction response: no condition has enough tones.")
     short = sum(1 for c in conditions if c.missing)
