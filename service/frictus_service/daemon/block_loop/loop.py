@@ -47,11 +47,11 @@ REOPEN_S: Final = 1.0
 HEALTH_BLOCKS: Final = 100
 """The device's own health is asked for every so many blocks."""
 PAUSE_S: Final = 0.002
-GIVE_WAY: Final = 0.15
+GIVE_WAY: Final = 0.1
 """Share of a block for which the loop sleeps once it has handed one over that is read. Else the
 publisher gets the interpreter, and Zenoh's threads a core, only after the next block has been
 rendered; there is time enough for that in the rest of the block. With 0.05 blocks came 0.2 ms
-later in every other run: Zenoh's threads were still at work when the loop took their core."""
+later in most runs: Zenoh's threads were still at work when the loop took their core."""
 LOST: Final = ("stream_lost", "device_lost", "link_lost")
 
 
