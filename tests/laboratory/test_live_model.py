@@ -66,7 +66,7 @@ def test_a_finger_that_changes_without_notice_is_noticed() -> None:
 
 
 def test_a_finger_that_changes_brings_back_the_model_that_was_set() -> None:
-    """Followed from the placeholder, then another's: no longer by the model of the first."""
+    """Somebody else's finger is followed until the one comes back whose model was set."""
     plan = replace(
         PLAN,
         seconds=24.0,

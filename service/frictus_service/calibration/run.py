@@ -177,14 +177,14 @@ class CalibrationRun:
         session.pause("done", Cue(finished, finished, 0.0, REST_N, self._span))
 
     def _next(self) -> Ask | None:
+        if is_hopeless(self._kept.done[self._begun :]):
+            self.tell("analyse", f"{HOPELESS} trials, and all rejected: no more are asked for")
+            return None
         if self._spec.protocol.kind == "quick":
             before = self._precision
             self._precision = precision_so_far(self._spec, self._observations())
             if wider := why_wider(before, self._precision):
                 self.tell("analyse", wider)
-        if is_hopeless(self._kept.done[self._begun :]):
-            self.tell("analyse", f"{HOPELESS} trials, and all rejected: no more are asked for")
-            return None
         return self._plan.ask(self._kept.done, self._precision)
 
     def _record(self, session: TrialSession, ask: Ask, cue: Cue) -> Trial:
