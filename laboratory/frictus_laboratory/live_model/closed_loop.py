@@ -17,7 +17,6 @@ import numpy as np
 from frictus.aligned import AlignedSamples
 from frictus.block import Flag
 from frictus.messages import TouchState
-from frictus.model import Model
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.compiled import compiled
 from frictus_hardware.physics.linear import Mount
@@ -35,21 +34,13 @@ from frictus_laboratory.live_model.motion import (
 from frictus_laboratory.live_model.session_plan import SessionPlan, config_of, motion_of
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
-from frictus_service.errors import EstimateError
 from frictus_service.fidelity.measure import full_gain
 from frictus_service.fidelity.path import BLOCK_SAMPLES
 from frictus_service.synthesis.compensation import as_inverse
 from frictus_service.synthesis.estimator import PredictedMotion
 from frictus_service.synthesis.renderer import Renderer
-from frictus_service.tracking.evidence.signatures import NOT_FITTED
 from frictus_service.tracking.model_in_force import ModelInForce
-from frictus_service.tracking.policy import (
-    Circumstances,
-    adapted,
-    follows_a_contact,
-    goes_back,
-    held_back,
-)
+from frictus_service.tracking.policy import Circumstances, concluded
 from frictus_service.tracking.touch_motion import TouchedSamples
 from frictus_service.tracking.tracker import Tracker
 from frictus_service.tracking.windows import WindowCutter
@@ -141,7 +132,6 @@ class ClosedLoop:
         self._direction = self._touched = 0.0
         self.true = coordinates.from_law(*values_of(plan.person.law), 0.0)
         self.named: dict[str, float] = {}
-        self._alarms: tuple[str, ...] = ()
         self.held: Counter[str] = Counter()
         self.changes: list[float] = []
         self.new_fingers: list[float] = []
@@ -281,9 +271,8 @@ class ClosedLoop:
         began = time.process_time()
         updated = any([self.tracker.take(part) for part in parts])
         if updated:
-            self._alarms = tuple(alarm.cause for alarm in self.tracker.alarms)
-            for cause in self._alarms:
-                self.named.setdefault(cause, end_s)
+            for alarm in self.tracker.alarms:
+                self.named.setdefault(alarm.cause, end_s)
         if self.tracker.new_fingers > len(self.new_fingers):
             self.new_fingers.append(end_s)
         asked = self._plan.policy == "adapt" and (
@@ -296,36 +285,15 @@ class ClosedLoop:
         return updated, changed
 
     def _adapt(self, end_s: float) -> bool:
-        estimate = self.tracker.expected
         now = Circumstances(
             since_change_s=end_s - self.changes[-1] if self.changes else np.inf,
-            returning=self.tracker.lifted and follows_a_contact(self._model),
-            doubted=self.tracker.doubted and self._model is not self._plan.first,
-            watched=self.tracker.watched,
-            watched_before=self.tracker.watched_before,
-            suspected=self.tracker.suspected,
+            adapted=self._model is not self._plan.first,
         )
-        if goes_back(now):
-            return self._change_to(self._plan.first, end_s)
-        try:
-            why = held_back(
-                estimate,
-                self.in_force,
-                self._prior,
-                self.tracker.speeds_mm_s,
-                NOT_FITTED & set(self._alarms),
-                now,
-            )
-            if not why:
-                model = adapted(self._model, estimate, self.tracker.provenance)
-                return self._change_to(model, end_s)
-        except EstimateError as error:
-            why = str(error)
-        self.held[_kind_of(why)] += 1
-        return False
-
-    def _change_to(self, model: Model, end_s: float) -> bool:
-        self._model = model
+        found = concluded(self.tracker, self._model, self._plan.first, self._prior, now)
+        if found.model is None:
+            self.held[_kind_of(found.held_back)] += 1
+            return False
+        self._model = found.model
         self.changes.append(end_s)
         self._put_in_force(f"change {len(self.changes)}")
         return True

@@ -17,6 +17,10 @@ ADAPT_WITHIN: Final = 4.0
 """Gain and cutoffs stay within this factor of the model that was set."""
 SPEEDS_MM_S: Final = (20.0, 100.0)
 """At which the cutoff is compared: the ends of the range that the paper measured."""
+FITTED_TO: Final = "fitted_to"
+"""In the provenance: `PERSON`, or the `CONTACT` that a model was adapted to."""
+PERSON: Final = "person"
+CONTACT: Final = "contact"
 _OF_THE_LAW: Final = {"gain_n", "cutoff_0_hz", "slope_hz_per_mm_s"}
 _MAY_DIFFER: Final = {
     "base",

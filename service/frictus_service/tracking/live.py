@@ -7,7 +7,7 @@ goes on with the model that it has.
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import partial
 from types import TracebackType
 from typing import Final, Self
@@ -31,21 +31,12 @@ from frictus.model import Model
 from frictus.rig import Rig
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.calibration.coordinates import Prior
-from frictus_service.errors import EstimateError
 from frictus_service.recording.samples import Coalescer
 from frictus_service.tracking.adaptation import law_values
 from frictus_service.tracking.audit import ModelChangeLog
 from frictus_service.tracking.carried import carried
-from frictus_service.tracking.evidence.signatures import NOT_FITTED
 from frictus_service.tracking.model_in_force import ModelInForce
-from frictus_service.tracking.policy import (
-    Circumstances,
-    adapted,
-    difference_db,
-    follows_a_contact,
-    goes_back,
-    held_back,
-)
+from frictus_service.tracking.policy import Circumstances, concluded
 from frictus_service.tracking.touch_motion import TouchedSamples
 from frictus_service.tracking.tracker import STATE_S, Tell, Tracker
 from frictus_service.tracking.windows import WindowCutter
@@ -61,7 +52,6 @@ ROWS: Final = {
 CHANGES: Final = 16
 """The newest changes of the model that are told."""
 PUT_BACK: Final = "put back as it was set"
-ANOTHER_FINGER: Final = "put back as it was set: the finger seems another"
 GUIDED: Final = ("approach", "record")
 """Phases of a guided trial."""
 
@@ -262,13 +252,7 @@ class LiveTracker:
         """Have the model follow the finger where it may, and tell what is known."""
         self._write_down()
         state = self.tracker.state(time.time_ns())
-        now = self._circumstances()
-        why = self._held_back(state.alarms, now)
-        if self.status.adaptation == "adapt" and not self._unaudited:
-            if goes_back(now):
-                why = self._put_back()
-            elif not why:
-                why = self._adapt()
+        why = self._unaudited or self._follow()
         self._tell(
             state.model_copy(
                 update={
@@ -279,59 +263,22 @@ class LiveTracker:
             )
         )
 
-    def _circumstances(self) -> Circumstances:
-        tracker, now_s = self.tracker, self._monotonic_s()
-        model, as_set = self._model, self._as_set
-        followed = (
-            model is not None
-            and model.adapted_from is not None
-            and follows_a_contact(model.model)
-        )
-        return Circumstances(
-            source=self._scene.source if self._scene else "scene",
-            compensated=self.status.compensation.mode == "model",
-            guided=now_s - self._guided_s < 1.0,
-            since_change_s=now_s - self._changed_s,
-            since_felt_s=now_s - self._felt_s,
-            returning=tracker.lifted and followed,
-            doubted=tracker.doubted and bool(model and as_set and model.etag != as_set.etag),
-            watched=tracker.watched,
-            watched_before=tracker.watched_before,
-            suspected=tracker.suspected,
-        )
-
-    def _held_back(self, alarms: Sequence[str], now: Circumstances) -> str:
+    def _follow(self) -> str:
+        """Ask for the model that is to be in force; return why the estimate is not."""
         if self._model is None:
             return "the rig has not said yet which model it renders by"
-        if self._unaudited:
-            return self._unaudited
-        return held_back(
-            self.tracker.expected,
-            self.tracker.in_force,
+        as_set = self._as_set.model if self._as_set else None
+        found = concluded(
+            self.tracker,
+            self._model.model,
+            as_set,
             self._population,
-            self.tracker.speeds_mm_s,
-            NOT_FITTED.intersection(alarms),
-            now,
+            self._circumstances(self._model),
         )
-
-    def _adapt(self) -> str:
-        """Ask the rig to follow; return why it does not."""
-        assert self._model is not None
+        if self.status.adaptation != "adapt" or found.model is None:
+            return found.held_back
         try:
-            model = adapted(self._model.model, self.tracker.expected, self.tracker.provenance)
-        except EstimateError as error:
-            return str(error)
-        return self._ask_for(model, self._reason())
-
-    def _put_back(self) -> str:
-        """Ask the rig for the model that was set; return why it does not."""
-        assert self._as_set is not None
-        return self._ask_for(self._as_set.model, ANOTHER_FINGER)
-
-    def _ask_for(self, model: Model, reason: str) -> str:
-        assert self._model is not None
-        try:
-            self._rig.adapt(model, self._model.etag, reason)
+            self._rig.adapt(found.model, self._model.etag, found.reason)
         except LinkError as error:
             return f"the rig did not answer: {error}"
         except FrictusError as error:
@@ -339,14 +286,17 @@ class LiveTracker:
         self._changed_s = self._monotonic_s()
         return ""
 
-    def _reason(self) -> str:
-        """Return why the estimate takes the place of the model in force."""
-        tracker = self.tracker
-        assert tracker.in_force is not None
-        expected = tracker.expected
-        off_db = difference_db(expected.mean, tracker.in_force, tracker.speeds_mm_s)
-        said = f"{off_db:.2f} dB off, as {expected.windows} windows say"
-        return f"{said}; the contact has ended" if tracker.lifted else said
+    def _circumstances(self, model: ModelState) -> Circumstances:
+        now_s = self._monotonic_s()
+        is_as_set = self._as_set is not None and model.etag == self._as_set.etag
+        return Circumstances(
+            source=self._scene.source if self._scene else "scene",
+            compensated=self.status.compensation.mode == "model",
+            guided=now_s - self._guided_s < 1.0,
+            since_change_s=now_s - self._changed_s,
+            since_felt_s=now_s - self._felt_s,
+            adapted=model.adapted_from is not None and not is_as_set,
+        )
 
 
 def _change(old: ModelState, new: ModelState) -> ModelChange | None:

@@ -6,7 +6,7 @@ the rig's (the delay of its channels) never goes into a finger's law.
 """
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -17,13 +17,15 @@ from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.errors import EstimateError
-from frictus_service.tracking.adaptation import ADAPT_EVERY_S
+from frictus_service.tracking.adaptation import ADAPT_EVERY_S, CONTACT, FITTED_TO
 from frictus_service.tracking.evidence.signatures import (
     LAW_CAUSES,
     LAW_SIZES,
+    NOT_FITTED,
     SHAPED_BY_A_FINGER,
 )
 from frictus_service.tracking.law_estimate import LawEstimate
+from frictus_service.tracking.tracker import Tracker
 
 KNOWN_WITHIN: Final = 0.05
 """Half of the 95 % interval of gain and cutoff at the speeds that were explored."""
@@ -42,12 +44,9 @@ LEAST_DB: Final = 0.05
 """A rendering that differs by less is left as it is."""
 FRESH_S: Final = 2.0
 """What was felt longer ago may have been another finger."""
-FITTED_TO: Final = "fitted_to"
-"""In the provenance: `PERSON`, or the `CONTACT` that a model was adapted to."""
-PERSON: Final = "person"
-CONTACT: Final = "contact"
 FELT_HZ: Final = np.geomspace(40.0, 1_000.0, 15)
 """Where two laws are compared, as bands of a third of an octave are spaced."""
+ANOTHER_FINGER: Final = "put back as it was set: the finger seems another"
 LAW: Final = slice(0, 3)
 """The finger's part of `calibration.coordinates`: the cutoffs and the gain."""
 DELAY: Final = 3
@@ -60,7 +59,7 @@ the rig is right the delay is known within 1 us, and off by less."""
 
 @dataclass(frozen=True, slots=True)
 class Circumstances:
-    """What the rig is doing, as far as it matters to a change of its model.
+    """What the rig is doing, and of the finger what `concluded` fills in, as far as it matters.
 
     Attributes
     ----------
@@ -74,6 +73,8 @@ class Circumstances:
         Since the model last became another.
     since_felt_s : float
         Since the newest window ended.
+    adapted : bool
+        Whether the model in force was adapted to a finger, and not put back since.
     returning : bool
         Whether the model in force was adapted to a contact that has ended.
     doubted : bool
@@ -81,8 +82,8 @@ class Circumstances:
         (`Tracker.doubted`).
     watched : int
         Windows of this finger by which the watch could find the rig wrong.
-    watched_before : bool
-        Whether the rig was watched for `WATCHED_WINDOWS` with the finger before.
+    watched_before : int
+        Likewise, of fingers before.
     suspected : collection of str
         Likewise, with evidence that is not enough for an alarm.
     """
@@ -92,11 +93,79 @@ class Circumstances:
     guided: bool = False
     since_change_s: float = np.inf
     since_felt_s: float = 0.0
+    adapted: bool = False
     returning: bool = False
     doubted: bool = False
     watched: int = WATCHED_WINDOWS
-    watched_before: bool = False
+    watched_before: int = 0
     suspected: Collection[str] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Conclusion:
+    """What follows from what was learned.
+
+    Attributes
+    ----------
+    held_back : str
+        Why the estimate is not put in force; empty: it is to be.
+    model : Model or None
+        To put in force: the estimate, or the model that was set; None: the one in force stays.
+    reason : str
+        For `model`, in words.
+    """
+
+    held_back: str
+    model: Model | None = None
+    reason: str = ""
+
+
+def concluded(
+    tracker: Tracker,
+    model: Model,
+    as_set: Model | None,
+    population: Prior,
+    now: Circumstances,
+) -> Conclusion:
+    """Conclude which model is to be in force.
+
+    Parameters
+    ----------
+    tracker : Tracker
+        Of the finger.
+    model : Model
+        In force.
+    as_set : Model or None
+        That was set, before it was adapted; None: not known.
+    population : Prior
+        Of a person of whom nothing is known.
+    now : Circumstances
+        What the rig is doing.
+    """
+    now = replace(
+        now,
+        returning=tracker.lifted and now.adapted and follows_a_contact(model),
+        doubted=tracker.doubted and now.adapted and as_set is not None,
+        watched=tracker.watched,
+        watched_before=tracker.watched_before,
+        suspected=tracker.suspected,
+    )
+    estimate, in_force, speeds_mm_s = tracker.expected, tracker.in_force, tracker.speeds_mm_s
+    wrong = NOT_FITTED.intersection(alarm.cause for alarm in tracker.alarms)
+    why = held_back(estimate, in_force, population, speeds_mm_s, wrong, now)
+    if goes_back(now):
+        return Conclusion(why, as_set, ANOTHER_FINGER)
+    if why or in_force is None:
+        return Conclusion(why)
+    try:
+        followed = adapted(model, estimate, tracker.provenance)
+    except EstimateError as error:
+        return Conclusion(str(error))
+    off_db = difference_db(estimate.mean, in_force, speeds_mm_s)
+    reason = f"{off_db:.2f} dB off, as {estimate.windows} windows say"
+    if tracker.lifted:
+        reason += "; the contact has ended"
+    return Conclusion("", followed, reason)
 
 
 def held_back(
@@ -161,7 +230,7 @@ def held_back(
             f"gain and cutoff are known within {100.0 * loosest:.1f} % where the finger went; "
             f"{100.0 * KNOWN_WITHIN:.0f} % is asked"
         )
-    enough = WATCHED_AGAIN if now.watched_before else WATCHED_WINDOWS
+    enough = WATCHED_AGAIN if now.watched_before >= WATCHED_WINDOWS else WATCHED_WINDOWS
     if now.watched < enough:
         return f"{now.watched} windows were felt; a rig that is wrong shows itself in {enough}"
     sd = np.sqrt(np.diag(prior.covariance))

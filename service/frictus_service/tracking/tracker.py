@@ -14,6 +14,7 @@ from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.calibration.posterior import STRANGE
 from frictus_service.errors import EstimateError
+from frictus_service.tracking.adaptation import CONTACT, FITTED_TO, PERSON
 from frictus_service.tracking.evidence.advice import advice_of
 from frictus_service.tracking.evidence.naming import NamedAlarm, named_alarms
 from frictus_service.tracking.evidence.watch import ALARM, CAUSES, INSTRUMENT, ModelWatch
@@ -21,7 +22,6 @@ from frictus_service.tracking.finger_filters import NOW
 from frictus_service.tracking.law_estimate import Batch, LawEstimate, advanced, updated
 from frictus_service.tracking.measured_points import MeasuredPoints
 from frictus_service.tracking.model_in_force import ModelInForce
-from frictus_service.tracking.policy import CONTACT, FITTED_TO, PERSON, WATCHED_WINDOWS
 from frictus_service.tracking.predictive_density import PrequentialGain
 from frictus_service.tracking.prequential import PrequentialError
 from frictus_service.tracking.windows import LawWindow, WindowCutter
@@ -132,9 +132,9 @@ class Tracker:
         return self._watched
 
     @property
-    def watched_before(self) -> bool:
-        """Whether the watch had long enough to find this rig wrong, on fingers before."""
-        return self._watched_before >= WATCHED_WINDOWS
+    def watched_before(self) -> int:
+        """Likewise, of fingers before."""
+        return self._watched_before
 
     @property
     def suspected(self) -> tuple[str, ...]:

@@ -4,10 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.service.tracking.played import parts, tracker
 from tests.service.tracking.slides import known
 
+from frictus.messages import LawNow
 from frictus.model import Effect, FirstOrderSpeedLaw
 from frictus_hardware.arrays import FloatArray
+from frictus_hardware.physics.twin import Signals
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.errors import EstimateError
@@ -19,18 +22,23 @@ from frictus_service.tracking.evidence.signatures import (
     SHAPED,
 )
 from frictus_service.tracking.law_estimate import HIGHEST_HZ, RESPONSE_WITHIN, LawEstimate
+from frictus_service.tracking.model_in_force import ModelInForce
 from frictus_service.tracking.policy import (
+    ANOTHER_FINGER,
     DELAY_WITHIN_S,
     KNOWN_WITHIN,
     WATCHED_AGAIN,
     WATCHED_WINDOWS,
     Circumstances,
+    Conclusion,
     adapted,
+    concluded,
     difference_db,
     goes_back,
     held_back,
     loosest_half_width,
 )
+from frictus_service.tracking.tracker import Tracker
 
 PRIOR = Prior.weak()
 IN_FORCE = PRIOR.mean
@@ -66,6 +74,40 @@ def test_a_finger_that_is_known_and_another_is_put_in_force() -> None:
 )
 def test_what_the_rig_does_holds_it_back(now: Circumstances, why: str) -> None:
     assert why in told(estimate(TWICE), now)
+
+
+def test_what_was_learned_and_what_the_rig_does_make_one_conclusion(felt: Signals) -> None:
+    found, as_set = tracker(), placeholder_model()
+    early = concluded(found, as_set, as_set, PRIOR, FREE)
+    assert early.model is None
+    assert "nothing was felt yet" in early.held_back
+    for part in parts(felt):
+        found.take(part)
+    law = values_at(found)
+    first = concluded(found, as_set, as_set, PRIOR, FREE)
+    assert first.held_back == ""
+    assert first.model is not None
+    assert isinstance(first.model.base, FirstOrderSpeedLaw)
+    assert first.model.base.gain_n == pytest.approx(law.gain_n.value, rel=1e-6)
+    assert "dB off, as" in first.reason
+
+    found.put_in_force(ModelInForce.of("adapted", first.model))
+    following = replace(FREE, adapted=True)
+    settled = concluded(found, first.model, as_set, PRIOR, following)
+    assert settled == Conclusion("the model in force fits as well")
+    found.new_fingers += 1  # as where nothing that was known fits any more
+    back = concluded(found, first.model, as_set, PRIOR, following)
+    assert back.model is as_set
+    assert back.reason == ANOTHER_FINGER
+    # What was not adapted, and what was set before nobody knows, stays.
+    assert concluded(found, first.model, as_set, PRIOR, FREE).model is None
+    assert concluded(found, first.model, None, PRIOR, following).model is None
+
+
+def values_at(found: Tracker) -> LawNow:
+    law = found.state(1).law
+    assert law is not None
+    return law
 
 
 @pytest.mark.parametrize(
@@ -124,7 +166,7 @@ def test_what_is_not_known_well_holds_it_back() -> None:
     early = replace(FREE, watched=WATCHED_WINDOWS - 1)
     assert "a rig that is wrong shows itself" in told(estimate(TWICE), early)
     # The mount does not change with the finger.
-    again = replace(FREE, watched_before=True, watched=WATCHED_AGAIN)
+    again = replace(FREE, watched_before=WATCHED_WINDOWS, watched=WATCHED_AGAIN)
     assert told(estimate(TWICE), again) == ""
     sooner = replace(again, watched=WATCHED_AGAIN - 1)
     assert f"in {WATCHED_AGAIN}" in told(estimate(TWICE), sooner)

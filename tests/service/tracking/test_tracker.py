@@ -316,3 +316,22 @@ def test_a_new_finger_is_known_where_it_was_felt_itself(felt: Signals) -> None:
     assert before is not None
     assert after is not None
     assert after.validity.normal_force_n[0] > 2.0 * before.validity.normal_force_n[0]
+
+
+def test_the_same_strokes_say_more_of_a_finger_that_is_known_beforehand(felt: Signals) -> None:
+    """What they add to is at least what was known, and at least what they say alone."""
+    learned = tracker()
+    for part in parts(felt):
+        learned.take(part)
+    document = learned.document()
+    assert document is not None
+    person = Prior.of_person(document, Prior.weak())
+    beforehand, weak = tracker(), tracker()
+    beforehand.begin_anew(person, "P07")
+    for part in parts(felt):
+        weak.take(part)
+        if beforehand.take(part):
+            break
+    known = np.diag(beforehand.estimate.covariance)[:3]
+    assert np.all(known < np.diag(person.covariance)[:3])
+    assert np.all(known < np.diag(weak.estimate.covariance)[:3])
