@@ -14,7 +14,7 @@ LIGHT, DARK = "rgb(243, 245, 247)", "rgb(16, 20, 24)"
 INK_DRAWN = """async () => {
   // That the system's scheme changed is told to the page with its next frame.
   await new Promise((next) => requestAnimationFrame(() => requestAnimationFrame(next)));
-  return (await import(new URL("colours.js", document.baseURI))).colour("--ink");
+  return (await import(new URL("canvas/colours.js", document.baseURI))).colour("--ink");
 }"""
 
 

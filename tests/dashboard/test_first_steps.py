@@ -38,3 +38,11 @@ def test_without_a_rig_the_page_says_how_to_start_one(
         assert page.evaluate("document.documentElement.scrollWidth") <= width
         page.get_by_role("link", name="Back to the dashboard").click()
         expect(first.get_by_role("heading")).to_have_text("No rig is present")
+
+
+def test_page_without_a_service_says_so(open_page: OpenPage, folder_url: str) -> None:
+    with open_page(expected="WebSocket") as page:
+        page.goto(f"{folder_url}/index.html")
+        expect(page.locator("#connection")).to_contain_text("No connection to the service")
+        expect(page.locator("#rig")).to_be_hidden()
+        expect(page.locator("#stop")).to_be_visible()

@@ -356,8 +356,8 @@ def test_a_reset_that_is_not_answered_is_resolved_by_the_status(page: Page, lab:
     """The page's modules alone, for a rig that is tripped cannot be had by a click."""
     told = page.evaluate(
         """async () => {
-          const { Arming } = await import("./arming.js");
-          const { at } = await import("./element.js");
+          const { Arming } = await import("./rig/arming.js");
+          const { at } = await import("./elements/element.js");
           window.fetch = async () => { throw new TypeError("gone"); };
           const arming = new Arming({ send: () => true });
           arming.show("rig9", { state: "tripped" }, false);

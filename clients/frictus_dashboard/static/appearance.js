@@ -1,8 +1,8 @@
 /** Light or dark, roomy or dense: chosen at the foot of the page, and kept by this browser. */
 
-import { chooseScheme } from "./colours.js";
-import { at, element } from "./element.js";
-import { button } from "./fields.js";
+import { chooseScheme } from "./canvas/colours.js";
+import { at, element } from "./elements/element.js";
+import { button } from "./elements/fields.js";
 
 /** Each choice: its title, what it does, and its values by name; the first holds until one is made. */
 const CHOICES = {

@@ -1,7 +1,7 @@
 /** What to do next: where no rig is present, where nothing plays, and on a demo's stage. */
 
 import { address } from "./address.js";
-import { at, element, say } from "./element.js";
+import { at, element, say } from "./elements/element.js";
 
 /** View, what to do, and what it is good for; no link is called as one of the views. */
 const STEPS = [

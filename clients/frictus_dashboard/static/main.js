@@ -1,16 +1,16 @@
 /** The page: which view of which rig is shown (`#/live/rig1`), and how the connection stands. */
 
 import { address, ALONE, route, VIEWS } from "./address.js";
-import { actAs } from "./api.js";
+import { actAs } from "./connection/api.js";
 import { installAppearance } from "./appearance.js";
-import { at, element, say } from "./element.js";
+import { at, element, say } from "./elements/element.js";
 import { FirstSteps, firstStepOf } from "./first_steps.js";
-import { Link } from "./link.js";
-import { Live } from "./live.js";
-import { installSession } from "./session.js";
-import { installStop } from "./stop.js";
-import { hasEnded } from "./strip_state.js";
-import { askForToken, token } from "./token.js";
+import { Link } from "./connection/link.js";
+import { Live } from "./live/view.js";
+import { installSession } from "./connection/session.js";
+import { installStop } from "./rig/stop.js";
+import { hasEnded } from "./strip/strip_state.js";
+import { askForToken, token } from "./connection/token.js";
 import { linksTo, Page, Views } from "./views.js";
 
 const LOOK_MS = 200;

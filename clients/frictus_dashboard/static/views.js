@@ -1,9 +1,9 @@
 /** The views beside the live one: made when they are first shown, and kept. */
 
 import { address, ALONE, VIEWS } from "./address.js";
-import { outcomeUnknown } from "./api.js";
-import { at, element } from "./element.js";
-import { keptOut } from "./holder.js";
+import { outcomeUnknown } from "./connection/api.js";
+import { at, element } from "./elements/element.js";
+import { keptOut } from "./rig/holder.js";
 
 /** For so long a state is waited for that would tell what came of a request. */
 const CHECK_MS = 10_000;
@@ -27,7 +27,7 @@ const MAKERS = {
  * `hear(message)`: a message of the live connection (`status`, `scene`, `estimate`, `rigs`, …).
  */
 export class Page {
-  /** @param {import("./link.js").Link} link @param {import("./live.js").Live} live */
+  /** @param {import("./connection/link.js").Link} link @param {import("./live/view.js").Live} live */
   constructor(link, live) {
     this.link = link;
     this.live = live;
@@ -48,7 +48,7 @@ export class Page {
    *
    * @template T
    * @param {Promise<T>} asked
-   * @param {import("./outcome.js").Outcome} outcome says meanwhile that it is not known
+   * @param {import("./elements/outcome.js").Outcome} outcome says meanwhile that it is not known
    * @param {string} rig
    * @param {(state: object) => T|null} told what a state tells; null: nothing yet
    * @returns {Promise<T>}

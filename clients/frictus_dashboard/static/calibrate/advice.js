@@ -1,7 +1,7 @@
 /** What a calibration is good for, and what would make it more precise: a sentence each. Pure. */
 
-import { figure, interval } from "../figures.js";
-import { JND_DB } from "../spectrum.js";
+import { figure, interval } from "../elements/figures.js";
+import { JND_DB } from "../listening/spectrum.js";
 
 /** @param {object} calibration one that has a result */
 export function adviceOf({ participant, spec: { protocol }, result }) {

@@ -1,10 +1,10 @@
 /** Points measured over the fit, what it leaves of them, and how well unseen trials are met. */
 
-import { colour, onSchemeChange } from "../colours.js";
-import { element } from "../element.js";
-import { drawPoints } from "../measured_points.js";
+import { colour, onSchemeChange } from "../canvas/colours.js";
+import { element } from "../elements/element.js";
+import { drawPoints } from "../canvas/measured_points.js";
 import { FREQUENCIES_HZ } from "../models/law.js";
-import { fill, scrolling, table } from "../table.js";
+import { fill, scrolling, table } from "../elements/table.js";
 import uPlot from "../vendor/uplot.mjs";
 import { groupsOf, rowsOf, sentencesOf } from "./points.js";
 

@@ -1,7 +1,7 @@
 /** What a calibration tells, over breaks of the connection: nothing missed, nothing twice. */
 
-import { Refusal, request } from "../api.js";
-import { follow } from "../events.js";
+import { Refusal, request } from "../connection/api.js";
+import { follow } from "../connection/events.js";
 
 const PAUSE_MS = 500;
 const TIMEOUT_MS = 5_000;

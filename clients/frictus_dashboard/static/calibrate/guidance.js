@@ -1,8 +1,8 @@
 /** What the participant follows: the reference above, the own finger below, to scale. */
 
-import { colour } from "../colours.js";
-import { element, say } from "../element.js";
-import { fitted, outline, toScale } from "../scale.js";
+import { colour } from "../canvas/colours.js";
+import { element, say } from "../elements/element.js";
+import { fitted, outline, toScale } from "../canvas/scale.js";
 
 const WORDS_MS = 400;
 /** While somebody slides thirty messages come a second: longer without, they have ended. */

@@ -1,6 +1,6 @@
 /** What a calibration measured, over its fit: for a figure, a table and a sentence. Pure. */
 
-import { LOOKS } from "../measured_points.js";
+import { LOOKS } from "../canvas/measured_points.js";
 import { FREQUENCIES_HZ, response } from "../models/law.js";
 
 const decibels = (magnitude) => 20 * Math.log10(magnitude);

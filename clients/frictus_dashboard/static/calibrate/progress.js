@@ -1,7 +1,7 @@
 /** How far a calibration is: counts, seconds, precision, and what had to be done again. */
 
-import { element, say } from "../element.js";
-import { figure } from "../figures.js";
+import { element, say } from "../elements/element.js";
+import { figure } from "../elements/figures.js";
 
 /** What only tells that it goes on; reasons of a rejection say what would be accepted. */
 const GOING_ON = /^(trial \S+ accepted|estimating the model|preparing; .*)$/;

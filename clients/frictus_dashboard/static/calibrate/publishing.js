@@ -1,12 +1,12 @@
 /** The model of a calibration: what it is good for, published under a name, given to the rig. */
 
 import { address } from "../address.js";
-import { request } from "../api.js";
-import { element, say } from "../element.js";
-import { labelled } from "../fields.js";
+import { request } from "../connection/api.js";
+import { element, say } from "../elements/element.js";
+import { labelled } from "../elements/fields.js";
 import { Activation } from "../models/activation.js";
 import { pathOf as pathOfModel, referenceOf } from "../models/reference.js";
-import { Outcome } from "../outcome.js";
+import { Outcome } from "../elements/outcome.js";
 import { adviceOf } from "./advice.js";
 import { pathOf } from "./following.js";
 

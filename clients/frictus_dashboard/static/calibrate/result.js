@@ -1,8 +1,8 @@
 /** What came of a calibration: the fit with its intervals, as tables and as a chart. */
 
-import { colour } from "../colours.js";
-import { element, say } from "../element.js";
-import { fill, table } from "../table.js";
+import { colour } from "../canvas/colours.js";
+import { element, say } from "../elements/element.js";
+import { fill, table } from "../elements/table.js";
 import uPlot from "../vendor/uplot.mjs";
 import { Diagnostics } from "./diagnostics.js";
 import { cutoffsOf, parametersOf } from "./fit.js";

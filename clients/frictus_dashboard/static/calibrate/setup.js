@@ -1,10 +1,10 @@
 /** What a new calibration is asked to do: a form, and the request that it makes. */
 
-import { request } from "../api.js";
-import { element, say } from "../element.js";
-import { choice, labelled } from "../fields.js";
-import { heldAlready } from "../holder.js";
-import { Outcome } from "../outcome.js";
+import { request } from "../connection/api.js";
+import { element, say } from "../elements/element.js";
+import { choice, labelled } from "../elements/fields.js";
+import { heldAlready } from "../rig/holder.js";
+import { Outcome } from "../elements/outcome.js";
 
 /** What the service accepts; `per`: how many of what is shown make one. */
 const NUMBERS = {

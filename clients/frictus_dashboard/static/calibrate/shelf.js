@@ -1,12 +1,12 @@
 /** The calibrations of a rig, newest first. */
 
 import { address } from "../address.js";
-import { request } from "../api.js";
-import { element, say } from "../element.js";
-import { button } from "../fields.js";
-import { moment } from "../figures.js";
-import { Outcome } from "../outcome.js";
-import { fill, scrolling, table, words } from "../table.js";
+import { request } from "../connection/api.js";
+import { element, say } from "../elements/element.js";
+import { button } from "../elements/fields.js";
+import { moment } from "../elements/figures.js";
+import { Outcome } from "../elements/outcome.js";
+import { fill, scrolling, table, words } from "../elements/table.js";
 
 const PAGE = 20;
 const HEAD = ["Begun", "Participant", "Protocol", "State", "Model"];

@@ -1,10 +1,10 @@
 /** One calibration: where it stands, what came of it, and what may be done with it now. */
 
-import { request } from "../api.js";
-import { element, say } from "../element.js";
-import { button } from "../fields.js";
-import { moment } from "../figures.js";
-import { Outcome } from "../outcome.js";
+import { request } from "../connection/api.js";
+import { element, say } from "../elements/element.js";
+import { button } from "../elements/fields.js";
+import { moment } from "../elements/figures.js";
+import { Outcome } from "../elements/outcome.js";
 import { active, Following, pathOf } from "./following.js";
 import { Progress } from "./progress.js";
 import { Publishing } from "./publishing.js";

@@ -1,8 +1,8 @@
 /** The view of calibrations: set one up, guide the participant, see what comes of it. */
 
 import { address } from "../address.js";
-import { onSchemeChange } from "../colours.js";
-import { element, say } from "../element.js";
+import { onSchemeChange } from "../canvas/colours.js";
+import { element, say } from "../elements/element.js";
 import { active } from "./following.js";
 import { Guidance } from "./guidance.js";
 import { Setup } from "./setup.js";

@@ -1,11 +1,11 @@
 /** Add a study file to those in the folder of the service. */
 
-import { request } from "../api.js";
-import { element } from "../element.js";
-import { labelled } from "../fields.js";
-import { figure } from "../figures.js";
-import { takeDrops } from "../file_drop.js";
-import { Outcome } from "../outcome.js";
+import { request } from "../connection/api.js";
+import { element } from "../elements/element.js";
+import { labelled } from "../elements/fields.js";
+import { figure } from "../elements/figures.js";
+import { takeDrops } from "../elements/file_drop.js";
+import { Outcome } from "../elements/outcome.js";
 
 /** What the service takes as a name. */
 const NAME = /^[A-Za-z0-9_][A-Za-z0-9_.-]{0,95}\.h5$/;

@@ -1,11 +1,11 @@
 /** What a discovery is asked: the study, the response, and the model that is criticised. */
 
-import { request } from "../api.js";
-import { element } from "../element.js";
-import { choice, labelled, optionsOf } from "../fields.js";
-import { figure } from "../figures.js";
+import { request } from "../connection/api.js";
+import { element } from "../elements/element.js";
+import { choice, labelled, optionsOf } from "../elements/fields.js";
+import { figure } from "../elements/figures.js";
 import { pathOf, referenceOf } from "../models/reference.js";
-import { Outcome } from "../outcome.js";
+import { Outcome } from "../elements/outcome.js";
 import { Adding } from "./adding.js";
 
 const MODELS = 200;

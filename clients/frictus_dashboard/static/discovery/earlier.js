@@ -1,10 +1,10 @@
 /** The discoveries of this service, the newest first. */
 
-import { request } from "../api.js";
-import { element } from "../element.js";
-import { moment } from "../figures.js";
-import { Outcome } from "../outcome.js";
-import { fill, table, words } from "../table.js";
+import { request } from "../connection/api.js";
+import { element } from "../elements/element.js";
+import { moment } from "../elements/figures.js";
+import { Outcome } from "../elements/outcome.js";
+import { fill, table, words } from "../elements/table.js";
 import { baseOf, stateOf, studyOf } from "./words.js";
 
 const HEAD = ["Begun", "Study", "Model", "What came of it"];

@@ -1,13 +1,13 @@
 /** One discovery: followed while it runs, its report when it is done. */
 
-import { request } from "../api.js";
-import { save } from "../download.js";
-import { element, say } from "../element.js";
-import { follow } from "../events.js";
-import { button } from "../fields.js";
-import { moment } from "../figures.js";
-import { Outcome } from "../outcome.js";
-import { token } from "../token.js";
+import { request } from "../connection/api.js";
+import { save } from "../connection/download.js";
+import { element, say } from "../elements/element.js";
+import { follow } from "../connection/events.js";
+import { button } from "../elements/fields.js";
+import { moment } from "../elements/figures.js";
+import { Outcome } from "../elements/outcome.js";
+import { token } from "../connection/token.js";
 import { picturesOf } from "./pictures.js";
 import { report, reportAcross } from "./report.js";
 import { ACTIVE, baseOf, stateOf, studyOf } from "./words.js";

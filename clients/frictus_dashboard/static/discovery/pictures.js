@@ -1,7 +1,7 @@
 /** The figures of a report, taken out of the page that the service made of it. */
 
-import { send } from "../api.js";
-import { element } from "../element.js";
+import { send } from "../connection/api.js";
+import { element } from "../elements/element.js";
 
 /** Alone: the style of that page is none of this one, which would complain of it. */
 const FIGURES = /<figure>.*?<\/figure>/gs;

@@ -1,8 +1,8 @@
 /** A `discovery/1` or `across-studies/1` document as text and tables. */
 
-import { element } from "../element.js";
-import { figure, interval, percent, probability } from "../figures.js";
-import { facts, scrolling, table, words } from "../table.js";
+import { element } from "../elements/element.js";
+import { figure, interval, percent, probability } from "../elements/figures.js";
+import { facts, scrolling, table, words } from "../elements/table.js";
 import { briefGainOf, gainOf, parametersOf, resultOf, surenessOf, titleOf, verdictOf } from "./words.js";
 
 /**

@@ -1,7 +1,7 @@
 /** What a model gets wrong in a study, and why: asked for, followed, read. */
 
 import { address } from "../address.js";
-import { element } from "../element.js";
+import { element } from "../elements/element.js";
 import { Asking } from "./asking.js";
 import { Earlier } from "./earlier.js";
 import { Job } from "./job.js";

@@ -1,6 +1,6 @@
 /** What a discovery says, in words. Pure. */
 
-import { figure, interval } from "../figures.js";
+import { figure, interval } from "../elements/figures.js";
 
 /** How effects write that a parameter is a plain number. */
 const NO_UNIT = "1";

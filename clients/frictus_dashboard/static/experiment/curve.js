@@ -1,9 +1,9 @@
 /** The psychometric function of a condition: answers by level, the fit over them. */
 
-import { colour, onSchemeChange } from "../colours.js";
-import { element, say } from "../element.js";
-import { figure } from "../figures.js";
-import { fill, table } from "../table.js";
+import { colour, onSchemeChange } from "../canvas/colours.js";
+import { element, say } from "../elements/element.js";
+import { figure } from "../elements/figures.js";
+import { fill, table } from "../elements/table.js";
 import uPlot from "../vendor/uplot.mjs";
 
 const HEIGHT_PX = 220;

@@ -1,7 +1,7 @@
 /** Where an experiment stands, as it changes, over breaks of the connection. */
 
-import { Refusal, request } from "../api.js";
-import { follow } from "../events.js";
+import { Refusal, request } from "../connection/api.js";
+import { follow } from "../connection/events.js";
 
 const PAUSE_MS = 500;
 const ACTIVE = ["queued", "running"];

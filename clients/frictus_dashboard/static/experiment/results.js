@@ -1,12 +1,12 @@
 /** What the trials of an experiment say so far: thresholds, curves, the trials themselves. */
 
-import { request } from "../api.js";
-import { save } from "../download.js";
-import { element } from "../element.js";
-import { button } from "../fields.js";
-import { figure } from "../figures.js";
-import { Outcome } from "../outcome.js";
-import { fill, scrolling, table, words } from "../table.js";
+import { request } from "../connection/api.js";
+import { save } from "../connection/download.js";
+import { element } from "../elements/element.js";
+import { button } from "../elements/fields.js";
+import { figure } from "../elements/figures.js";
+import { Outcome } from "../elements/outcome.js";
+import { fill, scrolling, table, words } from "../elements/table.js";
 import { Curve } from "./curve.js";
 import { pathOf } from "./following.js";
 

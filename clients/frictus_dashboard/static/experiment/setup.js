@@ -1,10 +1,10 @@
 /** What a new experiment is asked to do: a form, and the request that it makes. */
 
-import { request } from "../api.js";
-import { element, say } from "../element.js";
-import { apply, choice, labelled, number, optionsOf } from "../fields.js";
-import { heldAlready } from "../holder.js";
-import { Outcome } from "../outcome.js";
+import { request } from "../connection/api.js";
+import { element, say } from "../elements/element.js";
+import { apply, choice, labelled, number, optionsOf } from "../elements/fields.js";
+import { heldAlready } from "../rig/holder.js";
+import { Outcome } from "../elements/outcome.js";
 
 /** The choice that stands for a file; no protocol has this name. */
 const FILE = "";

@@ -1,11 +1,11 @@
 /** One experiment: where it stands, and what may be done with it now. */
 
 import { address } from "../address.js";
-import { request } from "../api.js";
-import { element, say } from "../element.js";
-import { button } from "../fields.js";
-import { moment } from "../figures.js";
-import { Outcome } from "../outcome.js";
+import { request } from "../connection/api.js";
+import { element, say } from "../elements/element.js";
+import { button } from "../elements/fields.js";
+import { moment } from "../elements/figures.js";
+import { Outcome } from "../elements/outcome.js";
 import { Following, pathOf } from "./following.js";
 import { offersOf, progressOf, stateOf, trialOf } from "./words.js";
 

@@ -1,11 +1,11 @@
 /** The experimenter's page: set an experiment up, follow it, see what comes of it. */
 
 import { address } from "../address.js";
-import { request } from "../api.js";
-import { element, say } from "../element.js";
-import { moment } from "../figures.js";
-import { Outcome } from "../outcome.js";
-import { fill, table, words } from "../table.js";
+import { request } from "../connection/api.js";
+import { element, say } from "../elements/element.js";
+import { moment } from "../elements/figures.js";
+import { Outcome } from "../elements/outcome.js";
+import { fill, table, words } from "../elements/table.js";
 import { active } from "./following.js";
 import { Results } from "./results.js";
 import { Setup } from "./setup.js";

@@ -1,6 +1,6 @@
 /** Where an experiment stands, in the experimenter's words. Pure. */
 
-import { figure } from "../figures.js";
+import { figure } from "../elements/figures.js";
 
 const STATES = {
   queued: "Getting ready",

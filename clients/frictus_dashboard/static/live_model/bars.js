@@ -1,6 +1,6 @@
 /** Horizontal bars against a line: evidence by cause, and the error of each model. */
 
-import { element, say } from "../element.js";
+import { element, say } from "../elements/element.js";
 import { decibels, nats } from "./units.js";
 
 /** One bar: a name, a length, a value in words. */

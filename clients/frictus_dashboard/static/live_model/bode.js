@@ -1,8 +1,8 @@
 /** Bode plot: points measured with intervals, the estimate with its band, the model in force. */
 
-import { colour, onSchemeChange } from "../colours.js";
-import { element, say } from "../element.js";
-import { drawPoints } from "../measured_points.js";
+import { colour, onSchemeChange } from "../canvas/colours.js";
+import { element, say } from "../elements/element.js";
+import { drawPoints } from "../canvas/measured_points.js";
 import uPlot from "../vendor/uplot.mjs";
 import { FREQUENCIES_HZ } from "./law.js";
 import { GROUPS } from "./speed_groups.js";

@@ -1,6 +1,6 @@
 /** The changes of the model, newest first: when, from what to what, why. */
 
-import { element } from "../element.js";
+import { element } from "../elements/element.js";
 import { clock } from "./units.js";
 
 const VALUES = [

@@ -1,6 +1,6 @@
 /** What an estimate means in one verdict and a sentence or two. Pure. */
 
-import { JND_DB } from "../spectrum.js";
+import { JND_DB } from "../listening/spectrum.js";
 import { titleOf } from "./causes.js";
 import { decibels, frequency, seconds, times } from "./units.js";
 

@@ -1,7 +1,7 @@
 /** Gain, cutoffs and delay over the last minutes with intervals, beside the model in force. */
 
-import { colour, onSchemeChange } from "../colours.js";
-import { element, say } from "../element.js";
+import { colour, onSchemeChange } from "../canvas/colours.js";
+import { element, say } from "../elements/element.js";
 import uPlot from "../vendor/uplot.mjs";
 import { axisSpanS, columnsOf, marksOf, rangeOf } from "./history.js";
 

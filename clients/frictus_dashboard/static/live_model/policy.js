@@ -1,9 +1,9 @@
 /** What the tracker may do with the model: a switch, and the way back. Pressed is in force. */
 
-import { POLICIES } from "../adaptation.js";
-import { request } from "../api.js";
-import { element, say } from "../element.js";
-import { Outcome } from "../outcome.js";
+import { POLICIES } from "../rig/adaptation.js";
+import { request } from "../connection/api.js";
+import { element, say } from "../elements/element.js";
+import { Outcome } from "../elements/outcome.js";
 import { coded } from "./coded.js";
 import { times } from "./units.js";
 

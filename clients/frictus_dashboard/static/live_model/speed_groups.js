@@ -1,6 +1,6 @@
 /** Measured points by the speed of the finger, and the curves at those speeds. Pure. */
 
-import { LOOKS } from "../measured_points.js";
+import { LOOKS } from "../canvas/measured_points.js";
 import { FREQUENCIES_HZ, halfWidthDb, levelDb, SPEEDS_MM_S, valuesOf } from "./law.js";
 
 /** Slow, medium, fast: up to which speed, and how each is drawn. */

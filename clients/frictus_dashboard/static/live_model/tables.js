@@ -1,7 +1,7 @@
 /** In a detail that opens: windows used and refused, and the values of the figures as tables. */
 
-import { element, say } from "../element.js";
-import { fill, scrolling, table, words } from "../table.js";
+import { element, say } from "../elements/element.js";
+import { fill, scrolling, table, words } from "../elements/table.js";
 
 const POINTS = ["Hz", "Speed, mm/s", "Level, dB re 1 N", "± dB (95 %)", "Phase, °"];
 const LAW = ["Parameter", "Value", "From", "To", "In force"];

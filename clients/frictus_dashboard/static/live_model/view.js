@@ -1,6 +1,6 @@
 /** What is known of the finger on the screen now, whether the model fits it, what may change it. */
 
-import { element, say } from "../element.js";
+import { element, say } from "../elements/element.js";
 import { Errors, Evidence } from "./bars.js";
 import { LiveBode } from "./bode.js";
 import { Changes } from "./changes.js";

@@ -3,9 +3,9 @@
  * what stands in bars cannot disagree, and has one age. Pure.
  */
 
-import { policyOf } from "../adaptation.js";
-import { STALE_MS } from "../estimate_log.js";
-import { JND_DB } from "../spectrum.js";
+import { policyOf } from "../rig/adaptation.js";
+import { STALE_MS } from "../live/estimate_log.js";
+import { JND_DB } from "../listening/spectrum.js";
 import { evidenceOf } from "./causes.js";
 import { headlineOf } from "./headline.js";
 import { groupsOf } from "./speed_groups.js";

@@ -1,10 +1,10 @@
 /** Give the shown rig a published version, and say what the rig confirmed. */
 
-import { request } from "../api.js";
-import { element, say } from "../element.js";
-import { button } from "../fields.js";
-import { Outcome } from "../outcome.js";
-import { facts } from "../table.js";
+import { request } from "../connection/api.js";
+import { element, say } from "../elements/element.js";
+import { button } from "../elements/fields.js";
+import { Outcome } from "../elements/outcome.js";
+import { facts } from "../elements/table.js";
 import { referenceOf } from "./reference.js";
 
 export class Activation {

@@ -1,11 +1,11 @@
 /** The versions of a name and the aliases that stand for them; who may moves them. */
 
-import { request, send } from "../api.js";
-import { element } from "../element.js";
-import { labelled } from "../fields.js";
-import { moment } from "../figures.js";
-import { Outcome } from "../outcome.js";
-import { fill, table, words } from "../table.js";
+import { request, send } from "../connection/api.js";
+import { element } from "../elements/element.js";
+import { labelled } from "../elements/fields.js";
+import { moment } from "../elements/figures.js";
+import { Outcome } from "../elements/outcome.js";
+import { fill, table, words } from "../elements/table.js";
 import { pathOf, referenceOf } from "./reference.js";
 
 const PAGE = 100;

@@ -1,10 +1,10 @@
 /** Who moved which alias of a model, and which rigs were given a version. */
 
-import { request } from "../api.js";
-import { element } from "../element.js";
-import { moment } from "../figures.js";
-import { Outcome } from "../outcome.js";
-import { fill, scrolling, table, words } from "../table.js";
+import { request } from "../connection/api.js";
+import { element } from "../elements/element.js";
+import { moment } from "../elements/figures.js";
+import { Outcome } from "../elements/outcome.js";
+import { fill, scrolling, table, words } from "../elements/table.js";
 import { pathOf } from "./reference.js";
 
 const MOVES = ["When", "Alias", "From", "To", "By", "Why"];

@@ -1,9 +1,9 @@
 /** Bode plots of one or two models at chosen speeds, in the same figures and as tables. */
 
-import { colour, onSchemeChange } from "../colours.js";
-import { element } from "../element.js";
-import { figure } from "../figures.js";
-import { scrolling, table } from "../table.js";
+import { colour, onSchemeChange } from "../canvas/colours.js";
+import { element } from "../elements/element.js";
+import { figure } from "../elements/figures.js";
+import { scrolling, table } from "../elements/table.js";
 import uPlot from "../vendor/uplot.mjs";
 import { cutoffHz, FREQUENCIES_HZ, heldSpeed, response, UNITS } from "./law.js";
 

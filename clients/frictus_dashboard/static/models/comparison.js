@@ -1,9 +1,9 @@
 /** Two models side by side: Bode plots at chosen speeds, and differences with intervals. */
 
-import { request } from "../api.js";
-import { element, say } from "../element.js";
-import { labelled } from "../fields.js";
-import { Outcome } from "../outcome.js";
+import { request } from "../connection/api.js";
+import { element, say } from "../elements/element.js";
+import { labelled } from "../elements/fields.js";
+import { Outcome } from "../elements/outcome.js";
 import { Bode, MOST_SPEEDS } from "./bode.js";
 import { differences } from "./differences.js";
 import { referenceOf } from "./reference.js";

@@ -1,8 +1,8 @@
 /** What differs between two models, and whether by more than their uncertainties, as tables. */
 
-import { element } from "../element.js";
-import { figure, interval, percent } from "../figures.js";
-import { scrolling, table, words } from "../table.js";
+import { element } from "../elements/element.js";
+import { figure, interval, percent } from "../elements/figures.js";
+import { scrolling, table, words } from "../elements/table.js";
 
 /**
  * @param {object} found what `/v1/models/compare` answers

@@ -1,11 +1,11 @@
 /** Which models are published: filters, and a page of the list at a time. */
 
-import { request } from "../api.js";
-import { element } from "../element.js";
-import { button, labelled } from "../fields.js";
-import { moment } from "../figures.js";
-import { Outcome } from "../outcome.js";
-import { fill, table, words } from "../table.js";
+import { request } from "../connection/api.js";
+import { element } from "../elements/element.js";
+import { button, labelled } from "../elements/fields.js";
+import { moment } from "../elements/figures.js";
+import { Outcome } from "../elements/outcome.js";
+import { fill, table, words } from "../elements/table.js";
 import { referenceOf } from "./reference.js";
 
 const PAGE = 50;

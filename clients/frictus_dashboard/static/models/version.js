@@ -1,11 +1,11 @@
 /** One published version: where it comes from, where it holds, what it adds to the base law. */
 
-import { element, say } from "../element.js";
-import { button } from "../fields.js";
-import { figure, interval, moment } from "../figures.js";
-import { save } from "../download.js";
-import { Outcome } from "../outcome.js";
-import { facts, table, words } from "../table.js";
+import { element, say } from "../elements/element.js";
+import { button } from "../elements/fields.js";
+import { figure, interval, moment } from "../elements/figures.js";
+import { save } from "../connection/download.js";
+import { Outcome } from "../elements/outcome.js";
+import { facts, table, words } from "../elements/table.js";
 import { pathOf, referenceOf } from "./reference.js";
 
 const FILES = ["model.json", "model.mat"];

@@ -1,9 +1,9 @@
 /** Published models: which there are, where they come from, two side by side, on the rig. */
 
 import { address } from "../address.js";
-import { request } from "../api.js";
-import { element } from "../element.js";
-import { Outcome } from "../outcome.js";
+import { request } from "../connection/api.js";
+import { element } from "../elements/element.js";
+import { Outcome } from "../elements/outcome.js";
 import { Activation } from "./activation.js";
 import { Aliases } from "./aliases.js";
 import { Audit } from "./audit.js";

@@ -1,11 +1,11 @@
 /** The participant's page: instruction, question and answers, and nothing else but the stop. */
 
-import { request } from "../api.js";
+import { request } from "../connection/api.js";
 import { Guidance } from "../calibrate/guidance.js";
-import { element, say } from "../element.js";
+import { element, say } from "../elements/element.js";
 import { active, Following, send } from "../experiment/following.js";
-import { button } from "../fields.js";
-import { Outcome } from "../outcome.js";
+import { button } from "../elements/fields.js";
+import { Outcome } from "../elements/outcome.js";
 import { answerOf, screenOf } from "./screen.js";
 
 /** How often it is looked whether an experiment has begun. */

@@ -1,10 +1,10 @@
 /** The recordings in the folder of the service's machine: when, how long, how large; each opens. */
 
-import { request } from "../api.js";
-import { element, say } from "../element.js";
-import { button } from "../fields.js";
-import { Outcome } from "../outcome.js";
-import { fill, scrolling, table, words } from "../table.js";
+import { request } from "../connection/api.js";
+import { element, say } from "../elements/element.js";
+import { button } from "../elements/fields.js";
+import { Outcome } from "../elements/outcome.js";
+import { fill, scrolling, table, words } from "../elements/table.js";
 import { Opened } from "./opened.js";
 import { length, size } from "./record_state.js";
 

@@ -1,11 +1,11 @@
 /** One recording of the list: how it went, and in which forms it can be saved. */
 
-import { colour, onSchemeChange } from "../colours.js";
-import { request, send } from "../api.js";
-import { saveBlob } from "../download.js";
-import { element, say } from "../element.js";
-import { button } from "../fields.js";
-import { Outcome } from "../outcome.js";
+import { colour, onSchemeChange } from "../canvas/colours.js";
+import { request, send } from "../connection/api.js";
+import { saveBlob } from "../connection/download.js";
+import { element, say } from "../elements/element.js";
+import { button } from "../elements/fields.js";
+import { Outcome } from "../elements/outcome.js";
 import uPlot from "../vendor/uplot.mjs";
 import { eventsOf, extentOf, timesOf, TITLES } from "./course.js";
 

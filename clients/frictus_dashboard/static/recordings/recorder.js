@@ -1,9 +1,9 @@
 /** Start and end a recording by the rig's recorder; what runs is what the recorder says. */
 
-import { request } from "../api.js";
-import { element, say } from "../element.js";
-import { button } from "../fields.js";
-import { Outcome } from "../outcome.js";
+import { request } from "../connection/api.js";
+import { element, say } from "../elements/element.js";
+import { button } from "../elements/fields.js";
+import { Outcome } from "../elements/outcome.js";
 import { RecordingList } from "./list.js";
 import { freshName, recordStateOf } from "./record_state.js";
 

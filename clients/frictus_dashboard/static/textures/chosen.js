@@ -1,8 +1,8 @@
 /** The texture that is previewed: read, felt on the rig, edited, deleted. */
 
-import { element, say } from "../element.js";
-import { button } from "../fields.js";
-import { Outcome } from "../outcome.js";
+import { element, say } from "../elements/element.js";
+import { button } from "../elements/fields.js";
+import { Outcome } from "../elements/outcome.js";
 import { Editor } from "./editor.js";
 import { Preview } from "./preview.js";
 import { replaceScene, sceneIn, words } from "./scene.js";

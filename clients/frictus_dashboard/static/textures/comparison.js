@@ -1,9 +1,9 @@
 /** A against B on the rig: two textures, or one with compensation and without. */
 
-import { switchTo } from "../compensation.js";
-import { element, say } from "../element.js";
-import { button, choice, labelled, optionsOf } from "../fields.js";
-import { Outcome } from "../outcome.js";
+import { switchTo } from "../rig/compensation.js";
+import { element, say } from "../elements/element.js";
+import { button, choice, labelled, optionsOf } from "../elements/fields.js";
+import { Outcome } from "../elements/outcome.js";
 import { replaceScene, sceneIn, words } from "./scene.js";
 import { readTexture } from "./stored.js";
 

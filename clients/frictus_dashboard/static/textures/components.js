@@ -1,7 +1,7 @@
 /** The components of a spectrum, one row each. */
 
-import { element } from "../element.js";
-import { button, choice, number } from "../fields.js";
+import { element } from "../elements/element.js";
+import { button, choice, number } from "../elements/fields.js";
 
 const UNITS = [
   ["cycles_per_mm", "cycles/mm"],

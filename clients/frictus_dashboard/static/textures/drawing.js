@@ -1,9 +1,9 @@
 /** Regions drawn, moved and resized on the screen to scale, with a pointer. */
 
-import { onSchemeChange } from "../colours.js";
-import { element } from "../element.js";
-import { laid } from "../scale.js";
-import { Surface } from "../surface.js";
+import { onSchemeChange } from "../canvas/colours.js";
+import { element } from "../elements/element.js";
+import { laid } from "../canvas/scale.js";
+import { Surface } from "../live/surface.js";
 import { gripAt, LEAST_MM, linesOf, moved, resized, spanned } from "./placing.js";
 
 /** How near to an edge a hand takes hold of it. */

@@ -1,8 +1,8 @@
 /** An editor for spectrum, beta and slope textures; saved to the library. */
 
-import { element, say } from "../element.js";
-import { button, choice, labelled, name, number, numberIn } from "../fields.js";
-import { Outcome } from "../outcome.js";
+import { element, say } from "../elements/element.js";
+import { button, choice, labelled, name, number, numberIn } from "../elements/fields.js";
+import { Outcome } from "../elements/outcome.js";
 import { Components } from "./components.js";
 import { etagOf, saveTexture } from "./stored.js";
 import { same, Undo } from "./undo.js";

@@ -1,8 +1,8 @@
 /** An image becomes a map: its grey, from black to white, is friction. */
 
-import { element, say } from "../element.js";
-import { labelled, name, number } from "../fields.js";
-import { Outcome } from "../outcome.js";
+import { element, say } from "../elements/element.js";
+import { labelled, name, number } from "../elements/fields.js";
+import { Outcome } from "../elements/outcome.js";
 import { saveTexture } from "./stored.js";
 
 export const IMAGES = ["png", "jpg", "jpeg", "webp"];

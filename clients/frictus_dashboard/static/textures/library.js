@@ -1,10 +1,10 @@
 /** The textures of the library, as links; the chosen one stands in the address. */
 
 import { address } from "../address.js";
-import { request } from "../api.js";
-import { element, say } from "../element.js";
-import { labelled } from "../fields.js";
-import { Outcome } from "../outcome.js";
+import { request } from "../connection/api.js";
+import { element, say } from "../elements/element.js";
+import { labelled } from "../elements/fields.js";
+import { Outcome } from "../elements/outcome.js";
 import { Thumbnails } from "./thumbnails.js";
 
 export class Library {

@@ -1,8 +1,8 @@
 /** One line over one axis, its values in words and as a table. */
 
-import { colour, onSchemeChange } from "../colours.js";
-import { element, say } from "../element.js";
-import { fill, table } from "../table.js";
+import { colour, onSchemeChange } from "../canvas/colours.js";
+import { element, say } from "../elements/element.js";
+import { fill, table } from "../elements/table.js";
 import uPlot from "../vendor/uplot.mjs";
 
 const HEIGHT_PX = 150;

@@ -1,11 +1,11 @@
 /** What a texture asks for, and what of it a rig could give: drawn, in words, as tables. */
 
-import { request } from "../api.js";
-import { element, say } from "../element.js";
-import { labelled, number } from "../fields.js";
-import { figure } from "../figures.js";
-import { Outcome } from "../outcome.js";
-import { NOMINAL_HZ } from "../spectrum.js";
+import { request } from "../connection/api.js";
+import { element, say } from "../elements/element.js";
+import { labelled, number } from "../elements/fields.js";
+import { figure } from "../elements/figures.js";
+import { Outcome } from "../elements/outcome.js";
+import { NOMINAL_HZ } from "../listening/spectrum.js";
 import { Plot } from "./plot.js";
 import { words } from "./scene.js";
 import { Sound } from "./sound.js";

@@ -1,11 +1,11 @@
 /** A recording, an effect file or an image, dropped or chosen, becomes a texture. */
 
-import { request } from "../api.js";
-import { element, say } from "../element.js";
-import { apply, labelled, name, number } from "../fields.js";
-import { figure } from "../figures.js";
-import { takeDrops } from "../file_drop.js";
-import { Outcome } from "../outcome.js";
+import { request } from "../connection/api.js";
+import { element, say } from "../elements/element.js";
+import { apply, labelled, name, number } from "../elements/fields.js";
+import { figure } from "../elements/figures.js";
+import { takeDrops } from "../elements/file_drop.js";
+import { Outcome } from "../elements/outcome.js";
 import { ImageMap, IMAGES } from "./image.js";
 import { Trim } from "./trim.js";
 

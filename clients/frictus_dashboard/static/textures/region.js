@@ -1,8 +1,8 @@
 /** The fields of one region of a scene. */
 
-import { element, say } from "../element.js";
-import { button, choice, labelled, number, optionsOf } from "../fields.js";
-import { regionColour } from "../surface.js";
+import { element, say } from "../elements/element.js";
+import { button, choice, labelled, number, optionsOf } from "../elements/fields.js";
+import { regionColour } from "../live/surface.js";
 import { readTexture } from "./stored.js";
 
 /** Reaches past any screen: no edge is met. */

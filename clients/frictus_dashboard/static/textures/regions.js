@@ -1,8 +1,8 @@
 /** A scene for a rig: regions drawn or typed, each with a texture; applied by hand. */
 
-import { element, say } from "../element.js";
-import { button, labelled } from "../fields.js";
-import { Outcome } from "../outcome.js";
+import { element, say } from "../elements/element.js";
+import { button, labelled } from "../elements/fields.js";
+import { Outcome } from "../elements/outcome.js";
 import { Drawing } from "./drawing.js";
 import { RegionFields, WHOLE } from "./region.js";
 import { rendered, replaceScene, sceneIn, words } from "./scene.js";

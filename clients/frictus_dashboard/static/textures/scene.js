@@ -1,7 +1,7 @@
 /** The scene of a rig: replaced, and what the rig made of it in words. */
 
-import { send } from "../api.js";
-import { percent } from "../figures.js";
+import { send } from "../connection/api.js";
+import { percent } from "../elements/figures.js";
 
 /** A new scene may take a while to be compiled on a busy rig. */
 const TIMEOUT_MS = 15_000;
@@ -13,7 +13,7 @@ const TIMEOUT_MS = 15_000;
  * @param {object} scene
  * @param {string} match what it replaces: an etag, or `*` for whatever stands there
  * @returns {Promise<{applied: object, etag: string}>} what the rig made of it
- * @throws {import("../api.js").Refusal} `not_owner`, `not_feasible`, `conflict`, …
+ * @throws {import("../connection/api.js").Refusal} `not_owner`, `not_feasible`, `conflict`, …
  */
 export async function replaceScene(rig, scene, match) {
   const answer = await send("PUT", `/rigs/${encodeURIComponent(rig)}/scene`, {

@@ -1,7 +1,7 @@
 /** A button that plays samples as sound, and stops them. */
 
-import { say } from "../element.js";
-import { button } from "../fields.js";
+import { say } from "../elements/element.js";
+import { button } from "../elements/fields.js";
 
 const RATE_HZ = 48_000;
 

@@ -1,6 +1,6 @@
 /** Textures of the library, over REST. Etags are as in headers, with their quotes. */
 
-import { send } from "../api.js";
+import { send } from "../connection/api.js";
 
 /** @returns {Promise<{texture: object, etag: string}>} */
 export async function readTexture(name) {

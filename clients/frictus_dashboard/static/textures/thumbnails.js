@@ -1,10 +1,10 @@
 /** Small pictures of the textures in a list, each drawn once it can be seen. */
 
-import { request } from "../api.js";
-import { onSchemeChange } from "../colours.js";
-import { element } from "../element.js";
-import { fitted } from "../scale.js";
-import { friction } from "../target.js";
+import { request } from "../connection/api.js";
+import { onSchemeChange } from "../canvas/colours.js";
+import { element } from "../elements/element.js";
+import { fitted } from "../canvas/scale.js";
+import { friction } from "../listening/target.js";
 import { readTexture } from "./stored.js";
 import { drawWave } from "./waveform.js";
 

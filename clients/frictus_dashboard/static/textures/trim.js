@@ -1,10 +1,10 @@
 /** The part of a recording that becomes a texture: seen, heard, chosen by hand or typed. */
 
-import { colour, onSchemeChange } from "../colours.js";
-import { element, say } from "../element.js";
-import { labelled, number } from "../fields.js";
-import { figure } from "../figures.js";
-import { fitted } from "../scale.js";
+import { colour, onSchemeChange } from "../canvas/colours.js";
+import { element, say } from "../elements/element.js";
+import { labelled, number } from "../elements/fields.js";
+import { figure } from "../elements/figures.js";
+import { fitted } from "../canvas/scale.js";
 import { levelled, Sound } from "./sound.js";
 import { drawWave, samplesOf } from "./waveform.js";
 

@@ -1,7 +1,7 @@
 /** Steps back and forth through what stood in a form. */
 
-import { element } from "../element.js";
-import { button } from "../fields.js";
+import { element } from "../elements/element.js";
+import { button } from "../elements/fields.js";
 
 const MOST = 100;
 

@@ -1,8 +1,8 @@
 /** Textures: the library, what they would be like, making them, and where they are felt. */
 
 import { address } from "../address.js";
-import { element } from "../element.js";
-import { button } from "../fields.js";
+import { element } from "../elements/element.js";
+import { button } from "../elements/fields.js";
 import { Chosen } from "./chosen.js";
 import { Comparison } from "./comparison.js";
 import { Editor } from "./editor.js";

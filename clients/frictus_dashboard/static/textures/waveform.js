@@ -1,6 +1,6 @@
 /** What a recording holds, and a line that shows all of it in few pixels. */
 
-import { colour } from "../colours.js";
+import { colour } from "../canvas/colours.js";
 
 /** The service takes less than this. */
 const MOST_BYTES = 16e6;

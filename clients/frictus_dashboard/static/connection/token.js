@@ -1,0 +1,33 @@
+/** The token of this tab: kept in sessionStorage, never in a URL. */
+
+import { at, say } from "../elements/element.js";
+
+const KEY = "frictus-token";
+
+/** The token, or null. */
+export function token() {
+  return sessionStorage.getItem(KEY);
+}
+
+/** Keep it no longer. */
+export function forgetToken() {
+  sessionStorage.removeItem(KEY);
+}
+
+/** Ask for a token, with the reason why; `use` is called once there is one. */
+export function askForToken(why, use) {
+  const dialog = at("token-dialog");
+  const input = at("token");
+  say(at("token-why"), why);
+  if (dialog.open) return;
+  input.value = "";
+  dialog.onclose = () => {
+    if (input.value) {
+      sessionStorage.setItem(KEY, input.value);
+      input.value = "";
+    }
+    use();
+  };
+  dialog.show(); // not modal: the stop stays within reach
+  input.focus();
+}

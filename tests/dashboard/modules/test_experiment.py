@@ -1,0 +1,116 @@
+"""The pure modules of an experiment's pages: every screen, key and offer of one state."""
+
+import re
+from typing import Any, get_args
+
+import pytest
+from playwright.sync_api import Page
+
+from frictus.experiment.tasks import KEYS, Adjustment, Magnitude, SameDifferent, TwoAlternatives
+from frictus.experiment.tasks import YesNo as YesNoTask
+from frictus_service.experiments.job import GO_ON, ExperimentJob, ParticipantScreen, Phase
+from frictus_service.job_folder import State
+
+pytestmark = pytest.mark.browser
+
+TASKS = (TwoAlternatives(), SameDifferent(), YesNoTask(), Magnitude(), Adjustment())
+SHOWN = """async ([job, page]) => {
+  const { screenOf } = await import("/participant/screen.js");
+  return screenOf(job, page);
+}"""
+HERE = {"connected": True, "may": True}
+
+
+def job(state: str = "running", task: Any = TASKS[0], **screen: Any) -> Any:
+    """An experiment as the service sends it."""
+    shown = ParticipantScreen(
+        **{"phase": "question", "trial": 3, "step": 1, "intervals": 2} | screen
+    )
+    made = ExperimentJob(
+        id="1-2",
+        state=state,
+        created_utc_ns=1,
+        created_by="local",
+        updated_utc_ns=1,
+        rig="rig1",
+        participant="P01",
+        order_row=0,
+        seed=1,
+        protocol="detection",
+        description="",
+        task=task,
+        planned=60,
+        screen=shown if state == "running" else None,
+    )
+    return made.model_dump(mode="json")
+
+
+@pytest.mark.parametrize("task", TASKS, ids=lambda task: task.kind)
+def test_a_question_has_all_answers_of_its_task(page: Page, task: Any) -> None:
+    shown = page.evaluate(SHOWN, [job(task=task), HERE])
+    # Numbers are those of a keyboard; the page has buttons.
+    assert shown["title"] == re.sub(r" \(\d\)", "", task.question)
+    assert sorted(each["answer"] for each in shown["buttons"]) == sorted(KEYS[task.kind])
+    assert (shown["number"] is not None) == (task.kind == "magnitude")
+    keys = [key for each in shown["buttons"] for key in each["keys"]]
+    assert len(set(keys)) == len(keys)
+    assert "Escape" not in keys  # it stops
+    assert " " not in keys
+    for each in shown["buttons"]:
+        for key in each["keys"]:
+            given = page.evaluate(
+                """async ([buttons, key]) =>
+                  (await import("/participant/screen.js")).answerOf(buttons, key)""",
+                [shown["buttons"], key],
+            )
+            assert given == each["answer"]
+
+
+@pytest.mark.parametrize("phase", get_args(Phase))
+def test_every_phase_has_words_and_shows_no_level(page: Page, phase: str) -> None:
+    state = job(phase=phase, level=0.0123, unit="N", interval=2 * (phase == "interval"))
+    shown = page.evaluate(SHOWN, [state, HERE])
+    words = f"{shown['title']} {shown['text']}"
+    assert shown["title"] != ""
+    assert "0.01" not in words
+    assert "undefined" not in words
+    answers = [each["answer"] for each in shown["buttons"]]
+    assert (answers == [GO_ON]) == (phase in ("ready", "break"))
+    assert (answers != []) == (phase in ("ready", "break", "question"))
+    looked = page.evaluate(SHOWN, [state, {"connected": True, "may": False}])
+    assert looked["buttons"] == []
+    assert looked["title"] == shown["title"]
+    lost = page.evaluate(SHOWN, [state, {"connected": False, "may": True}])
+    assert lost["buttons"] == []
+    assert "no connection" in lost["text"]
+
+
+@pytest.mark.parametrize("state", get_args(State))
+def test_every_state_has_words_and_what_may_be_done(page: Page, state: str) -> None:
+    told = page.evaluate(
+        """async ([job]) => {
+          const { stateOf, offersOf } = await import("/experiment/words.js");
+          return [stateOf(job), offersOf(job, true), Object.values(offersOf(job, false))];
+        }""",
+        [job(state)],
+    )
+    words, may, may_not = told
+    assert words
+    assert may["stop"] == (state in ("queued", "running"))
+    assert may["resume"] == (state in ("interrupted", "failed", "cancelled"))
+    assert may["pause"] == (state == "running")
+    assert not any(may_not)
+    shown = page.evaluate(SHOWN, [job(state), HERE])
+    assert shown["title"]
+    assert (shown["buttons"] != []) == (state == "running")
+
+
+def test_a_pause_can_be_ended_before_it_begins(page: Page) -> None:
+    told = page.evaluate(
+        """async (jobs) => {
+          const { offersOf } = await import("/experiment/words.js");
+          return jobs.map((job) => [offersOf(job, true).pause, offersOf(job, true).goOn]);
+        }""",
+        [job(), job(pausing=True), job(phase="pause", pausing=True)],
+    )
+    assert told == [[True, False], [False, True], [False, True]]

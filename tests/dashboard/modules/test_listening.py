@@ -1,0 +1,123 @@
+"""The friction felt and its target, against the service's own figures."""
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page
+
+from frictus_hardware.physics.friction import FrictionLaw
+from frictus_service.fidelity.preview import CENTRES_HZ, band_power, error_db
+
+pytestmark = pytest.mark.browser
+
+RATE_HZ = 20_000.0
+SEGMENT = 8_192
+
+
+def test_a_spectrogram_of_nothing_is_empty(page: Page) -> None:
+    said, painted = page.evaluate(
+        """async () => {
+          const { Spectrogram } = await import("/listening/spectrogram.js");
+          const shown = new Spectrogram(document.createElement("figure"));
+          const low = Array(5).fill(new Float32Array(1024).fill(0.2));
+          const frame = { raw: true, run: 1, lostSamples: 0, sampleRateHz: 2e4, columns: 1024 };
+          shown.push({ ...frame, low });
+          shown.draw();
+          shown.tell();
+          const { width, height } = shown.canvas;
+          const { data } = shown.canvas.getContext("2d").getImageData(0, 0, width, height);
+          const painted = data.some((value, i) => i % 4 === 3 && value > 0);
+          return [shown.strongest.textContent, painted];
+        }"""
+    )
+    assert said == "Nothing is felt now"
+    assert not painted
+
+
+def test_spectrogram_has_a_tone_where_and_as_strong_as_it_is(page: Page) -> None:
+    time_s = np.arange(1_024) / RATE_HZ
+    bin_hz = RATE_HZ / 1_024
+    tone = 0.4 + 0.03 * np.sqrt(2.0) * np.sin(2.0 * np.pi * 12.0 * bin_hz * time_s)
+    got = page.evaluate(
+        """async (samples) => {
+          const { levels } = await import("/listening/spectrogram.js");
+          return [...levels(Float64Array.from(samples))];
+        }""",
+        tone.tolist(),
+    )
+    assert int(np.argmax(got)) == 12
+    assert got[12] == pytest.approx(20.0 * np.log10(0.03), abs=0.01)
+    assert max(got[:10] + got[15:]) < -100.0  # neither its mean nor its ends are there
+
+
+def test_third_octaves_are_those_of_the_service(page: Page, rng: np.random.Generator) -> None:
+    felt = np.cumsum(rng.normal(size=SEGMENT)) * 1e-3 + rng.normal(size=SEGMENT)
+    target = rng.normal(size=SEGMENT)
+    got = page.evaluate(
+        """async ([felt, target, rate]) => {
+          const { bandPower, errorsDb } = await import("/listening/spectrum.js");
+          const [a, b] = [felt, target].map((x) => bandPower(Float64Array.from(x), rate));
+          return { felt: [...a], target: [...b], errors: errorsDb(a, b) };
+        }""",
+        [felt.tolist(), target.tolist(), RATE_HZ],
+    )
+    powers = [band_power(x, RATE_HZ, [slice(0, SEGMENT)]) for x in (felt, target)]
+    np.testing.assert_allclose(got["felt"], powers[0], rtol=1e-9)
+    np.testing.assert_allclose(got["target"], powers[1], rtol=1e-9)
+    errors = [np.nan if error is None else error for error in got["errors"]]
+    np.testing.assert_allclose(errors, error_db(*powers), atol=1e-8)
+
+
+def test_uncompensated_is_what_the_model_lets_through(
+    page: Page, rng: np.random.Generator
+) -> None:
+    law = FrictionLaw(
+        gain_n=1.0, cutoff_0_hz=rng.uniform(50, 500), slope_hz_per_mm_s=rng.uniform(0, 20)
+    )
+    speed = rng.uniform(20.0, 100.0)
+    got = page.evaluate(
+        """async ([law, speed]) => {
+          const { uncompensated } = await import("/listening/spectrum.js");
+          return [...uncompensated(new Float64Array(16).fill(1), law, -speed)];
+        }""",
+        [{"cutoff_0_hz": law.cutoff_0_hz, "slope_hz_per_mm_s": law.slope_hz_per_mm_s}, speed],
+    )
+    cutoff_hz = law.cutoff_0_hz + law.slope_hz_per_mm_s * speed
+    np.testing.assert_allclose(got, np.abs(1.0 / (1.0 + 1j * CENTRES_HZ / cutoff_hz)) ** 2)
+
+
+def test_target_follows_the_path(page: Page, rng: np.random.Generator) -> None:
+    angle_deg, turns, hz = rng.uniform(-180, 180), rng.uniform(0.2, 5.0), rng.uniform(20, 500)
+    phase = rng.uniform(0, 6, size=2)
+    amplitude = rng.uniform(0.01, 0.1, size=2)
+    x, y = rng.uniform(10, 20, size=(2, 64))
+    region = {
+        "x_mm": [-1000, 1000],
+        "y_mm": [5, 25],
+        "gain": 0.7,
+        "edge_fade_mm": 1.0,
+        "texture": {
+            "kind": "spectrum",
+            "angle_deg": angle_deg,
+            "components": [
+                {"amplitude_n": amplitude[0], "cycles_per_mm": turns, "phase_rad": phase[0]},
+                {"amplitude_n": amplitude[1], "hz": hz, "phase_rad": phase[1]},
+            ],
+        },
+    }
+    aside = {**region, "y_mm": [26, 30]}
+    across = {**region, "y_mm": [float(y.mean()), 30]}
+    friction, crossing = page.evaluate(
+        """async ([regions, across, x, y]) => {
+          const { friction, under } = await import("/listening/target.js");
+          const path = { x: Float64Array.from(x), y: Float64Array.from(y) };
+          const over = under(regions, path);
+          return [[...friction(over, path, 40, 2e-4, 20000, 0.5)], under([across], path)];
+        }""",
+        [[region, aside], across, x.tolist(), y.tolist()],
+    )
+    along = np.cos(np.deg2rad(angle_deg)) * x + np.sin(np.deg2rad(angle_deg)) * y
+    time_s = 40 / 20_000 + 2e-4 * np.arange(64)
+    expected = amplitude[0] * np.cos(2 * np.pi * turns * along + phase[0])
+    expected += amplitude[1] * np.cos(2 * np.pi * hz * time_s + phase[1])
+    np.testing.assert_allclose(friction, 0.35 * expected, atol=1e-12)
+    assert crossing is None
