@@ -43,7 +43,12 @@ from frictus_service.discovery.inference.selection import with_refitted_nuisance
 from frictus_service.discovery.problem.base_models import law_with_own
 from frictus_service.discovery.problem.candidates import Candidate
 from frictus_service.discovery.problem.problem import DiscoveryProblem
-from frictus_service.discovery.report.figures import level_bins, residual_bins, rests_of
+from frictus_service.discovery.report.figures import (
+    each_place_once,
+    level_bins,
+    residual_bins,
+    rests_of,
+)
 
 POWER: Final = 0.84
 """Quantile of the normal distribution: four of five studies."""
@@ -121,7 +126,7 @@ class Assembly:
             verdict=self._verdict(),
             causes=tuple(self._cause(each) for each in self._sure),
             cannot_tell=tuple(pair for each in self._unsure for pair in self._pairs(each)),
-            unexplained=tuple(self._unexplained(each) for each in found.unexplained),
+            unexplained=each_place_once(map(self._unexplained, found.unexplained)),
             characterised=characterised_forms(self._beyond),
             discrepancy=discrepancy_of(self._beyond, self._rows.tones_hz),
             explained_share=self._explained_share(),

@@ -1,6 +1,6 @@
-"""What the report's figures are drawn from: residuals by tone and covariate, levels."""
+"""What the report's figures are drawn from: residuals by tone and covariate, levels, places."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.decision.prediction_gain import DB, DEGREES
-from frictus_service.discovery.document import Covariate, LevelBin, ResidualBin
+from frictus_service.discovery.document import Covariate, LevelBin, ResidualBin, Unexplained
 from frictus_service.discovery.evidence.evidence_rows import Subject
 from frictus_service.discovery.evidence.residuals import Compared
 from frictus_service.discovery.inference.linearisation import Linearised
@@ -198,3 +198,17 @@ def subject_seen(subject: Subject, channel: str) -> FloatArray:
 def _power(values: FloatArray) -> float:
     known = values[np.isfinite(values)]
     return float(np.mean(known)) if known.size else np.nan
+
+
+def each_place_once(left: Iterable[Unexplained]) -> tuple[Unexplained, ...]:
+    """Return each place once, the clearest first: several patterns may have one place.
+
+    Parameters
+    ----------
+    left : iterable of Unexplained
+        One of each pattern.
+    """
+    places = dict[object, Unexplained]()
+    for one in sorted(left, key=lambda one: one.p_value):
+        places.setdefault((one.channel, one.band_hz, one.covariate), one)
+    return tuple(places.values())

@@ -21,6 +21,7 @@ from frictus_service.discovery.document import (
     TrialsLeftOut,
 )
 from frictus_service.discovery.one_recording.phrasing import taken_away
+from frictus_service.discovery.report.figures import each_place_once
 from frictus_service.discovery.report.findings import (
     gain_sentence,
     kept_share,
@@ -91,6 +92,13 @@ def empty(rng: np.random.Generator) -> Discovery:
             "notes": ("All 480 trials are invalid.",),
         }
     )
+
+
+def test_a_place_of_several_patterns_is_told_once_by_the_clearest() -> None:
+    clear = left()
+    unclear = clear.model_copy(update={"p_value": 2.0 * clear.p_value})
+    clearest = clear.model_copy(update={"covariate": None, "p_value": 0.5 * clear.p_value})
+    assert each_place_once([unclear, clear, clearest]) == (clearest, clear)
 
 
 def test_everything_is_in_one_file(rng: np.random.Generator) -> None:
