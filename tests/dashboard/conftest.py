@@ -14,13 +14,14 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 from frictus_dashboard import FOLDER
 
+CHROMIUM = ("chromium-headless-shell", "chromium", "chromium-browser")
 OpenPage = Callable[..., AbstractContextManager[Page]]
 
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
-    """The Chromium of this machine."""
-    path = shutil.which("chromium") or shutil.which("chromium-browser")
+    """The Chromium of this machine; without its windows it needs a fifth less time."""
+    path = next(filter(None, map(shutil.which, CHROMIUM)), None)
     if path is None:
         pytest.skip("there is no chromium here: `apt-get install chromium` brings one")
     with sync_playwright() as playwright:
