@@ -27,6 +27,8 @@ from frictus_service.daemon.safety import Arm, Event
 from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.synthesis.scene import compile_scene
 
+from .desk import Desk
+
 UTC_NS = 1_795_000_000_000_000_000
 
 
@@ -150,3 +152,8 @@ def build_bench(limits: Limits | None = None, **rig_settings: object) -> Bench:
 @pytest.fixture
 def make_bench() -> MakeBench:
     return build_bench
+
+
+@pytest.fixture
+def desk() -> Desk:
+    return Desk()
