@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from frictus.messages import Reply
+from frictus.model import Model
 from frictus.stream import StreamFrame
 from frictus_hardware.physics.screen import Screen
 from frictus_service.config import Limits
@@ -125,3 +126,15 @@ class Desk:
         ticket = self.call("open_stream", peak_n=0.06).ticket
         assert ticket is not None
         return ticket
+
+
+def scaled(model: Model, gain: float = 1.0, cutoff: float = 1.0, **changes: Any) -> Model:
+    """A model whose gain and cutoffs are so many times another's."""
+    base = model.base.model_copy(
+        update={
+            "gain_n": gain * model.base.gain_n,  # type: ignore[union-attr]
+            "cutoff_0_hz": cutoff * model.base.cutoff_0_hz,  # type: ignore[union-attr]
+            "slope_hz_per_mm_s": cutoff * model.base.slope_hz_per_mm_s,  # type: ignore[union-attr]
+        }
+    )
+    return model.model_copy(update={"base": base, **changes})
