@@ -15,6 +15,8 @@ Bound = Annotated[FiniteFloat, Field(ge=0.0, le=100_000.0)]
 Range = tuple[Bound, Bound]
 Value = Annotated[FiniteFloat, Field(ge=-1e15, le=1e15)]
 MAX_EFFECTS = 64
+MAX_DEPTH: Final = 32
+"""Levels of lists and objects in a document."""
 
 
 class _Carried(BaseModel):
@@ -97,11 +99,11 @@ class Model(_Carried):
 
     @model_validator(mode="after")
     def _representable(self) -> "Model":
-        # What is only carried is of any type; NaN in it could not be written as JSON again.
-        if not _all_representable(self.model_dump()):
+        # What is only carried is of any type; some of it could not be written, or read, again.
+        if not _all_representable(self.model_dump(), MAX_DEPTH):
             raise ValueError(
-                "NaN, infinities and integers beyond 64 bits are not accepted, "
-                "provenance included"
+                "NaN, infinities, integers beyond 64 bits, text that is not Unicode and more "
+                f"than {MAX_DEPTH} levels of nesting are not accepted, provenance included"
             )
         return self
 
@@ -125,11 +127,13 @@ class Model(_Carried):
         return self.model_dump_json(by_alias=True).encode()
 
 
-def _all_representable(value: object) -> bool:
+def _all_representable(value: object, levels: int) -> bool:
     if isinstance(value, dict):
-        return all(_all_representable(item) for item in value.values())
+        value = [*value, *value.values()]
     if isinstance(value, list | tuple):
-        return all(_all_representable(item) for item in value)
+        return levels > 0 and all(_all_representable(item, levels - 1) for item in value)
+    if isinstance(value, str):
+        return value.encode(errors="ignore").decode() == value  # no half of a surrogate pair
     if isinstance(value, int):
         return -(2**63) <= value < 2**63
     return not isinstance(value, float) or math.isfinite(value)

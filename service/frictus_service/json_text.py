@@ -49,7 +49,8 @@ def read_sliced(payload: bytes) -> Any:
     Raises
     ------
     ValueError
-        If it is not JSON, or nested too deeply.
+        If it is not JSON, is nested too deeply, or holds text that UTF-8 does not: half of a
+        surrogate pair, which the standard library reads and nobody could write again.
     """
     try:
         return _SlicedDecoder().decode(payload.decode())
@@ -61,7 +62,22 @@ class _SlicedDecoder(json.JSONDecoder):
     def __init__(self) -> None:
         super().__init__()
         self.parse_array = _parse_list
+        self.parse_object = _parse_object
+        self.parse_string = _parse_string
         self.scan_once = scanner.py_make_scanner(self)  # type: ignore[attr-defined]
+
+
+def _parse_string(text: str, start: int, strict: bool = True) -> tuple[str, int]:
+    value, end = decoder.scanstring(text, start, strict)  # type: ignore[attr-defined]
+    value.encode()  # raises a ValueError
+    return value, end
+
+
+def _parse_object(*given: Any) -> tuple[dict[str, Any], int]:
+    value, end = decoder.JSONObject(*given)  # type: ignore[attr-defined]
+    for key in value:
+        key.encode()
+    return value, end
 
 
 def _parse_list(text_and_start: tuple[str, int], scan: Scan) -> tuple[list[Any], int]:

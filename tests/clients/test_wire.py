@@ -9,11 +9,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from pydantic import ValidationError
 
 from frictus.block import HEADER_BYTES, Block, Flag
 from frictus.errors import FrameError, FrictusError
 from frictus.messages import MESSAGES, Reply, SceneRequest, TimeState
-from frictus.model import Model
+from frictus.model import MAX_DEPTH, Model
 from frictus.stream import StreamFrame
 
 U16, U32, U64 = (st.integers(0, 2**bits - 1) for bits in (16, 32, 64))
@@ -285,6 +286,29 @@ def test_bad_models_are_refused(old: str, new: str) -> None:
     kind.from_json(model_request(MODEL))
     with pytest.raises(FrameError, match="model"):
         kind.from_json(model_request(MODEL.replace(old, new)))
+
+
+@pytest.mark.parametrize(
+    "carried", ["\ud800", ["\udfff"], {"\ud800": 1}, {"a": [{"b": "x\ud800"}]}, 2**63]
+)
+def test_a_model_carries_nothing_that_cannot_be_written_again(carried: object) -> None:
+    document = json.loads(MODEL)
+    Model.model_validate(document | {"note": "\U0001f600"})
+    for place in ("note", "provenance"):
+        told = {"note": carried} if place == "provenance" else carried
+        with pytest.raises(ValidationError, match="not accepted"):
+            Model.model_validate(document | {place: told})
+
+
+def test_a_model_is_nested_as_deeply_as_it_can_be_read_again() -> None:
+    def nested(levels: int) -> str:
+        return MODEL.replace('"note": 1.0', '"note": ' + "[" * levels + "]" * levels)
+
+    most = MAX_DEPTH - 2
+    whole = Model.model_validate_json(nested(most))
+    assert Model.model_validate_json(whole.to_json()) == whole
+    with pytest.raises(ValidationError, match=f"more than {MAX_DEPTH} levels"):
+        Model.model_validate_json(nested(most + 1))
 
 
 def test_a_model_keeps_what_it_does_not_know() -> None:

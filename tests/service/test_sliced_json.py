@@ -57,6 +57,17 @@ def test_what_cannot_be_read_is_a_value_error(payload: bytes) -> None:
         read_sliced(payload)
 
 
+@pytest.mark.parametrize("half", [r"\ud800", r"\udfff", r"\udc00\ud800"])
+@pytest.mark.parametrize(
+    "document", ['"@"', '{"@":1}', '{"a":{"b@":[]}}', '["a,]@"]', '[{"a":["x,]","@"]}]']
+)
+def test_text_that_nobody_could_write_again_is_refused(document: str, half: str) -> None:
+    with pytest.raises(ValueError, match="surrogates"):
+        read_sliced(document.replace("@", half).encode())
+    whole = document.replace("@", r"\ud83d\ude00")
+    assert read_sliced(whole.encode()) == json.loads(whole)
+
+
 def test_the_fast_parser_takes_slices_only(monkeypatch: pytest.MonkeyPatch) -> None:
     sizes = []
 

@@ -107,7 +107,7 @@ class Commands:
 
     @property
     def refused(self) -> int:
-        """Commands refused so far, those that full boxes lost included."""
+        """Commands refused so far, and those whose call or answer a full box lost."""
         return self._refused
 
     @property
@@ -201,7 +201,9 @@ class Commands:
     def _to_answer(self, message: IncomingCommand, reply: Reply) -> None:
         self._count(reply)
         if message.query is not None:
-            self._answering.post("answer", replace(message, reply=reply), message.sender)
+            answer = replace(message, reply=reply)
+            for _unanswered in self._answering.post("answer", answer, message.sender):
+                self._count(OVERRUN)
 
     def _count(self, reply: Reply) -> None:
         if not reply.ok:

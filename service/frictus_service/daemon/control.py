@@ -68,7 +68,7 @@ def ended_lease(before: Safety, event: Event, after: Safety, now_s: float) -> En
         Monotonic time of the event.
     """
     owner = before.owner
-    if owner is None or after.owner == owner:
+    if owner is None or (after.owner == owner and after.armings == before.armings):
         return None
     if now_s < before.lease_until_s:
         match event:

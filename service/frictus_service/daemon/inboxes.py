@@ -107,6 +107,10 @@ class SceneUpdate:
         """Whether the scene stays when its client goes."""
         return self.arming is None
 
+    def early(self, safety: Safety) -> bool:
+        """Return whether the arming that it belongs to began after this state."""
+        return self.arming is not None and self.arming > safety.armings
+
     def ended(self, safety: Safety) -> bool:
         """Return whether the arming that it belongs to is over."""
         return not (self.standing or (safety.energised and safety.armings == self.arming))

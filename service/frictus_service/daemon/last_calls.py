@@ -1,5 +1,6 @@
 """Who changed what: in the status of a rig no change is seen without its author."""
 
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -17,7 +18,9 @@ class LastCalls:
 
     def __init__(self, utc_ns: Callable[[], int]) -> None:
         self._utc_ns = utc_ns
-        self._calls: dict[str, LastCall] = {}
+        self._lock = threading.Lock()
+        self._accepted: dict[str, LastCall] = {}
+        self._under_way: dict[str, list[LastCall]] = {}
 
     @contextmanager
     def noted(self, name: str, client: str) -> Iterator[None]:
@@ -25,16 +28,20 @@ class LastCalls:
 
         Whoever publishes in between sees what it has changed, and whose it is.
         """
-        before = self._calls.get(name)
-        self._calls[name] = LastCall(client=client, utc_ns=self._utc_ns())
+        call = LastCall(client=client, utc_ns=self._utc_ns())
+        with self._lock:
+            under_way = self._under_way.setdefault(name, [])
+            under_way.append(call)
         try:
             yield
-        except BaseException:
-            del self._calls[name]
-            if before is not None:
-                self._calls[name] = before
-            raise
+            with self._lock:
+                self._accepted[name] = call
+        finally:
+            with self._lock:
+                under_way.remove(call)
 
     def by_name(self) -> dict[str, LastCall]:
         """Return the calls by their names."""
-        return self._calls.copy()
+        with self._lock:
+            newest = {name: calls[-1] for name, calls in self._under_way.items() if calls}
+            return self._accepted | newest

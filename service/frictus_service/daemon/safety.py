@@ -349,7 +349,8 @@ def _reset(state: Safety) -> Outcome:
         return state, ()
     if not state.device_ready:
         return state, (Refuse("unavailable", f"the device is not back yet. {_latched(state)}"),)
-    return replace(state, state="disarmed", fault=None), (Announce(),)
+    lasts = state.lasting[-1] if state.lasting else None
+    return replace(state, state="disarmed", fault=lasts), (Announce(),)
 
 
 def _raise(state: Safety, event: FaultRaised) -> Outcome:

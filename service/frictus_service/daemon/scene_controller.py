@@ -41,6 +41,7 @@ CACHED_SCENES: Final = 4
 
 @dataclass(slots=True)
 class _Stream:
+    client: str
     ticket: int
     arming: int
     budget: StreamBudget
@@ -167,7 +168,7 @@ class SceneController:
         Raises
         ------
         RefusedError
-            `not_armed`.
+            `not_armed`; `not_owner` where the rig is not shared with its client any more.
         """
         self._stream_of(ticket)
 
@@ -222,7 +223,7 @@ class SceneController:
             source="stream",
         )
         self._guest = _Guest(arming, state)
-        self._stream = _Stream(ticket, arming, budget)
+        self._stream = _Stream(request.client, ticket, arming, budget)
         quiet = budget.quiet
         self._orders.scene.append(SceneUpdate(quiet, afterwards=quiet, arming=arming))
         self.scaled_scenes += budget.applied.scaled
@@ -279,8 +280,9 @@ class SceneController:
         Raises
         ------
         RefusedError
-            `not_armed` without a stream of this ticket, `stale` if a newer update came
-            first, `not_feasible` if it exceeds what the stream declared.
+            `not_armed` without a stream of this ticket, `not_owner` where the rig is not
+            shared with its client any more, `stale` if a newer update came first,
+            `not_feasible` if it exceeds what the stream declared.
         """
         until_s = self._monotonic_s() + good_for_s
         stream = self._stream_of(frame.ticket)
@@ -364,6 +366,7 @@ class SceneController:
         stream = self._live_stream()
         if stream is None or stream.ticket != ticket:
             raise RefusedError("not_armed", f"no stream with ticket {ticket} is open")
+        self.check_owner(stream.client)  # the rig may be shared with others by now
         return stream
 
     def _holds(self, arming: int) -> bool:

@@ -1,10 +1,12 @@
 """Commands: who may do what, and how old it may be."""
 
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
+from frictus.messages import Reply
 from frictus_service.config import Limits
+from frictus_service.daemon.commands import ANSWERING
 from frictus_service.daemon.inboxes import IncomingCommand
 from frictus_service.daemon.safety import FaultRaised
 
@@ -109,6 +111,13 @@ def test_a_change_is_never_seen_without_whose_it_is(
     reply = desk.call("compensation", "ben", compensation={"mode": "none"})
     assert reply.ok, reply.message
     assert seen == ["ben"]
+
+
+def test_answers_that_a_full_box_loses_are_counted(desk: Desk) -> None:
+    asked = IncomingCommand("arm", sender="ann", query=cast(Any, object()))
+    for _ in range(ANSWERING["answer"] + 36):
+        desk.commands._to_answer(asked, Reply(ok=True))
+    assert desk.commands.refused == 36
 
 
 @pytest.mark.parametrize("payload", [b"", b"\xff\xfe", b'{"client": "ben", "utc_ns": 0}'])

@@ -25,6 +25,7 @@ from frictus_service.daemon.safety import (
         (FaultRaised("safety", "apart"), 1.2, None, "safety fault: apart"),
         (Tick(), 1.5, None, "the lease of 500 ms was not renewed in time"),
         (Stop("bob"), 1.5, None, "the lease of 500 ms was not renewed in time"),
+        (Arm("ann", 0.5), 1.5, None, "the lease of 500 ms was not renewed in time"),
         (Arm("bob", 0.5), 1.5, None, "the lease of 500 ms was not renewed in time"),
     ],
 )

@@ -16,6 +16,8 @@ from frictus_service.daemon.block_loop.lead import LeadGrowth, grown_lead
 from frictus_service.daemon.block_loop.timebase import Stamp
 from frictus_service.daemon.safety import Disarm
 
+from .ni_bench import running
+
 LEAD_MS = 5.0
 LONGER = 200
 """Samples: 5 ms and a block more."""
@@ -47,6 +49,22 @@ def test_blocks_in_a_row_make_one_gap() -> None:
     assert growth.wanted(100, 1_000) == 400
     growth.forget()
     assert growth.wanted(400, 1_000) == 400
+
+
+def test_a_sensor_that_failed_costs_no_lead() -> None:
+    """The device lost a block before it was sensed: none came too late to play."""
+    with running(lead_ms=10.0, max_lead_ms=30.0, reserve_ms=3.0) as bench:
+        bench.arm()
+        bench.world.overloaded = True
+        bench.turn(1)
+        bench.world.overloaded = False
+        bench.turn(150)
+        assert bench.loop.tally.overruns > 0
+        bench.interlock.feed(Disarm("ann"), 1e-9 * bench.time())
+        bench.turn(40)
+        bench.arm()
+        assert bench.loop.tally.lead_growths == 0
+        assert bench.backend.info.lead_samples == 200
 
 
 def test_an_output_that_ran_dry_costs_a_block() -> None:

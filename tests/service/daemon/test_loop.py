@@ -92,6 +92,33 @@ def steady(bench: Any) -> None:
     bench.orders.scene.append(SceneUpdate(compiled, arming=1))
 
 
+@pytest.mark.parametrize("when", ["armed within the block", "left of another arming"])
+def test_what_is_ordered_within_the_block_that_arms_is_played(
+    make_bench: Any, when: str
+) -> None:
+    """The block began with the state before; its order must neither be lost nor come early."""
+    bench = make_bench()
+    if when == "left of another arming":
+        bench.arm()
+        bench.turn(SETTLED_S)
+        bench.feed(Disarm("ann"))
+    bench.turn(SETTLED_S)
+    tick, arming = bench.interlock.tick, bench.interlock.state.armings + 1
+    compiled = compile_excitation(Excitation(bias=0.5), FrictionLaw(), bench.rate_hz)
+
+    def armed_right_after(now_s: float) -> Any:
+        before = tick(now_s)
+        bench.interlock.tick = tick
+        bench.arm()
+        bench.orders.scene.append(SceneUpdate(compiled, arming=arming))
+        return before
+
+    bench.interlock.tick = armed_right_after
+    first, *others = bench.turn(SETTLED_S)
+    assert not first.exchange.applied_v.any()
+    assert others[-1].exchange.voltage_v.any()
+
+
 @pytest.mark.parametrize("samples", [1, 40, 260, 730])
 @pytest.mark.parametrize("fault", [EmptyOutput, LostSamples, LateBlock])
 def test_output_comes_back_over_a_ramp_after_a_gap(
@@ -148,6 +175,11 @@ def test_stream_without_updates_fades_to_its_bias(make_bench: Any, texture: Scen
     bench.orders.scene.append(SceneUpdate(update, bench.now_s + 0.2, budget.quiet, 1))
     bench.turn(0.05)
     assert not bench.loop.rendering.stream_stale
+    bench.turn(0.3)
+    assert bench.loop.rendering.stream_stale
+    bench.feed(Stop("ben"))
+    bench.turn(0.1)
+    assert not bench.loop.rendering.stream_stale  # it ended with its lease
 
 
 def test_stream_does_not_outlive_its_lease(make_bench: Any, texture: Scene) -> None:

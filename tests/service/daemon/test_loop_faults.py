@@ -10,7 +10,7 @@ from frictus.messages import FaultKind
 from frictus.textures import Scene
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.base import Exchange
-from frictus_hardware.errors import StreamLostError, TransientError
+from frictus_hardware.errors import LinkLostError, StreamLostError, TransientError
 from frictus_hardware.simulated.faults import (
     FOR_GOOD,
     EmptyOutput,
@@ -241,3 +241,33 @@ def test_bug_trips_once_and_a_second_one_ends_the_loop(
     assert (safety.state, kind) == ("tripped", "internal")
     with pytest.raises(ZeroDivisionError):
         bench.loop.turn()
+
+
+def test_a_bug_while_the_device_cannot_be_stopped_is_waited_out(
+    make_bench: Any, texture: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = driven(make_bench(), texture)
+
+    def broken(*_arguments: object, **_named: object) -> None:
+        raise ZeroDivisionError("a bug")
+
+    def gone(_ramp_s: float) -> None:
+        raise LinkLostError("no answer")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("frictus_service.synthesis.renderer.Renderer.render", broken)
+        patch.setattr(bench.rig, "stop", gone)
+        assert not bench.loop.turn()
+    assert bench.interlock.state.state == "tripped"
+    assert bench.loop.parked
+    bench.turn(0.1)  # closed, which makes it safe, and opened anew
+    bench.feed(Reset())
+    driven(bench, texture)
+
+
+def test_a_lead_of_any_length_is_compared_with_what_was_told(
+    make_bench: Any, texture: Scene
+) -> None:
+    bench = make_bench(sample_rate_hz=200_000.0, lead_ms=400.0)
+    driven(bench, texture)
+    assert bench.interlock.state.state == "armed"

@@ -14,6 +14,7 @@ from frictus.textures import MAX_PROFILE_SAMPLES, Profile, Region, Scene
 from frictus_service import command_validation
 from frictus_service.command_validation import MAX_DIGITS, MAX_MEMBERS, MAX_VALUES, SHORT_BYTES
 from frictus_service.config import Limits
+from frictus_service.synthesis.compensability import placeholder_model
 
 from .desk import SCENE, Desk
 
@@ -104,6 +105,20 @@ def test_a_long_scene_is_read_as_a_short_one_is(desk: Desk) -> None:
     reply = desk.send("scene", payload[:-1])
     assert reply.code == "bad_request"
     assert "not JSON" in reply.message
+
+
+@pytest.mark.parametrize("length", [1, 9_000])
+@pytest.mark.parametrize("place", ["note", "provenance"])
+def test_a_model_with_text_that_cannot_be_published_is_refused(
+    desk: Desk, place: str, length: int
+) -> None:
+    """However long the payload is: long ones are read by another parser."""
+    model = json.loads(placeholder_model().to_json())
+    model[place] = {"x": "@@"}
+    request = {"client": "ann", "utc_ns": desk.utc_ns, "model": model, "x": ["a,]"] * length}
+    reply = desk.send("model", json.dumps(request).replace("@@", r"\ud800").encode())
+    assert reply.code == "bad_request"
+    assert desk.send("model", json.dumps(request).encode()).ok
 
 
 @pytest.mark.parametrize("name", ["scene", "model"])

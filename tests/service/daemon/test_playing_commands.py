@@ -26,6 +26,18 @@ def test_stream_ends_with_its_arming(desk: Desk) -> None:
     assert desk.send("texture", desk.frame(ticket)).code == "not_armed"
 
 
+def test_whose_share_has_ended_streams_no_more(desk: Desk) -> None:
+    assert desk.call("arm", share_with=["ben"]).ok
+    ticket = desk.call("open_stream", "ben", peak_n=0.06).ticket
+    assert ticket is not None
+    assert desk.send("texture", desk.frame(ticket, 1)).ok
+    assert desk.call("arm").ok
+    reply = desk.send("texture", desk.frame(ticket, 2))
+    assert (reply.code, desk.stage.updates) == ("not_owner", 1)
+    assert desk.call("arm", share_with=["ben"]).ok
+    assert desk.send("texture", desk.frame(ticket, 3)).ok
+
+
 def test_expired_and_overtaken_updates_are_counted(desk: Desk) -> None:
     ticket = desk.streaming()
     assert desk.send("texture", desk.frame(ticket, 5)).ok

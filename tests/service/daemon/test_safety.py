@@ -212,6 +212,15 @@ def test_reset_waits_for_the_device(kind: FaultKind) -> None:
     assert step(back, Reset(), 0.4)[0].state == "disarmed"
 
 
+def test_a_reset_shows_the_fault_that_lasts() -> None:
+    state = after(FaultRaised("sensor", "cable"), FaultRaised("safety", "monitor"))
+    assert state.fault == ("safety", "monitor")
+    reset, _ = step(state, Reset(), 0.2)
+    assert (reset.state, reset.fault) == ("disarmed", ("sensor", "cable"))
+    cleared, _ = step(reset, FaultCleared("sensor"), 0.3)
+    assert step(cleared, Arm("ann", 1.0), 0.4)[0].state == "armed"
+
+
 def test_first_cause_of_a_trip_stays_visible() -> None:
     state = after(FaultRaised("safety", "monitor"), FaultRaised("internal", "afterwards"))
     assert state.fault == ("safety", "monitor")

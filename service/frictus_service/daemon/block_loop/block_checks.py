@@ -17,7 +17,7 @@ from frictus_service.daemon.safety import Event, FaultCleared, FaultRaised
 from frictus_service.synthesis.chain import RenderedBlock
 
 RING_SAMPLES = 1 << 16
-"""More than any lead and block together."""
+"""Beside the longest lead; more than any block."""
 
 
 class Monitor:
@@ -25,14 +25,20 @@ class Monitor:
 
     Root mean squares over a block are compared, not samples: a carrier of 7 kHz turns a skew
     of microseconds between output and monitor into volts.
+
+    Parameters
+    ----------
+    lead_samples : int
+        The longest lead.
     """
 
-    def __init__(self) -> None:
-        self._told_v = SampleRing(RING_SAMPLES)  # NaN where it is not known what played
+    def __init__(self, lead_samples: int) -> None:
+        # NaN where it is not known what played.
+        self._told_v = SampleRing(RING_SAMPLES + lead_samples)
 
     def restart(self) -> None:
         """Forget everything: the device began anew."""
-        self._told_v.write(0, RING_SAMPLES, 0.0)
+        self._told_v.write(0, self._told_v.capacity, 0.0)
 
     def note_zeros(self, first_sample: int, n_samples: int) -> None:
         """Take note that zeros play where nothing is handed over.
@@ -63,7 +69,7 @@ class Monitor:
         self._told_v.write(play, n, exchange.applied_v)
         if lost or exchange.underrun_samples:
             missing = max(lost, exchange.underrun_samples)
-            self._told_v.write(play - lost, min(missing, RING_SAMPLES), np.nan)
+            self._told_v.write(play - lost, min(missing, self._told_v.capacity), np.nan)
         sensed_v = _rms(exchange.voltage_v)
         if not math.isfinite(sensed_v):
             return math.inf
@@ -100,7 +106,8 @@ class BlockChecks:
         self._tolerance_v = limits.monitor_tolerance_v
         self._force_limit_n = limits.force_limit_n
         self._feed = feed
-        self._monitor = Monitor()
+        info = backend.info
+        self._monitor = Monitor(max(info.lead_samples, info.max_lead_samples))
         self.sensor_lost = False
 
     def restart(self) -> None:

@@ -232,7 +232,8 @@ class BlockLoop:
         tally.overruns += exchange.overrun_samples > 0
         tally.underruns += exchange.underrun_samples > 0
         if self._energised:  # what the device lost before it was sensed, no lead holds out
-            self._lead_growth.note(exchange.underrun_samples - exchange.overrun_samples)
+            run_dry = exchange.underrun_samples - exchange.overrun_samples
+            self._lead_growth.note(max(run_dry, 0))
         tally.clipped_samples += step.rendered.clipped_samples + exchange.clipped_samples
         tally.extrapolated_samples += step.rendered.extrapolated_samples
         tally.stale_touches += step.stale and not self._was_stale
@@ -303,7 +304,10 @@ class BlockLoop:
         self._broken = True
         self._energised = False
         self._zero_from = self._backend.next_play_sample
-        self._backend.stop(RAMP_S)
+        try:
+            self._backend.stop(RAMP_S)
+        except HardwareError as gone:
+            self._on_fault(gone)
         self.rendering.begin_anew()
 
     def wait_for_device(self, stop: threading.Event) -> None:

@@ -67,6 +67,7 @@ class LoopRendering:
         self._rate_hz = backend.info.sample_rate_hz
         self._playing: SceneUpdate | None = None
         self._standing: SceneUpdate | None = None
+        self._early: SceneUpdate | None = None  # its arming began within the block
         self._compensation: CompensationUpdate | None = None
         self.stream_stale = False
         self.chain = self._new_chain()
@@ -78,12 +79,12 @@ class LoopRendering:
 
     def begin_anew(self) -> None:
         """Render the standing scene with a new chain: of what was before, nothing is known."""
-        self._playing = self._standing
+        self._stand()
         self.chain = self._new_chain()
 
     def end_arming(self) -> None:
         """Render the standing scene, from zero on; the device has ramped."""
-        self._playing = self._standing
+        self._stand()
         self.chain.renderer = self._new_renderer()
 
     def update(self, safety: Safety, now_s: float, energised: bool) -> None:
@@ -123,7 +124,10 @@ class LoopRendering:
         self._compensation = None
         self._model_since_s = now_s
         self._playing = self._standing = SceneUpdate(change.scene)
-        if change.stream is not None and not change.stream.ended(safety):
+        self._early, self.stream_stale = None, False
+        if change.stream is not None and change.stream.early(safety):
+            self._early = change.stream
+        elif change.stream is not None and not change.stream.ended(safety):
             self._playing = change.stream
         change.done.set()
         if not energised:
@@ -139,10 +143,14 @@ class LoopRendering:
             self._standing = self._inbox.standing.popleft()
             if self._playing is None or self._playing.standing:
                 self._play(self._standing)
-        if self._inbox.scene:
-            coming = self._inbox.scene.popleft()
-            if not coming.ended(safety):
-                self._play(coming)
+        coming = self._inbox.scene.popleft() if self._inbox.scene else self._early
+        self._early = None
+        if coming is None:
+            return
+        if coming.early(safety):
+            self._early = coming
+        elif not coming.ended(safety):
+            self._play(coming)
 
     def _take_compensation(self, energised: bool) -> None:
         """Take up a mode that was chosen, or forget one that ended before the device was armed.
@@ -158,6 +166,10 @@ class LoopRendering:
         ):
             return
         self.chain.renderer.set_inverse(self._inverse_in_force())
+
+    def _stand(self) -> None:
+        self._playing = self._standing
+        self.stream_stale = False
 
     def _play(self, update: SceneUpdate) -> None:
         self._playing = update
