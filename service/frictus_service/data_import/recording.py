@@ -232,7 +232,7 @@ class _Mapped:
             )
 
     def _position(self, force: Sampled) -> tuple[FloatArray, FloatArray]:
-        places = [self._positions(name) for name in ("position_x", "position_y")]
+        places = [self._positions(name, force) for name in ("position_x", "position_y")]
         if places[0] is not None:
             time_s, x_mm = places[0]
             y_mm = np.zeros(x_mm.size) if places[1] is None else places[1][1]
@@ -242,6 +242,7 @@ class _Mapped:
         velocity = self._sampled("velocity_x")
         speed: FloatArray
         if velocity is not None:
+            self._check_end("velocity_x", velocity, force.rate_hz, len(force.values))
             step_s = 1.0 / velocity.rate_hz
             self._notes.append("the position is the integral of velocity_x")
             speed = np.nan_to_num(velocity.values)
@@ -264,7 +265,7 @@ class _Mapped:
         path_mm = np.column_stack([travelled, np.zeros(travelled.size)])
         return averaged(path_mm, step_s * np.arange(float(travelled.size)))
 
-    def _positions(self, name: str) -> tuple[FloatArray, FloatArray] | None:
+    def _positions(self, name: str, force: Sampled) -> tuple[FloatArray, FloatArray] | None:
         mapped = self._map.channels.get(name)
         if mapped is None:
             return None
@@ -273,6 +274,7 @@ class _Mapped:
         if clock is None:
             sampled = self._sampled(name)
             assert sampled is not None
+            self._check_end(name, sampled, force.rate_hz, len(force.values))
             return np.arange(len(sampled.values)) / sampled.rate_hz, sampled.values
         time_s = _kept(self._column("position_time", clock), clock)
         if time_s.size != column.values.size:

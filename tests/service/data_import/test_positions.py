@@ -1,0 +1,61 @@
+"""Where the finger was: from positions or a velocity, at their own rate, with gaps."""
+
+import numpy as np
+import pytest
+
+from frictus_hardware.arrays import FloatArray
+from frictus_service.data_import.column_map import parse_map
+from frictus_service.data_import.formats.columns import Column, Columns
+from frictus_service.data_import.motion import find_strokes
+from frictus_service.data_import.recording import MappedRecording, apply_map
+from frictus_service.errors import FieldError
+
+RATE_HZ = 10_000.0
+SECONDS = 5.0
+SPEED_MM_S = 20.0
+
+
+def slide(name: str, unit: str, values: FloatArray, **said: float) -> MappedRecording:
+    """Return one slide of 5 s under a steady force, with a channel of motion."""
+    count = round(SECONDS * RATE_HZ)
+    columns = Columns(
+        "text",
+        (
+            Column("Fx", np.full(count, 0.2), rate_hz=RATE_HZ),
+            Column("Fz", np.full(count, 0.4), rate_hz=RATE_HZ),
+            Column("x", np.linspace(0.0, SPEED_MM_S * SECONDS, count), rate_hz=RATE_HZ),
+            Column("motion", values),
+        ),
+    )
+    channels: dict[str, object] = {
+        "force_x": {"column": "Fx", "unit": "N"},
+        "force_z": {"column": "Fz", "unit": "N"},
+        name: {"column": "motion", "unit": unit, **said},
+    }
+    if name == "position_y":
+        channels["position_x"] = {"column": "x", "unit": "mm"}
+    return apply_map(columns, parse_map({"rate_hz": RATE_HZ, "channels": channels}, "test"))
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"), [("position_x", "mm"), ("position_y", "mm"), ("velocity_x", "mm/s")]
+)
+def test_motion_of_another_rate_than_the_force_is_refused(name: str, unit: str) -> None:
+    """Taken at the force's rate, a finger of 20 mm/s for 5 s was one of 200 mm/s for 0.5 s."""
+    slow = SPEED_MM_S * np.arange(5000.0) / 1000.0
+    with pytest.raises(
+        FieldError, match=r"lasts 0.5 s, the force 5 s; give its rate_hz"
+    ) as told:
+        slide(name, unit, slow)
+    assert told.value.field == name
+
+
+def test_motion_of_another_rate_that_is_said_has_its_speed() -> None:
+    steady = np.full(5000, SPEED_MM_S)
+    for name, unit, values in (
+        ("position_x", "mm", np.cumsum(steady) / 1000.0),
+        ("velocity_x", "mm/s", steady),
+    ):
+        (stroke,) = find_strokes(slide(name, unit, values, rate_hz=1000.0))
+        assert stroke.speed_mm_s == pytest.approx(SPEED_MM_S, rel=1e-3)
+        assert (stroke.last - stroke.first) / RATE_HZ == pytest.approx(SECONDS, abs=0.1)
