@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from numpy.lib.stride_tricks import sliding_window_view
@@ -10,6 +11,7 @@ from typer.testing import CliRunner
 
 from frictus_service.cli.app import app
 from frictus_service.data_import.column_map import load_map, map_beside
+from frictus_service.data_import.formats.arrays import read_hdf5
 from frictus_service.study.importers import open_study
 from frictus_service.study.reader import StudyReader
 
@@ -136,3 +138,34 @@ def test_many_files_are_one_study(
     code, _, told = run(*files, out, "--yes")
     assert code == 2
     assert "exists" in told
+
+
+@pytest.mark.parametrize("kind", ["i2", "f4"])
+def test_packed_arrays_are_what_they_stand_for(kind: str, tmp_path: Path) -> None:
+    """NetCDF: value = number times scale_factor, plus add_offset, but where a fill stands."""
+    path = tmp_path / "packed.h5"
+    stored = {
+        "packed": {"scale_factor": 0.5, "add_offset": 10.0, "_FillValue": -99},
+        "moved": {"add_offset": [10.0], "missing_value": [4, 6]},
+        "filled": {"_FillValue": 4, "missing_value": "none"},
+        "plain": {"offset": 10.0, "long_name": "force"},
+    }
+    with h5py.File(path, "w") as file:
+        for name, attributes in stored.items():
+            numbers = np.array([2, 4, -99, 6], dtype=kind)
+            file.create_dataset(name, data=numbers).attrs.update(attributes)
+    found = {column.name: column.values for column in read_hdf5(path).columns}
+    nan = np.nan
+    np.testing.assert_array_equal(found["packed"], [11.0, 12.0, nan, 13.0])
+    np.testing.assert_array_equal(found["moved"], [12.0, nan, -89.0, nan])
+    np.testing.assert_array_equal(found["filled"], [2.0, nan, -99.0, 6.0])
+    np.testing.assert_array_equal(found["plain"], [2.0, 4.0, -99.0, 6.0])
+
+
+def test_the_counts_of_a_study_have_its_scale(tmp_path: Path) -> None:
+    path = tmp_path / "counts.h5"
+    with h5py.File(path, "w") as file:
+        counts = file.create_dataset("force", data=np.array([2, 4, -9], dtype="i2"))
+        counts.attrs.update({"scale": 0.5, "offset": 1.0, "_FillValue": -9})
+    (force,) = read_hdf5(path).columns
+    np.testing.assert_array_equal(force.values, [2.0, 3.0, np.nan])

@@ -28,6 +28,8 @@ MAX_OBJECTS: Final = 4096
 MAX_GROUPS_DEEP: Final = 16
 """Of groups: each object is found by its whole path, which takes ever longer."""
 UNIT_NAMES: Final = ("unit", "units", "Unit", "Units", "UNIT")
+FILL_NAMES: Final = ("_FillValue", "missing_value")
+"""Of netCDF: what stands where no value was measured."""
 RATE_NAMES: Final = ("sample_rate_hz", "rate_hz", "fs", "Fs", "sampling_rate", "sample_rate")
 
 
@@ -111,12 +113,24 @@ def _add_data_set(gathered: Gatherer, stored: Stored) -> None:
 
 
 def _scaled(stored: Stored, values: np.ndarray) -> np.ndarray:
-    """Return counts as values where the attributes say how, as netCDF and studies do."""
-    held = stored.attributes
-    if "scale" not in held or values.dtype.kind not in "iu":
+    """Return counts as values where the attributes say how, as studies and netCDF do.
+
+    NetCDF packs floats as well; its fill values are compared with what is stored.
+    """
+    held, kind = stored.attributes, values.dtype.kind
+    if kind not in "iuf":
         return values
-    offset = hdf5.number(held, "offset", default=0.0)
-    scaled: np.ndarray = values * hdf5.number(held, "scale") + offset
+    missing = np.zeros(values.shape, dtype=np.bool_)
+    for name in FILL_NAMES:
+        fill = np.asarray(held.get(name))
+        if fill.dtype.kind in "iuf":  # text in such an attribute marks no number
+            missing |= np.isin(values, fill)
+    studies = "scale" in held and kind in "iu"
+    scale, offset = ("scale", "offset") if studies else ("scale_factor", "add_offset")
+    if not missing.any() and scale not in held and offset not in held:
+        return values
+    factor, shift = hdf5.number(held, scale, 1.0), hdf5.number(held, offset, 0.0)
+    scaled: np.ndarray = np.where(missing, np.nan, values * factor + shift)
     return scaled
 
 
