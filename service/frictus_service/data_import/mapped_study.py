@@ -8,7 +8,7 @@ import hashlib
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Final, Self
 
@@ -29,6 +29,7 @@ from frictus_service.study.plausible import (
     check_asked,
     check_measured,
     check_study,
+    instant,
 )
 from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 from frictus_service.study.writer import StudyWriter
@@ -38,6 +39,10 @@ AROUND_S: Final = 0.1
 BY_STEADINESS: Final = (
     "no targets were given: speed and force of each trial are the middle of what was measured, "
     "so that trials are judged by steadiness only"
+)
+BY_FILE_TIME: Final = (
+    "no start time was given: a recording is taken to end when its file was last written, so "
+    "that what depends on the time between files is not to be trusted (set started_utc)"
 )
 
 
@@ -61,14 +66,16 @@ class MappedStudy:
         try:
             recording = apply_map(columns, column_map)
             _check_usable(recording)
-            self.info = _info(path, columns.format, column_map, recording)
+            given = column_map.started_utc or columns.started_utc
+            started = _started(given, path, recording.seconds)
+            notes = [*recording.notes, *([] if given else [BY_FILE_TIME])]
+            self.info = _info(path, columns.format, column_map, notes)
             check_study(self.info)
         except FieldError as error:
             raise StudyError(f"{path}: {error}") from error
         self.path = path
         self.recording = recording
         self._map = column_map
-        started = column_map.started_utc or columns.started_utc or modified_utc(path)
         strokes = find_strokes(recording)
         if not strokes:
             look_at = (
@@ -158,15 +165,12 @@ class MappedImporter:
 IMPORTER: Final = MappedImporter()
 
 
-def modified_utc(path: Path) -> str:
-    """Return when a file was last written, ISO 8601.
-
-    Parameters
-    ----------
-    path : Path
-        Of the file.
-    """
-    return datetime.fromtimestamp(int(path.stat().st_mtime), UTC).isoformat()
+def _started(given: str, path: Path, seconds: float) -> datetime:
+    """Return when a recording began; a file is last written when its recording ends."""
+    if given:
+        return instant(given)
+    ended = datetime.fromtimestamp(int(path.stat().st_mtime), UTC)
+    return ended - timedelta(seconds=seconds)
 
 
 def _check_usable(recording: MappedRecording) -> None:
@@ -200,12 +204,9 @@ def _check_usable(recording: MappedRecording) -> None:
         )
 
 
-def _info(
-    path: Path, file_format: str, column_map: ColumnMap, recording: MappedRecording
-) -> StudyInfo:
-    notes = list(recording.notes)
+def _info(path: Path, file_format: str, column_map: ColumnMap, notes: list[str]) -> StudyInfo:
     if column_map.speed_mm_s is None or column_map.force_n is None:
-        notes.append(BY_STEADINESS)
+        notes = [*notes, BY_STEADINESS]
     return StudyInfo(
         rig=column_map.rig,
         carrier_hz=column_map.carrier_hz,
@@ -223,7 +224,7 @@ def _trials(
     column_map: ColumnMap,
     strokes: list[Stroke],
     study: StudyInfo,
-    started_utc: str,
+    started: datetime,
 ) -> tuple[dict[str, Trial], tuple[Exclusion, ...]]:
     speeds = conditions_of(np.array([stroke.speed_mm_s for stroke in strokes]))
     normal = np.array([stroke.normal for stroke in strokes])
@@ -231,6 +232,7 @@ def _trials(
     kept: dict[str, Trial] = {}
     excluded: list[Exclusion] = []
     for order, stroke in enumerate(strokes):
+        begin_s = stroke.first / recording.rate_hz
         asked = TrialInfo(
             id=f"{stem}-{order:04d}",
             participant=column_map.participant,
@@ -241,7 +243,7 @@ def _trials(
             tones_hz=(),
             drive_vpp=0.0,
             sample_rate_hz=recording.rate_hz,
-            started_utc=started_utc,
+            started_utc=(started + timedelta(seconds=begin_s)).isoformat(),
         )
         trial = _trial(recording, stroke, _driven(recording, stroke, column_map, asked))
         try:

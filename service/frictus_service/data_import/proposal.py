@@ -104,7 +104,7 @@ def _answers(entry: str) -> tuple[str, ...]:
     }.get(entry, (entry,))
 
 
-def propose(columns: Columns, file_stem: str = "", **said: Any) -> Proposal:
+def propose(columns: Columns, file_stem: str = "") -> Proposal:
     """Return a map of a file, and what is open.
 
     Parameters
@@ -113,8 +113,6 @@ def propose(columns: Columns, file_stem: str = "", **said: Any) -> Proposal:
         Of the file.
     file_stem : str
         Name of the file: a speed may stand in it.
-    **said
-        Entries of the map that are known.
     """
     draft = _Draft(columns)
     # Across the slide is little to tell a unit by: the other axes come first.
@@ -123,8 +121,8 @@ def propose(columns: Columns, file_stem: str = "", **said: Any) -> Proposal:
     ):
         draft.consider(column)
     draft.settle_axes()
-    draft.check_complete(said, file_stem)
-    column_map = ColumnMap(channels=draft.channels, **(draft.known | said))
+    draft.check_complete(file_stem)
+    column_map = ColumnMap(channels=draft.channels, **draft.known)
     return Proposal(column_map, tuple(draft.reasons), tuple(draft.questions))
 
 
@@ -276,10 +274,10 @@ class _Draft:
                 )
             )
 
-    def check_complete(self, said: dict[str, Any], file_stem: str) -> None:
+    def check_complete(self, file_stem: str) -> None:
         """Ask for what a recording cannot do without."""
         for name in ("force_x", "force_z"):
-            if name in self.channels or (name == "force_z" and said.get("normal_load_n")):
+            if name in self.channels:
                 continue
             listed = ", ".join(repr(column.name) for column in self._columns.columns[:20])
             other = (
@@ -294,9 +292,9 @@ class _Draft:
                     f"{name}.column and {name}.unit{other}; columns: {listed}",
                 )
             )
-        self._check_rate(said)
+        self._check_rate()
         moved = {"position_x", "velocity_x"} & set(self.channels)
-        if not moved and not said.get("stage_speed_mm_s"):
+        if not moved:
             speed = speed_in(file_stem)
             if speed is not None:
                 self.known["stage_speed_mm_s"] = speed
@@ -310,10 +308,10 @@ class _Draft:
                 )
             )
 
-    def _check_rate(self, said: dict[str, Any]) -> None:
+    def _check_rate(self) -> None:
         from_file = named_rate_hz(self._columns.numbers)
         each = [column.rate_hz for column in self._columns.columns]
-        if said.get("rate_hz") or "time" in self.channels or from_file or all(each):
+        if "time" in self.channels or from_file or all(each):
             return
         self.questions.append(
             Question(

@@ -118,13 +118,33 @@ def check_asked(asked: TrialInfo, info: StudyInfo) -> None:
         f"it looks like mV, or screen_peak_v is not {info.screen_peak_v:g} V",
     )
     drive.check("drive_vpp", asked.drive_vpp)
+    instant(asked.started_utc)
+
+
+def instant(started_utc: str) -> datetime:
+    """Return the time that a text gives.
+
+    Parameters
+    ----------
+    started_utc : str
+        ISO 8601.
+
+    Raises
+    ------
+    FieldError
+        If it is no such text, or so near the ends of the calendar that no time can be added.
+    """
     try:
-        datetime.fromisoformat(asked.started_utc)
-    except ValueError as error:
+        started = datetime.fromisoformat(started_utc)
+    except ValueError:
+        started = datetime.min
+    if not 2 <= started.year <= 9998:
         raise FieldError(
             "started_utc",
-            f"is {asked.started_utc!r}; accepted: ISO 8601, as 2026-01-31T12:00:00Z",
-        ) from error
+            f"is {started_utc!r}; accepted: ISO 8601 of the years 2 to 9998, as "
+            "2026-01-31T12:00:00Z",
+        )
+    return started
 
 
 def check_measured(trial: Trial, info: StudyInfo) -> None:

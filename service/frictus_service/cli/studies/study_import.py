@@ -76,7 +76,6 @@ def _map_of(file: Path, map_file: Path | None, answers: list[str], accept: bool)
     """Return the map of a file: given, beside it, or proposed and confirmed."""
     from frictus_service.data_import.column_map import changed, load_map, map_beside, save_map
     from frictus_service.data_import.formats.read import read_columns
-    from frictus_service.data_import.mapped_study import modified_utc
     from frictus_service.data_import.proposal import propose, with_signs
     from frictus_service.data_import.response_table import find_response
     from frictus_service.errors import StudyError
@@ -93,8 +92,7 @@ def _map_of(file: Path, map_file: Path | None, answers: list[str], accept: bool)
             f"{file} holds a frequency response and no samples: a study cannot hold it; "
             "frictus identify fits gain, cutoff and delay to it"
         )
-    started_utc = columns.started_utc or modified_utc(file)
-    proposal = propose(columns, file.stem, started_utc=started_utc)
+    proposal = propose(columns, file.stem)
     proposal = proposal.answered(changed(proposal.column_map, answers), answers)
     proposal = with_signs(columns, proposal)
     _describe(file, columns, proposal)
