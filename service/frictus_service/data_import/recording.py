@@ -173,6 +173,12 @@ class _Mapped:
             sampled = self._sampled(name)
             if sampled is None:
                 continue
+            if name == "drive_fraction":
+                if not np.nanmin(sampled.values) >= -1e-9:
+                    raise FieldError(name, "is below 0; a drive fraction is 0 to 1")
+                # First a voltage, so that the mean of its square is that of the fraction.
+                peak_v = self._map.screen_peak_v * np.sqrt(np.maximum(sampled.values, 0.0))
+                sampled = Sampled(peak_v, sampled.rate_hz)
             values = self._held(name, sampled, rate_hz, count)
             if name == "drive_voltage":
                 return values
@@ -180,10 +186,6 @@ class _Mapped:
             self._notes.append(
                 f"{name} is kept as the voltage of the same drive without its carrier"
             )
-            if name == "drive_fraction":
-                if not np.nanmin(values) >= -1e-9:
-                    raise FieldError(name, "is below 0; a drive fraction is 0 to 1")
-                values = self._map.screen_peak_v * np.sqrt(np.maximum(values, 0.0))
             without_carrier: FloatArray = values / np.sqrt(2.0)
             return without_carrier
         return None
@@ -206,7 +208,7 @@ class _Mapped:
                 f"has {sampled.rate_hz:g} Hz, the force {rate_hz:g} Hz; accepted: a lower "
                 "rate, the same, or a whole multiple; resample it",
             )
-        self._notes.append(f"{name} has {whole} times the rate: its root mean square is kept")
+        self._notes.append(f"{name} has {whole} times the rate: its mean power is kept")
         cut = sampled.values[: len(sampled.values) // whole * whole].reshape(-1, whole)
         mean: FloatArray = np.sqrt(np.square(cut).mean(axis=1))
         return of_length(mean, count)

@@ -91,6 +91,15 @@ def test_a_fast_drive_keeps_its_power_and_an_odd_rate_is_refused() -> None:
         apply_map(*recorded(odd, 2.3 * RATE_HZ, "drive_envelope", "V"))
 
 
+def test_a_fast_fraction_keeps_its_mean() -> None:
+    """Its root mean square was kept, which is larger where it varies between two samples."""
+    within = np.tile([0.2, 0.8, 0.5, 0.9, 0.1, 0.3, 0.7, 0.1], TIME_S.size)
+    found = apply_map(*recorded(within, 8.0 * RATE_HZ, "drive_fraction", "1"))
+    assert found.voltage_v is not None
+    np.testing.assert_allclose(drive_fraction(found.voltage_v, 75.0), 0.45, atol=1e-12)
+    assert any("its mean power is kept" in note for note in found.notes)
+
+
 def test_tones_noise_and_nothing(rng: np.random.Generator) -> None:
     two = 0.5 + 0.2 * np.cos(2.0 * np.pi * 61.7 * TIME_S) + 0.1 * np.sin(700.0 * np.pi * TIME_S)
     assert find_tones(two, RATE_HZ, 7000.0) == (61.7, 350.0)
