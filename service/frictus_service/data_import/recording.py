@@ -247,7 +247,7 @@ class _Mapped:
             self._check_end("velocity_x", velocity, force.rate_hz, len(force.values))
             step_s = 1.0 / velocity.rate_hz
             self._notes.append("the position is the integral of velocity_x")
-            speed = np.nan_to_num(velocity.values)
+            speed = velocity.values
         elif self._map.stage_speed_mm_s is not None and np.isfinite(force.values[:, 0]).any():
             step_s = 1.0 / force.rate_hz
             self._notes.append(
@@ -262,8 +262,17 @@ class _Mapped:
             speed = np.full(len(force.values), self._map.stage_speed_mm_s)
         else:
             return np.empty((0, 2)), np.empty(0)
+        missing = np.isnan(speed)
+        there = np.flatnonzero(~missing)
+        if missing.any() and there.size:
+            self._notes.append(
+                f"{missing.sum()} samples of velocity_x are missing: the way between is "
+                "reckoned from the velocities around, and positions after them are estimates"
+            )
+            speed = np.interp(np.arange(speed.size), there, speed[there])
         travelled = np.cumsum(speed) * step_s
         travelled -= travelled.min()
+        travelled[missing] = np.nan  # so that no stroke runs through a long gap
         path_mm = np.column_stack([travelled, np.zeros(travelled.size)])
         return averaged(path_mm, step_s * np.arange(float(travelled.size)))
 

@@ -59,3 +59,28 @@ def test_motion_of_another_rate_that_is_said_has_its_speed() -> None:
         (stroke,) = find_strokes(slide(name, unit, values, rate_hz=1000.0))
         assert stroke.speed_mm_s == pytest.approx(SPEED_MM_S, rel=1e-3)
         assert (stroke.last - stroke.first) / RATE_HZ == pytest.approx(SECONDS, abs=0.1)
+
+
+def test_a_finger_does_not_stand_still_where_its_velocity_is_missing() -> None:
+    """It speeds up from 20 to 40 mm/s; of the second from 2 to 3 s nothing is known."""
+    time_s = np.arange(SECONDS * RATE_HZ) / RATE_HZ
+    velocity = np.interp(time_s, [2.0, 3.0], [20.0, 40.0])
+    gap = (time_s > 2.0) & (time_s < 3.0)
+    found = slide("velocity_x", "mm/s", np.where(gap, np.nan, velocity))
+    at_s, x_mm = found.position_t_s, found.position_mm[:, 0]
+    inside = np.isnan(x_mm)
+    np.testing.assert_allclose(at_s[inside][[0, -1]], [2.0, 3.0], atol=0.01)
+    assert inside.sum() == pytest.approx(200, abs=2)
+    before, after = at_s < 1.99, at_s > 3.01
+    np.testing.assert_allclose(x_mm[before], 20.0 * at_s[before], atol=0.01)
+    np.testing.assert_allclose(x_mm[after], 70.0 + 40.0 * (at_s[after] - 3.0), atol=0.01)
+    assert any(f"{gap.sum()} samples of velocity_x are missing" in note for note in found.notes)
+    early, late = find_strokes(found)
+    assert (early.speed_mm_s, late.speed_mm_s) == pytest.approx((20.0, 40.0), rel=1e-3)
+    assert early.last / RATE_HZ < 2.01
+    assert late.first / RATE_HZ > 2.99
+
+
+@pytest.mark.filterwarnings("ignore:overflow")
+def test_a_velocity_too_large_for_a_number_gives_no_stroke() -> None:
+    assert not find_strokes(slide("velocity_x", "m/s", np.full(50_000, 1e307)))
