@@ -162,6 +162,18 @@ def test_packed_arrays_are_what_they_stand_for(kind: str, tmp_path: Path) -> Non
     np.testing.assert_array_equal(found["plain"], [2.0, 4.0, -99.0, 6.0])
 
 
+def test_a_dimension_without_values_is_no_column(tmp_path: Path) -> None:
+    """NetCDF keeps each dimension as a data set; without values, nothing is written in it."""
+    path = tmp_path / "dimension.h5"
+    with h5py.File(path, "w") as file:
+        for name, values in (("sample", None), ("metre", np.arange(3.0))):
+            scale = file.create_dataset(name, (3,), ">f4", data=values)
+            scale.make_scale("a dimension")
+        force = file.create_dataset("force", data=np.arange(3.0))
+        force.dims[0].attach_scale(file["sample"])
+    assert [column.name for column in read_hdf5(path).columns] == ["force", "metre"]
+
+
 def test_the_counts_of_a_study_have_its_scale(tmp_path: Path) -> None:
     path = tmp_path / "counts.h5"
     with h5py.File(path, "w") as file:

@@ -94,6 +94,10 @@ def _add_data_set(gathered: Gatherer, stored: Stored) -> None:
     )
     if kind not in "biufc" or ("MATLAB_class" in stored.attributes and _is_text(stored)):
         return
+    with naming_damage(stored.name):
+        # A dimension of netCDF that has no values of its own: a scale that nobody writes.
+        if stored.handle.is_scale and not stored.handle.id.get_storage_size():
+            return
     if not gathered.reserve(stored.name, stored.shape):
         return
     unit = next((stored.attributes[n] for n in UNIT_NAMES if n in stored.attributes), "")
