@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Iterator
+from statistics import mode
 from typing import Final
 
 import numpy as np
@@ -101,6 +102,8 @@ def follow_recording(
 def follow_study(reader: StudyReader, prior: Prior, tell: Tell) -> dict[str, EstimateState]:
     """Follow the fingers of a study, each participant's trials in their order.
 
+    Trials at another sample rate than most of a participant's are left out, and counted.
+
     Parameters
     ----------
     reader : StudyReader
@@ -117,23 +120,31 @@ def follow_study(reader: StudyReader, prior: Prior, tell: Tell) -> dict[str, Est
     """
     states: dict[str, EstimateState] = {}
     trackers: dict[str, Tracker] = {}
+    rates_hz: dict[str, float] = {}
     for asked in reader.trials:
         participant = asked.participant
         if participant not in trackers:
+            # Windows of two rates do not share their frequencies.
+            rates_hz[participant] = mode(
+                each.sample_rate_hz for each in reader.trials if each.participant == participant
+            )
             cutter = WindowCutter(
-                asked.sample_rate_hz, reader.info.screen_peak_v, reader.info.mount
+                rates_hz[participant], reader.info.screen_peak_v, reader.info.mount
             )
             trackers[participant] = Tracker(cutter, prior, reader.info.rig)
             trackers[participant].begin_anew(prior, participant)
         tracker = trackers[participant]
-        try:
-            parts = list(_parts_of(reader.read(asked.id), asked.order))
-        except TrialError:
-            parts = []
-        if not parts:
-            tracker.leave_out("a trial without drive, or damaged")
-        for part in parts:
-            tracker.take(part)
+        if asked.sample_rate_hz != rates_hz[participant]:
+            tracker.leave_out("a trial at another sample rate than most of this person's")
+        else:
+            try:
+                parts = list(_parts_of(reader.read(asked.id), asked.order))
+            except TrialError:
+                parts = []
+            if not parts:
+                tracker.leave_out("a trial without drive, or damaged")
+            for part in parts:
+                tracker.take(part)
         states[participant] = tracker.state(0)
         tell(states[participant])
     return states

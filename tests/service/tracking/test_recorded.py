@@ -15,6 +15,7 @@ from frictus_service.calibration.coordinates import Prior
 from frictus_service.cli.app import app
 from frictus_service.cli.options import Exit
 from frictus_service.study.reader import StudyReader
+from frictus_service.study.trial import Trial
 from frictus_service.study.writer import StudyWriter
 from frictus_service.tracking.recorded import _parts_of, follow_study
 
@@ -60,6 +61,40 @@ def test_each_participant_of_a_study_is_followed(study: Path) -> None:
         assert law.gain_n.value == pytest.approx(np.exp(true[2]), rel=0.02)
         for found, at in ((law.cutoff_20_hz, true[0]), (law.cutoff_100_hz, true[1])):
             assert found.value == pytest.approx(np.exp(at), rel=0.1)
+
+
+def test_trials_at_another_sample_rate_are_left_out_and_counted(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    """The first, too: others were taken to be at its rate, which makes their cutoffs wrong."""
+    with StudyWriter(tmp_path / "study.h5", STUDY) as writer:
+        for order, speed in enumerate((60.0, *SPEEDS_MM_S, *SPEEDS_MM_S)):
+            one = trial(Made(TONES_HZ, speed, noise_n=0.002), rng)
+            if order in (0, 6):
+                one = _at_half_the_rate(one)
+            info = replace(one.info, id=f"{order}", order=order, drive_vpp=150.0)
+            writer.add(replace(one, info=info))
+    with StudyReader(tmp_path / "study.h5") as reader:
+        assert not reader.excluded
+        (state,) = follow_study(reader, Prior.weak(), lambda _: None).values()
+    assert state.refused["a trial at another sample rate than most of this person's"] == 2
+    true = coordinates.from_law(LAW.gain_n, LAW.cutoff_0_hz, LAW.slope_hz_per_mm_s, 0.0)
+    assert state.law is not None
+    for found, at in ((state.law.cutoff_20_hz, true[0]), (state.law.cutoff_100_hz, true[1])):
+        assert found.value == pytest.approx(np.exp(at), rel=0.1)
+
+
+def _at_half_the_rate(one: Trial) -> Trial:
+    assert one.voltage_v is not None
+    pairs = one.voltage_v.size // 2
+    return replace(
+        one,
+        info=replace(one.info, sample_rate_hz=one.info.sample_rate_hz / 2.0),
+        voltage_v=np.sqrt(np.square(one.voltage_v).reshape(pairs, 2).mean(axis=1)),
+        force_n=one.force_n.reshape(pairs, 2, 3).mean(axis=1),
+        accel_m_s2=None,
+        skin_velocity_m_s=None,
+    )
 
 
 def test_a_trial_of_many_reports_is_used_from_its_beginning(rng: np.random.Generator) -> None:
