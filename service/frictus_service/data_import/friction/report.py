@@ -75,19 +75,12 @@ def report_friction(slides: Sequence[Slide]) -> FrictionReport:
             f"all of {len(slides)} slides are driven by a voltage, which changes the friction; "
             "accepted: at least three slides without a drive"
         )
-    coefficient, texture, slips = (
-        friction_coefficient(blank),
-        texture_line(blank),
-        stick_slip(blank),
-    )
-    notes = ["intervals take slides as independent, of this finger, surface and sensor alone"]
-    if coefficient is None:
-        notes.append(
-            "no friction coefficient: it takes three slides with tangential and normal force "
-            "in newtons"
-        )
-    else:
-        notes += _not_varied(coefficient)
+    coefficient, of_coefficient = friction_coefficient(blank)
+    texture, slips = texture_line(blank), stick_slip(blank)
+    notes = [
+        "intervals take slides as independent, of this finger, surface and sensor alone",
+        *of_coefficient,
+    ]
     if texture is None:
         notes.append("no spectrum: slides are shorter than 64 samples")
     if slips is None:
@@ -104,14 +97,3 @@ def report_friction(slides: Sequence[Slide]) -> FrictionReport:
         spectra=force_spectra(blank),
         notes=tuple(notes),
     )
-
-
-def _not_varied(found: FrictionCoefficient) -> list[str]:
-    missing = [
-        name
-        for name, value in (("speed", found.speed_exponent), ("load", found.load_exponent))
-        if value is None
-    ]
-    return [
-        f"the {name} varied too little to say how friction depends on it" for name in missing
-    ]
