@@ -38,11 +38,14 @@ class ResponseTable:
         In the unit of the table.
     coherence : ndarray or None
         0 to 1, of the squared kind.
+    notes : tuple of str
+        What columns without a unit were taken as.
     """
 
     frequency_hz: FloatArray
     response: ComplexArray
     coherence: FloatArray | None
+    notes: tuple[str, ...] = ()
 
 
 def response_of(path: Path) -> ResponseTable | None:
@@ -78,7 +81,7 @@ def find_response(columns: Columns) -> ResponseTable | None:
     Raises
     ------
     FieldError
-        If it is one, but values are out of range.
+        If it is one, but values are out of range, or the phase names no unit.
     """
     found: dict[str, Column] = {}
     for column in columns.columns:
@@ -87,42 +90,54 @@ def find_response(columns: Columns) -> ResponseTable | None:
             if role not in found and re.fullmatch(pattern, name):
                 found[role] = column
                 break
-    complete = {"re", "im"} <= set(found) or {"size", "phase"} <= set(found)
-    if "frequency" not in found or not complete:
+    parts = {"re", "im"} <= set(found)
+    if "frequency" not in found or not (parts or {"size", "phase"} <= set(found)):
         return None
     rows = found["frequency"].values.size
     if rows > MAX_ROWS or any(column.values.size != rows for column in found.values()):
         raise FieldError(
             "frequency", f"has {rows} rows; accepted: up to {MAX_ROWS}, as many in each column"
         )
-    frequency = found["frequency"].values * _factor(found["frequency"], "Hz")
+    frequency = found["frequency"].values * (_factor(found["frequency"], "Hz") or 1.0)
     if not np.all(frequency >= 0.0):
         raise FieldError("frequency", "has values below 0, or missing; accepted: Hz")
     coherence = found["coherence"].values if "coherence" in found else None
     if coherence is not None and not np.all((coherence >= 0.0) & (coherence <= 1.0 + 1e-9)):
         raise FieldError("coherence", "has values beyond 0 to 1; accepted: squared coherence")
-    return ResponseTable(frequency, _response(found), coherence)
+    response = _response(found)
+    taken = {"frequency": "Hz"}
+    if not parts:
+        taken["size"] = 'a plain number; where it is in dB, name the unit "dB"'
+    notes = tuple(
+        f"{found[role].name} names no unit: taken as {meaning}"
+        for role, meaning in taken.items()
+        if not _unit(found[role])
+    )
+    return ResponseTable(frequency, response, coherence, notes)
 
 
 def _response(found: dict[str, Column]) -> ComplexArray:
     if {"re", "im"} <= set(found):
         return found["re"].values + 1j * found["im"].values
-    size, phase = found["size"], found["phase"].values
+    size = found["size"]
     level = _unit(size) == "dB"
     magnitude = 10.0 ** (size.values / 20.0) if level else size.values
     if not level and not np.all(magnitude >= 0.0):
         raise FieldError("magnitude", "has values below 0; where it is in dB, name the unit dB")
-    radians = phase * _factor(found["phase"], "deg")
-    response: ComplexArray = magnitude * np.exp(1j * radians)
+    # Degrees and radians cannot be told apart by their size: a cutoff of 200 Hz became 307.
+    radians = _factor(found["phase"], "rad")
+    if radians is None:
+        raise FieldError("phase", 'names no unit: call it "phase (deg)" or "phase (rad)"')
+    response: ComplexArray = magnitude * np.exp(1j * radians * found["phase"].values)
     return response
 
 
 def _unit(column: Column) -> str:
-    return find_unit(column.unit) or split_name(column.name)[1]
+    """Return the unit that a column names, or is named after, as `hz`; empty where none."""
+    return find_unit(column.unit) or split_name(column.name)[1] or find_unit(column.name) or ""
 
 
-def _factor(column: Column, default: str) -> float:
-    """Return the factor of a column's unit; degrees and hertz where it names none."""
-    unit = _unit(column)
-    wanted = UNITS[default].dimension
-    return UNITS[unit if unit and UNITS[unit].dimension == wanted else default].factor
+def _factor(column: Column, like: str) -> float | None:
+    """Return the factor of a column's unit; None where it names none that measures the same."""
+    unit = UNITS.get(_unit(column))
+    return unit.factor if unit and unit.dimension == UNITS[like].dimension else None

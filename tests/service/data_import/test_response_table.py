@@ -77,6 +77,8 @@ def test_the_command_fits_a_table(layout: str, tmp_path: Path) -> None:
     [
         ([[-5, 1, 0]] * 6, "f,re,im", "frequency: has values below 0"),
         ([[5, -1, 0]] * 6, "f,mag,phase", "name the unit dB"),
+        ([[5, 1, 0]] * 6, "f,mag,phase", 'names no unit: call it "phase (deg)" or'),
+        ([[5, 1, 0]] * 6, "f,mag,phase (Hz)", 'names no unit: call it "phase (deg)" or'),
         ([[5, 1, 0, 2]] * 6, "f,re,im,coh", "accepted: squared coherence"),
         ([[5, 1, 0]] * 6, "f,re,im", "has 1 frequencies with a value; accepted: 4"),
     ],
@@ -89,6 +91,26 @@ def test_a_wrong_table_is_a_sentence(
     result = CliRunner().invoke(app, ["identify", str(path)])
     assert result.exit_code == 2
     assert sentence in result.stderr
+
+
+@pytest.mark.parametrize("unit", ["deg", "rad"])
+def test_a_phase_is_taken_in_its_unit_and_what_names_none_is_told(
+    unit: str, tmp_path: Path
+) -> None:
+    """Radians without a unit were taken as degrees: the cutoff was half as high again."""
+    phase = np.unwrap(np.angle(law(HZ)))
+    table = np.column_stack(
+        [HZ, np.abs(law(HZ)), np.rad2deg(phase) if unit == "deg" else phase]
+    )
+    path = tmp_path / "bode.csv"
+    np.savetxt(path, table, "%.9g", ",", header=f"f,magnitude,phase ({unit})", comments="")
+    result = CliRunner().invoke(app, ["identify", str(path), "--json"])
+    assert result.exit_code == 0, result.stderr
+    found = json.loads(result.stdout)
+    assert found["cutoff_hz"]["value"] == pytest.approx(850.0, rel=1e-4)
+    assert found["delay_s"]["value"] == pytest.approx(120e-6, abs=1e-8)
+    assert "f names no unit: taken as Hz" in found["notes"]
+    assert any("magnitude names no unit: taken as a plain number" in n for n in found["notes"])
 
 
 def test_a_flat_response_has_no_cutoff() -> None:

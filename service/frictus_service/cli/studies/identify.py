@@ -89,16 +89,17 @@ def _identify_table(path: Path, table: "ResponseTable", as_json: bool) -> None:
     from frictus_service.identification.fit.transfer_functions import fit_response
 
     found = fit_response(table.frequency_hz, table.response, table.coherence)
-    note = (
+    notes = [
         "a table has neither trials nor people: the intervals hold for it alone, mount and "
-        "hold are taken as removed, and no model is written"
-    )
+        "hold are taken as removed, and no model is written",
+        *table.notes,
+    ]
     if wants_lines(as_json):
         fitted = {
             name: getattr(found, name).model_dump() for name in ("gain", "cutoff_hz", "delay_s")
         }
         left = {"residual_db": found.residual_db, "residual_deg": found.residual_deg}
-        write_line(response=str(path), rows=found.rows, **fitted, **left, notes=[note])
+        write_line(response=str(path), rows=found.rows, **fitted, **left, notes=notes)
         return
     sys.stdout.write(
         f"{path}: {found.rows} frequencies\n"
@@ -106,7 +107,7 @@ def _identify_table(path: Path, table: "ResponseTable", as_json: bool) -> None:
         f"cutoff {_shown(found.cutoff_hz)} Hz\n"
         f"delay {_shown(found.delay_s, 1e6)} us\n"
         f"left: {found.residual_db:.2f} dB, {found.residual_deg:.2f} degrees rms\n"
-        f"- {note}\n"
+        + "".join(f"- {note}\n" for note in notes)
     )
 
 
