@@ -13,6 +13,7 @@ from frictus_service.cli.app import app
 from frictus_service.data_import.friction.coefficient import friction_coefficient
 from frictus_service.data_import.friction.report import FrictionReport, report_friction
 from frictus_service.data_import.friction.slides import Slide
+from frictus_service.data_import.friction.stick_slip import _slips, stick_slip
 from frictus_service.errors import StudyError
 
 RATE_HZ = 5000.0
@@ -164,12 +165,32 @@ def test_stick_slip_and_its_absence(rng: np.random.Generator) -> None:
     found = report(rng, sawtooth).stick_slip
     assert found is not None
     assert found.verdict == "stick-slip"
+    assert found.slips_per_s is not None
     assert found.slips_per_s.value == pytest.approx(25.0, rel=0.1)
     assert found.drop_share == pytest.approx(0.14, abs=0.03)
     for wave in (smooth, grating, mains):
         other = report(rng, wave).stick_slip
         assert other is not None
         assert other.verdict == "none"
+
+
+def stepped(made: list[Slide], step_n: float) -> list[Slide]:
+    """Return slides as a sensor of so coarse a step measures them."""
+    return [replace(each, friction=np.round(each.friction / step_n) * step_n) for each in made]
+
+
+def test_the_steps_of_a_coarse_sensor_are_no_slips(rng: np.random.Generator) -> None:
+    """Most steps of the friction are 0, so that each fall was beyond the bulk: 166 per s."""
+    flat = stepped(slides(rng, smooth), 0.01)
+    assert sum(_slips(each.friction, RATE_HZ)[1].size for each in flat) == 0
+    found = stick_slip(flat)
+    assert found is not None
+    assert (found.verdict, found.slips_per_s, found.drop_share) == ("none", None, None)
+    coarse = stick_slip(stepped(slides(rng, sawtooth), 0.01))
+    assert coarse is not None
+    assert coarse.verdict == "stick-slip"
+    assert coarse.slips_per_s is not None
+    assert coarse.slips_per_s.value == pytest.approx(25.0, rel=0.1)
 
 
 def test_driven_slides_are_left_out(rng: np.random.Generator) -> None:

@@ -88,9 +88,10 @@ def _lines(found: "FrictionReport") -> list[str]:
         )
     if (slips := found.stick_slip) is not None:
         share = "" if slips.drop_share is None else f", each {slips.drop_share:.0%} of friction"
+        rate = slips.slips_per_s
+        told = "" if rate is None else f", {_shown(rate)} slips per second{share}"
         lines.append(
-            f"stick-slip: {slips.verdict}; skewness of the rate {_shown(slips.skewness)}, "
-            f"{_shown(slips.slips_per_s)} slips per second{share}"
+            f"stick-slip: {slips.verdict}; skewness of the rate {_shown(slips.skewness)}{told}"
         )
     return [*lines, *(f"- {note}" for note in found.notes)]
 

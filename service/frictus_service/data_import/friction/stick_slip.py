@@ -2,7 +2,7 @@
 
 The rate of the friction is then skewed to falling: many small rises, few large drops. Noise and
 textures that are the same both ways have a skewness of zero. Falls beyond what the bulk of the
-rate allows are counted as slips.
+rate, and the steps of the sensor, allow are counted as slips.
 """
 
 from collections.abc import Sequence
@@ -22,6 +22,10 @@ LEAST_RATE_HZ: Final = 500.0
 SKEWED: Final = -0.5
 BEYOND: Final = 5.0
 """Standard deviations of the bulk below which a fall is a slip."""
+BEYOND_STEPS: Final = 1.5
+"""Steps of the sensor, likewise: noise alone falls by one."""
+ROUNDING: Final = 1e-6
+"""Of the spread of the rate: smaller steps are none of the sensor's."""
 MAD_TO_SIGMA: Final = 1.4826
 
 
@@ -35,8 +39,8 @@ class StickSlipStatistics:
         Looked at.
     skewness : StudentInterval
         Of the rate of friction, mean over slides.
-    slips_per_s : StudentInterval
-        Exact interval of a Poisson rate.
+    slips_per_s : StudentInterval or None
+        Exact interval of a Poisson rate; None where the verdict is none.
     drop_share : float or None
         Median fall of a slip over the mean friction; None where there are none.
     verdict : {'stick-slip', 'none', 'cannot tell'}
@@ -46,7 +50,7 @@ class StickSlipStatistics:
 
     slides: int
     skewness: StudentInterval
-    slips_per_s: StudentInterval
+    slips_per_s: StudentInterval | None
     drop_share: float | None
     verdict: Literal["stick-slip", "none", "cannot tell"]
 
@@ -68,17 +72,19 @@ def stick_slip(slides: Sequence[Slide]) -> StickSlipStatistics | None:
     skewness = mean_of(np.array([skewed for skewed, _ in looked]))
     if skewness is None:
         return None
-    drops = np.concatenate([drop for _, drop in looked])
     seconds = sum(each.friction.size / each.rate_hz for each in kept)
     level = float(np.median([np.nanmean(each.friction) for each in kept]))
     if skewness.high < SKEWED:
         verdict: Literal["stick-slip", "none", "cannot tell"] = "stick-slip"
     else:
         verdict = "none" if skewness.low > SKEWED else "cannot tell"
+    # What falls without a skewed rate rises as often: it lets nothing go.
+    slips = verdict != "none"
+    drops = np.concatenate([drop for _, drop in looked if slips] or [np.empty(0)])
     return StickSlipStatistics(
         slides=len(kept),
         skewness=skewness,
-        slips_per_s=_poisson(drops.size, seconds),
+        slips_per_s=_poisson(drops.size, seconds) if slips else None,
         drop_share=float(np.median(drops)) / level if drops.size and level > 0.0 else None,
         verdict=verdict,
     )
@@ -97,7 +103,10 @@ def _slips(friction: FloatArray, rate_hz: float) -> tuple[float, FloatArray]:
     middle = float(np.median(steps))
     skewness = float(np.mean(((steps - steps.mean()) / spread) ** 3))
     bulk = MAD_TO_SIGMA * float(np.median(np.abs(steps - middle)))
-    falling = steps < middle - BEYOND * bulk
+    # Of a coarse sensor most steps are 0, and the bulk with them.
+    own = np.abs(np.diff(friction))
+    coarse = float(own[own > ROUNDING * spread].min(initial=np.inf))
+    falling = steps < middle - max(BEYOND * bulk, BEYOND_STEPS * coarse)
     # Adjacent falls are one slip.
     begins = np.flatnonzero(falling & ~np.concatenate([[False], falling[:-1]]))
     totals = np.add.reduceat(np.where(falling, -steps, 0.0), begins) if begins.size else begins
