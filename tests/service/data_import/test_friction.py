@@ -14,6 +14,7 @@ from frictus_service.data_import.friction.coefficient import friction_coefficien
 from frictus_service.data_import.friction.report import FrictionReport, report_friction
 from frictus_service.data_import.friction.slides import Slide
 from frictus_service.data_import.friction.stick_slip import _slips, stick_slip
+from frictus_service.data_import.friction.texture import force_spectra
 from frictus_service.errors import StudyError
 
 RATE_HZ = 5000.0
@@ -159,6 +160,19 @@ def test_bands_hold_the_power_of_the_force(rng: np.random.Generator) -> None:
     assert level == pytest.approx(expected, rel=0.1)
     strongest = spectrum.centre_hz[int(np.argmax(spectrum.rms))]
     assert abs(np.log10(strongest / 150.0)) < 0.05
+
+
+def test_spectra_leave_out_slides_without_bands_and_of_other_rates(
+    rng: np.random.Generator,
+) -> None:
+    """A slide without bands ended the command with an unexpected error."""
+    long = to_and_fro(rng, 0.0, 6)
+    short = [replace(each, friction=each.friction[:6], normal=each.normal[:6]) for each in long]
+    other = replace(long[0], rate_hz=2.0 * RATE_HZ)
+    (mixed,) = force_spectra([other, *short, *long[1:]])
+    assert mixed == force_spectra(long[1:])[0]
+    assert mixed.slides == 5
+    assert force_spectra(short) == ()
 
 
 def test_stick_slip_and_its_absence(rng: np.random.Generator) -> None:

@@ -11,6 +11,7 @@ over log speed, 1 or 0, tells them apart (spatial spectrum: Wiertlewski, Lozada,
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from statistics import mode
 from typing import Final, Literal
 
 import numpy as np
@@ -43,7 +44,7 @@ class ForceSpectrum:
     speed_mm_s : float
         Middle of their speeds.
     slides : int
-        So many.
+        Used: those at the sample rate of most, long enough to have bands.
     mean : StudentInterval
         Of the force itself; of no width where fewer than three slides are there, as below.
     centre_hz : tuple of float
@@ -79,24 +80,24 @@ def _spectra(slides: Sequence[Slide]) -> Iterator[ForceSpectrum]:
     name = force_of(slides)
     for speed in np.unique(of_speed[np.isfinite(of_speed)]).tolist():
         own = [each for each, at in zip(slides, of_speed, strict=True) if at == speed]
-        forces = [getattr(each, name) for each in own]
-        rate_hz = own[0].rate_hz
-        levels = [
-            _levels(flat, rate_hz)
-            for each, force in zip(own, forces, strict=True)
-            if each.rate_hz == rate_hz and (flat := whole(force)).size
+        # Bands of two rates end elsewhere, and the shortest slides have none.
+        rate_hz = mode(each.rate_hz for each in own)
+        forces = [getattr(each, name) for each in own if each.rate_hz == rate_hz]
+        both = [
+            (force, *_levels(flat, rate_hz)) for force in forces if (flat := whole(force)).size
         ]
-        if not levels:
+        used = [(force, centre, rms) for force, centre, rms in both if centre.size]
+        if not used:
             continue
         # The shortest slide has the fewest bands.
-        centres = min((centre for centre, _ in levels), key=len)
-        table = np.array([rms[-centres.size :] for _, rms in levels]).reshape(-1, centres.size)
-        level = np.array([float(np.nanmean(force)) for force in forces])
+        centres = min((centre for _, centre, _ in used), key=len)
+        table = np.array([rms[-centres.size :] for _, _, rms in used])
+        level = np.array([float(np.nanmean(force)) for force, _, _ in used])
         found = [mean_of(column) for column in table.T]
         means = table.mean(axis=0)
         yield ForceSpectrum(
             speed_mm_s=speed,
-            slides=len(own),
+            slides=len(used),
             mean=mean_of(level) or StudentInterval(*[float(level.mean())] * 3),
             centre_hz=tuple(centres.tolist()),
             rms=tuple(means.tolist()),
