@@ -34,7 +34,7 @@ COLUMNS: Final = {
     "order": "position in the participant's sequence, from 0",
     "target_speed_mm_s": "speed asked for, mm/s; 0 is at rest",
     "target_force_n": "normal force asked for, N",
-    "tone_hz": "frequencies of the message tones, Hz, separated by blanks; n/a: no drive",
+    "tone_hz": "message tones, Hz, separated by blanks; n/a: no tones (see drive_vpp)",
     "drive_vpp": "voltage at the screen, peak to peak, V",
     "voltage_source": "whether the voltage was commanded or monitored",
     "sha256": "hash of the trial's content as docs/study.md of frictus defines it",
@@ -147,11 +147,15 @@ def row_of_session(trial: Trial) -> dict[str, Any]:
         "order": info.order,
         "target_speed_mm_s": info.speed_mm_s,
         "target_force_n": info.force_n,
-        "tone_hz": " ".join(f"{hz:g}" for hz in info.tones_hz) or "n/a",
+        "tone_hz": " ".join(_in_full(hz) for hz in info.tones_hz) or "n/a",
         "drive_vpp": info.drive_vpp,
         "voltage_source": trial.voltage_source,
         "sha256": trial.sha256 or "n/a",
     }
+
+
+def _in_full(value: float) -> str:
+    return np.format_float_positional(value, trim="-")
 
 
 def _started(trial: Trial) -> datetime:

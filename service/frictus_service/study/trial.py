@@ -56,7 +56,7 @@ class TrialInfo:
     speed_mm_s, force_n : float
         Targets.
     tones_hz : tuple of float
-        Message tones; empty where there was no drive.
+        Message tones; empty where there was no drive, or a broadband one.
     drive_vpp : float
         Peak to peak at the screen, V.
     sample_rate_hz : float

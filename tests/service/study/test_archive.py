@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from frictus_service.cli.app import app
 from frictus_service.errors import StudyError
-from frictus_service.study.archive import COLUMNS, export_archive
+from frictus_service.study.archive import COLUMNS, export_archive, row_of_session
 from frictus_service.study.reader import StudyReader
 from frictus_service.study.trial import Trial
 
@@ -91,6 +91,17 @@ def test_events_list_the_trials_and_their_columns_are_explained(archive: Path) -
     assert float(rows[0]["duration"]) == 0.15
     explained = json.loads((archive / f"{SESSIONS[0]}_events.json").read_text(encoding="utf-8"))
     assert list(explained) == list(rows[0]) == ["onset", "duration", *COLUMNS]
+
+
+def test_tones_are_written_in_full(make_trial: MakeTrial) -> None:
+    """Six digits made 123.457 Hz of 123.4567, and a broadband drive was said to be none."""
+    tones_hz = (123.4567, 250.0, 1.0 / 3.0)
+    told = row_of_session(make_trial(tones_hz=tones_hz))["tone_hz"]
+    assert told.startswith("123.4567 250 0.3333")
+    assert tuple(float(hz) for hz in told.split()) == tones_hz
+    broadband = row_of_session(make_trial(tones_hz=(), drive_vpp=150.0))
+    assert (broadband["tone_hz"], broadband["drive_vpp"]) == ("n/a", 150.0)
+    assert "n/a: no tones (see drive_vpp)" in COLUMNS["tone_hz"]
 
 
 def test_the_card_tells_a_stranger_and_the_sums_hold(archive: Path) -> None:
