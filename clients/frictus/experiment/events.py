@@ -39,7 +39,7 @@ COLUMNS: Final[dict[str, dict[str, Any]]] = {
     "correct": {"Description": "1 where it was right, 0 where it was wrong"},
     "flags": {"Description": "What an analysis must know of the trial"},
     "speed_mm_s": {"Description": "Mean speed of the finger in contact", "Units": "mm/s"},
-    "path_mm": {"Description": "Way of the finger in contact", "Units": "mm"},
+    "path_mm": {"Description": "Way of the finger in contact, all intervals", "Units": "mm"},
     "normal_force_n": {"Description": "Mean normal force in contact", "Units": "N"},
 }
 
@@ -71,6 +71,7 @@ def _event(row: dict[str, Any], start_ns: int) -> dict[str, Any]:
     fingers = [each["finger"] for each in intervals if each["finger"] is not None]
     onset_s = 1e-9 * (first["utc_ns"] - start_ns)
     end_s = 1e-9 * (last["utc_ns"] - start_ns) + last["duration_s"]
+    path_mm = sum(float(finger["path_mm"]) for finger in fingers)
 
     def mean(name: str) -> float | None:
         values = [float(finger[name]) for finger in fingers]
@@ -96,7 +97,7 @@ def _event(row: dict[str, Any], start_ns: int) -> dict[str, Any]:
         "correct": None if row["correct"] is None else int(row["correct"]),
         "flags": "+".join(row["flags"]) or None,
         "speed_mm_s": mean("speed_mm_s"),
-        "path_mm": mean("path_mm"),
+        "path_mm": round(path_mm, 4) if fingers else None,
         "normal_force_n": mean("normal_force_n"),
     }
 

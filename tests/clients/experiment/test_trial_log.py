@@ -8,7 +8,7 @@ import pytest
 
 from frictus import ArgumentError
 from frictus.experiment import read_log, write_events
-from frictus.experiment.events import COLUMNS
+from frictus.experiment.events import COLUMNS, event_rows
 from frictus.experiment.trial_log import FORMAT, TrialLog
 
 HEADER: dict[str, Any] = {"format": FORMAT, "participant": "p/1", "protocol": {"name": "a-b"}}
@@ -81,3 +81,27 @@ def test_events_of_no_trials_are_a_table_all_the_same(tmp_path: Path) -> None:
     for rows in wrong:
         with pytest.raises(ArgumentError):
             write_events(rows, tmp_path)
+
+
+def test_the_way_of_a_trial_is_that_of_all_its_intervals() -> None:
+    """Of 40 and 60 mm it was the mean, 50."""
+
+    def interval(path_mm: float | None, speed_mm_s: float = 30.0) -> dict[str, Any]:
+        finger = {"speed_mm_s": speed_mm_s, "path_mm": path_mm, "normal_force_n": 0.4}
+        return {
+            "finger": None if path_mm is None else finger,
+            "utc_ns": 0,
+            "duration_s": 1.0,
+            "first_sample": 0,
+            "last_sample": 1,
+            "run": 1,
+            "applied": {"gain": 1.0},
+        }
+
+    unused = "response_s recording trial condition level level_rendered response correct"
+    trial: dict[str, Any] = dict.fromkeys(unused.split())
+    trial |= {"status": "answered", "phase": "main", "catch": False, "order": [], "flags": []}
+    (row,) = event_rows([{**trial, "intervals": [interval(40.0), interval(60.0, 50.0)]}])
+    assert (row["path_mm"], row["speed_mm_s"]) == (100.0, 40.0)
+    (untouched,) = event_rows([{**trial, "intervals": [interval(None)]}])
+    assert untouched["path_mm"] is None
