@@ -31,11 +31,11 @@ def result_lines(result: ConditionResult) -> list[str]:
         lines.append(f"  slope {fit.slope.value:.2g}, lapses {100.0 * fit.lapse:.1f} %")
         if fit.open_ended:
             lines.append("  the trials do not bound the threshold: use other levels, or more")
-    for name, found in (("exponent", result.exponent), ("setting", result.setting)):
+    estimates = (("exponent", result.exponent, ""), ("setting", result.setting, result.unit))
+    for name, found, unit in estimates:
         if found is not None:
-            lines.append(
-                f"  {name}: {found.value:.3g} (95 %: {found.low:.3g} to {found.high:.3g})"
-            )
+            told = f"  {name}: {found.value:.3g} {unit}".rstrip()
+            lines.append(f"{told} (95 %: {found.low:.3g} to {found.high:.3g})")
     ratings = result.ratings or {}
     lines += [f"  {pair.replace('|', ' and ')}: {mean:.3g}" for pair, mean in ratings.items()]
     return lines
