@@ -81,6 +81,9 @@ def follow_recording(
     streams = _Streams(reader, note)
     told_ns = 0
     for part in streams.parts():
+        if part.sample_rate_hz != status.sample_rate_hz:  # the rig was started anew
+            tracker.leave_out("blocks of another rate")
+            continue
         for moved in touched.take(part):
             tracker.take(moved)
         if abs(part.utc_ns - told_ns) >= 1e9 * STATE_S:

@@ -106,6 +106,18 @@ def test_a_trial_of_many_reports_is_used_from_its_beginning(rng: np.random.Gener
     assert np.median(begins) == pytest.approx(60.0, rel=0.1)
 
 
+@pytest.mark.parametrize(("tones_hz", "said"), [((200.0,), True), (TONES_HZ, False)])
+def test_of_single_tones_it_says_who_knows_more(
+    tones_hz: tuple[float, ...], said: bool, tmp_path: Path, rng: np.random.Generator
+) -> None:
+    path = tmp_path / "study.h5"
+    with StudyWriter(path, STUDY) as writer:
+        writer.add(trial(Made(tones_hz, 60.0, noise_n=0.002), rng))
+    told = CliRunner().invoke(app, ["track", str(path)])
+    assert told.exit_code == Exit.OK, told.output
+    assert ("frictus identify" in told.stderr) == said
+
+
 def test_the_command_writes_the_model_of_the_one_that_is_named(
     study: Path, tmp_path: Path
 ) -> None:

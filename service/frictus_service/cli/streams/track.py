@@ -29,6 +29,10 @@ if TYPE_CHECKING:
 
 SILENT_S: Final = 3.0
 STUDIES: Final = (".h5", ".hdf5")
+OF_TONES: Final = (
+    "trials of single tones: `frictus identify` knows their cutoffs and delay better; the "
+    "windows here are made for textures, and told delays 1 to 8 us early in simulated studies"
+)
 
 
 def track(
@@ -172,6 +176,8 @@ def _studied(file: Path, participant: str | None, as_json: bool) -> "EstimateSta
     from frictus_service.tracking.recorded import follow_study
 
     with StudyReader(file) as reader:
+        if any(len(asked.tones_hz) == 1 for asked in reader.trials):
+            sys.stderr.write(f"{OF_TONES}\n")
         states = follow_study(reader, Prior.weak(), lambda told: _show(told, as_json))
         for left_out in reader.excluded:
             sys.stderr.write(f"trial {left_out.trial} is left out: {left_out.reason}\n")
