@@ -153,9 +153,18 @@ def _is_exact(line: Line) -> bool:
     return _all_found(line) and not _accuses(line) and not rest
 
 
+def _is_not_explained(line: Line) -> bool:
+    """Return whether the verdict says more than that causes of the catalogue explain it all.
+
+    What a form characterises is not among what is left, which `flagged` and `located` count.
+    """
+    return line["score"]["verdict"] in ("unexplained", "characterised", "partly_explained")
+
+
 def _unknown(lines: Sequence[Line]) -> list[Rate]:
     modes = [line for line in lines if line["task"]["which"] == "hidden_mode"]
     return [
+        _count("unknown: not called explained", lines, _is_not_explained),
         _count("unknown: flagged", lines, lambda line: line["score"]["flagged"], least=0.95),
         _count("unknown: located", lines, lambda line: line["score"]["located"], least=0.95),
         _count("unknown: a false cause confirmed", lines, _is_sure_and_wrong, most=0.10),
