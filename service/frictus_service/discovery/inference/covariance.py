@@ -18,6 +18,7 @@ from frictus_service.discovery.inference.linear_model import (
     LEAST_SHARE,
     ROUNDING,
     inverse_of,
+    left_singular,
     orthonormal,
 )
 from frictus_service.discovery.inference.significance import (
@@ -84,7 +85,7 @@ class Whitening:
         columns = raw.deviating * np.resize(deviation, raw.deviating.shape[1])
         if difference is not None:
             columns = np.hstack([columns, raw.random_effects * difference])
-        left, values, _ = np.linalg.svd(_times(columns, weight), full_matrices=False)
+        left, values = left_singular(_times(columns, weight))
         kept = values > 1e-6
         shrink = np.sqrt(1.0 + np.square(values[kept]))
         return cls(

@@ -75,6 +75,22 @@ def left_of(raw: UnwhitenedUnit, whitening: Whitening) -> FloatArray:
     return left
 
 
+def test_a_basis_is_found_where_the_usual_driver_does_not_converge(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    columns = rng.normal(size=(40, 5))
+    columns[:, 4] = columns[:, 0] - columns[:, 1]
+    usual = orthonormal(columns)
+    assert usual.shape == (40, 4)
+
+    def never(*_given: object, **_named: object) -> None:
+        raise np.linalg.LinAlgError("SVD did not converge")
+
+    monkeypatch.setattr(np.linalg, "svd", never)
+    other = orthonormal(columns)
+    np.testing.assert_allclose(other @ other.T, usual @ usual.T, atol=1e-12)
+
+
 def test_what_was_put_in_comes_out(rng: np.random.Generator) -> None:
     scatters = rng.uniform(0.005, 0.05, 4)
     deviations = rng.choice(DEVIATIONS[2:8], 2)
