@@ -80,6 +80,11 @@ class RigInfo:
         """Nominal samples per second of this machine's clock."""
         return self.sample_rate_hz * self.clock_scale
 
+    @property
+    def longest_lead_samples(self) -> int:
+        """The longest that the lead is, or may become."""
+        return max(self.lead_samples, self.max_lead_samples)
+
 
 @dataclass(frozen=True, slots=True)
 class TouchReport:

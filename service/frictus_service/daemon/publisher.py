@@ -308,7 +308,7 @@ class Publisher:
             sample_rate_hz=info.sample_rate_hz,
             block_samples=self._block_samples,
             lead_ms=self._ms(self._loop.tally.lead_samples),
-            max_lead_ms=self._ms(max(info.lead_samples, info.max_lead_samples)),
+            max_lead_ms=self._ms(info.longest_lead_samples),
             screen_mm=info.screen_mm,
             screen_peak_v=info.screen_peak_v,
             converter_steps=dict(info.converter_steps),

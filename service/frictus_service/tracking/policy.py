@@ -85,7 +85,7 @@ class Circumstances:
     watched_before : int
         Likewise, of fingers before.
     suspected : collection of str
-        Likewise, with evidence that is not enough for an alarm.
+        What may be wrong with the rig: the evidence is not enough for an alarm.
     """
 
     source: str = "scene"

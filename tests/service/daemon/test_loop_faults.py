@@ -226,14 +226,14 @@ def test_a_clock_that_stood_still_can_be_armed_again(make_bench: Any, texture: S
     assert any(turn.exchange.voltage_v.any() for turn in turns)
 
 
+def broken(*_arguments: object, **_named: object) -> None:
+    raise ZeroDivisionError("a bug")
+
+
 def test_bug_trips_once_and_a_second_one_ends_the_loop(
     make_bench: Any, texture: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench = driven(make_bench(), texture)
-
-    def broken(*_arguments: object, **_named: object) -> None:
-        raise ZeroDivisionError("a bug")
-
     monkeypatch.setattr("frictus_service.synthesis.renderer.Renderer.render", broken)
     bench.loop.turn()
     safety = bench.interlock.state
@@ -247,9 +247,6 @@ def test_a_bug_while_the_device_cannot_be_stopped_is_waited_out(
     make_bench: Any, texture: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench = driven(make_bench(), texture)
-
-    def broken(*_arguments: object, **_named: object) -> None:
-        raise ZeroDivisionError("a bug")
 
     def gone(_ramp_s: float) -> None:
         raise LinkLostError("no answer")

@@ -21,12 +21,10 @@ from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.synthesis.compensator import Inverter
 from frictus_service.synthesis.scene import compile_scene
 
+from .desk import scaled
 from .driven import driven
 
-
-def stronger() -> Model:
-    model = placeholder_model()
-    return model.model_copy(update={"base": model.base.model_copy(update={"gain_n": 0.5})})
+STRONGER = scaled(placeholder_model(), 1.3)
 
 
 def ordered(bench: Any, model: Model, texture: Scene) -> ModelUpdate:
@@ -39,7 +37,7 @@ def ordered(bench: Any, model: Model, texture: Scene) -> ModelUpdate:
 
 def test_law_changes_only_without_output(make_bench: Any, texture: Scene) -> None:
     bench = driven(make_bench(), texture)
-    order = ordered(bench, stronger(), texture)
+    order = ordered(bench, STRONGER, texture)
     before = bench.orders.model.in_force
     bench.turn(0.1)
     assert not order.done.is_set()
@@ -56,7 +54,7 @@ def test_a_scene_compiled_for_the_former_model_gives_way(
     bench = make_bench()
     bench.turn(0.2)
     bench.play(Scene())
-    order = ordered(bench, stronger(), texture)
+    order = ordered(bench, STRONGER, texture)
     bench.turn(0.1)
     assert bench.loop.rendering.chain.renderer.scene is order.scene
 
@@ -88,7 +86,7 @@ def test_reply_state_and_loop_agree_on_the_model_though_the_loop_stands_still(
     loop = threading.Thread(target=turn_until_it_stands)
     loop.start()
     try:
-        request = ModelRequest(client="ann", utc_ns=0, model=stronger())
+        request = ModelRequest(client="ann", utc_ns=0, model=STRONGER)
         try:
             etag = models.set_model(request).etag
         except RefusedError:

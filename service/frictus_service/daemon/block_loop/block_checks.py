@@ -106,8 +106,7 @@ class BlockChecks:
         self._tolerance_v = limits.monitor_tolerance_v
         self._force_limit_n = limits.force_limit_n
         self._feed = feed
-        info = backend.info
-        self._monitor = Monitor(max(info.lead_samples, info.max_lead_samples))
+        self._monitor = Monitor(backend.info.longest_lead_samples)
         self.sensor_lost = False
 
     def restart(self) -> None:

@@ -108,8 +108,7 @@ class BlockLoop:
         self.is_read = True
         self._checks = BlockChecks(backend, config.limits, self._feed)
         info = backend.info
-        longest = max(info.lead_samples, info.max_lead_samples)
-        self._output_flags = OutputFlags(longest, config.block_samples)
+        self._output_flags = OutputFlags(info.longest_lead_samples, config.block_samples)
         self._lead_growth = LeadGrowth(config.block_samples)
         self.run = run
         self._number = 0
