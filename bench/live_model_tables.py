@@ -10,7 +10,7 @@ from bench import live_model_verdicts as verdicts
 from scipy import stats
 from tests.blind.cases import REALISTIC
 from tests.campaigns.lines import Line, read
-from tests.campaigns.live_model import RIG_STARTS, SIZES, TEXTURES, UNKNOWN, code
+from tests.campaigns.live_model import LEARNED, RIG_STARTS, SIZES, UNKNOWN, code
 
 from frictus_service.tracking.evidence import signatures
 from frictus_service.tracking.evidence.watch import MAINS
@@ -97,7 +97,7 @@ def sources(lines: list[Line]) -> str:
 def learned(lines: list[Line]) -> str:
     """Return how soon the estimate and the model in force render as the true law would."""
     rows = []
-    starts = {texture: f"learn/{texture}/" for texture in TEXTURES}
+    starts = {texture: f"learn/{texture}/" for texture in LEARNED}
     starts |= {"all": "learn/", "all, known motion": "known/"}
     for texture, start in starts.items():
         found = Sessions(lines, start)
@@ -127,8 +127,14 @@ def learned(lines: list[Line]) -> str:
 def coverage(lines: list[Line]) -> str:
     """Return how many of the intervals at the end hold, observed and adapted."""
     rows = []
-    for kind, motion in (("learn", "predicted"), ("known", "known")):
-        found = Sessions(lines, f"{kind}/")
+    kinds = {
+        "learn/": "predicted",
+        "known/": "known",
+        "learn/grating/": "predicted, grating alone",
+        "known/grating/": "known, grating alone",
+    }
+    for start, motion in kinds.items():
+        found = Sessions(lines, start)
         if not len(found):
             continue
         both = (

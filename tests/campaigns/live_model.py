@@ -19,7 +19,7 @@ from tests.campaigns.lines import Line, asked, go_on
 
 from frictus.aligned import AlignedSamples
 from frictus.recordings import texture_of
-from frictus.textures import Texture
+from frictus.textures import Component, Spectrum, Texture
 from frictus_hardware.simulated.config import draw_participant
 from frictus_laboratory.live_model.closed_loop import PIECE_SAMPLES, ClosedLoop, Moment
 from frictus_laboratory.live_model.discovered import discovered
@@ -46,6 +46,10 @@ from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.tracking.windows import SPEEDS_MM_S
 
 TEXTURES: Final = ("flat", "paper", "sandpaper", "fabric1", "fabric2", "vinyl")
+LEARNED: Final = (*TEXTURES, "grating")
+"""Of which a finger is learned from nothing: a grating plays one line."""
+GRATING_MM: Final = 0.5
+"""Period: 40 to 200 Hz at 20 to 100 mm/s."""
 FACTORS: Final = ("0.5", "1", "2")
 """Of a person's cutoff."""
 RATE_HZ: Final = 20_000.0
@@ -85,7 +89,7 @@ def names(times: int) -> list[str]:
         Sessions of each name; of changes more.
     """
     kinds: list[tuple[str, Sequence[str]]] = [
-        ("learn", [f"{texture}/{factor}" for texture in TEXTURES for factor in FACTORS]),
+        ("learn", [f"{texture}/{factor}" for texture in LEARNED for factor in FACTORS]),
         ("moisture", [""] * 3),
         ("new_finger", [""] * 5),
         ("turns", STARTS),
@@ -95,7 +99,7 @@ def names(times: int) -> list[str]:
         ("null", NULLS),
         ("cause", [f"{id_}/{size}" for id_ in REALISTIC for size in SIZES]),
         ("unknown", UNKNOWN),
-        ("known", [f"{texture}/{factor}" for texture in TEXTURES for factor in FACTORS]),
+        ("known", [f"{texture}/{factor}" for texture in LEARNED for factor in FACTORS]),
     ]
     found = []
     for kind, which in kinds:
@@ -188,13 +192,16 @@ def _unknown(which: str, rng: np.random.Generator) -> Disturbance:
 
 @cache
 def texture(name: str) -> Texture:
-    """Return a shipped texture.
+    """Return a shipped texture, or the grating.
 
     Parameters
     ----------
     name : str
-        Of its file.
+        Of its file, or ``grating``.
     """
+    if name == "grating":
+        line = Component(amplitude_n=0.05, cycles_per_mm=1.0 / GRATING_MM)
+        return Spectrum(components=[line])
     return texture_of((SHIPPED / f"{name}.json").read_text(encoding="utf-8"))
 
 

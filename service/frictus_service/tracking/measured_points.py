@@ -10,7 +10,7 @@ import numpy as np
 
 from frictus.messages import ResponsePoint
 from frictus_hardware.arrays import ComplexArray, FloatArray
-from frictus_service.tracking.law_estimate import Batch
+from frictus_service.tracking.estimation.batch import Batch
 
 GROUPS_MM_S: Final = (10.0, 35.0, 70.0, 150.0)
 """Limits of the groups of speed."""

@@ -18,13 +18,13 @@ from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.errors import EstimateError
 from frictus_service.tracking.adaptation import ADAPT_EVERY_S, CONTACT, FITTED_TO
+from frictus_service.tracking.estimation.law_estimate import LawEstimate
 from frictus_service.tracking.evidence.signatures import (
     LAW_CAUSES,
     LAW_SIZES,
     NOT_FITTED,
     SHAPED_BY_A_FINGER,
 )
-from frictus_service.tracking.law_estimate import LawEstimate
 from frictus_service.tracking.tracker import Tracker
 
 KNOWN_WITHIN: Final = 0.05

@@ -17,14 +17,14 @@ from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.posterior import EXPECTED
 from frictus_service.calibration.score_information import linearised
-from frictus_service.tracking.evidence.innovations import SYSTEMATIC, UNITS
-from frictus_service.tracking.finger_filters import CONTACTS
-from frictus_service.tracking.law_estimate import (
+from frictus_service.tracking.estimation.batch import Batch
+from frictus_service.tracking.estimation.finger_filters import CONTACTS
+from frictus_service.tracking.estimation.law_estimate import (
     FORGETTING,
     LEAST_NOISE_N2,
-    Batch,
     LawEstimate,
 )
+from frictus_service.tracking.evidence.innovations import SYSTEMATIC, UNITS
 
 _WANDER: Final = np.zeros((4, 4))
 _WANDER[:2, :2] = EXPECTED**2 * np.array([[1.0, 0.9], [0.9, 1.0]])

@@ -9,7 +9,7 @@ from typing import Final, Self
 import numpy as np
 
 from frictus_hardware.arrays import ComplexArray, FloatArray
-from frictus_service.tracking.law_estimate import Batch
+from frictus_service.tracking.estimation.batch import Batch
 
 REMEMBERED: Final = 20.0
 """Batches over which the error by band is averaged: 10 s."""

@@ -15,11 +15,12 @@ from frictus_service.calibration.coordinates import Prior
 from frictus_service.calibration.posterior import STRANGE
 from frictus_service.errors import EstimateError
 from frictus_service.tracking.adaptation import CONTACT, FITTED_TO, PERSON
+from frictus_service.tracking.estimation.batch import Batch
+from frictus_service.tracking.estimation.finger_filters import NOW
+from frictus_service.tracking.estimation.law_estimate import LawEstimate, advanced, updated
 from frictus_service.tracking.evidence.advice import advice_of
 from frictus_service.tracking.evidence.naming import NamedAlarm, named_alarms
 from frictus_service.tracking.evidence.watch import ALARM, CAUSES, INSTRUMENT, ModelWatch
-from frictus_service.tracking.finger_filters import NOW
-from frictus_service.tracking.law_estimate import Batch, LawEstimate, advanced, updated
 from frictus_service.tracking.measured_points import MeasuredPoints
 from frictus_service.tracking.model_in_force import ModelInForce
 from frictus_service.tracking.predictive_density import PrequentialGain

@@ -14,8 +14,9 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.simulated.config import WithinPersonScatter
 from frictus_service.calibration import coordinates
+from frictus_service.tracking.estimation.batch import Batch
+from frictus_service.tracking.estimation.law_estimate import LawEstimate
 from frictus_service.tracking.evidence.watch import ModelWatch
-from frictus_service.tracking.law_estimate import Batch, LawEstimate
 
 BATCH: Final = 10
 LIFTS: Final = 0.2

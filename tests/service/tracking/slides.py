@@ -15,7 +15,7 @@ from frictus_hardware.physics.simulator import Probe, Simulator, predict
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.discovery.evidence.bands import Bands
-from frictus_service.tracking.finger_filters import LAW, FingerFilters
+from frictus_service.tracking.estimation.finger_filters import LAW, FingerFilters
 from frictus_service.tracking.windows import MAINS_HZ, LawWindow
 
 MOUNT: Final = Mount().lateral

@@ -7,6 +7,9 @@ import pytest
 from tests.service.tracking.slides import BANDS, PAPER, slide, speeds
 
 from frictus_service.calibration.coordinates import Prior
+from frictus_service.tracking.estimation.batch import Batch
+from frictus_service.tracking.estimation.finger_filters import COLUMNS, LAW, STATE
+from frictus_service.tracking.estimation.law_estimate import LawEstimate, updated
 from frictus_service.tracking.evidence.innovations import (
     UNITS,
     WANDERING,
@@ -14,8 +17,6 @@ from frictus_service.tracking.evidence.innovations import (
     batch_score,
 )
 from frictus_service.tracking.evidence.sums import log_ratio
-from frictus_service.tracking.finger_filters import COLUMNS, LAW, STATE
-from frictus_service.tracking.law_estimate import Batch, LawEstimate, updated
 
 pytestmark = pytest.mark.long
 

@@ -4,7 +4,7 @@ import numpy as np
 from tests.service.tracking.slides import BANDS, PAPER, slide, speeds
 
 from frictus.messages import ResponsePoint
-from frictus_service.tracking.law_estimate import Batch
+from frictus_service.tracking.estimation.batch import Batch
 from frictus_service.tracking.measured_points import MeasuredPoints
 
 

@@ -15,13 +15,17 @@ from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.errors import EstimateError
 from frictus_service.synthesis.compensability import placeholder_model
+from frictus_service.tracking.estimation.law_estimate import (
+    HIGHEST_HZ,
+    RESPONSE_WITHIN,
+    LawEstimate,
+)
 from frictus_service.tracking.evidence.signatures import (
     EFFECT_CAUSES,
     INSTRUMENT,
     NOT_FITTED,
     SHAPED,
 )
-from frictus_service.tracking.law_estimate import HIGHEST_HZ, RESPONSE_WITHIN, LawEstimate
 from frictus_service.tracking.model_in_force import ModelInForce
 from frictus_service.tracking.policy import (
     ANOTHER_FINGER,

@@ -63,6 +63,33 @@ def test_each_participant_of_a_study_is_followed(study: Path) -> None:
             assert found.value == pytest.approx(np.exp(at), rel=0.1)
 
 
+@pytest.mark.parametrize("lowest_hz", [60.0, 63.0, 80.0])
+def test_of_one_tone_after_the_other_nothing_is_believed_that_is_not_so(
+    lowest_hz: float, tmp_path: Path, rng: np.random.Generator
+) -> None:
+    """Each tells no cutoff: what is left open is not linear in it."""
+    with StudyWriter(tmp_path / "study.h5", STUDY) as writer:
+        order = 0
+        for speed in SPEEDS_MM_S:
+            for tone_hz in np.geomspace(lowest_hz, 1_500.0, 9).tolist():
+                one = trial(Made((tone_hz,), speed, noise_n=0.002), rng)
+                info = replace(one.info, id=f"{order}", order=order, drive_vpp=150.0)
+                writer.add(replace(one, info=info))
+                order += 1
+    with StudyReader(tmp_path / "study.h5") as reader:
+        (state,) = follow_study(reader, Prior.weak(), lambda _: None).values()
+    true = coordinates.from_law(LAW.gain_n, LAW.cutoff_0_hz, LAW.slope_hz_per_mm_s, 0.0)
+    law = state.law
+    assert law is not None
+    assert state.new_fingers == 0
+    assert "unlike what was felt before" not in state.refused
+    found = (law.cutoff_20_hz, law.cutoff_100_hz, law.gain_n, law.delay_us)
+    for interval, at in zip(found, (*np.exp(true[:3]), true[3]), strict=True):
+        half = 0.5 * (interval.high - interval.low)
+        assert abs(interval.value - at) < 1.5 * half
+    assert law.cutoff_100_hz.value == pytest.approx(np.exp(true[1]), rel=0.1)
+
+
 def test_trials_at_another_sample_rate_are_left_out_and_counted(
     tmp_path: Path, rng: np.random.Generator
 ) -> None:

@@ -20,6 +20,8 @@ from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_service.calibration.coordinates import Prior, response
+from frictus_service.tracking.estimation.batch import Batch
+from frictus_service.tracking.estimation.law_estimate import LawEstimate, advanced, updated
 from frictus_service.tracking.evidence import watch as watch_module
 from frictus_service.tracking.evidence.naming import NamedAlarm, named_alarms
 from frictus_service.tracking.evidence.signatures import LAW_SIZES
@@ -30,7 +32,6 @@ from frictus_service.tracking.evidence.watch import (
     INSTRUMENT,
     ModelWatch,
 )
-from frictus_service.tracking.law_estimate import Batch, LawEstimate, advanced, updated
 
 
 @dataclass(frozen=True)

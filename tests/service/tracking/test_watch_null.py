@@ -6,9 +6,9 @@ from scipy.stats import binom
 from tests.service.tracking.scattered import watched
 
 from frictus_hardware.physics.schedule import SlidingConditions
+from frictus_service.tracking.estimation.strokes import Strokes
 from frictus_service.tracking.evidence.naming import named_alarms
 from frictus_service.tracking.evidence.watch import LEVEL
-from frictus_service.tracking.strokes import Strokes
 
 pytestmark = pytest.mark.long
 

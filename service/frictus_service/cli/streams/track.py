@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 SILENT_S: Final = 3.0
 STUDIES: Final = (".h5", ".hdf5")
 OF_TONES: Final = (
-    "trials of single tones: `frictus identify` knows their cutoffs and delay better; the "
-    "windows here are made for textures, and told delays 1 to 8 us early in simulated studies"
+    "trials of single tones: `frictus identify` fits all of them at once, and knows their "
+    "cutoffs and delay better"
 )
 
 

@@ -79,22 +79,25 @@ class Bands:
         summed: ComplexArray = np.add.reduceat(spectra.sum(axis=0), starts).astype(complex)
         return summed
 
-    def place_of(self, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def place_of(
+        self, weight: FloatArray, at_hz: FloatArray, variance_hz2: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """Return centroid and standard deviation of the frequency over a weight, (n_bands,).
 
         A response that is averaged over a band is weighed by what each frequency has of what it
-        is seen through; and Hann's window of length T mixes frequencies whose variance is
-        ``1 / (3 T^2)``.
+        is seen through.
 
         Parameters
         ----------
-        weight : ndarray, shape (n_frequencies,)
+        weight, at_hz, variance_hz2 : ndarray, shape (n_frequencies,)
+            `at_hz` and `variance_hz2` are mean and variance of what each frequency of the
+            windows has a part of.
         """
         total = np.maximum(self.total(weight[np.newaxis]).real, np.finfo(float).tiny)
-        centroid = self.total((weight * self.frequency_hz)[np.newaxis]).real / total
-        apart = self.frequency_hz - centroid[self.band]
-        variance = self.total((weight * np.square(apart))[np.newaxis]).real / total
-        return centroid, np.sqrt(variance + 1.0 / (3.0 * WINDOW_S**2))
+        centroid = self.total((weight * at_hz)[np.newaxis]).real / total
+        apart = np.square(at_hz - centroid[self.band]) + variance_hz2
+        variance = self.total((weight * apart)[np.newaxis]).real / total
+        return centroid, np.sqrt(variance)
 
     def averages(self, windows: int) -> FloatArray:
         """Return how many independent averages so many half overlapping windows are.

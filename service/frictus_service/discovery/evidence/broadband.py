@@ -13,25 +13,26 @@ Bendat and Piersol, Random Data, chapters 6 and 9: H1, its variance, chance cohe
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from frictus_hardware.arrays import BoolArray, ComplexArray, FloatArray
 from frictus_service.discovery.evidence.bands import WINDOW_S, Bands
 from frictus_service.discovery.evidence.spectra import NO_HARMONICS, NOTHING, HarmonicResponse
+from frictus_service.discovery.evidence.window_spectra import (
+    Channels,
+    WindowSpectra,
+    spectra_of,
+)
 from frictus_service.identification.observation.blocks import BLOCK
 from frictus_service.identification.observation.observe import FingerTrajectory
 from frictus_service.identification.observation.response import (
     NO_ROWS,
     Instrument,
     ResponseRows,
-    drive_fraction,
 )
 from frictus_service.identification.observation.sweeps import SweepThird
-from frictus_service.identification.observation.through_mount import ThroughMount
 from frictus_service.study.trial import StudyInfo, Trial
 
 CHANCE: Final = 1e-3
@@ -41,55 +42,14 @@ LEAST_OF_FORCE: Final = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class _Spectra:
-    """Of one segment, instrument removed; arrays of shape (n_windows, n_frequencies).
-
-    Attributes
-    ----------
-    segment : SweepThird
-        It is of.
-    message : ndarray of complex or None
-        Drive fraction through the mount, as the force.
-    force : ndarray of complex
-        Along the motion, as the sensor has it.
-    skin : ndarray of complex or None
-        Skin velocity through the mount.
-    message_mean : float
-        Of the drive fraction; NaN without.
-    message_power : ndarray, shape (n_frequencies,)
-        Of the drive fraction itself, summed over windows.
-    """
-
-    segment: SweepThird
-    message: ComplexArray | None
-    force: ComplexArray
-    skin: ComplexArray | None
-    message_mean: float
-    message_power: FloatArray
-
-    @property
-    def known(self) -> ComplexArray:
-        """What a response is seen through: the message, or the force where none drives."""
-        return self.force if self.message is None else self.message
-
-    @property
-    def weights(self) -> tuple[FloatArray, FloatArray]:
-        """By which frequencies weigh in friction ``S_mF / S_mm``, and in mobility, each (n,).
-
-        Mobility is ``S_mv / S_mF``: where the message has much and the force makes little of
-        it, there is little to see the mobility through.
-        """
-        of_friction = np.square(np.abs(self.known)).sum(axis=0)
-        of_mobility = np.abs((self.known.conj() * self.force).sum(axis=0))
-        return of_friction, of_mobility
-
-
-@dataclass(frozen=True, slots=True)
 class _Transfer:
     """A response and its variance per component; arrays of shape (n_bands,)."""
 
     response: ComplexArray
     variance: FloatArray
+
+    def times(self, factor: ComplexArray) -> "_Transfer":
+        return _Transfer(self.response * factor, self.variance * np.square(np.abs(factor)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,9 +88,9 @@ def broadband(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> Broad
     window = 2 * round(WINDOW_S * rate_hz / 2.0)
     bands = Bands.of(window, rate_hz, study.mount)
     instrument = Instrument.of(trial, replace(study, mount=None), bands.frequency_hz)
-    channels = _Channels.of(trial, study)
+    channels = Channels.of(trial, study)
     every = [
-        _spectra(channels, segment, rate_hz, window, bands, instrument)
+        spectra_of(channels, segment, rate_hz, window, bands, instrument)
         for segment in course.segments
     ]
     spectra = [each for each in every if each is not None]
@@ -145,7 +105,10 @@ def broadband(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> Broad
     notes = _notes(spectra, coherence, used, len(every))
     if not used.any():
         return Broadband(NO_ROWS, NO_HARMONICS, notes)
-    rows = [_rows(each, bands, used, course.normal_n, rate_hz, window) for each in spectra]
+    rows = [
+        _rows(each, bands, instrument, used, course.normal_n, rate_hz, window)
+        for each in spectra
+    ]
     whole = ResponseRows(
         **{
             f.name: np.concatenate([getattr(r, f.name) for r in rows])
@@ -155,108 +118,7 @@ def broadband(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> Broad
     return Broadband(whole, _message(spectra, rows, bands, used), notes)
 
 
-@dataclass(frozen=True, slots=True)
-class _Channels:
-    """Of a whole trial; arrays of shape (n_samples, n_columns).
-
-    Attributes
-    ----------
-    force : ndarray
-        Lateral, as the sensor has it.
-    drive, mounted_drive : ndarray or None
-        Drive fraction, and the same through the mount.
-    mounted_skin : ndarray or None
-        What the skin's sensor says, through the mount.
-    """
-
-    force: FloatArray
-    drive: FloatArray | None
-    mounted_drive: FloatArray | None
-    mounted_skin: FloatArray | None
-
-    @classmethod
-    def of(cls, trial: Trial, study: StudyInfo) -> "_Channels":
-        """Return the channels of a trial."""
-
-        def through(samples: FloatArray) -> FloatArray:
-            return ThroughMount(study.mount, trial.info.sample_rate_hz).take(samples)
-
-        skin, drive = trial.skin_velocity_m_s, None
-        if trial.accel_m_s2 is not None:
-            skin = trial.accel_m_s2[:, :2]
-        if trial.voltage_v is not None:
-            drive = drive_fraction(trial.voltage_v, study.screen_peak_v)[:, np.newaxis]
-        return cls(
-            trial.force_n[:, :2],
-            drive,
-            None if drive is None else through(drive),
-            None if skin is None else through(skin.reshape(skin.shape[0], -1)),
-        )
-
-
-def _spectra(
-    channels: _Channels,
-    segment: SweepThird,
-    rate_hz: float,
-    window: int,
-    bands: Bands,
-    instrument: Instrument,
-) -> _Spectra | None:
-    """Return the spectra of a segment; None where it holds no window without gaps."""
-    cut = slice(max(int(segment.begin_s * rate_hz), 0), int(segment.end_s * rate_hz))
-    along = np.array(segment.along)
-    lines = [channels.force[cut] @ along]
-    skin, drive, mounted = channels.mounted_skin, channels.drive, channels.mounted_drive
-    # A sensor that says nothing at all takes only what needs it.
-    if skin is not None and not (drive is not None and np.isnan(skin[cut]).all()):
-        lines.append(skin[cut] @ along if skin.shape[1] > 1 else skin[cut, 0] / along[0])
-    has_skin = len(lines) > 1
-    if drive is not None and mounted is not None:
-        lines += [drive[cut, 0], mounted[cut, 0]]
-    cut_up = _windows(np.stack(lines), window)
-    if not cut_up.shape[1]:
-        return None
-    place = np.rint(bands.frequency_hz * window / rate_hz).astype(np.int64)
-    found = np.fft.rfft(tapered(cut_up), axis=-1)[:, :, place]
-    force = found[0] / instrument.force
-    velocity = found[1] * bands.passing / instrument.skin if has_skin else None
-    if drive is None:
-        return _Spectra(segment, None, force, velocity, np.nan, np.zeros(place.size))
-    power = np.square(np.abs(found[-2] * instrument.drive)).sum(axis=0)
-    message = found[-1] * instrument.drive * bands.passing
-    return _Spectra(segment, message, force, velocity, float(np.nanmean(lines[-2])), power)
-
-
-def _windows(channels: FloatArray, window: int) -> FloatArray:
-    """Return the half overlapping windows without gaps, (n_channels, n_windows, window)."""
-    if channels.shape[1] < window:
-        return np.empty((channels.shape[0], 0, window))
-    cut = sliding_window_view(channels, window, axis=1)[:, :: window // 2]
-    whole: FloatArray = cut[:, np.isfinite(cut).all(axis=(0, 2))]
-    return whole
-
-
-def tapered(windows: FloatArray) -> FloatArray:
-    """Return windows without their straight lines, times Hann's, of unit power.
-
-    Parameters
-    ----------
-    windows : ndarray, shape (..., n_samples)
-    """
-    line, hann = _line_and_hann(windows.shape[-1])
-    level = windows.mean(axis=-1, keepdims=True)
-    slope = (windows @ line / (line @ line))[..., np.newaxis]
-    tapered: FloatArray = (windows - level - slope * line) * hann / np.sqrt(hann @ hann)
-    return tapered
-
-
-@lru_cache(maxsize=4)
-def _line_and_hann(length: int) -> tuple[FloatArray, FloatArray]:
-    hann = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
-    return np.linspace(-1.0, 1.0, length), hann
-
-
-def _coherence(spectra: Sequence[_Spectra], bands: Bands) -> FloatArray:
+def _coherence(spectra: Sequence[WindowSpectra], bands: Bands) -> FloatArray:
     """Return the coherence over the trial, of message and force, or of force and skin."""
     cross = np.zeros(bands.centre_hz.size, dtype=np.complex128)
     of_one, of_other = cross.copy(), cross.copy()
@@ -294,8 +156,9 @@ def _transfer(
 
 
 def _rows(
-    spectra: _Spectra,
+    spectra: WindowSpectra,
     bands: Bands,
+    instrument: Instrument,
     used: BoolArray,
     normal_n: FloatArray,
     rate_hz: float,
@@ -304,14 +167,16 @@ def _rows(
     count = bands.centre_hz.size
     nothing = _Transfer(np.full(count, NOTHING), np.full(count, np.nan))
     friction, mobility, amplitude = nothing, nothing, np.full(count, NOTHING)
-    known = spectra.known
+    known, shared = spectra.known, instrument.force * bands.passing
     if spectra.message is not None:
         friction = _transfer(bands, known, known, spectra.force)
+        friction = friction.times(spectra.correction(shared * instrument.drive, bands, 0))
         power = bands.total(spectra.message_power[np.newaxis]).real
         amplitude = np.sqrt(4.0 * power / known.shape[0] / window)
     if spectra.skin is not None:
         # The sensor reports the force of the finger; the skin feels its opposite.
         mobility = _transfer(bands, known, -spectra.force, spectra.skin)
+        mobility = mobility.times(spectra.correction(instrument.skin / shared, bands, 1))
     segment = spectra.segment
     first, last = (int(at * rate_hz / BLOCK) for at in (segment.begin_s, segment.end_s))
     normal = normal_n[first:last][np.isfinite(normal_n[first:last])]
@@ -333,14 +198,15 @@ def _rows(
 
 
 def _message(
-    spectra: Sequence[_Spectra], rows: Sequence[ResponseRows], bands: Bands, used: BoolArray
+    spectra: Sequence[WindowSpectra],
+    rows: Sequence[ResponseRows],
+    bands: Bands,
+    used: BoolArray,
 ) -> HarmonicResponse:
     sizes = [each.tone_hz.size for each in rows]
     power = [np.square(np.abs(each.message)).sum() / 2.0 for each in rows]
     nothing = np.full(sum(sizes), np.nan)
-    of_friction, of_mobility = (
-        [bands.place_of(each.weights[k]) for each in spectra] for k in (0, 1)
-    )
+    of_friction, of_mobility = ([each.place(bands, of) for each in spectra] for of in (0, 1))
     return HarmonicResponse(
         message_mean=np.repeat([each.message_mean for each in spectra], sizes),
         message_power=np.repeat(power, sizes),
@@ -369,7 +235,7 @@ def _nothing(segments: Sequence[SweepThird], long_enough: bool) -> tuple[str, ..
 
 
 def _notes(
-    spectra: Sequence[_Spectra], coherence: FloatArray, used: BoolArray, segments: int
+    spectra: Sequence[WindowSpectra], coherence: FloatArray, used: BoolArray, segments: int
 ) -> tuple[str, ...]:
     between = "force and skin" if spectra[0].message is None else "drive and friction"
     from_where = f"{len(spectra)} of {segments} thirds of sweeps"

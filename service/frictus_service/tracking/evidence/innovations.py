@@ -21,14 +21,15 @@ import numpy as np
 from frictus_hardware.arrays import ComplexArray, FloatArray, IntArray
 from frictus_service.calibration.posterior import ENDS, wandered
 from frictus_service.calibration.score_information import GainScatter, linearised
-from frictus_service.tracking.finger_filters import (
+from frictus_service.tracking.estimation.batch import Batch
+from frictus_service.tracking.estimation.finger_filters import (
     CONTACTS,
     LAW,
     STATE,
     STROKES,
     renewed,
 )
-from frictus_service.tracking.law_estimate import CUTOFF_PER_WINDOW, Batch, LawEstimate
+from frictus_service.tracking.estimation.law_estimate import CUTOFF_PER_WINDOW, LawEstimate
 
 GAIN_LASTS_S: Final = 30.0
 """The gain of a contact wanders about the law within this time: what a contact of minutes says

@@ -12,7 +12,8 @@ import numpy as np
 from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates
 from frictus_service.discovery.evidence.bands import WINDOW_S
-from frictus_service.tracking.law_estimate import Batch, LawEstimate
+from frictus_service.tracking.estimation.batch import Batch
+from frictus_service.tracking.estimation.law_estimate import LawEstimate
 from frictus_service.tracking.windows import MAINS_HZ
 
 AMPLITUDES_N: Final = np.geomspace(0.001, 0.05, 6)

@@ -24,7 +24,7 @@ from frictus_hardware.physics.schedule import (
 from frictus_hardware.physics.simulator import Probe, Simulator, predict
 from frictus_service.calibration import coordinates
 from frictus_service.discovery.problem.candidates import Candidate, candidates_of, scaled
-from frictus_service.tracking.law_estimate import Batch
+from frictus_service.tracking.estimation.batch import Batch
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,6 +21,10 @@ import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.linear import TransferFunction
+from frictus_service.tracking.estimation.batch import Batch
+from frictus_service.tracking.estimation.finger_filters import COLUMNS, LAW, STATE
+from frictus_service.tracking.estimation.law_estimate import LawEstimate
+from frictus_service.tracking.estimation.strokes import Strokes
 from frictus_service.tracking.evidence.innovations import (
     UNITS,
     WIDE,
@@ -40,9 +44,6 @@ from frictus_service.tracking.evidence.signatures import (
     pattern_directions,
 )
 from frictus_service.tracking.evidence.sums import Sums, with_another
-from frictus_service.tracking.finger_filters import COLUMNS, LAW, STATE
-from frictus_service.tracking.law_estimate import Batch, LawEstimate
-from frictus_service.tracking.strokes import Strokes
 
 __all__ = ["ALARM", "CAUSES", "INSTRUMENT", "ModelWatch"]
 

@@ -10,7 +10,7 @@ from tests.service.tracking.slides import PAPER
 from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.calibration.posterior import ENDS
-from frictus_service.tracking.finger_filters import (
+from frictus_service.tracking.estimation.finger_filters import (
     COMMON,
     CONTACTS,
     FELT,

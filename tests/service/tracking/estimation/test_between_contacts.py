@@ -6,8 +6,8 @@ from tests.service.tracking.slides import PAPER
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration.coordinates import Prior
-from frictus_service.tracking.finger_filters import CONTACTS, FingerFilters
-from frictus_service.tracking.law_estimate import LawEstimate, advanced
+from frictus_service.tracking.estimation.finger_filters import CONTACTS, FingerFilters
+from frictus_service.tracking.estimation.law_estimate import LawEstimate, advanced
 from frictus_service.tracking.policy import Circumstances, held_back
 
 PRIOR = Prior(PAPER, np.diag([0.04, 0.04, 0.36, 1e-9]), 0, "of a test")

@@ -1,42 +1,50 @@
 """The law of the finger on the screen now: iterated extended Kalman filters over windows.
 
-What may vary between updates is in `tracking.finger_filters`. Each update takes the windows of
+What may vary between updates is in `finger_filters`. Each update takes the windows of
 half a second as `calibration.score_information` scores trials: the gain of a window wanders
 about that of its contact.
 
 Bell and Cathey 1993, The iterated Kalman filter update as a Gauss-Newton method.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final, Self
 
 import numpy as np
 
-from frictus_hardware.arrays import BoolArray, ComplexArray, FloatArray, IntArray
-from frictus_hardware.physics.schedule import SlidingConditions
+from frictus_hardware.arrays import FloatArray
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.calibration.posterior import wandered
-from frictus_service.calibration.score_information import Data, GainScatter, scores, spread_of
-from frictus_service.discovery.evidence.bands import Bands
-from frictus_service.tracking.finger_filters import FELT, NOW, PERSON, FingerFilters
-from frictus_service.tracking.strokes import Strokes
-from frictus_service.tracking.windows import LawWindow
+from frictus_service.calibration.score_information import (
+    Data,
+    GainScatter,
+    response,
+    scores,
+    spread_of,
+)
+from frictus_service.tracking.estimation.batch import Batch
+from frictus_service.tracking.estimation.finger_filters import FELT, NOW, PERSON, FingerFilters
+from frictus_service.tracking.estimation.strokes import Strokes
 
 RESPONSE_WITHIN: Final = 1e-3
 """Relative error of a response that no average makes smaller: a band's mean frequency stands
 for its lines, and a window is not infinitely long."""
+GAIN_WITHIN: Final = 4e-4
+"""Likewise of a gain. Friction is projected on the motion that touch reports tell, which
+resolve no tremor: 0.02 mm across the stroke at 10 Hz are 1.3 mm/s, which turn friction away at
+50 mm/s by an angle whose cosine is so much below 1."""
 HIGHEST_HZ: Final = 1e3
 """About the highest band that a texture drives: what it tells of a cutoff and of a delay."""
 CUTOFF_PER_WINDOW: Final = 0.01
 """Standard deviation of ln cutoff between windows: their speed is not known exactly."""
-HEARD: Final = 1e-3
-"""Share of the strongest band's power density below which a band says nothing: leakage."""
 FORGETTING: Final = 0.05
 """Share of an update in the noise, once it is known."""
 LEAST_NOISE_N2: Final = 1e-12
+OFF_ALIKE: Final = 60
+"""Updates in a row, half a minute of one tone, whose responses are off alike by what is not
+linear in ln cutoff: no average of so many makes that smaller."""
 _STEPS: Final = 12
 _FURTHEST: Final = np.array([0.5, 0.5, 0.5, 50e-6])
 """Longest step of Gauss-Newton."""
@@ -105,162 +113,17 @@ class LawEstimate:
     def _known(self, combination: FloatArray) -> tuple[FloatArray, FloatArray]:
         mean, covariance = self.filters.of(combination)
         cutoff = np.exp(mean[:2])
-        least = np.append(np.hypot(cutoff / HIGHEST_HZ, 1.0), [0.0, 0.5 / np.pi / HIGHEST_HZ])
-        return mean, covariance + np.diag(np.square(RESPONSE_WITHIN * least))
+        least = RESPONSE_WITHIN * np.append(
+            np.hypot(cutoff / HIGHEST_HZ, 1.0), [0.0, 0.5 / np.pi / HIGHEST_HZ]
+        )
+        least[2] = GAIN_WITHIN
+        return mean, covariance + np.diag(np.square(least))
 
     @property
     def half_width(self) -> FloatArray:
         """Half of the central 95 % interval of each coordinate, shape (4,)."""
         half: FloatArray = 1.96 * np.sqrt(np.diag(self.covariance))
         return half
-
-
-@dataclass(frozen=True, slots=True)
-class Batch:
-    """Windows that are taken together; arrays of shape (n_windows, n_bands).
-
-    Attributes
-    ----------
-    speed_mm_s : ndarray, shape (n_windows,)
-        Mean of each window, without sign.
-    band_speed_mm_s : ndarray
-        At which the drive of each band was felt.
-    drive_power, friction_power : ndarray
-        Of the drive fraction, and of the friction in N².
-    cross : ndarray of complex
-        Conjugate of the drive times friction, N.
-    heard : ndarray of bool
-        Where the drive is strong enough to say something.
-    bands : Bands
-        They speak in.
-    frequency_hz : ndarray
-        Mean in each band, weighted by the drive's power.
-    conditions : SlidingConditions
-        Of each window; minutes since the device began.
-    drive_mean, drive_variance : ndarray, shape (n_windows,)
-        Of the drive fraction.
-    mains_n, mains_drive : ndarray of complex, shape (n_windows, 2)
-        Of the force along x and of the drive, at `windows.MAINS_HZ`.
-    """
-
-    speed_mm_s: FloatArray
-    band_speed_mm_s: FloatArray
-    drive_power: FloatArray
-    cross: ComplexArray
-    friction_power: FloatArray
-    heard: BoolArray
-    bands: Bands
-    frequency_hz: FloatArray
-    conditions: SlidingConditions
-    drive_mean: FloatArray
-    drive_variance: FloatArray
-    mains_n: ComplexArray
-    mains_drive: ComplexArray
-
-    @classmethod
-    def of(cls, windows: Sequence[LawWindow], bands: Bands) -> Self:
-        """Collect windows, one or more, of one contact.
-
-        Parameters
-        ----------
-        windows : sequence of LawWindow
-            In order.
-        bands : Bands
-            They speak in.
-        """
-        power = np.array([window.drive_power for window in windows])
-        density = power / bands.lines
-
-        def each(name: str) -> FloatArray:
-            return np.array([getattr(window, name) for window in windows])
-
-        def by_band(name: str, otherwise: FloatArray) -> FloatArray:
-            known = (getattr(window, name) for window in windows)
-            return np.array(
-                [
-                    value if found is None else found
-                    for found, value in zip(known, otherwise, strict=True)
-                ]
-            )
-
-        speed, none = each("speed_mm_s"), np.zeros(power.shape)
-        return cls(
-            speed,
-            by_band("band_speed_mm_s", none + speed[:, np.newaxis]),
-            power,
-            np.array([window.cross for window in windows]),
-            np.array([window.friction_power for window in windows]),
-            density > HEARD * density.max(axis=1, keepdims=True),
-            bands,
-            by_band("frequency_hz", none + bands.centre_hz),
-            SlidingConditions(
-                speed,
-                each("normal_force_n"),
-                each("position_mm"),
-                each("direction"),
-                each("minutes"),
-            ),
-            each("drive_mean"),
-            each("drive_variance"),
-            np.array([window.mains_n for window in windows]),
-            np.array([window.mains_drive for window in windows]),
-        )
-
-    @property
-    def coherence(self) -> float:
-        """Of drive and friction over all that is heard; 1: friction follows the drive alone."""
-        cross = np.sum(self.cross, axis=0, where=self.heard)
-        power = np.sum(self.drive_power, axis=0, where=self.heard)
-        felt = np.sum(self.friction_power, axis=0, where=self.heard)
-        explained = np.square(np.abs(cross)) / np.maximum(power, np.finfo(float).tiny)
-        return float(explained.sum() / max(float(felt.sum()), np.finfo(float).tiny))
-
-    def law_response(self, at: FloatArray) -> ComplexArray:
-        """Return a law's response in each window and band, N (Equation 4, and the delay).
-
-        Parameters
-        ----------
-        at : ndarray, shape (4,)
-            In `calibration.coordinates`.
-        """
-        return coordinates.response(at, self.band_speed_mm_s, self.frequency_hz)
-
-    def unexplained(self, response: ComplexArray) -> FloatArray:
-        """Return the power of the friction that a response leaves, per frequency, N².
-
-        Parameters
-        ----------
-        response : ndarray of complex, shape (n_windows, n_bands)
-        """
-        left = self.friction_power - 2.0 * (response.conj() * self.cross).real
-        left += np.square(np.abs(response)) * self.drive_power
-        density: FloatArray = np.maximum(left, 0.0) / self.bands.lines
-        return density
-
-    def rows(self, noise_n2: FloatArray, part: IntArray | None = None) -> Data:
-        """Return the responses and their variances, as calibration scores them.
-
-        Half overlapping Hann windows count half, one frequency as 1.9 (`Bands.averages`).
-
-        Parameters
-        ----------
-        noise_n2 : ndarray, shape (n_bands,)
-        part : ndarray of int, shape (n_windows,), optional
-            Number of each window's trial, rising from 0; None: all are of one.
-        """
-        window, band = np.nonzero(self.heard)
-        power = self.drive_power[window, band]
-        share = (self.bands.lines / (self.bands.lines + 0.9))[band]
-        return Data(
-            self.band_speed_mm_s[window, band],
-            self.frequency_hz[window, band],
-            self.cross[window, band] / power,
-            noise_n2[band] * share / power,
-            window,
-            np.zeros(self.speed_mm_s.size, dtype=np.int64) if part is None else part,
-            np.zeros(1, dtype=np.int64),
-            self.bands.centre_hz[band],
-        )
 
 
 def advanced(estimate: LawEstimate, seconds: float, new_contact: bool) -> LawEstimate:
@@ -306,6 +169,8 @@ def updated(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, float]:
     for _ in range(2):  # scatter from the fit, weights from the scatter
         at = _settle(data, at, estimate.gain_scatter, weights, mean, information)
         scatter, weights = spread_of(data, at)
+    total = _scores(data, at, estimate.gain_scatter, weights)[1].sum(axis=0) + information
+    data = _as_far_as_linear(data, at, coordinates.inverse(total))
     filters, strange = estimate.filters, 0.0
     of_parts = _scores(data, at, estimate.gain_scatter, weights)
     for begins, score, own in zip(strokes.begins, *of_parts, strict=True):
@@ -345,6 +210,31 @@ def _settle(
         if step @ total @ step < 1e-4:
             break
     return at
+
+
+def _as_far_as_linear(data: Data, at: FloatArray, covariance: FloatArray) -> Data:
+    """Return responses that are known no better than a law is linear in what is left unknown.
+
+    A tone alone does not tell gain from cutoff. Where it is taken to be linear in both, a later
+    one, with which the law moves along what both leave open, would find it wrong, and be too
+    certain: the square of a normal error has a mean square of three times its variance squared.
+
+    Parameters
+    ----------
+    data : Data
+        With the variance of their noise.
+    at : ndarray, shape (4,)
+        Where the law is taken to be linear.
+    covariance : ndarray, shape (4, 4)
+        Of what is known with these data.
+    """
+    gradient = coordinates.cutoff_gradient(at, data.speed_mm_s)
+    variance = np.einsum("ni,ij,nj->n", gradient, covariance, gradient)
+    cutoff = coordinates.cutoff_hz(at, data.speed_mm_s)
+    share = 1j * data.tone_hz / (cutoff + 1j * data.tone_hz)
+    law = response(data, at)
+    bent = 0.5 * np.abs(share * (1.0 - share) * law) * variance
+    return replace(data, variance=data.variance + 3.0 * OFF_ALIKE * np.square(bent))
 
 
 def _scores(

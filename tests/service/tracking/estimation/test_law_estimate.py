@@ -6,7 +6,8 @@ from tests.service.tracking.slides import BANDS, PAPER, Place, slide, speeds
 
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.calibration.posterior import STRANGE
-from frictus_service.tracking.law_estimate import Batch, LawEstimate, advanced, updated
+from frictus_service.tracking.estimation.batch import Batch
+from frictus_service.tracking.estimation.law_estimate import LawEstimate, advanced, updated
 
 
 def after(

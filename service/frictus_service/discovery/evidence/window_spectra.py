@@ -1,0 +1,251 @@
+"""Spectra of what drove, was felt and moved, in windows of a tenth of a second.
+
+What drives is seldom at the frequencies of the windows: of a tone, or a line of a texture, each
+of them has a part, and the response is that at the line's own. A band therefore speaks of the
+mean frequency of what it has parts of, from what is known and its slope (Auger and Flandrin
+1995, reassignment): with the windows' frequencies a tone of 93 Hz at 90 and 100 Hz is off by
+0.3 and 0.7 %, and known to 0.002 %.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from frictus_hardware.arrays import ComplexArray, FloatArray
+from frictus_service.discovery.evidence.bands import Bands
+from frictus_service.identification.observation.response import Instrument, drive_fraction
+from frictus_service.identification.observation.sweeps import SweepThird
+from frictus_service.identification.observation.through_mount import ThroughMount
+from frictus_service.study.trial import StudyInfo, Trial
+
+
+@dataclass(frozen=True, slots=True)
+class WindowSpectra:
+    """Of one segment, instrument removed; arrays of shape (n_windows, n_frequencies).
+
+    Attributes
+    ----------
+    segment : SweepThird
+        It is of.
+    message : ndarray of complex or None
+        Drive fraction through the mount, as the force.
+    force : ndarray of complex
+        Along the motion, as the sensor has it.
+    skin : ndarray of complex or None
+        Skin velocity through the mount.
+    message_mean : float
+        Of the drive fraction; NaN without.
+    message_power : ndarray, shape (n_frequencies,)
+        Of the drive fraction itself, summed over windows.
+    at_hz, variance_hz2 : ndarray, shape (n_frequencies,)
+        Mean and variance of the frequencies of which each of the windows' has a part.
+    """
+
+    segment: SweepThird
+    message: ComplexArray | None
+    force: ComplexArray
+    skin: ComplexArray | None
+    message_mean: float
+    message_power: FloatArray
+    at_hz: FloatArray
+    variance_hz2: FloatArray
+
+    @property
+    def known(self) -> ComplexArray:
+        """What a response is seen through: the message, or the force where none drives."""
+        return self.force if self.message is None else self.message
+
+    @property
+    def weights(self) -> tuple[FloatArray, FloatArray]:
+        """By which frequencies weigh in friction ``S_mF / S_mm``, and in mobility, each (n,).
+
+        Mobility is ``S_mv / S_mF``: where the message has much and the force makes little of
+        it, there is little to see the mobility through.
+        """
+        of_friction = np.square(np.abs(self.known)).sum(axis=0)
+        of_mobility = np.abs((self.known.conj() * self.force).sum(axis=0))
+        return of_friction, of_mobility
+
+    def place(self, bands: Bands, of: int) -> tuple[FloatArray, FloatArray]:
+        """Return mean and standard deviation of the frequency of each band, (n_bands,).
+
+        Parameters
+        ----------
+        bands : Bands
+            Of the windows.
+        of : int
+            0: for friction, 1: for mobility.
+        """
+        return bands.place_of(self.weights[of], self.at_hz, self.variance_hz2)
+
+    def correction(self, through: ComplexArray, bands: Bands, of: int) -> ComplexArray:
+        """Return by what a response is multiplied to have its instrument where it lies.
+
+        Parameters
+        ----------
+        through : ndarray of complex, shape (n_frequencies,)
+            By which it was divided, at the frequencies of the windows.
+        bands : Bands
+            Of the windows.
+        of : int
+            0: friction, 1: mobility.
+
+        Returns
+        -------
+        ndarray of complex, shape (n_bands,)
+        """
+        taken_hz, _ = bands.place_of(self.weights[of], bands.frequency_hz, self.variance_hz2)
+        own_hz, _ = self.place(bands, of)
+        taken, own = (np.interp(hz, bands.frequency_hz, through) for hz in (taken_hz, own_hz))
+        ratio: ComplexArray = taken / own
+        return ratio
+
+
+@dataclass(frozen=True, slots=True)
+class Channels:
+    """Of a whole trial; arrays of shape (n_samples, n_columns).
+
+    Attributes
+    ----------
+    force : ndarray
+        Lateral, as the sensor has it.
+    drive, mounted_drive : ndarray or None
+        Drive fraction, and the same through the mount.
+    mounted_skin : ndarray or None
+        What the skin's sensor says, through the mount.
+    """
+
+    force: FloatArray
+    drive: FloatArray | None
+    mounted_drive: FloatArray | None
+    mounted_skin: FloatArray | None
+
+    @classmethod
+    def of(cls, trial: Trial, study: StudyInfo) -> "Channels":
+        """Return the channels of a trial.
+
+        Parameters
+        ----------
+        trial : Trial
+            As it was recorded.
+        study : StudyInfo
+            What holds for all trials: peak voltage and mount.
+        """
+
+        def through(samples: FloatArray) -> FloatArray:
+            return ThroughMount(study.mount, trial.info.sample_rate_hz).take(samples)
+
+        skin, drive = trial.skin_velocity_m_s, None
+        if trial.accel_m_s2 is not None:
+            skin = trial.accel_m_s2[:, :2]
+        if trial.voltage_v is not None:
+            drive = drive_fraction(trial.voltage_v, study.screen_peak_v)[:, np.newaxis]
+        return cls(
+            trial.force_n[:, :2],
+            drive,
+            None if drive is None else through(drive),
+            None if skin is None else through(skin.reshape(skin.shape[0], -1)),
+        )
+
+
+def spectra_of(
+    channels: Channels,
+    segment: SweepThird,
+    rate_hz: float,
+    window: int,
+    bands: Bands,
+    instrument: Instrument,
+) -> WindowSpectra | None:
+    """Return the spectra of a segment; None where it holds no window without gaps.
+
+    Parameters
+    ----------
+    channels : Channels
+        Of its trial.
+    segment : SweepThird
+        Part of a sweep.
+    rate_hz : float
+        Samples per second.
+    window : int
+        Samples of a window.
+    bands : Bands
+        Of such windows.
+    instrument : Instrument
+        At their frequencies, without the mount.
+    """
+    cut = slice(max(int(segment.begin_s * rate_hz), 0), int(segment.end_s * rate_hz))
+    along = np.array(segment.along)
+    lines = [channels.force[cut] @ along]
+    skin, drive, mounted = channels.mounted_skin, channels.drive, channels.mounted_drive
+    # A sensor that says nothing at all takes only what needs it.
+    if skin is not None and not (drive is not None and np.isnan(skin[cut]).all()):
+        lines.append(skin[cut] @ along if skin.shape[1] > 1 else skin[cut, 0] / along[0])
+    has_skin = len(lines) > 1
+    if drive is not None and mounted is not None:
+        lines += [drive[cut, 0], mounted[cut, 0]]
+    cut_up = _windows(np.stack(lines), window)
+    if not cut_up.shape[1]:
+        return None
+    place = np.rint(bands.frequency_hz * window / rate_hz).astype(np.int64)
+    # Last what is known, the message or the force, and its slope.
+    known = cut_up[-1] if drive is not None else cut_up[0]
+    cut_up = np.concatenate([cut_up, np.gradient(known, axis=-1)[np.newaxis]])
+    found = np.fft.rfft(tapered(cut_up), axis=-1)[:, :, place]
+    force = found[0] / instrument.force
+    velocity = found[1] * bands.passing / instrument.skin if has_skin else None
+    if drive is None:
+        parts = _parts(found[0], found[-1], rate_hz)
+        return WindowSpectra(
+            segment, None, force, velocity, np.nan, np.zeros(place.size), *parts
+        )
+    power = np.square(np.abs(found[-3] * instrument.drive)).sum(axis=0)
+    message = found[-2] * instrument.drive * bands.passing
+    parts = _parts(found[-2], found[-1], rate_hz)
+    mean = float(np.nanmean(lines[-2]))
+    return WindowSpectra(segment, message, force, velocity, mean, power, *parts)
+
+
+def _parts(
+    known: ComplexArray, slope: ComplexArray, rate_hz: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return mean and variance of the frequencies of which each frequency has a part, (n,).
+
+    The slope over two samples of a line is its value times j sin(2 pi f / rate).
+    """
+    power = np.maximum(np.square(np.abs(known)).sum(axis=0), np.finfo(float).tiny)
+    sine = np.clip((known.conj() * slope).imag.sum(axis=0) / power, 0.0, 0.999)
+    square = np.square(np.abs(slope)).sum(axis=0) / power
+    variance = np.maximum(square - sine**2, 0.0) / (1.0 - sine**2)
+    per_rad = rate_hz / (2.0 * np.pi)
+    return per_rad * np.arcsin(sine), per_rad**2 * variance
+
+
+def _windows(channels: FloatArray, window: int) -> FloatArray:
+    """Return the half overlapping windows without gaps, (n_channels, n_windows, window)."""
+    if channels.shape[1] < window:
+        return np.empty((channels.shape[0], 0, window))
+    cut = sliding_window_view(channels, window, axis=1)[:, :: window // 2]
+    whole: FloatArray = cut[:, np.isfinite(cut).all(axis=(0, 2))]
+    return whole
+
+
+def tapered(windows: FloatArray) -> FloatArray:
+    """Return windows without their straight lines, times Hann's, of unit power.
+
+    Parameters
+    ----------
+    windows : ndarray, shape (..., n_samples)
+    """
+    line, hann = _line_and_hann(windows.shape[-1])
+    level = windows.mean(axis=-1, keepdims=True)
+    slope = (windows @ line / (line @ line))[..., np.newaxis]
+    tapered: FloatArray = (windows - level - slope * line) * hann / np.sqrt(hann @ hann)
+    return tapered
+
+
+@lru_cache(maxsize=4)
+def _line_and_hann(length: int) -> tuple[FloatArray, FloatArray]:
+    hann = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
+    return np.linspace(-1.0, 1.0, length), hann

@@ -1,0 +1,1 @@
+"""The law of a finger from windows of what is played and felt, update by update."""
