@@ -53,7 +53,7 @@ def discovered(
         np.arange(position.shape[0]) * EVERY / rate_hz,
     )
     study = StudyInfo("twin", screen_peak_v=screen_peak_v, mount=Mount().lateral)
-    windows = cut([trial], study, base.response)
+    windows = cut([trial], study, base)
     if len(windows.evidence) < LEAST_FOLDS:
         return None
     return ranked(windows, study, base)

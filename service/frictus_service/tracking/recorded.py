@@ -15,18 +15,17 @@ from frictus.messages import EstimateState, Message, ModelState, RigStatus, Touc
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.errors import RecordingError, TrialError
+from frictus_service.identification.observation.touch_path import PART_S, path_of
 from frictus_service.recording.reader import RecordingReader, State
 from frictus_service.recording.samples import Samples
 from frictus_service.study.reader import StudyReader
 from frictus_service.study.trial import Trial
 from frictus_service.tracking.carried import carried
 from frictus_service.tracking.model_in_force import ModelInForce
-from frictus_service.tracking.touch_motion import AROUND_S, TouchedSamples, motion_among
+from frictus_service.tracking.touch_motion import TouchedSamples
 from frictus_service.tracking.tracker import STATE_S, Tell, Tracker
 from frictus_service.tracking.windows import WindowCutter
 
-PART_S: Final = 0.1
-"""Of a trial that is taken at once."""
 _WANTED: Final = {FORCE: "force", VOLTAGE: "voltage", RENDER: "render"}
 
 
@@ -158,18 +157,14 @@ def _parts_of(trial: Trial, run: int) -> Iterator[AlignedSamples]:
     if trial.voltage_v is None:
         return
     rate_hz = trial.info.sample_rate_hz
-    there = np.isfinite(trial.position_t_s) & np.isfinite(trial.position_mm).all(axis=1)
-    place, at_s = trial.position_mm[there], trial.position_t_s[there]
+    path = path_of(trial.position_mm, trial.position_t_s, trial.voltage_v.size, rate_hz)
     n_samples = round(PART_S * rate_hz)
     for first in range(0, trial.voltage_v.size, n_samples):
         cut = slice(first, first + n_samples)
-        voltage = trial.voltage_v[np.newaxis, cut]
-        time_s = (first + np.arange(voltage.size)) / rate_hz
-        near = (at_s >= time_s[0] - AROUND_S) & (at_s <= time_s[-1] + AROUND_S)
         data = {
             "force": trial.force_n[cut].T,
-            "voltage": voltage,
-            "render": motion_among(place[near], at_s[near], time_s),
+            "voltage": trial.voltage_v[np.newaxis, cut],
+            "render": path[:, cut],
         }
         held = {name: rows.astype(np.float32) for name, rows in data.items()}
         yield AlignedSamples(run, first, 0, rate_hz, 0, Flag(0), held)

@@ -12,22 +12,13 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.polynomial import chebyshev
 
 from frictus.aligned import AlignedSamples
 from frictus.messages import TouchState
-from frictus_hardware.arrays import FloatArray
-from frictus_service.identification.observation.sweeps import GAP_S
+from frictus_service.identification.observation.touch_path import AROUND_S, path_among
 
-AROUND_S: Final = 0.1
-"""Reports so long before and after some samples say how the finger moved there."""
 PATIENCE_S: Final = 1.0
 """Samples for which no reports come meanwhile go on without a motion."""
-DEGREE: Final = 5
-"""Of the polynomial over 0.3 s: a stroke that begins and ends at rest is one."""
-LEAST_REPORTS: Final = 6
-ROUGH_MM: Final = 1.0
-"""A report farther from the polynomial makes its path none that a finger goes."""
 REPORTS: Final = 2_048
 """Held at most: some seconds of the fastest sensor."""
 
@@ -103,49 +94,5 @@ class TouchedSamples:
         time_s = (first + np.arange(n_samples)) / part.sample_rate_hz
         reports = np.array(near, dtype=float).reshape(-1, 3)
         render = part.data["render"].copy()
-        render[:3] = motion_among(reports[:, :2], reports[:, 2], time_s)
+        render[:3] = path_among(reports[:, :2], reports[:, 2], time_s)
         return replace(part, data={**part.data, "render": render})
-
-
-def motion_among(
-    position_mm: FloatArray, position_t_s: FloatArray, time_s: FloatArray
-) -> FloatArray:
-    """Return position and speed among touch reports, by a polynomial through those around.
-
-    Straight lines through as many reports are off by 2 % where a stroke is fastest.
-
-    Parameters
-    ----------
-    position_mm : ndarray, shape (k, 2)
-        As reported within some tenths of a second.
-    position_t_s : ndarray, shape (k,)
-        Rising.
-    time_s : ndarray, shape (n_samples,)
-        Rising.
-
-    Returns
-    -------
-    ndarray, shape (3, n_samples)
-        x and y in mm, speed in mm/s. Zeros where too few reports are around, or where they lie
-        on no smooth path.
-    """
-    rows = np.zeros((3, time_s.size))
-    breaks = np.flatnonzero(np.diff(position_t_s) > GAP_S) + 1
-    for own in np.split(np.arange(position_t_s.size), breaks):
-        if own.size < LEAST_REPORTS:
-            continue
-        begin, end = position_t_s[own[0]], position_t_s[own[-1]]
-        if not end > begin:  # of one instant: no rig says so, but anybody may
-            continue
-        middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
-        degree = min(DEGREE, own.size - 3)
-        basis = chebyshev.chebvander((position_t_s[own] - middle) / half, degree)
-        path, *_ = np.linalg.lstsq(basis, position_mm[own], rcond=None)
-        if not np.abs(basis @ path - position_mm[own]).max() <= ROUGH_MM:  # NaN too
-            continue
-        inside = (time_s >= begin) & (time_s <= end)
-        at = (time_s[inside] - middle) / half
-        velocity = chebyshev.chebval(at, chebyshev.chebder(path)) / half
-        rows[:2, inside] = chebyshev.chebval(at, path)
-        rows[2, inside] = np.hypot(*velocity)
-    return rows

@@ -79,25 +79,19 @@ class Bands:
         summed: ComplexArray = np.add.reduceat(spectra.sum(axis=0), starts).astype(complex)
         return summed
 
-    def place_of(
-        self, weight: FloatArray, at_hz: FloatArray, variance_hz2: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return centroid and standard deviation of the frequency over a weight, (n_bands,).
+    def mean(self, weight: FloatArray, values: FloatArray) -> FloatArray:
+        """Return the mean of values over the frequencies of each band, (n_bands,).
 
         A response that is averaged over a band is weighed by what each frequency has of what it
-        is seen through.
+        is seen through, and so is what it depends on.
 
         Parameters
         ----------
-        weight, at_hz, variance_hz2 : ndarray, shape (n_frequencies,)
-            `at_hz` and `variance_hz2` are mean and variance of what each frequency of the
-            windows has a part of.
+        weight, values : ndarray, shape (n_frequencies,)
         """
         total = np.maximum(self.total(weight[np.newaxis]).real, np.finfo(float).tiny)
-        centroid = self.total((weight * at_hz)[np.newaxis]).real / total
-        apart = np.square(at_hz - centroid[self.band]) + variance_hz2
-        variance = self.total((weight * apart)[np.newaxis]).real / total
-        return centroid, np.sqrt(variance)
+        mean: FloatArray = self.total((weight * values)[np.newaxis]).real / total
+        return mean
 
     def averages(self, windows: int) -> FloatArray:
         """Return how many independent averages so many half overlapping windows are.

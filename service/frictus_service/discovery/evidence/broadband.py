@@ -185,7 +185,7 @@ def _rows(
         sweep=np.full(each.size, segment.sweep),
         direction=np.full(each.size, segment.direction),
         third=np.full(each.size, segment.third),
-        speed_mm_s=segment.speed_mm_s * each,
+        speed_mm_s=bands.mean(spectra.weights[0], spectra.speed_mm_s)[used],
         normal_force_n=(normal.mean() if normal.size else np.nan) * each,
         position_mm=segment.position_mm * each,
         tone_hz=bands.centre_hz[used],

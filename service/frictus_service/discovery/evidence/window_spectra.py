@@ -18,6 +18,7 @@ from frictus_service.discovery.evidence.bands import Bands
 from frictus_service.identification.observation.response import Instrument, drive_fraction
 from frictus_service.identification.observation.sweeps import SweepThird
 from frictus_service.identification.observation.through_mount import ThroughMount
+from frictus_service.identification.observation.touch_path import path_of
 from frictus_service.study.trial import StudyInfo, Trial
 
 
@@ -41,6 +42,8 @@ class WindowSpectra:
         Of the drive fraction itself, summed over windows.
     at_hz, variance_hz2 : ndarray, shape (n_frequencies,)
         Mean and variance of the frequencies of which each of the windows' has a part.
+    speed_mm_s : ndarray, shape (n_frequencies,)
+        Of the finger while that was played: a texture's line is high while the finger is fast.
     """
 
     segment: SweepThird
@@ -51,6 +54,7 @@ class WindowSpectra:
     message_power: FloatArray
     at_hz: FloatArray
     variance_hz2: FloatArray
+    speed_mm_s: FloatArray
 
     @property
     def known(self) -> ComplexArray:
@@ -78,7 +82,10 @@ class WindowSpectra:
         of : int
             0: for friction, 1: for mobility.
         """
-        return bands.place_of(self.weights[of], self.at_hz, self.variance_hz2)
+        weight = self.weights[of]
+        centroid_hz = bands.mean(weight, self.at_hz)
+        apart_hz2 = np.square(self.at_hz - centroid_hz[bands.band]) + self.variance_hz2
+        return centroid_hz, np.sqrt(bands.mean(weight, apart_hz2))
 
     def correction(self, through: ComplexArray, bands: Bands, of: int) -> ComplexArray:
         """Return by what a response is multiplied to have its instrument where it lies.
@@ -96,7 +103,7 @@ class WindowSpectra:
         -------
         ndarray of complex, shape (n_bands,)
         """
-        taken_hz, _ = bands.place_of(self.weights[of], bands.frequency_hz, self.variance_hz2)
+        taken_hz = bands.mean(self.weights[of], bands.frequency_hz)
         own_hz, _ = self.place(bands, of)
         taken, own = (np.interp(hz, bands.frequency_hz, through) for hz in (taken_hz, own_hz))
         ratio: ComplexArray = taken / own
@@ -115,12 +122,15 @@ class Channels:
         Drive fraction, and the same through the mount.
     mounted_skin : ndarray or None
         What the skin's sensor says, through the mount.
+    speed_mm_s : ndarray, shape (n_samples,)
+        Of the finger; 0 where no reports say it.
     """
 
     force: FloatArray
     drive: FloatArray | None
     mounted_drive: FloatArray | None
     mounted_skin: FloatArray | None
+    speed_mm_s: FloatArray
 
     @classmethod
     def of(cls, trial: Trial, study: StudyInfo) -> "Channels":
@@ -147,6 +157,12 @@ class Channels:
             drive,
             None if drive is None else through(drive),
             None if skin is None else through(skin.reshape(skin.shape[0], -1)),
+            path_of(
+                trial.position_mm,
+                trial.position_t_s,
+                trial.force_n.shape[0],
+                trial.info.sample_rate_hz,
+            )[2],
         )
 
 
@@ -185,41 +201,51 @@ def spectra_of(
     has_skin = len(lines) > 1
     if drive is not None and mounted is not None:
         lines += [drive[cut, 0], mounted[cut, 0]]
-    cut_up = _windows(np.stack(lines), window)
+    speed = channels.speed_mm_s[cut]
+    if not np.all(speed > 0.0):
+        speed = np.full(speed.size, segment.speed_mm_s)
+    cut_up = _windows(np.stack([*lines, speed]), window)
     if not cut_up.shape[1]:
         return None
+    cut_up, at_speed = cut_up[:-1], cut_up[-1]
     place = np.rint(bands.frequency_hz * window / rate_hz).astype(np.int64)
-    # Last what is known, the message or the force, and its slope.
-    known = cut_up[-1] if drive is not None else cut_up[0]
-    cut_up = np.concatenate([cut_up, np.gradient(known, axis=-1)[np.newaxis]])
-    found = np.fft.rfft(tapered(cut_up), axis=-1)[:, :, place]
+    # The message or, where none drives, the force.
+    known = cut_up[0] if drive is None else cut_up[-1]
+    cut_up = tapered(np.concatenate([cut_up, np.gradient(known, axis=-1)[np.newaxis]]))
+    at_speed = cut_up[0 if drive is None else -2] * at_speed
+    found = np.fft.rfft(np.concatenate([cut_up, at_speed[np.newaxis]]), axis=-1)[:, :, place]
+    parts = _parts(found[0 if drive is None else -3], found[-2], found[-1], rate_hz, speed)
     force = found[0] / instrument.force
     velocity = found[1] * bands.passing / instrument.skin if has_skin else None
     if drive is None:
-        parts = _parts(found[0], found[-1], rate_hz)
-        return WindowSpectra(
-            segment, None, force, velocity, np.nan, np.zeros(place.size), *parts
-        )
-    power = np.square(np.abs(found[-3] * instrument.drive)).sum(axis=0)
-    message = found[-2] * instrument.drive * bands.passing
-    parts = _parts(found[-2], found[-1], rate_hz)
+        nothing = np.zeros(place.size)
+        return WindowSpectra(segment, None, force, velocity, np.nan, nothing, *parts)
+    power = np.square(np.abs(found[-4] * instrument.drive)).sum(axis=0)
+    message = found[-3] * instrument.drive * bands.passing
     mean = float(np.nanmean(lines[-2]))
     return WindowSpectra(segment, message, force, velocity, mean, power, *parts)
 
 
 def _parts(
-    known: ComplexArray, slope: ComplexArray, rate_hz: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return mean and variance of the frequencies of which each frequency has a part, (n,).
+    known: ComplexArray,
+    slope: ComplexArray,
+    at_speed: ComplexArray,
+    rate_hz: float,
+    speed_mm_s: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return mean and variance of the frequencies of what is known, and the speed, (n,).
 
-    The slope over two samples of a line is its value times j sin(2 pi f / rate).
+    The slope over two samples of a line is its value times j sin(2 pi f / rate). `at_speed` is
+    what is known times the speed.
     """
     power = np.maximum(np.square(np.abs(known)).sum(axis=0), np.finfo(float).tiny)
     sine = np.clip((known.conj() * slope).imag.sum(axis=0) / power, 0.0, 0.999)
     square = np.square(np.abs(slope)).sum(axis=0) / power
     variance = np.maximum(square - sine**2, 0.0) / (1.0 - sine**2)
     per_rad = rate_hz / (2.0 * np.pi)
-    return per_rad * np.arcsin(sine), per_rad**2 * variance
+    mean_mm_s = (known.conj() * at_speed).real.sum(axis=0) / power
+    at_mm_s = np.clip(mean_mm_s, speed_mm_s.min(), speed_mm_s.max())
+    return per_rad * np.arcsin(sine), per_rad**2 * variance, at_mm_s
 
 
 def _windows(channels: FloatArray, window: int) -> FloatArray:

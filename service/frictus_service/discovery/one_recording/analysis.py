@@ -17,7 +17,6 @@ from frictus_service.discovery.document import OneRecording, ParameterEstimate, 
 from frictus_service.discovery.evidence.evidence_rows import EvidenceRows, subjects_of
 from frictus_service.discovery.evidence.observation_table import (
     ResponseName,
-    UnitAssignment,
     rows_of,
     says,
     used,
@@ -54,6 +53,10 @@ MOST_S: Final = 600.0
 """Of all trials together, that are held in memory."""
 MOST_WINDOWS: Final = 150
 MOST_MODELS: Final = 15
+NEARLY: Final = 1.1
+"""Times as fast as the base model's range a finger may be that was told to be within it."""
+RESOLVED: Final = 0.1
+"""Error of a band's response in a window, as a share, up to which it is used."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +74,7 @@ class Windows:
     refused : tuple of str
         Trials that repeat others, one sentence each.
     unusable : tuple of str
-        Trials whose signals may not be used, likewise.
+        Trials whose signals may not be used, and windows, likewise.
     """
 
     evidence: tuple[TrialEvidence, ...]
@@ -83,7 +86,7 @@ class Windows:
     unusable: tuple[str, ...]
 
 
-def cut(trials: Iterable[Trial], study: StudyInfo, response: ResponseName) -> Windows:
+def cut(trials: Iterable[Trial], study: StudyInfo, base: Model) -> Windows:
     """Cut trials into windows, apart by more than a correlation time; refuse copies.
 
     Parameters
@@ -92,7 +95,8 @@ def cut(trials: Iterable[Trial], study: StudyInfo, response: ResponseName) -> Wi
         Of one person, in time.
     study : StudyInfo
         What holds for all trials: carrier, peak voltage, mount.
-    response : {'friction', 'mobility'}
+    base : Model
+        What is criticised, where it holds.
     """
     seen = SeenSamples()
     refused: list[str] = []
@@ -119,7 +123,16 @@ def cut(trials: Iterable[Trial], study: StudyInfo, response: ResponseName) -> Wi
     correlation_s = max((correlation_time_s(trial) for trial in kept), default=0.0)
     apart_s = max(TIMES * correlation_s, LEAST_APART_S)
     found = [one for trial in kept for one in windows_of(trial, study, length_s, apart_s)]
-    found = [one for one in used(found) if says(one, response)]
+    found = [one for one in used(found) if says(one, base.response)]
+    within = [one for one in found if _holds(base, one)]
+    if len(within) < len(found):
+        low, high = base.validity.speed_mm_s
+        unusable.append(
+            f"{len(found) - len(within)} of {len(found)} windows are not used: the finger was "
+            f"slower than {low:g} or faster than {high:g} mm/s there, where the base model "
+            "does not hold"
+        )
+    found = within
     every = max(1, -(-len(found) // MOST_WINDOWS))
     return Windows(
         tuple(found[::every]),
@@ -130,6 +143,14 @@ def cut(trials: Iterable[Trial], study: StudyInfo, response: ResponseName) -> Wi
         tuple(refused),
         tuple(unusable),
     )
+
+
+def _holds(base: Model, window: TrialEvidence) -> bool:
+    """Return whether the finger had speeds at which the base model holds, or nearly."""
+    low, high = base.validity.speed_mm_s
+    speed = window.observed.rows.speed_mm_s
+    within = (speed >= low / NEARLY) & (speed <= NEARLY * high)
+    return base.response == "mobility" or bool(within.all())
 
 
 def ranked(windows: Windows, study: StudyInfo, base: Model) -> OneRecording:
@@ -146,6 +167,8 @@ def ranked(windows: Windows, study: StudyInfo, base: Model) -> OneRecording:
     """
     folds = folds_of(windows.evidence, base.response)
     rows = rows_of(windows.evidence, folds, base.response)
+    variance = _variances(rows)
+    rows = _resolved(rows, variance)
     # Each window deviates by itself, as contacts do.
     rows = replace(rows, condition_of_trial=np.arange(len(windows.evidence)))
     problem = DiscoveryProblem(
@@ -160,7 +183,8 @@ def ranked(windows: Windows, study: StudyInfo, base: Model) -> OneRecording:
     )
     # Matrices are small: threads would wait for each other longer than they work.
     with threadpool_limits(limits=1):
-        found = rank(problem, _variances(rows, folds))
+        fold = folds.of_trial[rows.trial]
+        found = rank(problem, [variance[fold == k] for k in range(len(folds.names))])
     models = tuple(_model(found, each) for each in found.models[:MOST_MODELS])
     beyond = found.margin > 0.0
     return OneRecording(
@@ -182,14 +206,28 @@ def ranked(windows: Windows, study: StudyInfo, base: Model) -> OneRecording:
     )
 
 
-def _variances(rows: EvidenceRows, folds: UnitAssignment) -> list[FloatArray]:
-    """Return the variance of each fold's rows: of each band, the mean over all windows."""
+def _variances(rows: EvidenceRows) -> FloatArray:
+    """Return the variance of rows: of each band, one noise for all windows.
+
+    Of a window alone it is known to some ten per cent at best. Where something drives, noise
+    counts by how much: the line of a texture goes from band to band with the finger's speed.
+    """
+    power = np.square(np.abs(rows.rows.message))
+    weight = np.where(np.isfinite(power) & (power > 0.0), power, 1.0)
     known = np.isfinite(rows.variance)
-    n = rows.tones_hz.size
-    total = np.bincount(rows.tone[known], rows.variance[known], minlength=n)
-    mean = total / np.maximum(np.bincount(rows.tone[known], minlength=n), 1)
-    fold = folds.of_trial[rows.trial]
-    return [mean[rows.tone[fold == k]] for k in range(len(folds.names))]
+    tone, weighed, n = rows.tone[known], weight[known], rows.tones_hz.size
+    # Where there is nothing but noise, it is as large as what is taken for the response.
+    total = np.bincount(tone, rows.variance[known] * np.square(weighed), minlength=n)
+    noise = total / np.maximum(np.bincount(tone, weighed, minlength=n), np.finfo(float).tiny)
+    variance: FloatArray = noise[rows.tone] / weight
+    return variance
+
+
+def _resolved(rows: EvidenceRows, variance: FloatArray) -> EvidenceRows:
+    """Return rows without what is hardly more than noise: its logarithm is too large."""
+    size = np.where(variance < RESOLVED**2, rows.measured.size, np.nan)
+    phase = np.where(variance < RESOLVED**2, rows.measured.phase, np.nan)
+    return replace(rows, measured=replace(rows.measured, size=size, phase=phase))
 
 
 def _model(found: Ranking, fitted: FittedModel) -> RankedModel:
@@ -270,7 +308,7 @@ def rank_recording(
                 f"those of {person}, who has most, and no more than {MOST_TRIALS}."
             )
         info = study.info
-        windows = cut((study.read(trial.id) for trial in asked), info, base.response)
+        windows = cut((study.read(trial.id) for trial in asked), info, base)
     notes += [f"Not independent: {each}." for each in windows.refused]
     notes += [f"One recording: {each}." for each in windows.unusable]
     if len(windows.evidence) < LEAST_FOLDS:

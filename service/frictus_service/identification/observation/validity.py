@@ -151,6 +151,9 @@ LEAST_DRIVE: Final = 0.02
 LINE_SHARE: Final = 0.05
 """Of the drive's power, in an undeclared tone; noise has less in any line."""
 
+LOWEST_TONE_HZ: Final = 20.0
+"""Of a tone that nobody declared: below it the drive follows the strokes."""
+
 HANN_LINES: Final = 1.5
 """As many lines of the spectrum hold the power of one tone."""
 
@@ -307,7 +310,8 @@ def _drive(trial: Trial, study: StudyInfo) -> Iterator[str]:
         if declared:
             yield f"a tone of {_listed(declared)} Hz is declared, but there is no voltage_v"
         return
-    line_hz, amplitude, share, resolution_hz = _strongest(trial, study)
+    lowest_hz = 0.0 if declared else LOWEST_TONE_HZ
+    line_hz, amplitude, share, resolution_hz = _strongest(trial, study, lowest_hz)
     if declared and amplitude < LEAST_DRIVE / len(declared):
         yield (
             f"a tone of {_listed(declared)} Hz is declared, but the voltage drives with an "
@@ -319,22 +323,38 @@ def _drive(trial: Trial, study: StudyInfo) -> Iterator[str]:
             f"{line_hz:.1f} Hz"
         )
     elif not declared and amplitude >= LEAST_DRIVE and share >= LINE_SHARE:
-        yield f"no tone is declared, but the voltage drives at {line_hz:.1f} Hz"
+        if _lasts(trial, study, line_hz, amplitude):
+            yield f"no tone is declared, but the voltage drives at {line_hz:.1f} Hz"
+
+
+def _lasts(trial: Trial, study: StudyInfo, line_hz: float, amplitude: float) -> bool:
+    """Return whether a line is in each quarter of the drive, as a tone is.
+
+    A line of a texture is where the finger's speed puts it, for a part of each stroke.
+    """
+    assert trial.voltage_v is not None
+    drive = drive_fraction(np.nan_to_num(trial.voltage_v[:LONGEST]), study.screen_peak_v)
+    turning = np.exp(-2j * np.pi * line_hz * np.arange(drive.size) / trial.info.sample_rate_hz)
+    quarters = np.array_split((drive - drive.mean()) * turning, 4)
+    return bool(min(abs(quarter.mean()) for quarter in quarters) >= 0.25 * amplitude)
 
 
 def _listed(tones_hz: tuple[float, ...]) -> str:
     return ", ".join(f"{tone:g}" for tone in tones_hz)
 
 
-def _strongest(trial: Trial, study: StudyInfo) -> tuple[float, float, float, float]:
+def _strongest(
+    trial: Trial, study: StudyInfo, lowest_hz: float
+) -> tuple[float, float, float, float]:
     """Return frequency, amplitude, share of power of the strongest line; the resolution."""
     assert trial.voltage_v is not None
     drive = drive_fraction(np.nan_to_num(trial.voltage_v[:LONGEST]), study.screen_peak_v)
     spectrum, length = hann_spectrum(drive)
     resolution_hz = trial.info.sample_rate_hz / length
     highest = int(HIGHEST_SHARE * length)
-    strongest = 2 + int(np.argmax(spectrum[2:highest]))
+    lowest = max(2, int(np.ceil(lowest_hz / resolution_hz)))
+    strongest = lowest + int(np.argmax(spectrum[lowest:highest]))
     amplitude = float(spectrum[strongest])
-    whole = float(np.square(spectrum[2:highest]).sum()) / HANN_LINES
+    whole = float(np.square(spectrum[lowest:highest]).sum()) / HANN_LINES
     share = amplitude**2 / whole if whole > 0.0 else 0.0
     return strongest * resolution_hz, amplitude, share, resolution_hz

@@ -169,6 +169,15 @@ def test_the_drive_is_another_tone(good: Trial, rng: np.random.Generator) -> Non
     assert reasons(replace(good, voltage_v=volts(message((100.0,), time, rng)))) == ""
 
 
+def test_the_line_of_a_texture_is_no_tone_that_nobody_declared(good: Trial) -> None:
+    """It is where the finger's speed puts it, and the drive follows the strokes."""
+    time = np.arange(good.force_n.shape[0]) / RATE_HZ
+    undeclared = asked(good, tones_hz=())
+    in_each_stroke = 0.5 + 0.4 * np.cos(2.0 * np.pi * 111.0 * time) * (np.sin(4.0 * time) > 0.8)
+    for drive in (in_each_stroke, 0.5 + 0.3 * np.sin(2.0 * np.pi * 1.2 * time)):
+        assert reasons(replace(undeclared, voltage_v=volts(drive))) == ""
+
+
 @pytest.mark.parametrize(("share", "valid"), [(0.05, True), (0.15, False)])
 @pytest.mark.parametrize("name", ["force_n", "voltage_v"])
 def test_a_stretch_of_missing_samples(

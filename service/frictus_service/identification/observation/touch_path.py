@@ -1,0 +1,97 @@
+"""Where the finger was and how fast at every sample, by polynomials through touch reports.
+
+Straight lines through as many reports are off by 2 % where a stroke is fastest, and a cutoff
+that depends on the speed is then off by as much.
+"""
+
+from typing import Final
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from frictus_hardware.arrays import FloatArray
+from frictus_service.identification.observation.sweeps import GAP_S
+
+PART_S: Final = 0.1
+"""Taken at once."""
+AROUND_S: Final = 0.1
+"""Reports so long before and after a part say how the finger moved there."""
+DEGREE: Final = 5
+"""Of the polynomial over 0.3 s: a stroke that begins and ends at rest is one."""
+LEAST_REPORTS: Final = 6
+ROUGH_MM: Final = 1.0
+"""A report farther from the polynomial makes its path none that a finger goes."""
+
+
+def path_of(
+    position_mm: FloatArray, position_t_s: FloatArray, n_samples: int, sample_rate_hz: float
+) -> FloatArray:
+    """Return position and speed at every sample of a trial.
+
+    Parameters
+    ----------
+    position_mm : ndarray, shape (k, 2)
+        As reported; NaN where a report is missing.
+    position_t_s : ndarray, shape (k,)
+        Since the first sample; rising.
+    n_samples : int
+        Of the trial.
+    sample_rate_hz : float
+        Samples per second.
+
+    Returns
+    -------
+    ndarray, shape (3, n_samples)
+        As of `path_among`.
+    """
+    there = np.isfinite(position_t_s) & np.isfinite(position_mm).all(axis=1)
+    place, at_s = position_mm[there], position_t_s[there]
+    rows = np.zeros((3, n_samples))
+    length = round(PART_S * sample_rate_hz)
+    for first in range(0, n_samples, length):
+        time_s = np.arange(first, min(first + length, n_samples)) / sample_rate_hz
+        near = (at_s >= time_s[0] - AROUND_S) & (at_s <= time_s[-1] + AROUND_S)
+        rows[:, first : first + length] = path_among(place[near], at_s[near], time_s)
+    return rows
+
+
+def path_among(
+    position_mm: FloatArray, position_t_s: FloatArray, time_s: FloatArray
+) -> FloatArray:
+    """Return position and speed among touch reports, by a polynomial through those around.
+
+    Parameters
+    ----------
+    position_mm : ndarray, shape (k, 2)
+        As reported within some tenths of a second.
+    position_t_s : ndarray, shape (k,)
+        Rising.
+    time_s : ndarray, shape (n_samples,)
+        Rising.
+
+    Returns
+    -------
+    ndarray, shape (3, n_samples)
+        x and y in mm, speed in mm/s. Zeros where too few reports are around, or where they lie
+        on no smooth path.
+    """
+    rows = np.zeros((3, time_s.size))
+    breaks = np.flatnonzero(np.diff(position_t_s) > GAP_S) + 1
+    for own in np.split(np.arange(position_t_s.size), breaks):
+        if own.size < LEAST_REPORTS:
+            continue
+        begin, end = position_t_s[own[0]], position_t_s[own[-1]]
+        if not end > begin:  # of one instant: no rig says so, but anybody may
+            continue
+        middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
+        degree = min(DEGREE, own.size - 3)
+        basis = chebyshev.chebvander((position_t_s[own] - middle) / half, degree)
+        path, *_ = np.linalg.lstsq(basis, position_mm[own], rcond=None)
+        if not np.abs(basis @ path - position_mm[own]).max() <= ROUGH_MM:  # NaN too
+            continue
+        inside = (time_s >= begin) & (time_s <= end)
+        at = (time_s[inside] - middle) / half
+        velocity = chebyshev.chebval(at, chebyshev.chebder(path)) / half
+        rows[:2, inside] = chebyshev.chebval(at, path)
+        rows[2, inside] = np.hypot(*velocity)
+    return rows

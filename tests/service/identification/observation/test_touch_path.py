@@ -1,0 +1,62 @@
+"""Motion from touch reports: exact for strokes, and nothing where it is not known."""
+
+import numpy as np
+
+from frictus_hardware.arrays import FloatArray
+from frictus_service.identification.observation.touch_path import path_among, path_of
+
+RATE_HZ = 20_000.0
+SCAN_S = 1.0 / 60.0
+STROKE_S = 0.8
+SPAN_MM = 50.0
+
+
+def stroke(time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return position and speed of a stroke with the least jerk (Flash and Hogan 1985)."""
+    share = time_s / STROKE_S
+    way = SPAN_MM * (10.0 * share**3 - 15.0 * share**4 + 6.0 * share**5)
+    speed = SPAN_MM / STROKE_S * 30.0 * share**2 * (1.0 - share) ** 2
+    return 10.0 + way, speed
+
+
+def test_a_stroke_is_found_to_the_rounding_of_its_reports(rng: np.random.Generator) -> None:
+    at_s = np.arange(0.25, 0.56, SCAN_S)
+    x_mm = np.round(stroke(at_s)[0], 1)  # as a sensor reports it
+    time_s = np.arange(0.35, 0.45, 1.0 / RATE_HZ)
+    rows = path_among(np.column_stack([x_mm, np.full(x_mm.size, 20.0)]), at_s, time_s)
+    x, speed = stroke(time_s)
+    assert np.abs(rows[0] - x).max() < 0.06
+    assert np.abs(rows[1] - 20.0).max() < 1e-6
+    assert abs(rows[2].mean() - speed.mean()) < 1.0
+    exact = np.column_stack([stroke(at_s)[0], np.full(at_s.size, 20.0)])
+    np.testing.assert_allclose(path_among(exact, at_s, time_s)[2], speed, rtol=1e-6)
+
+
+def test_nothing_is_said_where_reports_are_few_silent_or_rough() -> None:
+    at_s = np.arange(0.25, 0.56, SCAN_S)
+    place = np.column_stack([stroke(at_s)[0], np.full(at_s.size, 20.0)])
+    time_s = np.arange(0.35, 0.45, 1.0 / RATE_HZ)
+    assert not path_among(place[:5], at_s[:5], time_s).any()
+    silent = (at_s < 0.33) | (at_s > 0.52)
+    assert not path_among(place[silent], at_s[silent], time_s).any()
+    jumped = place.copy()
+    jumped[10] += 5.0
+    assert not path_among(jumped, at_s, time_s).any()
+
+
+def test_reports_of_one_instant_or_beyond_all_bounds_are_no_path() -> None:
+    time_s = np.arange(0.35, 0.45, 1.0 / RATE_HZ)
+    assert not path_among(np.full((8, 2), 20.0), np.full(8, 0.4), time_s).any()
+    far = np.tile([[1e200, 0.0], [-1e200, 0.0]], (9, 1))
+    assert not path_among(far, np.arange(0.25, 0.25 + 17.5 * SCAN_S, SCAN_S), time_s).any()
+
+
+def test_of_a_trial_every_sample_is_told_where_reports_are() -> None:
+    at_s = np.arange(0.0, STROKE_S, SCAN_S)
+    place = np.column_stack([stroke(at_s)[0], np.full(at_s.size, 20.0)])
+    place[10] = np.nan
+    rows = path_of(place, at_s, round(STROKE_S * RATE_HZ), RATE_HZ)
+    within = slice(round(0.05 * RATE_HZ), round(0.75 * RATE_HZ))
+    x, speed = stroke(np.arange(rows.shape[1]) / RATE_HZ)
+    np.testing.assert_allclose(rows[0, within], x[within], atol=1e-6)
+    np.testing.assert_allclose(rows[2, within], speed[within], atol=1e-4)
