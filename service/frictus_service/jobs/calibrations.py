@@ -1,12 +1,11 @@
 """The calibrations of one site: one on a rig at a time, kept by the registry."""
 
-import logging
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Progress
 from frictus_service.config import Config
-from frictus_service.errors import CalibrationStateError, RegistryUnavailableError
+from frictus_service.errors import CalibrationStateError
 from frictus_service.jobs.engine import JobEngine
 from frictus_service.jobs.process import ParentLink, RigAccount, Work
 from frictus_service.registry.documents import Calibration, Published
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
 
 CALIBRATE: Final = "frictus_service.calibration.run:run_calibration"
 AT_ONCE: Final = 64
-_LOG: Final = logging.getLogger(__name__)
 
 
 class CalibrationWork(Work):
@@ -133,11 +131,7 @@ class CalibrationEngine(JobEngine[Calibration]):
         )
 
     def _hear(self, job: str, progress: str) -> None:
-        try:
-            self.store.progress(job, Progress.model_validate_json(progress))
-        except RegistryUnavailableError as error:
-            # The participant goes on sliding; what counts is kept in the folder.
-            _LOG.warning("calibration %s: progress was not kept: %s", job, error)
+        self.store.progress(job, Progress.model_validate_json(progress))
 
     def _outcome(self, result: str) -> dict[str, Any]:
         return {"result": CalibrationResult.model_validate_json(result)}

@@ -6,6 +6,7 @@ is there as running when that process starts was interrupted.
 
 import logging
 import threading
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -16,6 +17,8 @@ from frictus_service.errors import ServiceError
 from frictus_service.job_folder import ACTIVE, State
 from frictus_service.jobs.process import JobProcess, Word, Work
 
+AGAIN_S: Final = 1.0
+"""After which it is tried again to keep what became of a job."""
 _LOG: Final = logging.getLogger(__name__)
 
 
@@ -191,12 +194,15 @@ class JobEngine(ABC, Generic[Job]):
 
     def _follow(self, job: Job, running: _Running) -> None:
         """Run a job from beginning to end, when it is its turn."""
+        last = None
         try:
-            last = None
-            if not (running.cancelled or self.closing):
-                self._store.change(job.id, "running", of=("queued",))
-                last = self._carry_out(job, running)
-            self._conclude(job.id, running, last)
+            try:
+                if not (running.cancelled or self.closing):
+                    self._store.change(job.id, "running", of=("queued",))
+                    last = self._carry_out(job, running)
+            except Exception:
+                _LOG.exception("%s %s broke off", self.kind, job.id)
+            self._keep_outcome(job.id, running, last)
         except Exception:
             # It stands there as running: the next API process makes that interrupted.
             _LOG.exception("%s %s: its state could not be kept", self.kind, job.id)
@@ -220,11 +226,26 @@ class JobEngine(ABC, Generic[Job]):
                 process.stop()
         with process:
             for word in process.said():
-                if word.kind == "progress":
-                    self._hear(job.id, word.data)
-                else:
+                if word.kind != "progress":
                     last = word
+                    continue
+                try:
+                    self._hear(job.id, word.data)
+                except OSError as error:
+                    # It goes on, a participant may be sliding; what counts is in its folder.
+                    _LOG.warning("%s %s: progress was not kept: %s", self.kind, job.id, error)
         return last
+
+    def _keep_outcome(self, job: str, running: _Running, last: Word | None) -> None:
+        """Keep what became of a job, once the disk or the database takes it."""
+        while True:
+            try:
+                return self._conclude(job, running, last)
+            except OSError as error:
+                if self.closing:
+                    raise
+                _LOG.warning("%s %s: its state is not kept yet: %s", self.kind, job, error)
+            time.sleep(AGAIN_S)
 
     def _conclude(self, job: str, running: _Running, last: Word | None) -> None:
         change = self._store.change

@@ -21,12 +21,13 @@ from frictus_service.discovery.jobs import DiscoverySpec
 from frictus_service.errors import (
     CalibrationStateError,
     JobStateError,
+    RegistryUnavailableError,
     UnknownCalibrationError,
     UnknownJobError,
 )
 from frictus_service.experiments.job import ExperimentSpec
 from frictus_service.job_folder import ACTIVE
-from frictus_service.jobs import calibrations, discoveries, experiments, process
+from frictus_service.jobs import calibrations, discoveries, engine, experiments, process
 from frictus_service.jobs.engine import JobEngine
 from frictus_service.processes import free_endpoint
 from frictus_service.registry.store import Registry
@@ -303,3 +304,55 @@ def test_work_that_is_not_taken_holds_up_nobody_who_cancels(
     giving.join(60.0)
     assert not giving.is_alive()
     assert job._process.returncode == -signal.SIGKILL
+
+
+def test_what_became_of_one_is_kept_once_it_can_be(
+    service: Service, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(engine, "AGAIN_S", LOOK_S)
+    tried, kept, keep = threading.Event(), threading.Event(), service.engine.store.change
+
+    def change(job: str, to: Any, **given: Any) -> Any:
+        if to == "done" and not kept.is_set():
+            tried.set()
+            raise RegistryUnavailableError("away") if registered else OSError(28, "disk full")
+        return keep(job, to, **given)
+
+    registered = isinstance(service.kind, Calibrating)
+    monkeypatch.setattr(service.engine.store, "change", change)
+    job = service.begin()
+    service.allow(job)
+    assert tried.wait(60.0)
+    assert service.engine.get(job).state == "running"
+    kept.set()
+    assert service.end_of(job) == "done"
+    assert "its state is not kept yet" in caplog.text
+
+
+def test_progress_that_cannot_be_kept_ends_nothing(
+    service: Service, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def progress(*_: Any) -> None:
+        raise OSError(28, "disk full")
+
+    if isinstance(service.kind, Experimenting):
+        return  # their screens are not kept
+    monkeypatch.setattr(service.engine.store, "progress", progress)
+    job = service.begin()
+    service.allow(job)
+    assert service.end_of(job) == "done"
+    assert "progress was not kept" in caplog.text
+
+
+def test_one_whose_start_cannot_be_kept_does_not_stand_there_as_queued(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keep = service.engine.store.change
+
+    def change(job: str, to: Any, **given: Any) -> Any:
+        if to == "running":
+            raise OSError(28, "disk full")
+        return keep(job, to, **given)
+
+    monkeypatch.setattr(service.engine.store, "change", change)
+    assert service.end_of(service.begin()) == "interrupted"
