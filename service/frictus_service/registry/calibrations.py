@@ -93,6 +93,17 @@ class Calibrations:
                 once.finish(connection, str(row["id"]))
             return _get(connection, str(row["id"])), True
 
+    def made_by(self, once: Once) -> Calibration | None:
+        """Return the calibration that a request made before; None if it is new.
+
+        Raises
+        ------
+        KeyReusedError
+        """
+        with self._database.read() as connection:
+            made = once.known(connection)
+            return None if made is None else _get(connection, made)
+
     def get(self, calibration: str) -> Calibration:
         """Return a calibration.
 

@@ -283,7 +283,19 @@ class Once:
         taken = new.on_conflict_do_nothing().returning(requests.c.key)
         if connection.execute(taken).one_or_none() is not None:
             return None
-        known = connection.execute(select(requests).where(requests.c.key == self.key)).one()
+        return self.known(connection)
+
+    def known(self, connection: Connection) -> str | None:
+        """Return what this request made before; None if it is new, or under way.
+
+        Raises
+        ------
+        KeyReusedError
+            If the key came with something else before.
+        """
+        query = select(requests).where(requests.c.key == self.key)
+        if (known := connection.execute(query).one_or_none()) is None:
+            return None
         if known.fingerprint != self.fingerprint:
             raise KeyReusedError(
                 f"the idempotency key {self.key[:80]!r} came with another request before: "

@@ -67,8 +67,9 @@ def start_calibration(
     One runs on a rig at a time. The quick protocol learns its prior from the published models
     of other participants unless `prior` brings some.
     """
-    given.link.rig(spec.rig)  # 404 now, rather than a calibration that fails
     once = once_of(request, idempotency_key, by, body)
+    if once is None or given.calibrations.store.made_by(once) is None:
+        given.link.rig(spec.rig)  # 404 now, rather than a calibration that fails
     calibration = given.calibrations.start(spec, by=by, once=once)
     response.headers["Location"] = f"/v1/calibrations/{calibration.id}"
     return calibration

@@ -226,6 +226,18 @@ def test_an_interrupted_one_can_be_given_up(serve: Any, rig: Any, allow: Any) ->
     assert after.delete(job).json()["state"] == "cancelled"
 
 
+def test_sent_again_it_is_answered_without_the_rig_too(api: TestClient, rig: Any) -> None:
+    key = {"Idempotency-Key": "of-a-rig-that-goes"}
+    first = start(api, rig.name, headers=key)
+    assert first.status_code == 202
+    rig.vanish()
+    while start(api, rig.name, "P02").status_code != 404:
+        pass
+    again = start(api, rig.name, headers=key)
+    assert (again.status_code, again.json()["id"]) == (202, first.json()["id"])
+    assert start(api, rig.name, "P02", headers=key).json()["code"] == "key_reused"
+
+
 def test_what_cannot_be_started(api: TestClient, rig: Any) -> None:
     assert start(api, "nobody").json()["code"] == "no_rig"
     for more in (
