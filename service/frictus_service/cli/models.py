@@ -77,9 +77,10 @@ def list_models(
             found.published_by,
             found.comment,
         )
-    Console().print(table)
+    console = Console(markup=False)
+    console.print(table)
     if page.next is not None:
-        Console().print(f"more than {limit}: --limit, or narrow it down")
+        console.print(f"more than {limit}: --limit, or narrow it down")
 
 
 @models.command()
@@ -100,17 +101,17 @@ def show(reference: Ref, config: ConfigFile = None, as_json: AsJson = False) -> 
         return
     from rich.console import Console
 
-    console = Console()
+    console = Console(markup=False)
     console.print(f"{found.reference}, published {_date(found)} by {found.published_by}")
     if found.comment:
-        console.print(found.comment, markup=False)
+        console.print(found.comment)
     console.print_json(found.model.to_json().decode())
     for alias in aliases:
         console.print(f"@{alias.alias} is version {alias.version}")
     for move in moves:
         was = f"{move.from_version} → " if move.from_version is not None else ""
         told = f"@{move.alias}: {was}{move.to_version} by {move.moved_by}: {move.reason}"
-        console.print(told, markup=False)
+        console.print(told)
     for one in activations:
         console.print(f"version {one.version} on rig {one.rig}, by {one.activated_by}")
 
@@ -212,12 +213,12 @@ def compare(
         table.add_row(
             quantity, f"{one.a:.5g}", f"{one.b:.5g}", f"{one.difference:.4g}", interval, z
         )
-    console = Console()
+    console = Console(markup=False)
     console.print(table)
     for effect, where in found.effects.items():
-        console.print(f"effect {effect}: in {where}", markup=False)
+        console.print(f"effect {effect}: in {where}")
     for key, (in_a, in_b) in found.provenance.items():
-        console.print(f"{key}: {in_a} | {in_b}", markup=False)
+        console.print(f"{key}: {in_a} | {in_b}")
 
 
 @models.command()

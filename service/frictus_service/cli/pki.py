@@ -134,4 +134,4 @@ def _print(told: "list[tuple[Path, Shown]]", now: datetime.datetime) -> None:
             f"{shown.ends:%Y-%m-%d %H:%M} UTC",
             shown.state(now),
         )
-    Console().print(table)
+    Console(markup=False).print(table)

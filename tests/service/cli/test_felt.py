@@ -1,12 +1,15 @@
 """What is computed and shown of what the finger feels."""
 
+import dataclasses
 import io
 from pathlib import Path
 
 import numpy as np
 import pytest
 from rich.console import Console
+from tests.rig_status import rig_status
 
+from frictus.messages import Fault
 from frictus_service.cli.checks import machine_checks, service_checks
 from frictus_service.cli.streams.felt import RigSnapshot, band_rms, table_of
 
@@ -36,6 +39,17 @@ def test_silence_shows() -> None:
     said = output.getvalue()
     assert "no finger state yet" in said
     assert "nothing from the rig for 5 s" in said
+
+
+def test_what_others_write_is_no_markup() -> None:
+    fault = Fault(kind="safety", reason="see [/dev/x] and [bold]", utc_ns=1, action="[reset]")
+    told = rig_status(state="tripped", fault=fault, owner="ann [/]")
+    felt = dataclasses.replace(NOTHING, status=told)
+    output = io.StringIO()
+    Console(file=output, width=100).print(table_of(felt, "linen[/].csv", 1.0))
+    said = output.getvalue()
+    for written in ("linen[/].csv", "ann [/]", "[/dev/x] and [bold]", "[reset]"):
+        assert written in said
 
 
 def test_missing_packages_are_named() -> None:

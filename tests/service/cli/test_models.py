@@ -119,6 +119,18 @@ def test_the_extended_model_of_a_discovery_is_published_with_its_origin(
     assert "discovery/1" in models("publish", file, fails=Exit.USAGE)
 
 
+def test_comments_are_no_markup(
+    models: Any, document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    models("publish", document, "--comment", "[/x] [P]", "--rig", "[/r]", "--name", "fake/P01")
+    monkeypatch.setattr("frictus_service.cli.models.wants_lines", lambda _: False)
+    for command in (["list"], ["show", "fake/P01"], ["compare", "fake/P01", "fake/P01@1"]):
+        words = ["models", *command, "-c", str(tmp_path / "own.toml")]
+        shown = CliRunner(env={"COLUMNS": "200"}).invoke(app, words)
+        assert shown.exit_code == Exit.OK, shown.stderr
+        assert command[0] == "compare" or "[/x] [P]" in shown.stdout
+
+
 def test_alias_and_compare(models: Any, document: Path) -> None:
     models("publish", document)
     models("publish", document)

@@ -90,6 +90,15 @@ def test_people_see_tables(study_file: Path) -> None:
     assert "missing samples: trial gap: 4 in force_n" in text
 
 
+def test_a_participant_is_no_markup(make_trial: MakeTrial, write_study: WriteStudy) -> None:
+    trial = make_trial("t", order=0)
+    file = write_study(replace(trial, info=replace(trial.info, participant="[/p]")))
+    page = io.StringIO()
+    with StudyReader(file) as study:
+        print_summary(file, summarise(study, 1_000, check=False), Console(file=page))
+    assert "[/p]" in page.getvalue()
+
+
 @pytest.mark.parametrize("content", [None, b"no study"])
 def test_what_is_no_study_ends_in_one_sentence(content: bytes | None, tmp_path: Path) -> None:
     path = tmp_path / "x.h5"

@@ -11,6 +11,7 @@ from typing import Any, Final, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from rich.live import Live
+from rich.markup import escape
 from rich.table import Table
 
 from frictus import Block, Feed, FingerState, Gap, Rig, RigStatus, SceneState, Topics
@@ -234,7 +235,7 @@ class Display:
 
 def table_of(felt: RigSnapshot, title: str, elapsed_s: float) -> Table:
     """Return the table of one look."""
-    table = Table(title=f"{title}, {elapsed_s:.1f} s", show_header=False, min_width=60)
+    table = Table(title=f"{escape(title)}, {elapsed_s:.1f} s", show_header=False, min_width=60)
     table.add_column(style="bold", no_wrap=True)
     table.add_column()
     for row in (*_finger_rows(felt), *_rig_rows(felt)):
@@ -289,7 +290,7 @@ def _rig_rows(felt: RigSnapshot) -> list[tuple[str, str]]:
         owner = f", held by {spoken_name(status.owner)}" if status.owner else ""
         late, counts = status.timing, status.counters
         rows += [
-            ("rig", f"{state}{owner}{fault}"),
+            ("rig", f"{state}{escape(owner + fault)}"),
             *_compensation_rows(status),
             (
                 "loop late",

@@ -84,6 +84,7 @@ def size_of(path: Path) -> int:
 
 def print_summary(file: Path, summary: "StudyContents", console: "Console") -> None:
     """Print a study as tables: participants, conditions, and what is wrong."""
+    from rich.markup import escape
     from rich.table import Table
 
     info = summary.info
@@ -99,7 +100,7 @@ def print_summary(file: Path, summary: "StudyContents", console: "Console") -> N
     people = Table("participant", "sessions", "trials", "of these blank", "duration / s")
     for one in summary.participants:
         counts = (one.sessions, one.trials, one.blanks, round(one.duration_s))
-        people.add_row(one.name, *map(str, counts))
+        people.add_row(escape(one.name), *map(str, counts))
     console.print(people)
     conditions = Table("condition", "values (trials)")
     for name, values in summary.conditions.items():
