@@ -147,8 +147,10 @@ class Token(_Section):
     scopes: Annotated[tuple[Scope, ...], Field(min_length=1)]
     sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")] | None = None
     """Hexadecimal SHA-256 of the token, lower case."""
-    value: str | None = Field(default=None, min_length=16, repr=False)
-    """The token in the clear, at least 16 characters."""
+    value: str | None = Field(
+        default=None, min_length=16, pattern=r"^[\x21-\x7e]*$", repr=False
+    )
+    """The token in the clear, at least 16 visible ASCII characters: HTTP carries no others."""
 
     @model_validator(mode="after")
     def _one_secret(self) -> Self:
@@ -156,11 +158,15 @@ class Token(_Section):
             raise ValueError("give either sha256 or value, not both and not neither")
         return self
 
+    @property
+    def digest(self) -> str:
+        """Hexadecimal SHA-256 of the token."""
+        return self.sha256 or hashlib.sha256((self.value or "").encode()).hexdigest()
+
     def matches(self, presented: str) -> bool:
         """Return whether this is the token presented, in constant time."""
         digest = hashlib.sha256(presented.encode()).hexdigest()
-        own = self.sha256 or hashlib.sha256((self.value or "").encode()).hexdigest()
-        return hmac.compare_digest(digest, own)
+        return hmac.compare_digest(digest, self.digest)
 
 
 class ApiConfig(_Section):
@@ -200,6 +206,12 @@ class ApiConfig(_Section):
         for index, name in enumerate(names):
             if name in names[:index]:
                 raise _fault_at(("tokens", index, "name"), f"another token is called {name!r}")
+        secrets = [token.digest for token in self.tokens]
+        for index, secret in enumerate(secrets):
+            if secret in secrets[:index]:
+                other = names[secrets.index(secret)]
+                what = f"the token {other!r} has the same secret: give each its own"
+                raise _fault_at(("tokens", index), what)
         return self
 
 

@@ -13,6 +13,8 @@ from frictus_service.config import DEFAULT_FILE, Config, Place
 from frictus_service.errors import ConfigurationError
 
 _HEADER = re.compile(r"^\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
+_SECRET = (("value",), ("url",))
+"""Keys of tokens and passwords, which an error does not repeat."""
 _KEY = re.compile(r"^\s*([A-Za-z0-9_.\"'\s-]+?)\s*=")
 
 
@@ -39,7 +41,7 @@ def load(path: Path | None = None, *, runs_rig: bool = False) -> Config:
             return Config()
         path = DEFAULT_FILE
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # editors on Windows put a mark before it
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f"{path}: cannot be read: {error}") from error
     return parse(text, path, runs_rig=runs_rig)
@@ -59,7 +61,7 @@ def parse(text: str, path: Path, *, runs_rig: bool = False) -> Config:
     except RecursionError as error:
         message = "lists or tables within each other, deeper than any setting has them"
         raise ConfigurationError(f"{path}:1: {message}") from error
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # integers of 4300 digits: no TOMLDecodeError
         place = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
         line = place[1] if place else str(text.count("\n") + 1)
         raise ConfigurationError(f"{path}:{line}: not TOML: {error}") from error
@@ -116,7 +118,7 @@ def _describe(fault: Any, document: dict[str, Any], lines: dict[Place, int]) -> 
         message = f"this key is required here; accepted: {', '.join(map(repr, kinds))}"
     elif fault["type"] == "missing":
         message = "this key is required here"
-    elif not isinstance(fault["input"], dict | list):
+    elif not isinstance(fault["input"], dict | list) and place[-1:] not in _SECRET:
         message = f"{message}, not {fault['input']!r}"
     return line, f"{dotted}: {message}"
 

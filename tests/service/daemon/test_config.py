@@ -10,6 +10,8 @@ from frictus_service.errors import ConfigurationError
 
 ROOT = Path(__file__).parents[3]
 FILE = Path("frictus.toml")
+SHA256 = "9f9f5111f7b27a781f1f1ddde5ebc2dd2b796bfc7365c9c28b548e564176929f"
+"""Of 0123456789abcdef."""
 
 
 def fault_of(text: str) -> str:
@@ -46,6 +48,12 @@ def test_file_of_the_working_folder_is_read(
     (tmp_path / "frictus.toml").write_text('site = "here"\n', encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     assert load().site == "here"
+
+
+def test_a_file_with_a_byte_order_mark_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "frictus.toml"
+    path.write_text('site = "here"\n', encoding="utf-8-sig")  # as PowerShell writes it
+    assert load(path).site == "here"
 
 
 def test_paths_are_relative_to_the_file(tmp_path: Path) -> None:
@@ -140,6 +148,14 @@ def test_registries_that_cannot_be_shared_are_refused(url: str) -> None:
             6,
             ["api.tokens.1.name", "'a'"],
         ),
+        (
+            '[[api.tokens]]\nname = "a"\nscopes = ["read"]\nvalue = "0123456789abcdef"\n'
+            '[[api.tokens]]\nname = "b"\nscopes = ["admin"]\n'
+            f'sha256 = "{SHA256}"\n',
+            5,
+            ["api.tokens.1", "'a'", "same secret"],
+        ),
+        pytest.param(f"block_ms = {'1' * 5_000}\n", 2, ["not TOML", "4300"], id="digits"),
     ],
 )
 def test_fault_is_named_with_its_line(text: str, line: int, words: list[str]) -> None:
@@ -188,7 +204,18 @@ def test_a_token_matches_itself_alone() -> None:
     hashed = token.model_copy(
         update={
             "value": None,
-            "sha256": "9f9f5111f7b27a781f1f1ddde5ebc2dd2b796bfc7365c9c28b548e564176929f",
+            "sha256": SHA256,
         }
     )
     assert hashed.matches("0123456789abcdef")
+
+
+@pytest.mark.parametrize("secret", ["schlüssel-0123456789", "with a space 0123456789", "short"])
+def test_a_token_that_no_request_can_carry_is_refused_unrepeated(secret: str) -> None:
+    told = fault_of(f'[[api.tokens]]\nname = "a"\nscopes = ["read"]\nvalue = "{secret}"\n')
+    assert told.startswith("frictus.toml:4: api.tokens.0.value: ")
+    assert secret not in told
+
+
+def test_a_password_is_not_repeated() -> None:
+    assert "secret" not in fault_of('[registry]\nurl = "mysql://ann:secret@db.lab/frictus"\n')
