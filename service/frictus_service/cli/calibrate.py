@@ -1,6 +1,5 @@
 """`frictus calibrate`: measure a participant on a rig, and say what model comes of it."""
 
-import getpass
 import secrets
 import sys
 from pathlib import Path
@@ -16,6 +15,7 @@ from frictus_service.cli.options import (
     SiteOption,
     TargetRig,
     wants_lines,
+    whoever_asks,
     write_line,
 )
 
@@ -205,7 +205,7 @@ def _publish(registry: str, model: "Model") -> str:
     rig = str(model.provenance["rig"])
     with Registry(registry) as opened:
         name = default_name(model, rig)
-        return opened.publish(model, name, by=getpass.getuser(), rig=rig).reference
+        return opened.publish(model, name, by=whoever_asks(), rig=rig).reference
 
 
 def _show(result: "CalibrationResult", before: "Model", document: Path) -> None:

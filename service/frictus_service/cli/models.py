@@ -1,7 +1,6 @@
 """`frictus models`: the registry of models, from the command line."""
 
 import contextlib
-import getpass
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,6 +14,7 @@ from frictus_service.cli.options import (
     SiteOption,
     TargetRig,
     wants_lines,
+    whoever_asks,
     write_line,
 )
 
@@ -143,7 +143,7 @@ def publish(
         published = registry.publish(
             model,
             name or default_name(model, measured_on),
-            by=getpass.getuser(),
+            by=whoever_asks(),
             rig=measured_on,
             comment=comment,
         )
@@ -174,7 +174,7 @@ def alias(
             wanted.name,
             wanted.which,
             version,
-            by=getpass.getuser(),
+            by=whoever_asks(),
             reason=reason,
             replaces=before.etag if before is not None else None,
         )
@@ -232,6 +232,7 @@ def activate(
 ) -> None:
     """Give a rig a published model, while it is disarmed, and say what it confirmed."""
     import frictus
+    from frictus_service.errors import RegistryUnavailableError
 
     target = TargetRig.of(config, router, site, rig)
     with (
@@ -239,16 +240,29 @@ def activate(
         frictus.connect(target.router, tls=target.tls) as client,
     ):
         version = registry.get(reference)
-        confirmed = target.choose(client).set_model(version.model)
-        activation = registry.activations.record(
-            version, site=target.site, rig=rig, confirmed=confirmed, by=getpass.getuser()
-        )
+        confirmed, remarks = target.choose(client).apply_model(version.model)
+        try:
+            activation = registry.activations.record(
+                version, site=target.site, rig=rig, confirmed=confirmed, by=whoever_asks()
+            )
+        except RegistryUnavailableError as error:
+            raise RegistryUnavailableError(
+                f"rig {rig} applies {version.reference} now, but that could not be written "
+                f"down, so activate it again later: {error}"
+            ) from error
     as_published = confirmed == version.etag
     if wants_lines(as_json):
-        write_line(event="activated", as_published=as_published, **activation.model_dump())
+        write_line(
+            event="activated",
+            as_published=as_published,
+            message=remarks,
+            **activation.model_dump(),
+        )
     else:
         told = "as it was published" if as_published else f"but as another model, {confirmed}"
         typer.echo(f"rig {rig} applies {version.reference}, {told}")
+        if remarks:
+            typer.echo(remarks)
 
 
 @models.command()

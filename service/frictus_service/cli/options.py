@@ -1,5 +1,6 @@
 """Options that several commands share, how a command answers, and how it ends."""
 
+import getpass
 import json
 import sys
 from dataclasses import dataclass
@@ -230,6 +231,14 @@ class TargetRig:
             raise NoRigError(
                 f"{error}; name it, as --site {other.site} --rig {other.name}"
             ) from error
+
+
+def whoever_asks() -> str:
+    """Return who runs the command, as the registry notes it."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError, ImportError):  # containers run as users whom they do not know
+        return "unknown"
 
 
 def wants_lines(as_json: bool) -> bool:

@@ -51,6 +51,8 @@ class FakeRig:
         self.name = "fake"
         self.keys = RigKeys("lab", self.name)
         self.refusal: tuple[str, str] | None = None
+        self.remarks = ""
+        """Said with each answer."""
         self.skips = False
         """Leave out every tenth block."""
         self.trip_after_scene = False
@@ -146,6 +148,7 @@ class FakeRig:
             etag="s1",
             applied=APPLIED,
             compensation=self.compensation,
+            message=self.remarks,
         )
 
     def _trip(self) -> None:

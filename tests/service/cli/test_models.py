@@ -18,6 +18,8 @@ from frictus_service.discovery.document import (
     ParameterEstimate,
     StudyFacts,
 )
+from frictus_service.errors import RegistryUnavailableError
+from frictus_service.registry.aliases import Activations
 
 MODEL = {
     "base": {
@@ -149,14 +151,41 @@ def test_activate_tells_what_the_rig_confirmed(
     models: Any, document: Path, rig: Any, config: Path
 ) -> None:
     models("publish", document, config=config)
+    rig.remarks = "without the skew"
     (said,) = models("activate", "fake", "fake/P01", config=config)
     assert said["confirmed"] == "s1"  # this rig names whatever it gets so
     assert said["as_published"] is False
+    assert said["message"] == "without the skew"
     (shown,) = models("show", "fake/P01", config=config)
     assert shown["activations"][0]["rig"] == "fake"
     rig.refusal = ("conflict", "the model changes only while disarmed")
     told = models("activate", "fake", "fake/P01", config=config, fails=Exit.REFUSED)
     assert "disarmed" in told
+
+
+def test_an_activation_that_is_not_noted_is_told_as_one(
+    models: Any, document: Path, rig: Any, config: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def away(*_: Any, **__: Any) -> None:
+        raise RegistryUnavailableError("the registry is away")
+
+    models("publish", document, config=config)
+    monkeypatch.setattr(Activations, "record", away)
+    told = models("activate", "fake", "fake/P01", config=config, fails=Exit.NO_LINK)
+    assert "rig fake applies fake/P01@1 now" in told
+    assert "the registry is away" in told
+    assert rig.wait_for("model")
+
+
+def test_who_has_no_name_here_publishes_nevertheless(
+    models: Any, document: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def nobody() -> str:
+        raise KeyError("getpwuid(): uid not found: 12345")
+
+    monkeypatch.setattr("getpass.getuser", nobody)
+    models("publish", document)
+    assert models("list")[0]["published_by"] == "unknown"
 
 
 def test_export(models: Any, document: Path, tmp_path: Path) -> None:
