@@ -204,6 +204,8 @@ def connect(
 
     Raises
     ------
+    ArgumentError
+        If `router` is no endpoint.
     LinkError
         If no router answers there.
     CertificateError

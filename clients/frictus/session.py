@@ -1,13 +1,14 @@
 """Zenoh sessions as frictus needs them. A session is a context manager: always close it."""
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from typing import Final, cast
 
 import zenoh
 import zenoh.ext
 
-from frictus.errors import CertificateError, LinkError
+from frictus.errors import ArgumentError, CertificateError, LinkError
 from frictus.keys import Topic
 from frictus.reception import Declared, OnSample
 from frictus.tls import SCHEME, Tls, why_refused
@@ -39,6 +40,7 @@ def if_secured(session: zenoh.Session, hint: str) -> str:
 
 
 DEFAULT_ROUTER: Final = "tcp/127.0.0.1:7447"
+_ENDPOINT: Final = re.compile(r"(tcp|tls)/.+:[0-9]+")
 LEASE_MS: Final = 1_000  # a frozen peer's token falls after 0.75 s instead of 9.5 s
 PATIENT_LEASE_MS: Final = 4_000
 """For the router, and for who only reads. A busy machine sets a process aside for longer than a
@@ -162,11 +164,18 @@ def open_session(
 
     Raises
     ------
+    ArgumentError
+        If `router` is no such endpoint.
     LinkError
         If no router answers there.
     CertificateError
         If our certificate or the router's is refused.
     """
+    if not _ENDPOINT.match(router):
+        raise ArgumentError(
+            f"router {router!r}: tcp/HOST:PORT is accepted, such as {DEFAULT_ROUTER}, or "
+            "tls/HOST:PORT with certificates"
+        )
     config = _config("client", [], [router], timeout_s, lease_ms)
     _secure(config, router, tls, "connect")
     try:

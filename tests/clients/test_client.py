@@ -75,6 +75,12 @@ def test_no_router_is_a_link_error() -> None:
         frictus.connect("tcp/127.0.0.1:9", timeout_s=0.2)
 
 
+@pytest.mark.parametrize("router", ["lab", "192.168.1.10:7447", "tcp/lab", "http/lab:80", ""])
+def test_what_is_no_endpoint_is_told_with_what_is_accepted(router: str) -> None:
+    with pytest.raises(ArgumentError, match=r"tcp/HOST:PORT.*tcp/127\.0\.0\.1:7447"):
+        frictus.connect(router)
+
+
 def test_a_bad_client_name_is_refused_before_connecting() -> None:
     with pytest.raises(frictus.InvalidNameError, match="client name"):
         frictus.connect("tcp/127.0.0.1:9", "a/b")
