@@ -156,7 +156,9 @@ def publish(
 @models.command()
 def alias(
     name: Annotated[str, typer.Argument(metavar="NAME@ALIAS", help="rig1/P01@production.")],
-    version: Annotated[int, typer.Argument(metavar="VERSION", min=1, help="To stand for.")],
+    version: Annotated[
+        int, typer.Argument(metavar="VERSION", min=1, max=999_999_999, help="To stand for.")
+    ],
     reason: Annotated[str, typer.Option("--reason", help="Kept with the move.")] = "",
     config: ConfigFile = None,
     as_json: AsJson = False,
@@ -317,7 +319,7 @@ def _schema_of(text: bytes) -> str | None:
 
     try:
         document = json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):
         return None  # the model's own error says what is wrong with it
     told = document.get("schema") if isinstance(document, dict) else None
     return told if told in ("model/1", "discovery/1") else None

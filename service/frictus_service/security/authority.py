@@ -2,6 +2,7 @@
 
 import datetime
 import ipaddress
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -16,11 +17,12 @@ from cryptography.hazmat.primitives.serialization import (
 )
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from frictus_service.errors import MemberNameError
+from frictus_service.errors import MemberNameError, SecurityError
 from frictus_service.security.members import Member
 
 BACKDATED: Final = datetime.timedelta(minutes=5)
 """Clocks of a lab differ: a certificate is valid a little before it was made."""
+_HOST: Final = re.compile(r"(\*\.)?[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +117,9 @@ def issue(
     Raises
     ------
     MemberNameError
-        If a router has no hosts, or another role has some.
+        If a router has no hosts, or another role has some; or one that is no host.
+    SecurityError
+        If the authority has expired.
     """
     if bool(hosts) != (member.role == "router"):
         raise MemberNameError(
@@ -123,7 +127,12 @@ def issue(
             "every address and name of it (--host); the other roles take none"
         )
     key = ec.generate_private_key(ec.SECP256R1())
-    left = authority.certificate.not_valid_after_utc - begins
+    ends = authority.certificate.not_valid_after_utc
+    if ends <= begins:
+        raise SecurityError(
+            f"the authority's certificate expired on {ends:%Y-%m-%d}: make a new authority, "
+            "and issue all certificates anew"
+        )
     # A router is a server; the others are clients, and cannot pass for a router.
     usage = ExtendedKeyUsageOID.SERVER_AUTH if hosts else ExtendedKeyUsageOID.CLIENT_AUTH
     builder = (
@@ -132,7 +141,7 @@ def issue(
             authority.certificate.subject,
             key,
             begins,
-            min(lasts, left),
+            min(lasts, ends - begins),
         )
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         .add_extension(x509.ExtendedKeyUsage([usage]), critical=False)
@@ -177,7 +186,10 @@ def _host(host: str) -> x509.GeneralName:
         return x509.IPAddress(ipaddress.ip_address(host))
     except ValueError:
         pass
-    try:
-        return x509.DNSName(host)
-    except ValueError as error:
-        raise MemberNameError(f"host {host!r}: an address or an ASCII name") from error
+    # A certificate would bear anything in ASCII, and no router be reached under it.
+    if not _HOST.fullmatch(host):
+        raise MemberNameError(
+            f"host {host!r}: an address, or a name of ASCII letters, digits, '-', '_' and '.', "
+            "is accepted, without a port; repeat --host for each"
+        )
+    return x509.DNSName(host)

@@ -145,6 +145,7 @@ def test_alias_and_compare(models: Any, document: Path) -> None:
     assert compared["parameters"]["gain_n"]["difference"] == 0.0
     assert "production" in models("alias", "fake/P01", 1, fails=Exit.USAGE)
     assert "no model" in models("alias", "fake/P01@production", 9, fails=Exit.USAGE)
+    assert "999999999" in models("alias", "fake/P01@production", 10**20, fails=Exit.USAGE)
 
 
 def test_activate_tells_what_the_rig_confirmed(
@@ -199,6 +200,9 @@ def test_export(models: Any, document: Path, tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_published(models: Any, document: Path, tmp_path: Path) -> None:
+    deep = tmp_path / "deep.json"
+    deep.write_text("[" * 100_000, encoding="ascii")
+    assert "deep.json holds no model/1" in models("publish", deep, fails=Exit.USAGE)
     broken = tmp_path / "broken.json"
     broken.write_text("{}", encoding="utf-8")
     assert "base" in models("publish", broken, fails=Exit.USAGE)

@@ -11,6 +11,7 @@ from cryptography import x509
 from frictus_service.errors import (
     CertificateFileError,
     MemberNameError,
+    SecurityError,
     WouldOverwriteError,
 )
 from frictus_service.security.authority import issue, make_authority
@@ -74,6 +75,19 @@ def test_only_an_authority_can_sign() -> None:
 def test_a_name_that_no_certificate_can_bear(role: Role, name: str) -> None:
     with pytest.raises(MemberNameError):
         Member(role, name)
+
+
+@pytest.mark.parametrize("host", ["10.0.0.7, hall", "a b", "tcp/hall", "hall:7447", "ü", ""])
+def test_what_no_router_is_reached_under_is_no_host(host: str) -> None:
+    authority = make_authority("test", NOW, DAY)
+    with pytest.raises(MemberNameError, match="without a port"):
+        issue(authority, Member("router", "x"), [host], NOW, DAY)
+
+
+def test_an_authority_that_has_expired_issues_nothing() -> None:
+    authority = make_authority("test", NOW - 2 * DAY, DAY)
+    with pytest.raises(SecurityError, match="expired on"):
+        issue(authority, Member("observer", "x"), [], NOW, DAY)
 
 
 @pytest.mark.parametrize(("role", "hosts"), [("router", []), ("observer", ["10.0.0.7"])])
