@@ -4,14 +4,22 @@ import subprocess
 import sys
 import threading
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, Final
+from typing import IO, Any, Final
 
 from frictus_service.api.problems import BusyError, InvalidError
 
 _MAIN: Final = "from frictus_service.cli import main; main()"
+MOST_BYTES: Final = 16_000_000
+"""Of what a command says: a file may hold more text than this machine has memory."""
+MOST_TOLD: Final = 4_000
+"""Characters of a complaint."""
 _ENDS_WITH_ITS_INPUT: Final = """
-import os, threading
+import contextlib, os, threading
+
+with contextlib.suppress(OSError), open("/proc/self/oom_score_adj", "w") as score:
+    score.write("1000")
 
 def end():
     while os.read(0, 1):
@@ -20,7 +28,8 @@ def end():
 
 threading.Thread(target=end, daemon=True).start()
 """
-"""The system closes the input of a process whose service was killed."""
+"""The system closes the input of a process whose service was killed; and where a file takes all
+memory, Linux ends the process that reads it, and no rig."""
 
 
 class OwnProcesses:
@@ -52,12 +61,13 @@ class OwnProcesses:
         BusyError
             If the service is stopping.
         """
-        with self._begun(arguments) as process:
-            # Its input is held until the end; `communicate` would close it at once.
-            held, process.stdin = process.stdin, None
-            assert held is not None
+        with self._begun(arguments) as process, ThreadPoolExecutor(2) as reading:
             try:
-                said, complaint = process.communicate(timeout=timeout_s)
+                said, complaint = (
+                    reading.submit(_said, process, pipe)
+                    for pipe in (process.stdout, process.stderr)
+                )
+                process.wait(timeout_s)
             except subprocess.TimeoutExpired:
                 raise InvalidError(
                     f"{name}: to read it takes more than {timeout_s:g} s; use `frictus "
@@ -65,17 +75,15 @@ class OwnProcesses:
                 ) from None
             finally:
                 process.kill()
-                held.close()
                 with self._changing:
                     self._running.discard(process)
         if self._closed:
             raise _stopping()
         if process.returncode != 0:
-            told = complaint.decode("utf-8", "replace").strip().removeprefix("frictus: ")
-            raise InvalidError(
-                told.replace(str(file), name) or f"{name} cannot be read: it may be damaged"
-            )
-        return said
+            told = complaint.result().decode("utf-8", "replace").strip()
+            told = told.removeprefix("frictus: ").replace(str(file), name)
+            raise InvalidError(told[:MOST_TOLD] or f"{name} cannot be read: it may be damaged")
+        return said.result()
 
     def close(self) -> None:
         """End what runs; nothing begins any more."""
@@ -93,6 +101,15 @@ class OwnProcesses:
             process = subprocess.Popen(command, **pipes)
             self._running.add(process)
             return process
+
+
+def _said(process: subprocess.Popen[bytes], pipe: IO[bytes] | None) -> bytes:
+    """Return what a process says on a pipe; one that says too much is ended."""
+    assert pipe is not None
+    said = pipe.read(MOST_BYTES)
+    if len(said) == MOST_BYTES:
+        process.kill()
+    return said
 
 
 def _stopping() -> BusyError:

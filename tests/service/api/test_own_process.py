@@ -1,5 +1,6 @@
 """Commands in processes of their own: what they say, and that they end with the service."""
 
+import sys
 import threading
 from pathlib import Path
 
@@ -40,6 +41,24 @@ def test_what_takes_too_long_is_ended(sleeper: threading.Event) -> None:
     with pytest.raises(InvalidError, match=r"takes more than 0\.1 s; use `frictus export`"):
         processes.run(("export",), 0.1, FILE, "a")
     assert processes._running == set()
+
+
+@pytest.mark.parametrize("stream", ["stdout", "stderr"])
+def test_what_says_more_than_memory_holds_is_ended(
+    stream: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(own_process, "MOST_BYTES", 100_000)
+    endless = f"import sys\nwhile True: sys.{stream}.write('x' * 1_000)"
+    monkeypatch.setattr(own_process, "_MAIN", endless)
+    with pytest.raises(InvalidError) as told:
+        OwnProcesses().run(("export",), 600.0, FILE, "a")
+    assert len(str(told.value)) <= own_process.MOST_TOLD
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the system's own choice elsewhere")
+def test_what_takes_all_memory_is_ended_before_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(own_process, "_MAIN", "print(open('/proc/self/oom_score_adj').read())")
+    assert OwnProcesses().run(("export",), 60.0, FILE, "a").strip() == b"1000"
 
 
 def test_what_runs_ends_with_the_service_and_nothing_begins_after(
