@@ -132,6 +132,15 @@ class JobFolder(Generic[Job]):
         with self._lock:
             return self._read(job)
 
+    def state(self, job: str) -> State:
+        """Return in which state a job is.
+
+        Raises
+        ------
+        UnknownJobError
+        """
+        return self.get(job).state
+
     def newest(self) -> Iterator[Job]:
         """Yield all jobs, newest first, each read as it is asked for."""
         # Their names begin with the time.

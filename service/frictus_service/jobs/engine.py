@@ -44,6 +44,9 @@ class JobStore(Protocol[Kept]):
     def get(self, job: str, /) -> Kept:
         """Return a job."""
 
+    def state(self, job: str, /) -> State:
+        """Return in which state a job is, at less cost."""
+
     def change(
         self,
         job: str,
@@ -134,6 +137,16 @@ class JobEngine(ABC, Generic[Job]):
         """
         self.recover()
         return self._store.get(job)
+
+    def is_active(self, job: str) -> bool:
+        """Return whether a job waits or runs, at less cost than `get`.
+
+        Raises
+        ------
+        UnknownJobError, UnknownCalibrationError
+        """
+        self.recover()
+        return self._store.state(job) in ACTIVE
 
     def cancel(self, job: str) -> Job:
         """Cancel a job that waits for its turn; or have it end, and be cancelled then.

@@ -114,6 +114,20 @@ class Calibrations:
         with self._database.read() as connection:
             return _get(connection, calibration)
 
+    def state(self, calibration: str) -> State:
+        """Return in which state a calibration is: what was asked of it may be long.
+
+        Raises
+        ------
+        UnknownCalibrationError
+        """
+        query = select(calibrations.c.state).where(calibrations.c.id == calibration)
+        with self._database.read() as connection:
+            found: State | None = connection.execute(query).scalar_one_or_none()
+        if found is None:
+            raise _unknown(calibration)
+        return found
+
     def find(
         self,
         *,
@@ -299,8 +313,12 @@ def _tell(connection: Connection, calibration: str, now_ns: int, kind: str, data
 def _get(connection: Connection, calibration: str) -> Calibration:
     row = connection.execute(_ALL.where(calibrations.c.id == calibration)).one_or_none()
     if row is None:
-        raise UnknownCalibrationError(f"no calibration {calibration[:80]!r}")
+        raise _unknown(calibration)
     return _calibration(row)
+
+
+def _unknown(calibration: str) -> UnknownCalibrationError:
+    return UnknownCalibrationError(f"no calibration {calibration[:80]!r}")
 
 
 def _calibration(row: Row[Any]) -> Calibration:

@@ -16,7 +16,6 @@ from frictus_service.api.access import needs
 from frictus_service.api.limits import RequestLimits
 from frictus_service.api.services import Given, Services
 from frictus_service.config import Scope
-from frictus_service.job_folder import ACTIVE
 from frictus_service.jobs.engine import Job, JobEngine
 
 LOOK_S: Final = 0.2
@@ -144,7 +143,7 @@ class JobRoutes(Generic[Job]):
 
             def look() -> tuple[bool, Sequence[Event]]:
                 # First the state: what was told before it changed is then among the events.
-                active = jobs.get(found.id).state in ACTIVE
+                active = jobs.is_active(found.id)
                 return active, events(given)(found.id, number)
 
             while not jobs.closing:
