@@ -19,7 +19,8 @@ CHUNK: Final = 500
 """Samples pushed at once at most: spaced by the nominal rate they must not reach back to the
 chunk before, whatever the clock is off and slewed by."""
 MAX_FILL_S: Final = 1.0
-"""A longer loss is a jump of the stamps: readers begin a new segment there."""
+"""A longer loss is a jump of the stamps: readers begin a new segment there. So are counts that
+go back by more: what was far ahead of the rig was not of the rig, and is not to mute it."""
 MARKERS: Final = "markers"
 FINGER: Final = "finger"
 STREAM_IDS: Final = {
@@ -162,7 +163,7 @@ class SampleOutlet:
             lost = np.full((missing, self.channels), np.nan, np.float32)
             self._push(self._next, lost, stamp_s)
             self.filled += missing
-        elif missing < 0:  # sent already
+        elif -self._most <= missing < 0:  # sent already
             rows, first = rows[-missing:], self._next
         self._push(first, rows, stamp_s)
         self.sent += len(rows)

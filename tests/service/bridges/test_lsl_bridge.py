@@ -215,6 +215,23 @@ def test_runs_above_that_of_the_rig_do_not_mute_it(
     assert np.array_equal(rows[-2 * BLOCK :, 0], np.arange(BLOCK, 3 * BLOCK))
 
 
+def test_counts_far_ahead_of_the_rig_do_not_mute_it(
+    bridge: LslBridge, hand: Any, inlet: Any, pull: Any
+) -> None:
+    force, fingers = inlet("hand-force"), inlet("hand-finger")
+    for sequence in (0, 50_000, 50_001, 1, 2):  # two in a row are believed
+        hand.force(1, sequence)
+    hand.say(Topics.FINGER, finger(hand, 0))
+    hand.say(Topics.FINGER, finger(hand, 1).model_copy(update={"sequence": 2**40}))
+    hand.say(Topics.FINGER, finger(hand, 2))
+    until(bridge, lambda report: report.sent == {"force": 5 * BLOCK, "finger": 3})
+    rows, stamps = pull(force, 5 * BLOCK)
+    assert np.array_equal(rows[3 * BLOCK :, 0], np.arange(BLOCK, 3 * BLOCK))
+    assert stamps[-1] - stamps[0] == pytest.approx((3 * BLOCK - 1) / 20_000.0, abs=1e-3)
+    rows, _ = pull(fingers, 3)
+    assert rows[:, 0].tolist() == [0.0, 1.0, 2.0]
+
+
 def test_runs_that_no_rig_had_cost_a_gap_of_another_stream_nothing(
     lsl: Any, hand: Any, client: frictus.Client
 ) -> None:
