@@ -72,7 +72,7 @@ class RigCollector(Collector):
         """Return the metrics of all rigs that are present."""
         linked = GaugeMetricFamily("frictus_router_linked", "Whether the router is linked.")
         up = GaugeMetricFamily("frictus_rig_up", "Whether a rig tells its status.", labels=_RIG)
-        statuses = []
+        statuses: list[tuple[list[str], RigStatus]] = []
         try:
             names = self._link.names()
             linked.add_metric([], 1.0)
@@ -87,11 +87,13 @@ class RigCollector(Collector):
             if time.monotonic() - begun_s > ASK_S:
                 break
             asked += 1
+            # Of the rig that was asked, whatever it says it is.
+            labels = [self._link.site, name]
             try:
-                statuses.append(self._link.rig(name).status())
-                up.add_metric([self._link.site, name], 1.0)
+                statuses.append((labels, self._link.rig(name).status()))
+                up.add_metric(labels, 1.0)
             except FrictusError:
-                up.add_metric([self._link.site, name], 0.0)
+                up.add_metric(labels, 0.0)
         skipped.add_metric([], float(len(names) - asked))
         yield linked
         yield up
@@ -145,15 +147,12 @@ def metrics(request: Request) -> Response:
     return Response(generate_latest(found.registry), media_type=CONTENT_TYPE_LATEST)
 
 
-def _of_rigs(statuses: list[RigStatus]) -> Iterator[Metric]:
+def _of_rigs(statuses: list[tuple[list[str], RigStatus]]) -> Iterator[Metric]:
     for name in Counters.model_fields:
         text = f"{name.replace('_', ' ')} since the rig started."
         counter = CounterMetricFamily(f"frictus_rig_{name}", text, labels=_RIG)
-        for status in statuses:
-            counter.add_metric(
-                [status.site, status.rig],
-                float(min(getattr(status.counters, name), sys.maxsize)),
-            )
+        for rig, status in statuses:
+            counter.add_metric(rig, float(min(getattr(status.counters, name), sys.maxsize)))
         yield counter
     for name in LoopTiming.model_fields:
         seconds = GaugeMetricFamily(
@@ -161,20 +160,20 @@ def _of_rigs(statuses: list[RigStatus]) -> Iterator[Metric]:
             f"{name.removesuffix('_ms').replace('_', ' ')} of the block loop.",
             labels=_RIG,
         )
-        for status in statuses:
-            seconds.add_metric([status.site, status.rig], getattr(status.timing, name) / 1_000)
+        for rig, status in statuses:
+            seconds.add_metric(rig, getattr(status.timing, name) / 1_000)
         yield seconds
     yield from _states(statuses)
 
 
-def _states(statuses: list[RigStatus]) -> Iterator[Metric]:
+def _states(statuses: list[tuple[list[str], RigStatus]]) -> Iterator[Metric]:
     state = GaugeMetricFamily(
         "frictus_rig_state", "1 for the state the rig is in.", labels=[*_RIG, "state"]
     )
     info = InfoMetricFamily("frictus_rig", "What the rig is.", labels=_RIG)
-    for status in statuses:
+    for rig, status in statuses:
         for name in get_args(SafetyState):
-            state.add_metric([status.site, status.rig, name], float(status.state == name))
+            state.add_metric([*rig, name], float(status.state == name))
         described = {
             "version": status.version,
             "backend": status.backend,
@@ -182,7 +181,7 @@ def _states(statuses: list[RigStatus]) -> Iterator[Metric]:
             "model_etag": status.model_etag,
             "model_placeholder": str(status.model_placeholder).lower(),
         }
-        info.add_metric([status.site, status.rig], described)
+        info.add_metric(rig, described)
     yield state
     yield info
 

@@ -5,7 +5,9 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 from prometheus_client.parser import text_string_to_metric_families
+from tests.rig_status import rig_status
 
+from frictus.keys import Topics
 from frictus_service.api.routes import monitoring
 
 
@@ -30,6 +32,15 @@ def test_rigs(api: TestClient, rig: Any) -> None:
     assert found["frictus_rig_loop_lateness_p99_seconds", frozenset(which)] == 0.0
     assert found["frictus_rig_state", frozenset({*which, ("state", "disarmed")})] == 1.0
     assert found["frictus_rig_state", frozenset({*which, ("state", "armed")})] == 0.0
+
+
+def test_a_rig_that_calls_itself_another_counts_as_itself(api: TestClient, rig: Any) -> None:
+    rig.publish(Topics.STATUS, rig_status(site="elsewhere", rig="other", state="tripped"))
+    tripped = {("site", "lab"), ("rig", rig.name), ("state", "tripped")}
+    while not (found := samples(api))["frictus_rig_state", frozenset(tripped)]:
+        pass
+    rigs = {value for _, labels in found for key, value in labels if key == "rig"}
+    assert rigs == {rig.name}
 
 
 def test_many_silent_rigs_hold_no_answer_up(
