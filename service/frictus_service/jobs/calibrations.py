@@ -86,6 +86,24 @@ class CalibrationEngine(JobEngine[Calibration]):
             self._launch(calibration)
         return calibration
 
+    def cancel(self, job: str) -> Calibration:
+        """Cancel a calibration of this site, as any job."""
+        self._require_ours(job)
+        return super().cancel(job)
+
+    def resume(self, job: str) -> Calibration:
+        """Go on with a calibration of this site, as any job."""
+        self._require_ours(job)
+        return super().resume(job)
+
+    def _require_ours(self, job: str) -> None:
+        # Sites may share a registry: its rig, and what is finished, are elsewhere.
+        if (site := self.get(job).site) != self._config.site:
+            raise CalibrationStateError(
+                f"calibration {job} is of site {site!r}, and this is {self._config.site!r}: "
+                "ask the API of its site"
+            )
+
     def publish(
         self, calibration_id: str, *, name: str | None, by: str, comment: str
     ) -> Published:

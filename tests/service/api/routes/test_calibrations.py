@@ -256,6 +256,21 @@ def test_sent_again_it_is_answered_without_the_rig_too(api: TestClient, rig: Any
     assert start(api, rig.name, "P02", headers=key).json()["code"] == "key_reused"
 
 
+def test_one_of_another_site_is_left_to_it(serve: Any, rig: Any, allow: Any) -> None:
+    allow(1)
+    first = serve(calibrate=RUN)
+    job = start(first, rig.name).headers["location"]
+    wait_for_trials(first, job, 1)
+    elsewhere = serve(calibrate=RUN, site="hall")  # with the same registry
+    assert elsewhere.get(job).json()["site"] == "lab"
+    for told in (elsewhere.delete(job), elsewhere.post(f"{job}/resume")):
+        assert told.json()["code"] == "wrong_state"
+        assert "of site 'lab', and this is 'hall'" in told.json()["detail"]
+    assert first.get(job).json()["state"] == "running"
+    first.delete(job)
+    assert states(follow(first, job))[-1] == "cancelled"
+
+
 def test_what_cannot_be_started(api: TestClient, rig: Any) -> None:
     assert start(api, "nobody").json()["code"] == "no_rig"
     for more in (
