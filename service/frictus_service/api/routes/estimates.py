@@ -36,8 +36,8 @@ class EstimatePublication(Publication):
         str | None,
         Field(
             max_length=64,
+            pattern=r"^[A-Za-z0-9._-]+$",
             description="Pseudonym; null: of whom the model in force is",
-            json_schema_extra={"pattern": r"^[A-Za-z0-9._-]+$"},
         ),
     ] = None
 

@@ -41,6 +41,9 @@ def test_it_is_published_as_somebodys(api: TestClient, rig: FakeRig) -> None:
     unnamed = api.post(path, json={})
     assert (unnamed.status_code, unnamed.json()["code"]) == (422, "bad_request")
     assert "whose finger" in unnamed.json()["detail"]
+    for wrong in ("Jane Doe", "", "P\n"):
+        refused = api.post(path, json={"participant": wrong, "name": "somebody"})
+        assert (refused.status_code, refused.json()["code"]) == (422, "bad_request")
     said = api.post(path, json={"participant": "P07", "comment": "after the session"})
     assert said.status_code == 201, said.text
     published = said.json()
