@@ -59,6 +59,12 @@ def test_missing_packages_are_named() -> None:
     assert found.to_do
 
 
+def test_a_router_that_is_no_endpoint_ends_no_other_check() -> None:
+    (found,) = service_checks.router_and_rigs("lab:7447")
+    assert found.verdict == "fail"
+    assert "tcp/HOST:PORT" in found.found
+
+
 def test_a_coarse_clock_is_a_warning() -> None:
     now_ns = iter(range(0, 10**15, 1_000_000))
     reads = (value // 15_000_000 * 15_000_000 for value in now_ns)  # a 15 ms clock

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 import frictus
-from frictus.errors import CertificateError, LinkError
+from frictus.errors import ArgumentError, CertificateError, LinkError
 from frictus.messages import RigStatus
 from frictus_hardware import BackendConfig, NiRigConfig
 from frictus_hardware.errors import DriverMissingError, HardwareError
@@ -191,6 +191,9 @@ def router_and_rigs(
                 yield _rig(client, rig)
     except (CertificateError, ConfigurationError) as error:
         yield DoctorCheck("router", "fail", str(error), "see docs/security.md")
+        return
+    except ArgumentError as error:
+        yield DoctorCheck("router", "fail", str(error), "correct the --router")
         return
     except LinkError as error:
         yield DoctorCheck(
