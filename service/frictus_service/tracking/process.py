@@ -10,7 +10,7 @@ from frictus.keys import Topics
 from frictus.session import declare_latest_publisher
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.config import Config
-from frictus_service.errors import PriorError, RegistryError
+from frictus_service.errors import ConfigurationError, FieldError, PriorError, RegistryError
 from frictus_service.processes import ReadySignal
 from frictus_service.registry.store import Registry, earlier_people
 from frictus_service.security.members import tls_of_rig
@@ -47,10 +47,17 @@ def run_tracker(
     ------
     LinkError
         If no router answers.
-    FieldError, OSError
+    ConfigurationError
         If the configured mount cannot be read.
     """
-    mount, population = read_mount(config.tracker.mount), population_of(config, say)
+    try:
+        mount = read_mount(config.tracker.mount)
+    except (FieldError, OSError) as error:
+        raise ConfigurationError(
+            f"tracker.mount: {error}; accepted: 'paper', 'none', or a file as `frictus mount` "
+            "writes it"
+        ) from error
+    population = population_of(config, say)
     with frictus.connect(
         config.router.endpoint,
         name=NAME,
