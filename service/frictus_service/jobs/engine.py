@@ -247,17 +247,22 @@ class JobEngine(ABC, Generic[Job]):
                 except OSError as error:
                     # It goes on, a participant may be sliding; what counts is in its folder.
                     _LOG.warning("%s %s: progress was not kept: %s", self.kind, job.id, error)
+        if last is None and not (running.cancelled or self.closing):
+            _LOG.warning("%s %s: its process ended by itself", self.kind, job.id)
         return last
 
     def _keep_outcome(self, job: str, running: _Running, last: Word | None) -> None:
         """Keep what became of a job, once the disk or the database takes it."""
+        said = ""
         while True:
             try:
                 return self._conclude(job, running, last)
             except OSError as error:
                 if self.closing:
                     raise
-                _LOG.warning("%s %s: its state is not kept yet: %s", self.kind, job, error)
+                if str(error) != said:
+                    said = str(error)
+                    _LOG.warning("%s %s: its state is not kept yet: %s", self.kind, job, said)
             time.sleep(AGAIN_S)
 
     def _conclude(self, job: str, running: _Running, last: Word | None) -> None:
@@ -269,6 +274,4 @@ class JobEngine(ABC, Generic[Job]):
         elif running.cancelled:
             change(job, "cancelled", of=ACTIVE)
         else:
-            if not self.closing:
-                _LOG.warning("%s %s: its process ended by itself", self.kind, job)
             change(job, "interrupted", of=ACTIVE)
