@@ -71,11 +71,11 @@ def list_models(
         table.add_row(
             found.reference,
             found.response,
-            whose,
-            found.rig or "",
+            _harmless(whose),
+            _harmless(found.rig or ""),
             _date(found),
-            found.published_by,
-            found.comment,
+            _harmless(found.published_by),
+            _harmless(found.comment),
         )
     console = Console(markup=False)
     console.print(table)
@@ -104,14 +104,14 @@ def show(reference: Ref, config: ConfigFile = None, as_json: AsJson = False) -> 
     console = Console(markup=False)
     console.print(f"{found.reference}, published {_date(found)} by {found.published_by}")
     if found.comment:
-        console.print(found.comment)
+        console.print(_harmless(found.comment))
     console.print_json(found.model.to_json().decode())
     for alias in aliases:
         console.print(f"@{alias.alias} is version {alias.version}")
     for move in moves:
         was = f"{move.from_version} → " if move.from_version is not None else ""
         told = f"@{move.alias}: {was}{move.to_version} by {move.moved_by}: {move.reason}"
-        console.print(told)
+        console.print(_harmless(told))
     for one in activations:
         console.print(f"version {one.version} on rig {one.rig}, by {one.activated_by}")
 
@@ -218,9 +218,9 @@ def compare(
     console = Console(markup=False)
     console.print(table)
     for effect, where in found.effects.items():
-        console.print(f"effect {effect}: in {where}")
+        console.print(_harmless(f"effect {effect}: in {where}"))
     for key, (in_a, in_b) in found.provenance.items():
-        console.print(f"{key}: {in_a} | {in_b}")
+        console.print(_harmless(f"{key}: {in_a} | {in_b}"))
 
 
 @models.command()
@@ -361,6 +361,11 @@ def default_name(model: "Model", rig: str | None) -> str:
     if rig is None:
         raise ArgumentError("on which rig was it measured? Say --rig, or give a --name")
     return f"{rig}/{model.participant}"
+
+
+def _harmless(text: str) -> str:
+    """Return what others wrote without what a terminal would obey."""
+    return "".join(each if each.isprintable() or each == "\n" else " " for each in text)
 
 
 def _date(found: "VersionSummary") -> str:

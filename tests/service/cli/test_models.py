@@ -124,13 +124,23 @@ def test_the_extended_model_of_a_discovery_is_published_with_its_origin(
 def test_comments_are_no_markup(
     models: Any, document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    models("publish", document, "--comment", "[/x] [P]", "--rig", "[/r]", "--name", "fake/P01")
+    models(
+        "publish",
+        document,
+        "--comment",
+        "[/x] [P]\x1b[2J",
+        "--rig",
+        "[/r]\x9b1m",
+        "--name",
+        "fake/P01",
+    )
     monkeypatch.setattr("frictus_service.cli.models.wants_lines", lambda _: False)
     for command in (["list"], ["show", "fake/P01"], ["compare", "fake/P01", "fake/P01@1"]):
         words = ["models", *command, "-c", str(tmp_path / "own.toml")]
         shown = CliRunner(env={"COLUMNS": "200"}).invoke(app, words)
         assert shown.exit_code == Exit.OK, shown.stderr
         assert command[0] == "compare" or "[/x] [P]" in shown.stdout
+        assert not {"\x1b", "\x9b"}.intersection(shown.stdout)  # a terminal would obey
 
 
 def test_alias_and_compare(models: Any, document: Path) -> None:
