@@ -1,7 +1,8 @@
 """Jobs that are kept in folders: one folder each, with `job.json`, where the job stands.
 
-A `job.json` that cannot be read is set aside as `job.json.damaged`, with a warning in the log,
-and the others are served.
+A `job.json` that was torn is set aside as `job.json.damaged`. One that another version of
+frictus wrote stays, for that version to read. Either is told in the log, and the others are
+served.
 """
 
 import contextlib
@@ -81,6 +82,7 @@ class JobFolder(Generic[Job]):
         self._root, self._document, self._unknown = root, document, unknown
         self._clock_ns = clock_ns
         self._lock = threading.Lock()
+        self._told: set[str] = set()
 
     def folder(self, job: str) -> Path:
         """Return the absolute path of a job's folder."""
@@ -199,13 +201,17 @@ class JobFolder(Generic[Job]):
         try:
             return self._document.model_validate_json(path.read_bytes())
         except (ValidationError, OSError) as error:
-            reason = error.strerror if isinstance(error, OSError) else "it is torn or not a job"
+            torn = isinstance(error, ValidationError) and _is_torn(error)
+            ours = "it is torn" if torn else "another version of frictus wrote it"
+            reason = error.strerror if isinstance(error, OSError) else ours
             told = f"{path} cannot be read ({reason})"
-            if isinstance(error, ValidationError):
+            if torn:
                 with contextlib.suppress(OSError):  # of a folder that is read-only
                     os.replace(path, path.with_name(path.name + DAMAGED))
                     told += f" and was set aside as {path.name}{DAMAGED}"
-            _LOG.warning("%s: the others are served", told)
+            if told not in self._told:
+                self._told.add(told)
+                _LOG.warning("%s: the others are served", told)
             raise self._unknown(told) from error
 
     def _keep(self, job: Job) -> None:
@@ -213,3 +219,9 @@ class JobFolder(Generic[Job]):
         content = job.model_dump_json(by_alias=True, indent=2)
         replace_file(self.folder(job.id) / JOB, content.encode())
         self.changes += 1
+
+
+def _is_torn(error: ValidationError) -> bool:
+    """Return whether what was read is no JSON at all."""
+    faults = error.errors(include_url=False, include_input=False, include_context=False)
+    return faults[0]["type"] == "json_invalid"

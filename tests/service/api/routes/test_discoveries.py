@@ -206,6 +206,20 @@ def test_a_torn_job_is_set_aside_and_the_rest_served(
     assert "job.json.damaged" in caplog.text
 
 
+def test_a_job_of_another_version_is_left_to_it(
+    studies: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    shelf = DiscoveryStore(studies)
+    newer, whole = (shelf.create(DiscoverySpec(study="visit.h5"), by="me") for _ in range(2))
+    job = studies / "discoveries" / newer.id / "job.json"
+    content = job.read_bytes().replace(b"{", b'{"added": 1, ', 1)
+    job.write_bytes(content)
+    for _ in range(3):
+        assert [one.id for one in shelf.all()] == [whole.id]
+    assert job.read_bytes() == content
+    assert caplog.text.count("another version of frictus wrote it") == 1
+
+
 def test_an_api_that_ends_leaves_interrupted_ones(
     router: str, tmp_path: Path, studies: Path
 ) -> None:
