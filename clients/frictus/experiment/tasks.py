@@ -138,7 +138,7 @@ def order_of(task: Task, catch: bool, flip: bool) -> Order:
     return ("reference", "test") if flip else ("test", "reference")
 
 
-def correct_answer(task: Task, order: Order) -> str | None:
+def correct_answer(task: Task, order: Order, alike: bool = False) -> str | None:
     """Return the right answer; None where no answer is wrong.
 
     Parameters
@@ -147,13 +147,15 @@ def correct_answer(task: Task, order: Order) -> str | None:
         The task.
     order : tuple of str
         What each interval presents.
+    alike : bool
+        Whether test and reference are the same texture.
     """
     if isinstance(task, TwoAlternatives):
         return str(order.index("test") + 1)
     if isinstance(task, YesNo):
         return "y" if "test" in order else "n"
     if isinstance(task, SameDifferent):
-        return "d" if "test" in order else "s"
+        return "d" if "test" in order and not alike else "s"
     return None
 
 

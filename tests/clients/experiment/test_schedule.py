@@ -249,8 +249,21 @@ def test_a_pair_that_cannot_be_rendered_ends_it(seed: int) -> None:
 def test_pairs_come_in_both_orders_and_all(seed: int) -> None:
     rows = [row for row in run(CASES["pairs"], seed)[1:] if row["phase"] == "main"]
     assert Counter(row["level"] for row in rows) == dict.fromkeys(map(float, range(1, 7)), 2)
+    orders = Counter((row["level"], row["order"][0]) for row in rows)
+    assert set(orders.values()) == {1}
     assert PAIRS.names(1.0) == ("x", "x")
     assert PAIRS.names(2.0) == ("x", "y")
+
+
+def test_of_a_texture_paired_with_itself_the_right_answer_is_same(seed: int) -> None:
+    compared = protocol(
+        procedure=ConstantPlan(repeats=2), task=SameDifferent(), conditions={"t": PAIRS}
+    )
+    schedule = Schedule(compared, seed)
+    while (trial := schedule.next()) is not None:
+        first, second = PAIRS.names(trial.level)
+        assert trial.correct == ("s" if first == second else "d")
+        schedule.record(trial, trial.level, positive=True)
 
 
 @pytest.mark.parametrize("name", ["detection", "amplitude-difference", "similarity"])

@@ -54,8 +54,8 @@ def generator(seed: int, *place: int | str) -> np.random.Generator:
     return np.random.default_rng([seed, *words])
 
 
-def flipped(seed: int, condition: str, trial: int) -> bool:
-    """Return whether the second order of intervals is used; balanced within 8 trials.
+def flipped(seed: int, condition: str, trial: int, block: int = FLIP_BLOCK) -> bool:
+    """Return whether the second order of intervals is used; balanced within a block.
 
     Parameters
     ----------
@@ -65,9 +65,11 @@ def flipped(seed: int, condition: str, trial: int) -> bool:
         Name of the condition.
     trial : int
         Counts the trials of that condition from 0.
+    block : int
+        Trials within which each order comes equally often, even.
     """
-    block, place = divmod(trial, FLIP_BLOCK)
-    order = generator(seed, "order of intervals", condition, block).permutation(FLIP_BLOCK)
+    number, place = divmod(trial, block)
+    order = generator(seed, "order of intervals", condition, number).permutation(block)
     return bool(order[place] % 2)
 
 

@@ -5,6 +5,7 @@ and the next trial is the one that would have come.
 """
 
 import math
+from collections import Counter
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -87,6 +88,7 @@ class Schedule:
             name: protocol.begin(name, generator(seed, "procedure", name)) for name in names
         }
         self._counted = dict.fromkeys(names, 0)
+        self._repeats: Counter[tuple[str, float]] = Counter()
         self._limits: dict[str, float] = {}
         self._recorded = 0
         self._practised = 0
@@ -136,7 +138,13 @@ class Schedule:
         if isinstance(task, Adjustment):  # starts are not to tell where the answer is
             start = generator(self._seed, "start", phase, name, place).uniform(-1.0, 1.0)
             level = min(max(level * 2.0**start, task.low), task.high, self._renderable(name))
-        order = order_of(task, catch, flipped(self._seed, f"{phase} {name}", place))
+        flip = flipped(self._seed, f"{phase} {name}", place)
+        alike = False
+        if isinstance(stimulus, Pairs):
+            alike = len(set(stimulus.names(level))) == 1
+            repeat = self._repeats[name, level]
+            flip = flipped(self._seed, f"{phase} {name} {level:g}", repeat, block=2)
+        order = order_of(task, catch, flip)
         every = protocol.design.break_every
         counted = sum(self._counted.values())
         return ScheduledTrial(
@@ -146,7 +154,7 @@ class Schedule:
             level=level,
             catch=catch,
             order=order,
-            correct=correct_answer(task, order),
+            correct=correct_answer(task, order, alike),
             feedback=phase == "practice" or getattr(task, "feedback", False),
             pause=every > 0 and counted >= self._rested_at + every,
         )
@@ -179,6 +187,7 @@ class Schedule:
             self._practised += 1
             return
         self._counted[trial.condition] += 1
+        self._repeats[trial.condition, trial.level] += 1
         if not trial.catch:
             level = rendered_level if rendered_level > 0.0 else trial.level
             self.procedures[trial.condition].update(level, bool(positive))
