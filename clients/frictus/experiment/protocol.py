@@ -240,8 +240,8 @@ class Design(_Part):
     """Of several conditions; blocks follow each other by a Latin square over participants."""
     practice: Annotated[int, Field(ge=0, le=1_000)] = 0
     """Trials at the easiest level before the others, with feedback, not counted."""
-    catch_every: Annotated[int, Field(ge=0, le=1_000)] = 0
-    """One catch trial in so many, at a random place; 0 for none."""
+    catch_every: Literal[0] | Annotated[int, Field(ge=2, le=1_000)] = 0
+    """One catch trial in so many, at a random place; 0 for none. Of 1 no other would come."""
     break_every: Annotated[int, Field(ge=0, le=10_000)] = 0
     """Trials between breaks; 0 for none."""
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from frictus import ArgumentError, Component, Spectrum
 from frictus.experiment import (
@@ -264,6 +265,21 @@ def test_of_a_texture_paired_with_itself_the_right_answer_is_same(seed: int) -> 
         first, second = PAIRS.names(trial.level)
         assert trial.correct == ("s" if first == second else "d")
         schedule.record(trial, trial.level, positive=True)
+
+
+@pytest.mark.parametrize("task", [Magnitude(), Adjustment()])
+def test_catch_trials_without_a_right_answer_are_not_counted_as_wrong(
+    task: Magnitude | Adjustment, seed: int
+) -> None:
+    asked = protocol(task=task, procedure=CONSTANT, design=Design(catch_every=3))
+    rows = [row | {"flags": [], "correct": None} for row in run(asked, seed)[1:]]
+    assert any(row["catch"] for row in rows) == isinstance(task, Magnitude)
+    assert all(found.catch_right is None for found in results(asked, rows))
+
+
+def test_catch_trials_alone_are_no_design() -> None:
+    with pytest.raises(ValidationError, match="catch_every"):
+        Design(catch_every=1)
 
 
 @pytest.mark.parametrize("name", ["detection", "amplitude-difference", "similarity"])

@@ -119,7 +119,8 @@ class Schedule:
             done = {name: self._counted[name] for name in left}
             name = next_condition(self._seed, sum(self._counted.values()), done)
         place = self._counted[name]
-        catch = is_catch(self._seed, name, place, design.catch_every)
+        sets = isinstance(self._protocol.task, Adjustment)  # to a level: there is no catch
+        catch = not sets and is_catch(self._seed, name, place, design.catch_every)
         return self._trial("main", name, place, catch)
 
     def _trial(

@@ -87,7 +87,8 @@ def results(protocol: Protocol, rows: list[dict[str, Any]]) -> list[ConditionRes
 
 def _result(protocol: Protocol, name: str, rows: list[dict[str, Any]]) -> ConditionResult:
     answered = [row for row in rows if row["status"] == "answered"]
-    catch = [row for row in answered if row["catch"]]
+    # A number is neither right nor wrong.
+    catch = [row for row in answered if row["catch"] and row["correct"] is not None]
     stimulus, task = protocol.conditions[name], protocol.task
     base = ConditionResult(
         name,
