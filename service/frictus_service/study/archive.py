@@ -250,6 +250,7 @@ def export_archive(
     """
     excluded: list[Exclusion] = []
     sessions: list[_Session] = []
+    people: dict[str, str] = {}
     with new_folder(folder) as unfinished:
         kept = _usable(study, excluded)
         # In order of participant and session, as a study gives its trials.
@@ -257,7 +258,7 @@ def export_archive(
             label = label_of(participant)
             name = f"sub-{label}/sub-{label}_ses-{number:02d}"
             # Windows and macOS take P1 and p1 for one folder.
-            if any(one.name.casefold() == name.casefold() for one in sessions):
+            if people.setdefault(label.casefold(), participant) != participant:
                 raise StudyError(f"two participants would be called {label!r}: rename one")
             trials = list(group)
             (unfinished / f"sub-{label}").mkdir(exist_ok=True)

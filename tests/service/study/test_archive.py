@@ -146,12 +146,14 @@ def test_a_study_without_a_trial_that_can_be_used_is_refused(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("session", [0, 1])
 @pytest.mark.parametrize("other", ["p-1", "P1"])
 def test_two_people_of_one_name_are_refused(
-    make_trial: MakeTrial, write_study: WriteStudy, tmp_path: Path, other: str
+    make_trial: MakeTrial, write_study: WriteStudy, tmp_path: Path, other: str, session: int
 ) -> None:
     study = write_study(
-        make_trial("a", order=0, participant=other), make_trial("b", order=0, participant="p1")
+        make_trial("a", order=0, participant=other),
+        make_trial("b", order=0, participant="p1", session=session),
     )
     with (
         StudyReader(study) as opened,
