@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from frictus.keys import ACCEL, FORCE, VOLTAGE
-from frictus.messages import RigStatus, TouchState
+from frictus.messages import TouchState
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.screen import Screen
 from frictus_service.calibration.trial_capture import Stream, TrialCapture
@@ -104,7 +104,7 @@ def export_study(
 
 def _study_of(reader: RecordingReader, mount: TransferFunction | None) -> StudyInfo:
     info = reader.info
-    status = RigStatus.from_json(reader.attachments["status.json"])
+    status = reader.status
     return StudyInfo(
         rig=info.rig,
         carrier_hz=Screen().carrier_hz,

@@ -18,7 +18,7 @@ from pydantic import ValidationError
 
 from frictus.errors import FrameError
 from frictus.keys import STREAMS
-from frictus.messages import MESSAGES, Message
+from frictus.messages import MESSAGES, Message, RigStatus
 from frictus_service.errors import RecordingError, TornError
 from frictus_service.recording.records import (
     NOTES,
@@ -131,6 +131,20 @@ class RecordingReader:
         except BaseException:
             self._file.close()
             raise
+
+    @property
+    def status(self) -> RigStatus:
+        """Of the rig when the recording began.
+
+        Raises
+        ------
+        RecordingError
+            If the file lacks it.
+        """
+        content = self.attachments.get("status.json")
+        if content is None:
+            raise RecordingError(f"{self.path} does not say what its rig is: no status.json")
+        return RigStatus.from_json(content)
 
     @property
     def ending(self) -> Ending:

@@ -107,6 +107,8 @@ NOTES: Final[dict[str, type[Note]]] = {
 HEAD: Final = struct.Struct("<BQ")
 Inner = Schema | Channel | Message
 T = TypeVar("T", DataEnd, Footer)
+_RAISED: Final = (McapError, struct.error, ValueError, OverflowError)
+"""What the `mcap` package raises on a record that is none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,7 +224,7 @@ class RecordScanner:
 def _parsed(start: int, kind: type[T], body: bytes) -> T:
     try:
         record: T = kind.read(ReadDataStream(BytesIO(body)))
-    except (McapError, struct.error, ValueError) as error:
+    except _RAISED as error:
         raise TornError(start, f"{kind.__name__} cannot be read") from error
     return record
 
@@ -230,7 +232,10 @@ def _parsed(start: int, kind: type[T], body: bytes) -> T:
 def _attachment(start: int, body: bytes) -> Attachment:
     if len(body) < 4 or zlib.crc32(body[:-4]) != struct.unpack("<I", body[-4:])[0]:
         raise TornError(start, "an attachment's checksum does not agree")
-    attachment: Attachment = Attachment.read(ReadDataStream(BytesIO(body)))
+    try:
+        attachment: Attachment = Attachment.read(ReadDataStream(BytesIO(body)))
+    except _RAISED as error:
+        raise TornError(start, "an attachment cannot be read") from error
     return attachment
 
 
@@ -238,7 +243,7 @@ def _records_of(start: int, body: bytes) -> tuple[Inner, ...]:
     """Return the records of a chunk whose checksum agrees."""
     try:
         chunk = Chunk.read(ReadDataStream(BytesIO(body)))
-    except (McapError, struct.error, ValueError) as error:
+    except _RAISED as error:
         raise TornError(start, "a chunk's head cannot be read") from error
     if chunk.compression:
         raise TornError(start, f"chunks compressed by {chunk.compression!r} are not written")
@@ -248,8 +253,13 @@ def _records_of(start: int, body: bytes) -> tuple[Inner, ...]:
     )
     if not sound:
         raise TornError(start, "a chunk's checksum does not agree")
-    # From here on the content is what was written.
-    return tuple(_inner(start, chunk.data))
+    # From here on the content is what was written, though maybe not by a recorder.
+    try:
+        return tuple(_inner(start, chunk.data))
+    except TornError:
+        raise
+    except _RAISED as error:
+        raise TornError(start, "a record of a chunk cannot be read") from error
 
 
 def _inner(start: int, content: bytes) -> Iterator[Inner]:

@@ -106,7 +106,7 @@ def export_tape(
         If `out` exists or cannot be made.
     """
     with RecordingReader(path) as reader:
-        status = RigStatus.from_json(reader.attachments["status.json"])
+        status = reader.status
         if touch_latency_s is not None:
             status = status.model_copy(update={"touch_latency_s": touch_latency_s})
         found = _Found(_place(reader.items(), from_s, to_s))
