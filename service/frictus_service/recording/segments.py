@@ -4,12 +4,15 @@ from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Final
 
-from frictus.keys import FORCE
+from frictus.keys import FORCE, Topics
 from frictus.messages import GuidanceState, SceneState
 from frictus_service.errors import Exclusion, ExportError
 from frictus_service.recording.reader import Item, State
 from frictus_service.recording.samples import Samples
+
+_TOLD: Final = (Topics.GUIDANCE.suffix, Topics.SCENE.suffix)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,21 +87,43 @@ class TrialSegment:
 
 @dataclass(frozen=True, slots=True)
 class _Stretch:
-    """Where a message of samples stands in time."""
+    """Where a message of samples stands in time: `at_ns` counts from the first sample."""
 
+    at_ns: int
     utc_ns: int
     run: int
     first_sample: int
     end_sample: int
     sample_rate_hz: float
 
+    @property
+    def end_ns(self) -> int:
+        """When its last sample ends."""
+        return self.at_ns + self._lasting_ns(self.end_sample)
+
+    def after(self, item: Samples) -> int:
+        """Return when samples begin that follow these.
+
+        Within a run by their count: somebody may have set the clock of the machine.
+        """
+        if item.run == self.run:
+            return self.at_ns + self._lasting_ns(item.first_sample)
+        return max(self.end_ns, self.at_ns + item.utc_ns - self.utc_ns)
+
+    def _lasting_ns(self, until_sample: int) -> int:
+        return round(1e9 * (until_sample - self.first_sample) / self.sample_rate_hz)
+
 
 @dataclass(slots=True)
 class Outline:
-    """What a first reading finds: when samples were taken, what was asked, what was played."""
+    """What a first reading finds: when samples were taken, what was asked, what was played.
+
+    Times are in ns from the first sample; a message has that of the samples beside it, and how
+    much later it is by the clock.
+    """
 
     stretches: list[_Stretch] = field(default_factory=list)
-    guidance: list[GuidanceState] = field(default_factory=list)
+    guidance: list[tuple[int, GuidanceState]] = field(default_factory=list)
     scenes: list[tuple[int, SceneState]] = field(default_factory=list)
 
     @classmethod
@@ -111,10 +136,12 @@ class Outline:
             If there are no samples of force.
         """
         outline = cls()
+        told: list[tuple[int, State]] = []
         for item in items:
             if isinstance(item, Samples) and item.stream == FORCE:
                 outline.stretches.append(
                     _Stretch(
+                        outline.stretches[-1].after(item) if outline.stretches else 0,
                         item.utc_ns,
                         item.run,
                         item.first_sample,
@@ -122,26 +149,24 @@ class Outline:
                         item.sample_rate_hz,
                     )
                 )
-            elif isinstance(item, State) and isinstance(item.message, GuidanceState):
-                outline.guidance.append(item.message)
-            elif isinstance(item, State) and isinstance(item.message, SceneState):
-                outline.scenes.append((item.utc_ns, item.message))
+            elif isinstance(item, State) and item.topic in _TOLD:
+                told.append((len(outline.stretches), item))
         if not outline.stretches:
             raise ExportError("it holds no samples of force: there is nothing to export")
-        outline.stretches.sort(key=lambda stretch: stretch.utc_ns)
+        for place, state in told:
+            at_ns = outline._time_of(state.utc_ns, place)
+            if isinstance(state.message, GuidanceState):
+                outline.guidance.append((at_ns, state.message))
+            elif isinstance(state.message, SceneState):
+                outline.scenes.append((at_ns, state.message))
         return outline
 
-    @property
-    def begin_ns(self) -> int:
-        """UTC of the first sample."""
-        return self.stretches[0].utc_ns
-
-    @property
-    def end_ns(self) -> int:
-        """UTC at which the last sample ends."""
-        last = self.stretches[-1]
-        return last.utc_ns + round(
-            1e9 * (last.end_sample - last.first_sample) / last.sample_rate_hz
+    def span(self, from_s: float | None, to_s: float | None) -> tuple[int, int]:
+        """Return when a part of the recording begins and ends; None: where it does itself."""
+        end_ns = self.stretches[-1].end_ns
+        return (
+            0 if from_s is None else round(1e9 * from_s),
+            end_ns if to_s is None else min(end_ns, round(1e9 * to_s)),
         )
 
     def place(self, begin_ns: int, end_ns: int) -> SampleRange:
@@ -152,31 +177,36 @@ class Outline:
         ExportError
             If the rig started anew within it, or it holds no sample.
         """
-        first, last = self._at(begin_ns), self._at(end_ns)
-        if first[0] != last[0]:
+        (first, begin), (last, end) = self._at(begin_ns), self._at(end_ns)
+        if first.run != last.run:
             raise ExportError(
                 "the rig started anew within it, and counts samples from 0 again: a trial is "
                 "of one run"
             )
-        if last[1] <= first[1]:
+        if end <= begin:
             raise ExportError("there are no samples in it")
-        return SampleRange(
-            first[0], first[1], last[1] - first[1], self.stretches[0].sample_rate_hz
-        )
+        return SampleRange(first.run, begin, end - begin, first.sample_rate_hz)
 
-    def _at(self, utc_ns: int) -> tuple[int, int]:
-        """Return run and device sample at a time within the recording, or nearest to it."""
-        place = bisect_right(self.stretches, utc_ns, key=lambda stretch: stretch.utc_ns) - 1
+    def _time_of(self, utc_ns: int, place: int) -> int:
+        """Return the time of a message that stands before the samples of a place."""
+        beside = self.stretches[max(place - 1, 0) : place + 1]
+        # Between the two somebody may have set the clock.
+        nearest = min(beside, key=lambda stretch: abs(utc_ns - stretch.utc_ns))
+        return nearest.at_ns + utc_ns - nearest.utc_ns
+
+    def _at(self, at_ns: int) -> tuple[_Stretch, int]:
+        """Return the samples around a time, or nearest to it, and which of them it is."""
+        place = bisect_right(self.stretches, at_ns, key=lambda stretch: stretch.at_ns) - 1
         stretch = self.stretches[max(place, 0)]
-        since = round(1e-9 * (utc_ns - stretch.utc_ns) * stretch.sample_rate_hz)
+        since = round(1e-9 * (at_ns - stretch.at_ns) * stretch.sample_rate_hz)
         length = stretch.end_sample - stretch.first_sample
-        return stretch.run, stretch.first_sample + min(max(since, 0), length)
+        return stretch, stretch.first_sample + min(max(since, 0), length)
 
-    def tones_at(self, utc_ns: int) -> tuple[float, ...] | None:
+    def tones_at(self, at_ns: int) -> tuple[float, ...] | None:
         """Return the tones of the excitation that was played, None where none was."""
         if not self.scenes:
             return None
-        before = [state for at_ns, state in self.scenes if at_ns <= utc_ns]
+        before = [state for since_ns, state in self.scenes if since_ns <= at_ns]
         scene = before[-1] if before else self.scenes[0][1]
         if scene.excitation is None:
             return None
@@ -202,11 +232,7 @@ def declared_segment(
     ExportError
         If something is not said, or the part is not within one run of the rig.
     """
-    begin_ns, end_ns = outline.begin_ns, outline.end_ns
-    if declared.to_s is not None:
-        end_ns = min(end_ns, begin_ns + round(1e9 * declared.to_s))
-    if declared.from_s is not None:
-        begin_ns += round(1e9 * declared.from_s)
+    begin_ns, end_ns = outline.span(declared.from_s, declared.to_s)
     tones = declared.tones_hz
     if tones is None:
         tones = outline.tones_at((begin_ns + end_ns) // 2)
@@ -242,11 +268,11 @@ def guided_segments(
     segments: list[TrialSegment] = []
     excluded: list[Exclusion] = []
     orders: Counter[str] = Counter()
-    for number, (begin, end_ns) in enumerate(_recorded(outline)):
+    for number, (begin_ns, begin, end_ns) in enumerate(_recorded(outline)):
         name, who = f"t{number:04d}", begin.participant
         tones = declared.tones_hz
         if tones is None:
-            tones = outline.tones_at((begin.utc_ns + end_ns) // 2)
+            tones = outline.tones_at((begin_ns + end_ns) // 2)
         try:
             if tones is None:
                 raise ExportError("no excitation was played: give its tones with --tone")
@@ -259,7 +285,7 @@ def guided_segments(
                     begin.target_speed_mm_s,
                     begin.target_force_n,
                     tones,
-                    outline.place(begin.utc_ns, end_ns),
+                    outline.place(begin_ns, end_ns),
                 )
             )
         except ExportError as error:
@@ -268,21 +294,19 @@ def guided_segments(
     return segments, excluded
 
 
-def _recorded(outline: Outline) -> list[tuple[GuidanceState, int]]:
-    """Return the first message of each recorded phase, and when the phase was over."""
-    found: list[tuple[GuidanceState, int]] = []
+def _recorded(outline: Outline) -> list[tuple[int, GuidanceState, int]]:
+    """Return begin and first message of each recorded phase, and when the phase was over."""
+    found: list[tuple[int, GuidanceState, int]] = []
     last: GuidanceState | None = None
-    for state in sorted(outline.guidance, key=lambda state: state.utc_ns):
+    for at_ns, state in sorted(outline.guidance, key=lambda told: told[0]):
         same = last is not None and (state.phase, state.trial, state.participant) == (
             last.phase,
             last.trial,
             last.participant,
         )
-        if last is not None and last.phase == "record" and not same:
-            found[-1] = (found[-1][0], state.utc_ns)
+        if last is not None and last.phase == "record":
+            found[-1] = (*found[-1][:2], at_ns)
         if state.phase == "record" and not same:
-            found.append((state, state.utc_ns))
+            found.append((at_ns, state, at_ns))
         last = state
-    if last is not None and last.phase == "record":
-        found[-1] = (found[-1][0], last.utc_ns)
     return found

@@ -121,12 +121,7 @@ def export_tape(
 
 def _place(items: Iterable[Item], from_s: float | None, to_s: float | None) -> SampleRange:
     outline = Outline.of(items)
-    begin_ns, end_ns = outline.begin_ns, outline.end_ns
-    if to_s is not None:
-        end_ns = min(end_ns, begin_ns + round(1e9 * to_s))
-    if from_s is not None:
-        begin_ns += round(1e9 * from_s)
-    place = outline.place(begin_ns, end_ns)
+    place = outline.place(*outline.span(from_s, to_s))
     if place.n_samples > MAX_SAMPLES:
         raise ExportError(
             f"{place.n_samples / place.sample_rate_hz:.0f} s; at most "

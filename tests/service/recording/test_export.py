@@ -70,10 +70,11 @@ class Tape:
         self.sample = 0
         self.sequence = 0
         self.utc_ns = UTC_NS
+        self.rate_hz = RATE_HZ
 
     def play(self, seconds: float) -> None:
         """Publish all streams and 100 touch reports a second."""
-        for _ in range(round(seconds * RATE_HZ / BLOCK)):
+        for _ in range(round(seconds * self.rate_hz / BLOCK)):
             for stream in CHANNELS:
                 self._writer.block(
                     Block(
@@ -83,7 +84,7 @@ class Tape:
                         self.sample,
                         self.utc_ns,
                         100,
-                        RATE_HZ,
+                        self.rate_hz,
                         Flag.SIMULATED,
                         value(stream, self.sample, BLOCK),
                     )
@@ -105,7 +106,7 @@ class Tape:
     def _advance(self, blocks: int = 1) -> None:
         self.sample += blocks * BLOCK
         self.sequence += blocks
-        self.utc_ns += round(1e9 * blocks * BLOCK / RATE_HZ)
+        self.utc_ns += round(1e9 * blocks * BLOCK / self.rate_hz)
 
     def lose(self, blocks: int) -> None:
         """Lose blocks of every stream."""
@@ -255,6 +256,44 @@ def test_a_trial_is_of_one_run(export: Export, tmp_path: Path) -> None:
     export(play, TrialDeclaration("p", 1, 60.0, 0.4, (), 1.5))
     (trial,) = trials_of(tmp_path)
     assert trial.force_n == pytest.approx(value(1, 1_000, 3_000).T)
+
+
+def test_a_trial_has_the_rate_of_its_own_run(export: Export, tmp_path: Path) -> None:
+    def play(tape: Tape) -> None:
+        tape.play(1.0)
+        tape.restart()
+        tape.rate_hz = 2.0 * RATE_HZ
+        tape.play(2.0)
+
+    export(play, TrialDeclaration("p", 1, 60.0, 0.4, (), 1.5))
+    (trial,) = trials_of(tmp_path)
+    assert trial.info.sample_rate_hz == 2.0 * RATE_HZ
+    assert trial.force_n == pytest.approx(value(1, 2_000, 6_000).T)
+
+
+@pytest.mark.parametrize("step_s", [-3_600, -1, 3_600])
+def test_a_clock_that_is_set_cuts_nothing_elsewhere(
+    export: Export, tmp_path: Path, step_s: int
+) -> None:
+    def play(tape: Tape) -> None:
+        guided(tape, 1, (100.0,), 40.0)
+        tape.utc_ns += step_s * 1_000_000_000
+        guided(tape, 2, (100.0,), 60.0)
+
+    assert export(play).excluded == ()
+    for number, trial in enumerate(trials_of(tmp_path)):
+        first = round((0.3 + 1.4 * number) * RATE_HZ)
+        assert trial.force_n == pytest.approx(value(1, first, 2_000).T)
+
+    def unguided(tape: Tape) -> None:
+        tape.play(1.0)
+        tape.utc_ns += step_s * 1_000_000_000
+        tape.play(2.0)
+
+    (tmp_path / "study.h5").unlink()
+    export(unguided, TrialDeclaration("p", 1, 60.0, 0.4, (), 0.5, 2.5))
+    (trial,) = trials_of(tmp_path)
+    assert trial.force_n == pytest.approx(value(1, 1_000, 4_000).T)
 
 
 def guided(tape: Tape, trial: int, tones_hz: tuple[float, ...], speed_mm_s: float) -> None:
