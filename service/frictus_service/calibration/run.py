@@ -1,6 +1,7 @@
 """A whole calibration, from the first trial to the model; called again, it goes on."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
@@ -216,11 +217,11 @@ class CalibrationRun:
     def _keep(self, trial: Trial) -> None:
         """Judge a trial and put it on the disk."""
         observed = observe(trial, self._study)
-        rejected = "; ".join(observed.reasons) if not observed.valid else ""
         try:
             check_measured(trial, self._study)
-        except FieldError as error:
-            rejected = str(error)
+        except FieldError as error:  # no reader gives it back either
+            observed = replace(observed, valid=False, reasons=(str(error),))
+        rejected = "; ".join(observed.reasons) if not observed.valid else ""
         done = self._kept.add(trial, self._study, rejected)
         self._observed[done.id] = observed
         verdict = f"rejected: {rejected}" if rejected else "accepted"

@@ -5,11 +5,14 @@ import re
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from tests.rig_status import rig_status
 from typer.testing import CliRunner, Result
 
 import frictus
@@ -25,6 +28,8 @@ from frictus_hardware.simulated.config import SimulatedParticipant
 from frictus_hardware.simulated.guided import GuidedStrokes
 from frictus_hardware.simulated.motion import Press
 from frictus_hardware.simulated.strokes import SteadyStrokes
+from frictus_service.calibration import rehearsal
+from frictus_service.calibration.folder import CalibrationFolder
 from frictus_service.calibration.job import (
     CalibrationResult,
     CalibrationSpec,
@@ -33,7 +38,8 @@ from frictus_service.calibration.job import (
     QuickProtocol,
 )
 from frictus_service.calibration.plan import HOPELESS
-from frictus_service.calibration.run import run_calibration
+from frictus_service.calibration.rehearsal import rehearse
+from frictus_service.calibration.run import CalibrationRun, run_calibration
 from frictus_service.cli.app import app
 from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
 from frictus_service.daemon.processes.supervisor import Supervisor
@@ -374,6 +380,28 @@ def test_the_papers_protocol_rests_with_the_drive_off(
     assert law.gain_n == pytest.approx(STRANGER.gain_n, rel=0.02)
     with StudyReader(result.study) as study:
         assert {len(info.tones_hz) for info in study.trials} == {1}
+
+
+def test_a_trial_that_no_reader_accepts_is_not_estimated_from(
+    tmp_path: Path, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec = spec_of(rng)
+    kept = CalibrationFolder.open(tmp_path, spec)
+    calibration = CalibrationRun(spec, kept, rig_status(), Mount().lateral, lambda _told: None)
+    monkeypatch.setattr(rehearsal, "observe", lambda trial, _study: trial)
+    ask = calibration._next()
+    assert ask is not None
+    asked = calibration._asked(ask)
+    ideal: Any = rehearse(
+        replace(asked, started_utc="2026-01-31T12:00:00Z"), calibration._study
+    )
+    noisy = ideal.force_n + rng.normal(0.0, 2e-3, ideal.force_n.shape)
+    for scale, accepted in ((1.0, True), (1.3, False)):  # of a monitor that is not calibrated
+        info = replace(ideal.info, id=kept.next_id, order=len(kept.done))
+        trial = replace(ideal, info=info, voltage_v=scale * ideal.voltage_v, force_n=noisy)
+        calibration._keep(trial)
+        assert calibration._observations()[-1].valid == accepted
+        assert ("voltage_v: peaks at 97" in kept.done[-1].rejected) != accepted
 
 
 def test_a_trial_that_cannot_be_followed_is_rejected_and_left_out(
