@@ -67,8 +67,13 @@ def population_model(identification: Identification) -> Model:
     assert population is not None
     assert population.covariance is not None
     means = {value.name: value.mean.value for value in population.values}
+    averaged = [
+        person
+        for person in identification.participants
+        if person.friction is not None and person.friction.law is not None
+    ]
     told = _provenance(identification) | {
-        "participants": population.n,
+        "participants": len(averaged),
         "between_participants_sd": _spread(population),
     }
     return Model(
@@ -78,7 +83,7 @@ def population_model(identification: Identification) -> Model:
             slope_hz_per_mm_s=means["slope_hz_per_mm_s"],
         ),
         skew_s=means["skew_s"],
-        validity=_validity(identification.participants),
+        validity=_validity(averaged),
         covariance=_covariance(population.covariance),
         provenance=told,
     )

@@ -1,5 +1,7 @@
 """Models from an identification."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.service.identification.observed import Bench, Finger, observations
@@ -61,6 +63,18 @@ def test_models_carry_law_covariance_delay_and_origin(rng: np.random.Generator) 
 def test_one_person_is_no_population(rng: np.random.Generator) -> None:
     with pytest.raises(NoModelError, match="two participants"):
         population_model(identified([Finger()], SMALL, rng))
+
+
+def test_a_population_is_of_those_who_have_a_law(rng: np.random.Generator) -> None:
+    seen = observations([Finger(), Finger(gain_n=0.2)], SMALL, rng)
+    for one in observations([Finger()], replace(SMALL, speeds=(180.0,)), rng):
+        info = replace(one.info, participant="P03")
+        seen.append(replace(one, info=info))
+    found = identify(seen, settings=Settings(mixed_models=False, sweeps=False))
+    assert [person.friction is not None for person in found.participants] == [True] * 3
+    model = population_model(found)
+    assert model.provenance["participants"] == 2
+    assert model.validity.speed_mm_s[1] == pytest.approx(100.0, rel=0.1)
 
 
 def test_a_cutoff_below_zero_at_rest_is_said_not_stored(rng: np.random.Generator) -> None:
