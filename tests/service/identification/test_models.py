@@ -77,6 +77,18 @@ def test_a_population_is_of_those_who_have_a_law(rng: np.random.Generator) -> No
     assert model.validity.speed_mm_s[1] == pytest.approx(100.0, rel=0.1)
 
 
+def test_a_law_holds_where_it_was_measured(rng: np.random.Generator) -> None:
+    """One tone at another speed tells no cutoff there, and is not part of the law."""
+    seen = observations([Finger()], SMALL, rng)
+    beyond = replace(SMALL, speeds=(180.0,), tones_hz=(120.0,), seconds=30.0)
+    for one in observations([Finger()], replace(beyond, info={"drive_vpp": 100.0}), rng):
+        seen.append(replace(one, info=replace(one.info, id="beyond", order=100)))
+    found = identify(seen, settings=Settings(mixed_models=False, sweeps=False))
+    (model, _) = participant_models(found)
+    assert model.validity.speed_mm_s[1] == pytest.approx(100.0, rel=0.1)
+    assert model.validity.drive_vpp == (150.0, 150.0)
+
+
 def test_a_cutoff_below_zero_at_rest_is_said_not_stored(rng: np.random.Generator) -> None:
     found = identified([Finger(cutoff_0_hz=-150.0, slope=20.0)], SMALL, rng)
     assert [model.response for model in participant_models(found)] == ["mobility"]

@@ -204,8 +204,9 @@ def participants_of(
     out = []
     for person, name in enumerate(table.participants):
         own = measured.person == person
-        rows = own[table.condition]
-        drives = [t.info.drive_vpp for t in table.trials if t.info.participant == name]
+        used = own & _is_fitted(friction or mobility, own.size)
+        rows = (used if used.any() else own)[table.condition]
+        drives = [table.trials[trial].info.drive_vpp for trial in np.unique(table.trial[rows])]
         out.append(
             ParticipantResult(
                 participant=name,
@@ -218,6 +219,14 @@ def participants_of(
             )
         )
     return tuple(out)
+
+
+def _is_fitted(fitted: Fitted | None, n_conditions: int) -> BoolArray:
+    """Return which conditions a fit speaks of: ranges of others are none of its model."""
+    found = np.zeros(n_conditions, dtype=np.bool_)
+    if fitted is not None:
+        found[fitted.selection.groups[fitted.fit.settled]] = True
+    return found
 
 
 def _range(values: FloatArray) -> tuple[float, float]:
