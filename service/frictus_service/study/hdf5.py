@@ -18,20 +18,31 @@ from numpy.typing import NDArray
 
 from frictus_service.errors import FieldError, StudyError
 
+MAX_WHOLE: Final = 2.0**53
+"""A float, as MATLAB writes it, tells greater whole numbers from one another no more."""
 Plain = str | float | int | tuple[float, ...]
 
 
 def plain(value: Any) -> Plain | None:
-    """Return the value of an attribute; None if it is neither text nor numbers."""
-    if value is None or isinstance(value, str):
+    """Return the value of an attribute; None if it is neither text in UTF-8 nor numbers."""
+    try:
+        return _plain(value)
+    except UnicodeDecodeError:
+        return None
+
+
+def _plain(value: Any) -> Plain | None:
+    if value is None:
         return value
+    if isinstance(value, str):  # h5py escapes what is not UTF-8
+        value = value.encode(errors="surrogateescape")
     if isinstance(value, bytes):
         return value.decode()
     if type(value).__name__ == "Empty":  # h5py's, for a null dataspace: MATLAB's []
         return ()
     array = np.asarray(value)
     if array.dtype.kind in "SUO":
-        return plain(array.reshape(-1)[0]) if array.size == 1 else None
+        return _plain(array.reshape(-1)[0]) if array.size == 1 else None
     if array.dtype.kind not in "biuf":
         return None
     numbers = array.reshape(-1).tolist()
@@ -74,8 +85,8 @@ def whole(attributes: Mapping[str, Any], name: str) -> int:
     FieldError
     """
     value = number(attributes, name)
-    if not (value >= 0.0 and value.is_integer()):
-        raise FieldError(name, f"is {value:g}; accepted: a whole number from 0")
+    if not (0.0 <= value < MAX_WHOLE and value.is_integer()):
+        raise FieldError(name, f"is {value:g}; accepted: a whole number from 0 to 2^53")
     return int(value)
 
 
@@ -96,7 +107,7 @@ def _present(attributes: Mapping[str, Any], name: str) -> Plain | None:
     if name not in attributes:
         raise FieldError(name, "is missing; every trial and the root carry their attributes")
     try:
-        return plain(attributes[name])
+        return _plain(attributes[name])
     except UnicodeDecodeError as error:
         raise FieldError(name, f"is not UTF-8 ({error.reason}); accepted: text") from error
 
@@ -211,7 +222,7 @@ def open_file(path: Path) -> h5py.File:
 def attributes_of(
     holder: h5py.Group | h5py.Dataset, field: str = "attributes"
 ) -> dict[str, Any]:
-    """Return all attributes of an object.
+    """Return the attributes of an object whose names are UTF-8.
 
     Raises
     ------
@@ -219,7 +230,8 @@ def attributes_of(
     """
     with naming_damage(field):
         held = holder.attrs
-        return {name: held[name] for name in held}  # items() would look each up twice
+        # items() would look each up twice.
+        return {name: held[name] for name in held if isinstance(name, str)}
 
 
 def group_in(holder: h5py.Group, name: str) -> h5py.Group | None:

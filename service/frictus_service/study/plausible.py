@@ -66,6 +66,7 @@ SKIN_VELOCITY: Final = Range(0.0, 10.0, "m/s", "", "it looks like mm/s")
 POSITION: Final = Range(
     0.0, 2000.0, "mm", "", "it looks like um or pixels; the origin lies on the screen"
 )
+MOST_LETTERS: Final = 100
 OVER_PEAK: Final = 1.2
 """So far over the peak of the screen a voltage may be."""
 LEAST_OF_DRIVE: Final = 0.1
@@ -94,6 +95,11 @@ def check_asked(asked: TrialInfo, info: StudyInfo) -> None:
     ------
     FieldError
     """
+    if len(asked.participant) > MOST_LETTERS:  # names of files hold it
+        raise FieldError(
+            "participant",
+            f"has {len(asked.participant)} letters; accepted: {MOST_LETTERS}, of a pseudonym",
+        )
     SAMPLE_RATE.check("sample_rate_hz", asked.sample_rate_hz)
     if asked.speed_mm_s != 0.0:
         SPEED.check("speed_mm_s", asked.speed_mm_s)

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
@@ -349,6 +350,8 @@ def _extras(held: Mapping[str, Any]) -> dict[str, str | int | float]:
         value = hdf5.plain(held[name])
         if isinstance(value, tuple):
             extras[name] = json.dumps(value)
+        elif isinstance(value, float) and not math.isfinite(value):  # JSON has no such numbers
+            extras[name] = str(value)
         elif value is not None:
             extras[name] = value
     return extras

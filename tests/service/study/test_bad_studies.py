@@ -13,7 +13,7 @@ import pytest
 from frictus_service.errors import Exclusion, StudyError, TrialError
 from frictus_service.study.importers import open_study, read_all
 from frictus_service.study.reader import StudyReader
-from frictus_service.study.summary import missing_samples
+from frictus_service.study.summary import missing_samples, summarise
 from frictus_service.study.trial import Trial
 
 MakeTrial = Callable[..., Trial]
@@ -24,6 +24,11 @@ N = 400
 
 def _set(name: str, value: Any) -> Edit:
     return lambda group: group.attrs.__setitem__(name, value)
+
+
+def _set_latin(name: str) -> Edit:
+    """Set text of variable length in Latin-1, as LabVIEW writes it."""
+    return lambda group: group.attrs.create(name, b"M\xfcller", dtype=h5py.string_dtype())
 
 
 def _drop_attribute(name: str) -> Edit:
@@ -96,8 +101,11 @@ SEEN_AT_ONCE: dict[str, tuple[Edit, str, str]] = {
     "tone undriven": (_set("drive_vpp", 0.0), "drive_vpp", "trial with tones"),
     "session of 1.5": (_set("session", 1.5), "session", "whole number"),
     "negative order": (_set("order", -1), "order", "whole number"),
+    "huge order": (_set("order", 1e300), "order", "whole number"),
+    "long pseudonym": (_set("participant", "p" * 300), "participant", "300 letters"),
     "blank pseudonym": (_set("participant", " "), "participant", "accepted: text"),
     "participant of 3": (_set("participant", 3), "participant", "accepted: text"),
+    "not UTF-8 in a heap": (_set_latin("participant"), "participant", "UTF-8"),
     "not UTF-8": (_set("participant", np.bytes_(b"p\xff")), "participant", "UTF-8"),
     "no date": (_set("started_utc", "yesterday"), "started_utc", "ISO 8601"),
     "no forces": (_drop("force_n"), "force_n", "is missing"),
@@ -265,8 +273,15 @@ def test_unknown_names_are_ignored_and_extras_of_the_root_kept(
         file["trials/a/force_n"].attrs["sensor"] = "left"
         file["notes"] = "free text"
         file.attrs["grid"] = [1.0, 2.0]
+        _set_latin("place")(file)
+        file.attrs["unit"] = np.bytes_(b"\xb5m")
+        file.attrs["lux"] = np.nan
+        file.attrs[b"gr\xfc\xdfe"] = 1
     with StudyReader(path) as study:
         assert study.read("a").info.id == "a"
+        assert set(study.info.extras) == {"lab", "humidity", "n_people", "grid", "lux"}
+        assert study.info.extras["lux"] == "nan"
+        json.dumps(summarise(study, 1).fields(), allow_nan=False)
         assert study.info.extras["lab"] == "nord"
         assert json.loads(str(study.info.extras["grid"])) == [1.0, 2.0]
 
