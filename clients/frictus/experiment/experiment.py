@@ -169,7 +169,11 @@ class Experiment:
 
     def _begin_recording(self, undo: contextlib.ExitStack) -> str:
         stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
-        name = f"{self.protocol.name}-{self._participant}-{stamp}"
+        begin = f"{self.protocol.name}-{self._participant}-"
+        left = self._rig.recording()
+        if left.recording and (left.name or "").startswith(begin):  # of a start that was killed
+            self._rig.end_recording()
+        name = begin + stamp
         self._rig.record(name, self._participant, f"log {self._path.name}")
         undo.callback(self._rig.end_recording)
         return name

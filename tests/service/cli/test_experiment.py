@@ -167,6 +167,8 @@ def test_the_rendered_interval_is_where_the_samples_say(router: str, tmp_path: P
 
 def test_a_recording_holds_the_samples_of_its_trials(router: str, tmp_path: Path) -> None:
     short = "record = true\n" + DIFFERENCE.replace("trials = 30", "trials = 2")
+    with frictus.connect(router) as client:  # as a start leaves it that was killed
+        client.rig("rig1").record("difference-observer-20260101T000000Z")
     done = run(short, tmp_path, router, "--observer")
     assert done.exit_code == 0, done.output
     with frictus.connect(router) as client:
