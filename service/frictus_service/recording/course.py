@@ -106,7 +106,7 @@ def course_of(path: Path, length_s: float) -> Course:
         {name: _finite(high) for name, high in drawn.high.items()},
         tuple(drawn.events),
         drawn.left_out,
-        len(drawn.guided),
+        drawn.guided,
         ending,
     )
 
@@ -118,7 +118,8 @@ class _Drawing:
         self.high = {name: np.full(COLUMNS, -np.inf) for name in SIGNALS}
         self.events: list[RecordedEvent] = []
         self.left_out = 0
-        self.guided: set[int] = set()
+        self.guided = 0
+        self._asked: tuple[str, int, str] | None = None
         self._began: tuple[Samples, float] | None = None
         self._latest: Samples | None = None
         self._latest_s = 0.0
@@ -150,8 +151,9 @@ class _Drawing:
                 speed_mm_s = float(np.hypot(finger.vx_mm_s, finger.vy_mm_s))
                 self._draw("speed", np.array([self._at_s(item.utc_ns)]), np.array([speed_mm_s]))
         elif isinstance(item, State) and isinstance(item.message, GuidanceState):
-            if item.message.phase == "record":
-                self.guided.add(item.message.trial)
+            asked = (item.message.phase, item.message.trial, item.message.participant)
+            self.guided += asked[0] == "record" and asked != self._asked
+            self._asked = asked
         elif (event := self._event_of(item)) is not None:
             if len(self.events) < MOST_EVENTS:
                 self.events.append(event)
