@@ -35,9 +35,9 @@ from frictus_service.recording.records import (
     PresenceNote,
 )
 from frictus_service.recording.samples import Samples
+from frictus_service.recording.segments import check_part
 from frictus_service.recording.writer import create
 
-MAX_PART_S: Final = 1e9
 MAX_MESSAGES: Final = 20_000_000
 """Of one file, which a viewer takes into memory."""
 CHUNK_BYTES: Final = 4_000_000
@@ -104,9 +104,7 @@ def export_foxglove(
 
 def _part(items: Iterator[Item], from_s: float | None, to_s: float | None) -> tuple[int, int]:
     """Return when the part begins and ends, ns UTC."""
-    for at_s in (from_s, to_s):
-        if at_s is not None and not 0.0 <= at_s <= MAX_PART_S:  # refuses NaN too
-            raise ExportError(f"{at_s} s: a part begins and ends at 0 to {MAX_PART_S:g} s")
+    check_part(from_s, to_s)
     spans = [
         (item.utc_ns, item.utc_ns + round(1e9 * item.duration_s), item.data.shape[1])
         for item in items

@@ -12,7 +12,20 @@ from frictus_service.errors import Exclusion, ExportError
 from frictus_service.recording.reader import Item, State
 from frictus_service.recording.samples import Samples
 
+MAX_PART_S: Final = 1e9
 _TOLD: Final = (Topics.GUIDANCE.suffix, Topics.SCENE.suffix)
+
+
+def check_part(from_s: float | None, to_s: float | None) -> None:
+    """Refuse a part that begins or ends at no time.
+
+    Raises
+    ------
+    ExportError
+    """
+    for at_s in (from_s, to_s):
+        if at_s is not None and not 0.0 <= at_s <= MAX_PART_S:  # refuses NaN too
+            raise ExportError(f"{at_s} s: a part begins and ends at 0 to {MAX_PART_S:g} s")
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +175,14 @@ class Outline:
         return outline
 
     def span(self, from_s: float | None, to_s: float | None) -> tuple[int, int]:
-        """Return when a part of the recording begins and ends; None: where it does itself."""
+        """Return when a part of the recording begins and ends; None: where it does itself.
+
+        Raises
+        ------
+        ExportError
+            As `check_part`.
+        """
+        check_part(from_s, to_s)
         end_ns = self.stretches[-1].end_ns
         return (
             0 if from_s is None else round(1e9 * from_s),

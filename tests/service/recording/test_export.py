@@ -258,6 +258,14 @@ def test_a_trial_is_of_one_run(export: Export, tmp_path: Path) -> None:
     assert trial.force_n == pytest.approx(value(1, 1_000, 3_000).T)
 
 
+@pytest.mark.parametrize("part", [(float("inf"), None), (0.0, float("nan")), (-1.0, 1.0)])
+def test_a_part_of_no_time_is_refused(
+    export: Export, part: tuple[float | None, float | None]
+) -> None:
+    with pytest.raises(ExportError, match="a part begins and ends at 0 to"):
+        export(lambda tape: tape.play(1.0), TrialDeclaration("p", 1, 60.0, 0.4, (), *part))
+
+
 def test_a_trial_has_the_rate_of_its_own_run(export: Export, tmp_path: Path) -> None:
     def play(tape: Tape) -> None:
         tape.play(1.0)
