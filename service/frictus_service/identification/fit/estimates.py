@@ -207,16 +207,24 @@ def evidence_of(
         used &= kept[fitted.selection.groups]
     if not used.any():
         return None
-    place = np.cumsum(used) - 1
-    trials = used[sample.condition_of_trial]
+    if fit.is_clustered[person]:
+        trials = used[sample.condition_of_trial]
+        pulls = fit.influence[trials]
+        condition = (np.cumsum(used) - 1)[sample.condition_of_trial[trials]]
+        late = fit.delay_influence[trials]
+    else:  # as if each condition had independent pulls of the size of its errors
+        roots = np.linalg.cholesky(fit.covariance[used]).transpose(0, 2, 1)
+        pulls = np.concatenate([roots.reshape(-1, roots.shape[2]), np.zeros_like(roots[0, :1])])
+        condition = np.append(np.repeat(np.arange(len(roots)), roots.shape[1]), 0)
+        late = np.append(np.zeros(len(pulls) - 1), np.sqrt(fit.delay_variance[person]))
     return ConditionEvidence(
         measured.speed_mm_s[fitted.selection.groups[used]],
         np.exp(fit.log_parameters[used]),
         _typical(fitted, measured)[used],
-        fit.influence[trials],
-        place[sample.condition_of_trial[trials]],
+        pulls,
+        condition,
         float(fit.delay_s[person]),
-        fit.delay_influence[trials],
+        late,
         fit.delay_gradient[used],
         np.expm1(fit.rival_shift[used]),
         float(fit.rival_delay_shift_s[person]),

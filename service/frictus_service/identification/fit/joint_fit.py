@@ -80,7 +80,10 @@ class JointFit:
     delay_gradient : ndarray, shape (n_conditions, p)
         By how much the logarithms change per second of delay.
     delay_variance : ndarray, shape (n_people,)
-        s²; clustered by trial.
+        s²; clustered by trial where `is_clustered`.
+    is_clustered : ndarray of bool, shape (n_people,)
+        Whether there are trials enough to tell errors by what each pulls: a fit goes through
+        the only trial of a condition, however wrong that is.
     influence : ndarray, shape (n_trials, p)
         Change of its condition's logarithms that each trial causes, at a fixed delay.
     delay_influence : ndarray, shape (n_trials,)
@@ -102,6 +105,7 @@ class JointFit:
     covariance: FloatArray
     delay_gradient: FloatArray
     delay_variance: FloatArray
+    is_clustered: BoolArray
     influence: FloatArray
     delay_influence: FloatArray
     spreads: Spreads
@@ -368,15 +372,21 @@ def _conclude(problem: JointFitProblem, found: Solution) -> JointFit:
     local, pull = _influences(problem, step)
     person = sample.people[sample.condition_of_trial]
     trials = np.bincount(person, minlength=delay_s.size)
-    used = 0.5 * (1 + np.bincount(sample.people, minlength=delay_s.size) * local.shape[1])
+    conditions = np.bincount(sample.people, minlength=delay_s.size)
+    used = 0.5 * (1 + conditions * local.shape[1])
     enough = trials / np.maximum(trials - used, 1.0)
+    clustered = trials >= 2 * conditions
+    known = 1.0 / np.maximum(step.delay, np.finfo(float).tiny) if problem.fit_delay else 0.0
     return JointFit(
         log_parameters=found.log_parameters,
         delay_s=delay_s,
         settled=found.settled,
         covariance=step.local,
         delay_gradient=-np.einsum("cij,cj->ci", step.local, step.cross),
-        delay_variance=enough * np.bincount(person, pull**2, delay_s.size),
+        delay_variance=np.where(
+            clustered, enough * np.bincount(person, pull**2, delay_s.size), known
+        ),
+        is_clustered=clustered,
         influence=local * np.sqrt(enough[person])[:, np.newaxis],
         delay_influence=pull * np.sqrt(enough[person]),
         spreads=found.spreads,

@@ -49,6 +49,18 @@ def test_intervals_hold_the_truth(rng: np.random.Generator) -> None:
     assert np.all(missed < 0.15), missed
 
 
+@pytest.mark.parametrize("forces", [(0.4,), (0.2, 0.4, 0.6)])
+def test_intervals_of_one_trial_a_condition_hold_the_truth(
+    rng: np.random.Generator, forces: tuple[float, ...]
+) -> None:
+    """The fit goes through such a trial of all tones, whose pulls then say nothing."""
+    bench = replace(SMALL, forces=forces, together=True)
+    seen = observations([Finger(delay_s=100e-6)] * 100, bench, rng)
+    truth = np.tile([0.39, 385.68, 13.811, 100e-6], (100, 1))
+    missed = misses(laws(seen), truth).mean(axis=0)
+    assert np.all(missed < 0.15), missed
+
+
 @pytest.mark.long
 def test_conditions_that_differ_are_in_the_interval(rng: np.random.Generator) -> None:
     """What makes a condition differ is shared by its trials: they alone would be too sure."""
