@@ -87,6 +87,11 @@ class QuestPlusPlan(_Part):
         """Greatest level."""
         return self.levels.high
 
+    @property
+    def lowest(self) -> float:
+        """Least level."""
+        return self.levels.low
+
     def candidates(self, guess: float | None) -> int:
         """Return how many candidate functions there are.
 
@@ -153,6 +158,11 @@ class StaircasePlan(_Part):
         """Greatest level."""
         return self.high
 
+    @property
+    def lowest(self) -> float:
+        """Least level."""
+        return self.low
+
     def begin(self, guess: float | None, rng: np.random.Generator) -> Staircase:
         """Return the procedure before its first trial.
 
@@ -192,6 +202,11 @@ class ConstantPlan(_Part):
     def highest(self) -> float:
         """Greatest level."""
         return max(self.levels)
+
+    @property
+    def lowest(self) -> float:
+        """Least level."""
+        return min(self.levels)
 
     def begin(self, guess: float | None, rng: np.random.Generator) -> ConstantStimuli:
         """Return the procedure before its first trial.
@@ -294,6 +309,15 @@ class Protocol(_Part):
             raise ValueError(
                 f"condition {name!r}: level {highest:g}, at most {stimulus.max_level:g} "
                 f"({stimulus.unit}) accepted"
+            )
+        against_itself = (
+            isinstance(stimulus, Amplitude) and stimulus.standard == stimulus.texture
+        )
+        if against_itself and self.task.kind in ("2afc", "same-different") and plan.lowest <= 1:
+            raise ValueError(
+                f"condition {name!r}: level {plan.lowest:g} of a texture against itself, which "
+                "is level 1: only from there on does the test feel stronger. Use levels above "
+                "1, or the stimulus 'difference', whose levels are dB above the texture"
             )
         if isinstance(plan, ConstantPlan):
             if isinstance(stimulus, Pairs) and any(level % 1.0 for level in plan.levels):

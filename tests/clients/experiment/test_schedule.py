@@ -44,6 +44,7 @@ QUEST = QuestPlusPlan(
 )
 STAIRS = StaircasePlan(start=0.1, low=0.01, high=0.2, reversals=4, trials=20)
 CONSTANT = ConstantPlan(levels=[0.01, 0.05, 0.2], repeats=4)
+AGAINST_ITSELF = Amplitude(texture=RIDGES, standard=RIDGES)
 PAIRS = Pairs(textures=[NamedTexture(name=name, texture=RIDGES) for name in "xyz"])
 
 
@@ -348,6 +349,15 @@ def test_ready_protocols_are_whole(name: str, seed: int) -> None:
             },
             "in 32 conditions",
         ),
+        ({"conditions": {"a": AGAINST_ITSELF}}, "level 0.01 of a texture against itself"),
+        (
+            {
+                "conditions": {"a": AGAINST_ITSELF},
+                "procedure": ConstantPlan(levels=[0.8, 1.25]),
+                "task": SameDifferent(),
+            },
+            "the stimulus 'difference'",
+        ),
         ({"procedure": QUEST.model_dump() | {"guesses": [0.0]}}, "guesses"),
         ({"procedure": QUEST.model_dump() | {"slopes": [1e-9]}}, "slopes"),
         ({"presentation": {"interval_s": 0.2, "fade_s": 0.2}}, "fades"),
@@ -357,6 +367,12 @@ def test_ready_protocols_are_whole(name: str, seed: int) -> None:
 def test_protocols_that_do_not_fit_together(changes: dict[str, Any], says: str) -> None:
     with pytest.raises(ValueError, match=says):
         protocol(**changes)
+
+
+def test_a_texture_is_compared_with_itself_from_its_own_level_on() -> None:
+    above = ConstantPlan(levels=[1.1, 1.25])
+    assert protocol(conditions={"a": AGAINST_ITSELF}, procedure=above)
+    assert protocol(conditions={"a": AGAINST_ITSELF}, procedure=CONSTANT, task=Magnitude())
 
 
 def test_files_that_are_no_protocol(tmp_path: Path) -> None:
