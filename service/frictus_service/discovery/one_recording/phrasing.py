@@ -11,6 +11,9 @@ Parameters = dict[str, ParameterEstimate]
 NEARLY: Final = 4.0
 """AIC by which two models differ that are not told apart (Burnham and Anderson, 2002)."""
 
+MOSTLY: Final = 0.5
+"""Share of the misfit from which a cause is said to explain it."""
+
 
 def _interval(estimate: ParameterEstimate, times: float = 1.0, unit: str = "") -> str:
     """Return a value with its interval, in another unit."""
@@ -73,12 +76,16 @@ def statement_of(models: Sequence[RankedModel], *, beyond: bool) -> str:
             f"what chance gives.{_best_tried(models)}"
         )
     what = described(first.parameters)
-    verb = "explains it" if len(first.causes) == 1 else "explain it together"
+    alone = len(first.causes) == 1
+    verb, rest = ("explains it" if alone else "explain it together"), ""
+    if first.explained is not None and first.explained < MOSTLY:
+        verb = "explains a part of it" if alone else "explain a part of it together"
+        rest = " What stays is scatter, or has another cause."
     confirmed = " ".join(cause_of(name).next_experiment for name in first.causes)
     return (
         f"In this recording only, {what} {verb}: {taken_away(first)} of the mean "
         "square that the base model leaves in held-out folds of time."
-        f"{_rival(models)} It would be confirmed by this: {confirmed}"
+        f"{rest}{_rival(models)} It would be confirmed by this: {confirmed}"
     )
 
 
