@@ -4,7 +4,7 @@ Effects (`frictus_hardware.physics.effects`) extend a simulator; nothing here kn
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 
@@ -196,13 +196,18 @@ class Prediction:
     low_n2: FloatArray
 
 
+FROM_MIDDLE: Final = float(np.sqrt(1.8))
+"""Standard deviations from the centroid of a band to where it is evaluated."""
+
+
 def predict(
     simulator: Simulator, probe: Probe, nominal_mount: TransferFunction | None
 ) -> Prediction:
     """Return what an estimator reports that knows nominal mount, hold and declared skews only.
 
-    Of a band it reports the mean over the band's power: that of two frequencies which have the
-    centroid and the variance of the power (Gauss-Hermite, exact to the third order).
+    Of a band it reports the mean over the band's power: that of three frequencies which have
+    the centroid and the variance of the power (Gauss-Legendre, exact to the fifth order where
+    the power is even over the band). With two, a mount's shift came out 1 % too large.
 
     Parameters
     ----------
@@ -214,19 +219,21 @@ def predict(
         What the estimator divides the measured force by.
     """
     if np.any(probe.spread_hz):
-        lower, upper = (
+        lower, middle, upper = (
             predict(
                 simulator,
                 replace(probe, tone_hz=probe.tone_hz + side * probe.spread_hz, spread_hz=0.0),
                 nominal_mount,
             )
-            for side in (-1.0, 1.0)
+            for side in (-FROM_MIDDLE, 0.0, FROM_MIDDLE)
         )
-        return replace(
-            lower,
-            friction=0.5 * (lower.friction + upper.friction),
-            mobility=0.5 * (lower.mobility + upper.mobility),
-        )
+
+        def mean(name: str) -> ComplexArray:
+            ends = getattr(lower, name) + getattr(upper, name)
+            within: ComplexArray = (5.0 * ends + 8.0 * getattr(middle, name)) / 18.0
+            return within
+
+        return replace(middle, friction=mean("friction"), mobility=mean("mobility"))
     around, tone = probe.circumstances, probe.tone_hz
     gain = simulator.schedule.gain_n(simulator.law, around)
     pole = simulator.schedule.cutoff_hz(simulator.law, around)
