@@ -13,6 +13,7 @@ from zenoh.handlers import Callback
 
 from frictus.errors import (
     ArgumentError,
+    FrameError,
     LinkError,
     NoRigError,
     OutcomeUnknownError,
@@ -82,7 +83,8 @@ class Caller:
         NoRigError
             If the rig is not present.
         OutcomeUnknownError
-            If it was sent and not answered in time: it may have been done.
+            If it was sent and not answered in time, or with what cannot be read: it may have
+            been done.
         LinkError
             If it was not sent: the router is gone, or allows it to nobody in our role.
         """
@@ -106,7 +108,7 @@ class Caller:
     def _ask(self, name: str, payload: bytes, timeout_s: float) -> Reply:
         if not self.session.info.transports():
             raise LinkError(f"{name} was not sent: {ROUTER_GONE}")
-        in_time = True
+        in_time, unreadable = True, ""
         try:
             answers = self.session.get(
                 self.keys.call(name),
@@ -121,11 +123,20 @@ class Caller:
                 express=True,
             )
             for answer in answers:
-                if answer.ok is not None:
+                if answer.ok is None:
+                    in_time = False
+                    continue
+                try:
                     return Reply.from_json(answer.ok.payload.to_bytes())
-                in_time = False
+                except FrameError as error:  # of whoever answers under the name of the rig
+                    unreadable = str(error)
         except zenoh.ZError as error:
             raise LinkError(f"{name} was not sent: {error}") from error
+        if unreadable:
+            raise OutcomeUnknownError(
+                f"{name} was answered with what cannot be read; it may have been done: read "
+                f"the rig's state before it is sent again. It was {unreadable}"
+            )
         raise self._unanswered(name, in_time, timeout_s)
 
     def _unanswered(self, name: str, in_time: bool, timeout_s: float) -> LinkError:

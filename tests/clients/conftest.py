@@ -56,6 +56,7 @@ class FakeRig:
         self.run = 1
         self.refusal: Reply | None = None
         self.silent = False
+        self.garbled = False
         self.calls: queue.Queue[tuple[str, Message]] = queue.Queue()
         self.puts: queue.Queue[tuple[str, bytes]] = queue.Queue()
         self.tokens: queue.Queue[tuple[str, bool]] = queue.Queue()
@@ -105,7 +106,7 @@ class FakeRig:
             adaptation=getattr(request, "policy", None),
         )
         with query:
-            query.reply(query.key_expr, reply.to_json())
+            query.reply(query.key_expr, b"{" if self.garbled else reply.to_json())
 
     def asked(self, call: str) -> Any:
         """The next request, which must be of this call."""

@@ -154,3 +154,18 @@ def test_the_lease_is_renewed_no_more_though_nobody_answers_the_disarming(
         while not fake.puts.empty():
             assert LeaseRenewal.from_json(fake.next_put(Topics.LEASE)).utc_ns <= asked_ns
         assert not lease.lost
+
+
+def test_an_answer_that_cannot_be_read_ends_no_client(router: str, fake: Any) -> None:
+    client = frictus.connect(router)
+    rig = client.rig("sim")
+    lease = rig.arm()
+    fake.garbled = True
+    with pytest.raises(OutcomeUnknownError, match="stop was answered with what cannot be read"):
+        rig.stop()
+    with type(fake)(router, fake.keys):
+        assert rig.stop() == "armed"  # another's that can be read is taken
+    session = client.session
+    client.close()
+    assert lease.finished
+    assert session.is_closed()
