@@ -56,7 +56,7 @@ export class Connection {
   #timer: ReturnType<typeof setInterval>;
   #ids = 0;
   #end!: (reason: string) => void;
-  #ended = false;
+  #ended: string | null = null;
 
   /** @internal */
   constructor(
@@ -72,14 +72,19 @@ export class Connection {
     socket.onmessage = (event) => early.push(event.data);
     const hearEarly = (): void => {
       socket.onmessage = (event) => this.#hear(event.data);
-      early.splice(0).forEach((data) => this.#ended || this.#hear(data));
+      early.splice(0).forEach((data) => this.#ended ?? this.#hear(data));
     };
-    setTimeout(() => this.#ended || hearEarly(), 0);
+    setTimeout(() => this.#ended ?? hearEarly(), 0);
     socket.onclose = (event) => {
       hearEarly(); // or what came with the end would be lost, and with it why it ended
       this.#lose(event.reason || "the connection is lost");
     };
     this.#timer = setInterval(() => this.#ping(), PING_MS);
+  }
+
+  /** Why it has ended; null while it stands. */
+  get ended(): string | null {
+    return this.#ended;
   }
 
   /** Bytes that the network has not taken yet. */
@@ -104,7 +109,7 @@ export class Connection {
    * @throws ClosedError if the connection has ended
    */
   send(message: Asked | ArrayBuffer): void {
-    if (this.#ended) throw new ClosedError("the connection has ended: connect again");
+    if (this.#ended !== null) throw new ClosedError("the connection has ended: connect again");
     this.#socket.send(message instanceof ArrayBuffer ? message : JSON.stringify(message));
   }
 
@@ -151,7 +156,13 @@ export class Connection {
   }
 
   #emit<Name extends keyof Events>(name: Name, event: Events[Name]): void {
-    for (const listener of [...(this.#listeners.get(name) ?? [])]) listener(event as never);
+    for (const listener of [...(this.#listeners.get(name) ?? [])]) {
+      try {
+        listener(event as never);
+      } catch (error) {
+        queueMicrotask(() => { throw error; }); // told as ever, but the others are to hear too
+      }
+    }
   }
 
   #readClock(utcUs: number): void {
@@ -168,8 +179,8 @@ export class Connection {
   }
 
   #lose(reason: string): void {
-    if (this.#ended) return;
-    this.#ended = true;
+    if (this.#ended !== null) return;
+    this.#ended = reason;
     clearInterval(this.#timer);
     this.#socket.onmessage = this.#socket.onclose = null;
     this.#socket.close();

@@ -56,12 +56,19 @@ export class Client {
     holds: (event: Events[Name]) => boolean = () => true,
   ): Promise<Events[Name]> {
     return new Promise((resolve, reject) => {
-      const end = this.on(name, (event) => {
+      const { ended } = this.connection;
+      if (ended !== null) return reject(new ClosedError(ended));
+      const forget = () => [unheard, unclosed].forEach((end) => end());
+      const unheard = this.on(name, (event) => {
         if (!holds(event)) return;
-        end();
+        forget();
         resolve(event);
       });
-      void this.closed.then((reason) => reject(new ClosedError(reason)));
+      // Not by `closed`, which would keep all that was ever waited for until the end.
+      const unclosed = this.on("closed", (reason) => {
+        forget();
+        reject(new ClosedError(reason));
+      });
     });
   }
 

@@ -1,7 +1,9 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
+import { setFlagsFromString } from "node:v8";
+import { runInNewContext } from "node:vm";
 
-import { connect } from "../src/index.js";
+import { ClosedError, connect } from "../src/index.js";
 
 const WELCOME = { op: "welcome", protocol: "1.1", client: "x", utc_us: 1 };
 const RIGS = { op: "rigs", rigs: ["rig1"], link: true };
@@ -34,4 +36,40 @@ test("what comes together with the welcome is heard by who listens after it", as
   });
   assert.equal(await client.closed, "closed by this client");
   assert.equal(heard, 2);
+});
+
+test("a listener that throws keeps no other from hearing, the end neither", async (t) => {
+  const client = await connect("ws://127.0.0.1", { WebSocket: AllAtOnce as never });
+  const thrown: unknown[] = [];
+  t.mock.method(globalThis, "queueMicrotask", (task: () => void) => {
+    try {
+      task();
+    } catch (error) {
+      thrown.push(error);
+    }
+  });
+  const fault = new Error("of the page");
+  for (const name of ["rigs", "closed"] as const) {
+    client.on(name, () => {
+      throw fault;
+    });
+  }
+  let heard = 0;
+  await client.next("rigs", () => ++heard === 2);
+  const never = client.next("status");
+  client.close();
+  assert.equal(await client.closed, "closed by this client");
+  await assert.rejects(never, ClosedError);
+  await assert.rejects(client.next("status"), ClosedError);
+  assert.deepEqual(thrown, [fault, fault, fault]);
+});
+
+test("what was waited for is not kept", async () => {
+  const client = await connect("ws://127.0.0.1", { WebSocket: AllAtOnce as never });
+  const kept = await client.next("rigs").then((told) => new WeakRef(told));
+  await new Promise(setImmediate); // a WeakRef holds on until the end of its task
+  setFlagsFromString("--expose-gc");
+  runInNewContext("gc")();
+  assert.equal(kept.deref(), undefined);
+  client.close();
 });
