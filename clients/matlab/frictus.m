@@ -29,6 +29,7 @@ classdef frictus < handle
     token
     socket
     answers = {};                  % messages with an id
+    refusal = [];                  % of what had no id, until all that came with it is heard
     frames = {};                   % binary messages, until read
     requests = 0;
     offsets = [];                  % of the service's clock to ours, us
@@ -159,11 +160,18 @@ classdef frictus < handle
 
     function got = read(self, seconds)
       % READ  Read for some seconds. Of each stream a struct: data, channels x samples (where
-      % extremes were asked for, low and high), first_sample, lost, sample_rate_hz, run, utc_ns
-      % (uint64, of the first sample); got.finger has a field for each quantity, and lost.
+      % extremes were asked for, low and high), sample (device index of each column: it jumps
+      % where some are lost), first_sample, lost, sample_rate_hz, run, utc_ns (uint64, of the first
+      % sample); got.finger has a field for each quantity, and lost. Where the rig has started anew,
+      % what is of its next run is for the next read.
       self.pump(seconds);
       taken = self.frames;
       self.frames = {};
+      if ~isempty(taken)
+        of_run = cellfun(@(one) one.run == taken{1}.run, taken);
+        self.frames = taken(~of_run);
+        taken = taken(of_run);
+      end
       got = struct();
       names = cellfun(@(one) one.name, taken, 'UniformOutput', false);
       for name = unique(names)
@@ -178,10 +186,10 @@ classdef frictus < handle
           joined.low = joined.data(rows, :);
           joined.high = joined.data(rows + 1, :);
         end
+        samples = arrayfun(@samples_of, of_it, 'UniformOutput', false);
+        joined.sample = [samples{:}];
         if joined.kind == 2
-          since = cellfun(@(part, first) double(part(1, :)) + first, parts, ...
-            {of_it.first_sample}, 'UniformOutput', false);
-          joined = finger_of(joined, [since{:}]);
+          joined = finger_of(joined);
         end
         got.(name{1}) = joined;
       end
@@ -273,6 +281,7 @@ classdef frictus < handle
         for message = messages
           self.hear(message{1}{1}, message{1}{2});
         end
+        self.tell_refusal();
         left = seconds - toc(began);
         if left <= 0
           return
@@ -303,6 +312,7 @@ classdef frictus < handle
           end
         case 8
           self.socket.close();
+          self.tell_refusal();
           error('frictus:closed', 'the service has closed the connection: %s', ...
             char(payload(3:end)));
         case 9
@@ -317,13 +327,21 @@ classdef frictus < handle
       if isfield(told, 'id') && ~isempty(told.id) && ~strcmp(told.op, 'pong')
         self.answers{end + 1} = told;
       elseif strcmp(told.op, 'refused')
-        error(['frictus:' told.code], '%s', told.message);
+        self.refusal = told;
       end
       op = told.op;
       if isfield(told, op)
         told = told.(op);  % what a rig says of itself
       end
       self.newest.(op) = told;
+    end
+
+    function tell_refusal(self)
+      told = self.refusal;
+      self.refusal = [];
+      if ~isempty(told)
+        error(['frictus:' told.code], '%s', told.message);
+      end
     end
   end
 end
@@ -373,9 +391,17 @@ function one = frame_of(bytes, streams)
   one.data = reshape(typecast(bytes(57:end), 'single'), counts(2), rows)';
 end
 
-function finger = finger_of(joined, samples)
+function samples = samples_of(one)
+  % Return the device index of each column of a frame.
+  samples = one.first_sample + (0:one.columns - 1) * one.samples_per_column;
+  if one.kind == 2
+    samples = one.first_sample + double(one.data(1, :));
+  end
+end
+
+function finger = finger_of(joined)
   names = {'x_mm', 'y_mm', 'vx_mm_s', 'vy_mm_s', 'normal_force_n', 'age_ms'};
-  finger = struct('sample', samples, 'lost', joined.lost, 'run', joined.run, ...
+  finger = struct('sample', joined.sample, 'lost', joined.lost, 'run', joined.run, ...
     'sample_rate_hz', joined.sample_rate_hz, 'utc_ns', joined.utc_ns);
   for index = 1:numel(names)
     finger.(names{index}) = joined.data(index + 1, :);

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from tests.service.dashboard.page import (
     SECRETS,
@@ -17,6 +18,8 @@ from tests.service.dashboard.page import (
     rig_that_follows_pages,
     serving,
 )
+
+from frictus.websocket.frames import Frame, Kind
 
 pytestmark = pytest.mark.timeout(300)
 SOURCE = Path(__file__).parents[2] / "clients" / "matlab"
@@ -142,7 +145,8 @@ attempt(@() frictus('127.0.0.1', 1));
 
 
 WELCOME = b'{"op":"welcome","protocol":"1.1","client":"x","utc_us":1700000000000000}'
-GREETED = b"HTTP/1.1 101 Switching Protocols\r\n\r\n\x81%c%s" % (len(WELCOME), WELCOME)
+SWITCHED = b"HTTP/1.1 101 Switching Protocols\r\n\r\n"
+GREETED = SWITCHED + b"\x81%c%s" % (len(WELCOME), WELCOME)
 
 
 @pytest.mark.parametrize(
@@ -158,24 +162,73 @@ GREETED = b"HTTP/1.1 101 Switching Protocols\r\n\r\n\x81%c%s" % (len(WELCOME), W
 def test_a_service_that_answers_wrongly_is_left(
     needs_octave: None, tmp_path: Path, answer: bytes, code: str
 ) -> None:
+    left = asked_of(answer, tmp_path, "f.read(10.0);")
+    assert re.fullmatch(rf"frictus:{code}\n", left.stdout), left.stdout + left.stderr
+
+
+def asked_of(
+    answer: bytes, tmp_path: Path, script: str, *later: bytes
+) -> subprocess.CompletedProcess[str]:
+    """Run a script with `f`, connected to what says this, more when asked, and then nothing."""
     done = threading.Event()
     with socket.create_server(("127.0.0.1", 0)) as listener:
 
         def serve() -> None:
             connection, _ = listener.accept()
             with connection:
-                connection.recv(4_096)
-                connection.sendall(answer)
+                for said in (answer, *later):
+                    connection.recv(4_096)
+                    connection.sendall(said)
                 done.wait(60.0)
 
         thread = threading.Thread(target=serve)
         thread.start()
         port = listener.getsockname()[1]
-        left = octave(
+        told = octave(
             tmp_path,
-            f"try, f = frictus('127.0.0.1', {port}); f.read(10.0);"
+            f"try, f = frictus('127.0.0.1', {port});\n{script}\n"
             "catch cause, disp(cause.identifier), end",
         )
         done.set()
         thread.join(10.0)
-    assert re.fullmatch(rf"frictus:{code}\n", left.stdout), left.stdout + left.stderr
+    return told
+
+
+def message(opcode: int, payload: bytes) -> bytes:
+    """A message of a service, as it is on the wire."""
+    return bytes([0x80 | opcode, 126]) + len(payload).to_bytes(2, "big") + payload
+
+
+def columns(run: int, first_sample: int, lost: int = 0) -> bytes:
+    """Two raw samples of force x."""
+    data = np.array([[first_sample, first_sample + 1]], dtype=np.float32)
+    frame = Frame(1, 0, run, first_sample, lost, 20_000.0, 1, Kind.RAW, 10**18, data)
+    return message(2, frame.pack())
+
+
+def test_what_is_lost_and_a_new_run_show(needs_octave: None, tmp_path: Path) -> None:
+    sent = columns(7, 100) + columns(7, 105, lost=3) + columns(3, 0)
+    script = """
+for index = 1:2
+  force = f.read(0.3).force;
+  disp(jsonencode(struct('run', force.run, 'sample', force.sample, 'data', force.data, ...
+    'lost', force.lost)));
+end
+"""
+    told = asked_of(GREETED + sent, tmp_path, script)
+    before, after = map(json.loads, told.stdout.splitlines())
+    assert (before["run"], before["lost"]) == (7, 3), told.stderr
+    assert before["sample"] == before["data"] == [100, 101, 105, 106]
+    assert (after["run"], after["lost"], after["sample"]) == (3, 0, [0, 1])
+
+
+def test_what_comes_with_a_refusal_is_read(needs_octave: None, tmp_path: Path) -> None:
+    refused = b'{"op":"refused","what":"point","code":"no_rig","message":"m","id":null}'
+    script = """
+f.watch('rig1');
+try, f.read(0.3); catch cause, printf('"%s"\\n', cause.identifier); end
+disp(jsonencode(f.read(0.3).force.sample));
+"""
+    sent = message(1, refused) + columns(7, 100)
+    told = asked_of(SWITCHED, tmp_path, script, message(1, WELCOME), sent)
+    assert told.stdout.splitlines() == ['"frictus:no_rig"', "[100,101]"], told.stderr
