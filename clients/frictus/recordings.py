@@ -137,7 +137,7 @@ def import_texture(
     channel : int
         Channel of a WAV file, from 0.
     angle_deg : float
-        Direction of a spatial texture's phase, from x towards y.
+        Direction of a spatial texture's phase, from x towards y. JSON has its own.
     part_s : tuple of float or None
         From when to when of a recording or effect, s; None is all of it. A texture covers at
         most 1000 mm or 10 s.
@@ -169,6 +169,7 @@ def import_texture(
         require(not unused, f"{path.name} is not a recording: give it no speed, rate or part")
         text = read_text(path)
         require(factor == 1.0, f"{path.name} is in newtons: give it no scale")
+        require(angle_deg == 0.0, f"{path.name} says its direction: give it no angle")
         return ImportedTexture(texture_of(text))
     try:
         notes: tuple[str, ...] = ()
@@ -190,6 +191,7 @@ def _node_of(
     path: Path, node: tuple[float, float] | None, scale_n: float | None, angle_deg: float
 ) -> ImportedTexture:
     """Return the texture of a node of a HaTT model; its label is a note too."""
+    require(abs(angle_deg) <= 360.0, f"angle_deg {angle_deg}: -360 to 360")
     try:
         found = import_node(read_text(path), node, scale_n)
     except TextureError as error:

@@ -81,6 +81,9 @@ def test_the_nearest_node_becomes_a_texture_over_position(tmp_path: Path) -> Non
     again = import_texture(path, node=(125.0, 1.5), scale_n=0.02, angle_deg=30.0).texture
     assert isinstance(again, frictus.Spectrum)
     assert again.angle_deg == 30.0
+    for angle_deg in (361.0, np.nan):
+        with pytest.raises(TextureError, match="angle_deg"):
+            import_texture(path, node=(125.0, 1.5), scale_n=0.02, angle_deg=angle_deg)
     for one, other in zip(texture.components, again.components, strict=True):
         assert other.amplitude_n == pytest.approx(2.0 * one.amplitude_n)
         assert other.phase_rad == one.phase_rad
