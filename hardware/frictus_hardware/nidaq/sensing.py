@@ -1,13 +1,13 @@
 """From volts at the inputs to what is sensed: gauges, accelerometer, monitor, in one time."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError, SensorError
-from frictus_hardware.nidaq.config import NiConfig
+from frictus_hardware.nidaq.config import Inputs, NiConfig
 from frictus_hardware.sensors.analogue import (
     GAUGES,
     Accelerometer,
@@ -170,8 +170,10 @@ class SensorConversion:
         if bias_v is not None and len(bias_v) != GAUGES:
             raise ConfigError(f"force.bias_v = {list(bias_v)}: {GAUGES} volts accepted")
         self._config = config
-        self._force = force
-        self._accel = accel
+        gauges = force.calibration
+        gauge_range_v = _seen(config.force, gauges.gauge_range_v)
+        self._force = replace(force, calibration=replace(gauges, gauge_range_v=gauge_range_v))
+        self._accel = replace(accel, output_range_v=_seen(config.accel, accel.output_range_v))
         self._bias_v = None if bias_v is None else np.array(bias_v)
         self._deskew: Deskew | None = None
         self._state: FloatArray | None = None
@@ -229,3 +231,9 @@ class SensorConversion:
             saturated_samples=int(np.count_nonzero(beyond)),
             aux=np.array(further).T if further else None,
         )
+
+
+def _seen(inputs: Inputs, sensor_v: tuple[float, float]) -> tuple[float, float]:
+    """Return what is seen of a sensor's range: inputs of a smaller one cut off before it."""
+    low_v, high_v = sensor_v
+    return max(low_v, -inputs.range_v), min(high_v, inputs.range_v)

@@ -12,7 +12,7 @@ from tests.hardware.nidaq.wired import BIAS_V, section, sensor_volts
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.errors import ConfigError, SensorError, TransientError
-from frictus_hardware.nidaq.assembly import make_rig
+from frictus_hardware.nidaq.assembly import conversion_of, make_rig
 from frictus_hardware.nidaq.backend import NiRig
 from frictus_hardware.nidaq.settings import NiRigConfig
 from frictus_service.config_file import parse
@@ -147,6 +147,25 @@ def test_an_overload_is_told_and_passes(make: Maker) -> None:
         world.broken = False
         assert rig.exchange(np.zeros(50)).overrun_samples == 100
         np.testing.assert_allclose(rig.exchange(np.zeros(50)).force_n, 0.0, atol=1e-6)
+
+
+def test_a_converter_of_less_range_than_its_sensor_is_at_its_end_first(tmp_path: Path) -> None:
+    found = tared(tmp_path, "127.0.0.1:1")
+    less = {
+        "force": found.force.model_copy(update={"range_v": 5.0}),
+        "accel": found.accel.model_copy(update={"range_v": 1.0}),
+    }
+    convert = conversion_of(found.model_copy(update=less))
+    convert.start(RATE_HZ * CHANNELS)
+    rest = sensor_volts(np.zeros((8, 3)), np.zeros((8, 3)), np.zeros(8)).T
+    convert.prime(rest[:3])
+    assert convert(rest).saturated_samples == 0
+    cut_off = rest.copy()
+    cut_off[5:, 6] = 1.0
+    assert convert(cut_off).saturated_samples == 3
+    cut_off[5:, 2] = -5.0
+    with pytest.raises(SensorError, match=r"gauge 3 in 3 of 8 samples .* -5 to 5 V"):
+        convert(cut_off)
 
 
 def test_a_block_given_up_leaves_no_seam_in_what_follows(make: Maker) -> None:
