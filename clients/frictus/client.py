@@ -144,11 +144,11 @@ class Client:
         if session is None:
             return
         atexit.unregister(self.close)
-        for rig in self._rigs.values():
-            rig.close()
-        for feed in self._feeds:
-            feed.close()
-        session.close()  # type: ignore[no-untyped-call]
+        with session:  # it goes too where a Ctrl-C ends the rest
+            for rig in self._rigs.values():
+                rig.close()
+            for feed in self._feeds:
+                feed.close()
 
     def __enter__(self) -> Self:
         """Return self."""

@@ -165,6 +165,9 @@ class Lease:
             except zenoh.ZError as error:
                 self._lose(LeaseLostError(f"the session is gone: {error}"))
                 return
+            except Exception as error:  # of whoever is asked: nothing is renewed from now on
+                self._lose(LeaseLostError(f"still_there has failed: {error!r}"))
+                return
             # Missed deadlines are skipped, not caught up: one renewal is as good as ten.
             due_s = max(due_s + interval_s, time.monotonic())
 

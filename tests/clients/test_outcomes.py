@@ -169,3 +169,25 @@ def test_an_answer_that_cannot_be_read_ends_no_client(router: str, fake: Any) ->
     client.close()
     assert lease.finished
     assert session.is_closed()
+
+
+def test_ctrl_c_while_a_client_closes_does_not_keep_it_connected(
+    client: Client, fake: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    session = client.session
+    monkeypatch.setattr(client.rig("sim"), "close", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        client.close()
+    assert session.is_closed()
+
+
+def test_a_lease_whose_holder_cannot_be_asked_for_is_lost(client: Client, fake: Any) -> None:
+    def there() -> bool:
+        raise ZeroDivisionError
+
+    with client.rig("sim").arm(still_there=there) as lease:
+        assert lease.wait_lost(WAIT_S)
+        assert "still_there has failed: ZeroDivisionError" in lease.reason
