@@ -7,6 +7,7 @@ import ssl
 import urllib.error
 import urllib.request
 from collections.abc import AsyncIterator
+from http.client import HTTPException
 from typing import Final
 
 from frictus.errors import ArgumentError, LinkError, NoRigError, RefusedError
@@ -19,6 +20,7 @@ from frictus.websocket.session import Session
 DEFAULT_URL: Final = "ws://127.0.0.1:8420"
 STOP_S: Final = 10.0
 MAX_REPLY_BYTES: Final = 65_536
+_UNREADABLE: Final = (ValueError, LookupError, TypeError, HTTPException)
 
 
 class _Rest:
@@ -43,11 +45,11 @@ class _Rest:
                 state: SafetyState = json.loads(reply.read(MAX_REPLY_BYTES))["state"]
                 return state
         except urllib.error.HTTPError as error:
-            with error, contextlib.suppress(ValueError, LookupError, TypeError):
+            with error, contextlib.suppress(*_UNREADABLE):
                 problem = json.loads(error.read(MAX_REPLY_BYTES))
                 raise RefusedError(str(problem["code"]), str(problem["detail"])) from None
             raise LinkError(f"stopping rig {rig!r} was answered with {error.code}") from None
-        except (OSError, ValueError, LookupError, TypeError) as error:
+        except (OSError, *_UNREADABLE) as error:
             raise LinkError(f"rig {rig!r} was not stopped over {self._url}: {error}") from None
 
 

@@ -239,7 +239,7 @@ class Connection:
         except ConnectionClosed as error:
             refused = "" if self._refusal is None else f": {self._refusal.message}"
             self._lose(f"{why_closed(error)}{refused}")
-        except (ValueError, TypeError, LookupError, RecursionError) as error:
+        except (ValueError, TypeError, LookupError, OverflowError, RecursionError) as error:
             told = explain(error) if isinstance(error, ValidationError) else str(error)
             self._lose(f"it sent what cannot be read: {told}")
 

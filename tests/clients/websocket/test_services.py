@@ -3,16 +3,21 @@
 import asyncio
 import contextlib
 import json
+import socketserver
 import subprocess
 import sys
+import threading
 from collections.abc import AsyncIterator, Awaitable, Callable
 
+import numpy as np
 import pytest
 from websockets.asyncio.server import ServerConnection, serve
 
 import frictus
 from frictus import websocket
 from frictus.websocket import connection
+from frictus.websocket.client import _Rest
+from frictus.websocket.frames import FINGER_ROWS, FINGER_STREAM, Frame, Kind
 
 WELCOME = json.dumps(
     {
@@ -101,6 +106,42 @@ def test_a_service_that_sends_nonsense_is_left(
     error = asyncio.run(fault(sends(*sent)))
     assert type(error) is kind
     assert why in str(error)
+
+
+def test_a_state_without_a_time_is_nonsense_too() -> None:
+    async def answers(socket: ServerConnection) -> None:
+        for message in (WELCOME, RIGS):
+            await socket.send(message)
+        while json.loads(await socket.recv())["op"] != "watch":
+            pass
+        known = {"op": "recording", "rig": "rig1"}
+        await socket.send(json.dumps(known | {"recording": {"utc_ns": 1, "recording": False}}))
+        states = np.full((len(FINGER_ROWS), 1), np.inf, dtype=np.float32)
+        frame = Frame(FINGER_STREAM, 0, 1, 0, 0, 20_000.0, 1, Kind.FINGER, 1, states)
+        await socket.send(frame.pack())
+        await socket.wait_closed()
+
+    error = asyncio.run(fault(answers))
+    assert isinstance(error, frictus.LinkError)
+    assert "cannot be read" in str(error)
+
+
+def test_what_is_no_answer_to_a_stop_is_a_lost_link() -> None:
+    with socketserver.TCPServer(("127.0.0.1", 0), NoHttp) as server:
+        thread = threading.Thread(target=server.handle_request)
+        thread.start()
+        rest = _Rest(f"ws://127.0.0.1:{server.server_address[1]}", None, "k", None)
+        with pytest.raises(frictus.LinkError, match="was not stopped over http"):
+            rest.stop("rig1")
+        thread.join(10.0)
+
+
+class NoHttp(socketserver.BaseRequestHandler):
+    """Speaks something else."""
+
+    def handle(self) -> None:
+        self.request.recv(65_536)
+        self.request.sendall(b"SSH-2.0-x\r\n")
 
 
 def test_a_service_that_closes_says_why() -> None:
