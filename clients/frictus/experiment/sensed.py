@@ -108,8 +108,9 @@ class SensedForce:
         blocks = [item for item in items if isinstance(item, Block) and len(item.data) >= 3]
         if not blocks:
             return None
-        force = np.concatenate([block.data for block in blocks], axis=1).astype(np.float64)
-        if not np.all(np.isfinite(force[:3])):
+        # Anybody may have published some of them, of whatever further channels.
+        force = np.concatenate([block.data[:3] for block in blocks], axis=1).astype(np.float64)
+        if not np.all(np.isfinite(force)):
             return None
         deviation = np.std(force[:2], axis=1)
         axis = int(np.argmax(deviation))
