@@ -11,21 +11,28 @@ import numpy as np
 
 from frictus_hardware.arguments import ramp_samples, require_drive
 from frictus_hardware.arrays import FloatArray
-from frictus_hardware.base import Backend, Exchange, Opened, RigInfo, TouchReport
+from frictus_hardware.base import Backend, Exchange, Opened, RigInfo, TouchReport, Truth
 from frictus_hardware.errors import ClosedError
 from frictus_hardware.output import RETURN_S, OutputQueue
 
 RATE_HZ, LEAD, PEAK_V = 20_000.0, 400, 75.0
 MAX_BLOCK = 20_000
+PLACE_MM = (35.0, 20.0)
 
 
 class CableRig(Opened):
     """See `Backend`; its time passes as fast as blocks are exchanged."""
 
     def __init__(self) -> None:
-        self._open = self._armed = False
+        self._open = False
+        self._begin()
+
+    def _begin(self) -> None:
+        """Set everything to what holds at sample 0, the lead prefilled with zeros."""
+        self._armed = False
         self._sensed = 0
         self._output = OutputQueue(4 * MAX_BLOCK, False, ramp_samples(RETURN_S, RATE_HZ))
+        self._output.write(0, np.zeros(LEAD), 0)
 
     @property
     def info(self) -> RigInfo:
@@ -40,17 +47,17 @@ class CableRig(Opened):
     def open(self) -> None:
         """Start the sample clock with the lead prefilled with zeros; disarmed."""
         if not self._open:
-            self._output.write(0, np.zeros(LEAD), 0)
+            self._begin()
         self._open = True
 
     def arm(self) -> None:
         """Allow output other than zero."""
+        self._require_open()
         self._armed = True
 
     def exchange(self, drive_v: FloatArray) -> Exchange:
         """Hand over the next block of output; return as many sensed samples."""
-        if not self._open:
-            raise ClosedError("the rig is not open; open it first")
+        self._require_open()
         require_drive(drive_v, MAX_BLOCK, armed=self._armed)
         clamped = np.clip(drive_v, -PEAK_V, PEAK_V)
         first, play, n_samples = self._sensed, self.next_play_sample, drive_v.size
@@ -63,11 +70,18 @@ class CableRig(Opened):
             force_n=force_n,
             accel_m_s2=np.zeros((n_samples, 3)),
             voltage_v=self._output.read(first, n_samples),
-            touches=(TouchReport(float(first), 35.0, 20.0, in_contact=True),),
+            touches=(TouchReport(float(first), *PLACE_MM, in_contact=True),),
             applied_v=applied_v,
             play_sample=play,
             clipped_samples=int(np.count_nonzero(clamped != drive_v)),
             margin_samples=LEAD,
+            truth=Truth(
+                position_mm=np.tile(PLACE_MM, (n_samples, 1)),
+                velocity_mm_s=np.zeros((n_samples, 2)),
+                friction_n=np.zeros(n_samples),
+                normal_force_n=force_n[:, 2],
+                in_contact=np.ones(n_samples, dtype=np.bool_),
+            ),
         )
 
     def stop(self, ramp_s: float) -> None:
@@ -83,6 +97,10 @@ class CableRig(Opened):
         """Bring the output to zero and release the device."""
         self.stop(0.0)
         self._open = False
+
+    def _require_open(self) -> None:
+        if not self._open:
+            raise ClosedError("the rig is not open; open it first")
 
 
 def main() -> None:

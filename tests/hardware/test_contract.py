@@ -1,11 +1,13 @@
 """What every backend promises (`frictus_hardware.base`), held to each of them."""
 
 import gc
+import runpy
 import subprocess
 import sys
 import tracemalloc
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -35,6 +37,7 @@ from frictus_hardware.replay.tape import write_tape
 from frictus_hardware.simulated.faults import EmptyOutput, LostSamples
 
 Maker = Callable[[], Backend]
+EXAMPLE = Path(__file__).parents[2] / "examples" / "own_backend.py"
 
 
 def configured(name: str, device_address: str) -> BackendConfig:
@@ -50,7 +53,16 @@ def configured(name: str, device_address: str) -> BackendConfig:
 
 
 @pytest.fixture(
-    params=["virtual", "scaled", "real", "device", "nidaqmx", "nidaqmx_local", "replay"]
+    params=[
+        "virtual",
+        "scaled",
+        "real",
+        "device",
+        "nidaqmx",
+        "nidaqmx_local",
+        "replay",
+        "example",
+    ]
 )
 def make(request: pytest.FixtureRequest) -> Iterator[Maker]:
     """A maker of unopened backends, which are closed after the test."""
@@ -69,6 +81,8 @@ def make(request: pytest.FixtureRequest) -> Iterator[Maker]:
                 with path.open("xb") as file:
                     write_tape(file, sine_tape())
                 made.append(ReplayConfig(file=path, clock="virtual").make())
+            elif request.param == "example":
+                made.append(runpy.run_path(str(EXAMPLE))["CableRig"]())
             else:
                 made.append(configured(request.param, address).make())
             return made[-1]
@@ -381,7 +395,7 @@ def test_no_memory_grows_in_a_process_of_its_own() -> None:
         check=False,
     )
     assert done.returncode == 0, done.stdout
-    assert " 7 passed" in done.stdout, done.stdout
+    assert " 8 passed" in done.stdout, done.stdout
 
 
 @pytest.mark.alone
