@@ -13,9 +13,8 @@ import zenoh
 from zenoh.handlers import Callback
 
 from frictus.calls import Caller
-from frictus.errors import FrameError, LeaseLostError, LinkError, NoRigError, RefusedError
+from frictus.errors import LeaseLostError, LinkError, NoRigError, RefusedError
 from frictus.keys import Topics, spoken_name
-from frictus.mailbox import EndedError
 from frictus.messages import LeaseRenewal, Reply, RigStatus
 from frictus.reception import Latest
 from frictus.session import declare_publisher
@@ -182,7 +181,7 @@ class Lease:
             return confirmed, LeaseLostError("the rig, or the link to it, is gone")
         try:
             status = self._status.newest()
-        except (FrameError, EndedError):
+        except LinkError:
             status = None
         if status and status.owner == self._caller.client and status.state == "armed":
             return True, None

@@ -1,7 +1,6 @@
 """What one rig says of itself, and what is held open for a client and closed with it."""
 
 import contextlib
-import functools
 import threading
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Protocol, TypeVar
@@ -13,7 +12,7 @@ from frictus.errors import LinkError, OutdatedStateError, SilenceError
 from frictus.keys import RigKeys, Topic, Topics
 from frictus.lease import expect_state
 from frictus.messages import Message, ModelState, RecordingState, Reply, RigStatus, SceneState
-from frictus.reception import Declare, Latest
+from frictus.reception import Declare, Declared, Latest, OnSample
 from frictus.session import declare_reader
 
 
@@ -158,7 +157,14 @@ class Readings:
         topic : Topic
             Its row in the table of keys.
         """
-        return functools.partial(declare_reader, self._session, self._keys.of(topic), topic)
+
+        def declared(callback: OnSample) -> Declared:
+            try:
+                return declare_reader(self._session, self._keys.of(topic), topic, callback)
+            except zenoh.ZError as error:  # the client was closed
+                raise LinkError(f"{topic.suffix} cannot be followed: {error}") from error
+
+        return declared
 
     def expect(self, topic: Topic, kind: type[SceneState | ModelState], reply: Reply) -> None:
         """Have the next read of a topic include what a reply confirmed, or what came after.

@@ -16,7 +16,7 @@ from typing import Generic, Protocol, Self, TypeAlias, TypeVar
 import zenoh
 from zenoh.handlers import Callback
 
-from frictus.errors import FrameError, OutdatedStateError
+from frictus.errors import FrameError, LinkError, OutdatedStateError
 from frictus.mailbox import Arrival, EndedError, Mailbox, silence
 
 T = TypeVar("T")
@@ -247,6 +247,8 @@ class Latest(Generic[T]):
         OutdatedStateError
             If what is expected did not come in time; from then on without a wait, until it
             does.
+        LinkError
+            If the client was closed meanwhile.
         FrameError
             If the newest is not a message of the protocol.
         """
@@ -272,16 +274,23 @@ class Latest(Generic[T]):
     def newest(self) -> T | None:
         """Return the newest value, None without any; neither waits nor looks what is expected.
 
+        What is not a message of the protocol is passed over: anybody may have published it.
+
         Raises
         ------
-        FrameError
-            If it is not a message of the protocol.
+        LinkError
+            If the client was closed.
         """
         with self._reading:
-            return self._take()
+            with contextlib.suppress(FrameError):
+                self._take()
+            return self._value
 
     def _take(self) -> T | None:
-        arrival = self._mailbox.take_now()
+        try:
+            arrival = self._mailbox.take_now()
+        except EndedError:
+            raise LinkError("the client was closed; connect again") from None
         if arrival is not None:
             self._value = _decoded(self._decode, arrival)
         return self._value

@@ -370,9 +370,6 @@ class Rig(WatchedRig):
         normal_force_n : float
             How hard it presses, 0 to 5 N.
         """
-        if self._pointer is None:
-            key = self.keys.of(Topics.POINTER)
-            self._pointer = declare_publisher(self._session, key, Topics.POINTER)
         try:
             state = PointerState(
                 client=self._caller.client,
@@ -384,7 +381,13 @@ class Rig(WatchedRig):
             )
         except ValueError as error:
             raise ArgumentError(str(error)) from error
-        self._pointer.put(state.to_json(), attachment=self._caller.client)
+        try:
+            if self._pointer is None:
+                key = self.keys.of(Topics.POINTER)
+                self._pointer = declare_publisher(self._session, key, Topics.POINTER)
+            self._pointer.put(state.to_json(), attachment=self._caller.client)
+        except zenoh.ZError as error:  # the client was closed
+            raise LinkError(f"the point was not sent: {error}") from error
 
     def close(self) -> None:
         """Disarm if armed, end every feed and stream. Closing twice is harmless."""

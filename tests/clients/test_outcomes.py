@@ -191,3 +191,28 @@ def test_a_lease_whose_holder_cannot_be_asked_for_is_lost(client: Client, fake: 
     with client.rig("sim").arm(still_there=there) as lease:
         assert lease.wait_lost(WAIT_S)
         assert "still_there has failed: ZeroDivisionError" in lease.reason
+
+
+def test_a_status_that_cannot_be_read_ends_no_stream(client: Client, fake: Any) -> None:
+    rig = client.rig("sim")
+    rig.status()
+    with rig.open_stream(0.3) as stream, rig.watch(Topics.STATUS) as states:
+        fake.say(Topics.STATUS, b"{")
+        while not states.unreadable:
+            states.drain()
+            stream.send([0.1, -0.1], period_mm=2.0)
+        stream.send([0.1, -0.1], period_mm=2.0)
+
+
+def test_whoever_waits_on_a_client_that_is_closed_learns_it(client: Client, fake: Any) -> None:
+    rig = client.rig("sim")
+    with ThreadPoolExecutor(1) as pool:
+        waiting = pool.submit(rig.scene)
+        while not rig._readings._latest:
+            pass
+        client.close()
+        with pytest.raises(LinkError, match="closed"):
+            waiting.result(WAIT_S)
+    for work in (rig.status, rig.arm, rig.fingers, lambda: rig.point(1.0, 2.0), rig.stop):
+        with pytest.raises(LinkError):
+            work()
