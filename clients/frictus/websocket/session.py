@@ -94,6 +94,7 @@ class Session:
                     "them, or connect once more"
                 )
             self._rig, self._heard_of_rig, self.values = rig, False, {}
+            self._asked = None  # all is told anew, also where the rig is the one asked for last
             self._wanted.set()
 
     def feed(

@@ -2,6 +2,7 @@
 
 import asyncio
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ from frictus.block import FLOAT32
 from frictus.websocket import AsyncFeed, CountedFeed, FingerSample, SampleChunk
 from frictus.websocket.feeds import fingers_of, samples_of
 from frictus.websocket.frames import Frame, Kind, is_known
+from frictus.websocket.messages import Watch
+from frictus.websocket.session import Session
 
 
 def frame(first: int, count: int, lost: int = 0) -> Frame:
@@ -89,3 +92,23 @@ def test_frames_of_later_versions_are_passed_over() -> None:
     assert not is_known(known[:2] + b"\x63" + known[3:])  # a stream
     assert not is_known(known[:44] + b"\x03" + known[45:])  # a kind
     assert is_known(known[:10])  # torn: whoever reads it says so
+
+
+def test_a_rig_that_is_looked_at_again_is_told_anew() -> None:
+    watched: list[str | None] = []
+
+    async def say(asked: Watch) -> None:
+        watched.append(asked.rig)
+
+    async def work() -> None:
+        session = Session(60.0)
+        session.connection = SimpleNamespace(say=say)  # type: ignore[assignment]
+        session.look_at("rig1")
+        await session.watch()
+        session.look_at("rig2")
+        session.look_at("rig1")  # what was known of it is forgotten by now
+        await session.watch()
+        await session.watch()
+
+    asyncio.run(work())
+    assert watched == ["rig1", "rig1"]
