@@ -13,6 +13,7 @@ from frictus.calls import await_present, present_rigs
 from frictus.errors import FrameError
 from frictus.keys import RigKeys, any_rig_alive, rig_of
 from frictus.mailbox import Arrival
+from frictus.readings import Held
 from frictus.reception import Declared, Feed, OnSample
 from frictus.rig import Rig
 from frictus.session import DEFAULT_ROUTER, LEASE_MS, PATIENT_LEASE_MS, open_session
@@ -53,7 +54,7 @@ class Client:
         self._session: zenoh.Session | None = session
         self._timeout_s = timeout_s
         self._rigs: dict[RigKeys, Rig] = {}
-        self._feeds: list[Feed[Presence]] = []
+        self._held = Held()
         atexit.register(self.close)  # a program that ends without close() must still disarm
 
     @property
@@ -109,9 +110,7 @@ class Client:
             )
             return cast(Declared, subscriber)
 
-        feed = Feed(declare, _presence, 1024, timeout_s)
-        self._feeds = [other for other in self._feeds if not other.closed] + [feed]
-        return feed
+        return self._held.keep(Feed(declare, _presence, 1024, timeout_s))
 
     def rig(self, name: str, site: str = "lab", *, wait_s: float = 1.0) -> Rig:
         """Return a rig that is present.
@@ -134,9 +133,8 @@ class Client:
         """
         keys = RigKeys(site, name)
         await_present(self.session, keys, wait_s)
-        if keys not in self._rigs:
-            self._rigs[keys] = Rig(self.session, keys, self.name, self._timeout_s)
-        return self._rigs[keys]
+        # In one step: of two that threads made at the same time one would never be closed.
+        return self._rigs.setdefault(keys, Rig(self.session, keys, self.name, self._timeout_s))
 
     def close(self) -> None:
         """Disarm what is armed, end every feed and stream, and leave. Twice is harmless."""
@@ -147,8 +145,7 @@ class Client:
         with session:  # it goes too where a Ctrl-C ends the rest
             for rig in self._rigs.values():
                 rig.close()
-            for feed in self._feeds:
-                feed.close()
+            self._held.close()
 
     def __enter__(self) -> Self:
         """Return self."""

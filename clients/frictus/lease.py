@@ -299,9 +299,10 @@ F = TypeVar("F", bound=LeaseDependent)
 
 
 class Leases:
-    """The leases of one client on one rig, and what ends when one of them is lost."""
+    """The leases of one client on one rig, and what ends with a lost one. For any thread."""
 
     def __init__(self) -> None:
+        self._changing = threading.Lock()
         self._leases: list[Lease] = []
         self._followers: list[LeaseDependent] = []
 
@@ -313,7 +314,8 @@ class Leases:
         lease : Lease
             Made with `fail_followers` for its loss.
         """
-        self._leases = [other for other in self._leases if not other.finished] + [lease]
+        with self._changing:
+            self._leases = [other for other in self._leases if not other.finished] + [lease]
         return lease
 
     def follow(self, follower: F) -> F:
@@ -324,7 +326,9 @@ class Leases:
         follower : LeaseDependent
             Let go of once it is closed.
         """
-        self._followers = [other for other in self._followers if not other.closed] + [follower]
+        with self._changing:
+            open_ones = [other for other in self._followers if not other.closed]
+            self._followers = [*open_ones, follower]
         for lease in self._leases:  # after it was listed: no loss falls between the two
             if lease.loss is not None and not lease.finished:
                 follower.fail(lease.loss)
@@ -343,5 +347,6 @@ class Leases:
 
     def disarms(self) -> list[Callable[[], None]]:
         """Let go of every lease; return what disarms each."""
-        leases, self._leases = self._leases, []
+        with self._changing:
+            leases, self._leases = self._leases, []
         return [lease.disarm for lease in leases]

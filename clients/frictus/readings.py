@@ -33,9 +33,10 @@ C = TypeVar("C", bound=Closable)
 
 
 class Held:
-    """Feeds and streams that are open; those that were closed are let go of."""
+    """Feeds and streams that are open; those that were closed are let go of. For any thread."""
 
     def __init__(self) -> None:
+        self._changing = threading.Lock()
         self._open: list[Closable] = []
 
     def keep(self, closable: C) -> C:
@@ -46,13 +47,14 @@ class Held:
         closable : Closable
             Closed with the holder, newest first.
         """
-        self._open = [other for other in self._open if not other.closed]
-        self._open.append(closable)
+        with self._changing:
+            self._open = [other for other in self._open if not other.closed] + [closable]
         return closable
 
     def close(self) -> None:
         """Close everything, whatever fails of it. Closing twice is harmless."""
-        closables, self._open = self._open, []
+        with self._changing:
+            closables, self._open = self._open, []
         close_all([closable.close for closable in closables])
 
 

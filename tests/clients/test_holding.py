@@ -1,5 +1,8 @@
 """What is open is closed with the client, whatever fails of it."""
 
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
 import pytest
 
 from frictus.errors import LinkError
@@ -38,3 +41,16 @@ def test_what_was_closed_is_let_go_of() -> None:
     first.closed = False
     held.close()
     assert not first.closed
+
+
+def test_what_threads_open_at_the_same_time_is_all_closed() -> None:
+    held = Held()
+    interval_s = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(8) as pool:
+            parts = list(pool.map(lambda _: [held.keep(Thing()) for _ in range(100)], range(8)))
+    finally:
+        sys.setswitchinterval(interval_s)
+    held.close()
+    assert all(thing.closed for part in parts for thing in part)
