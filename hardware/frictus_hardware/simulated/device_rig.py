@@ -80,12 +80,26 @@ class Link:
 def _connect(config: SimulatedDeviceConfig) -> "Connection[Any, Any]":
     """Return a connection after the handshake, which `Client` would do without a time limit."""
     connection: Connection[Any, Any] = Client(config.endpoint)
-    if not connection.poll(config.timeout_s):
+    try:
+        for step in (answer_challenge, deliver_challenge):
+            step(_Impatient(connection, config.timeout_s), config.authkey.encode())  # type: ignore[arg-type]
+    except BaseException:
         connection.close()
-        raise TimeoutError(f"it is frozen, no answer within {config.timeout_s:g} s")
-    answer_challenge(connection, config.authkey.encode())
-    deliver_challenge(connection, config.authkey.encode())
+        raise
     return connection
+
+
+class _Impatient:
+    """A connection as the handshake uses it, where nothing is waited for without end."""
+
+    def __init__(self, connection: "Connection[Any, Any]", timeout_s: float) -> None:
+        self._connection, self._timeout_s = connection, timeout_s
+        self.send_bytes = connection.send_bytes
+
+    def recv_bytes(self, most: int) -> bytes:
+        if not self._connection.poll(self._timeout_s):
+            raise TimeoutError(f"it is frozen, no answer within {self._timeout_s:g} s")
+        return self._connection.recv_bytes(most)
 
 
 class SimulatedDeviceRig(Opened):

@@ -3,6 +3,9 @@
 import socket
 import subprocess
 import sys
+import threading
+from multiprocessing.connection import Connection
+from typing import Any
 
 import numpy as np
 import pytest
@@ -127,6 +130,22 @@ def test_a_frozen_device_is_a_lost_link() -> None:
         config = SimulatedDeviceConfig(address=address, timeout_s=0.05)
         with pytest.raises(LinkLostError, match="frozen"):
             config.reset()
+
+
+def test_a_device_that_freezes_in_the_handshake_is_a_lost_link() -> None:
+    def challenge() -> None:
+        held.append(Connection(listener.accept()[0].detach()))
+        held[0].send_bytes(b"#CHALLENGE#" + bytes(20))
+
+    held: list[Connection[Any, Any]] = []
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        thread = threading.Thread(target=challenge)
+        thread.start()
+        address = "{}:{}".format(*listener.getsockname())
+        with pytest.raises(LinkLostError, match="frozen"):
+            SimulatedDeviceConfig(address=address, timeout_s=0.5).reset()
+        thread.join()
+    held[0].close()
 
 
 def test_a_client_that_freezes_in_the_handshake_keeps_nobody_out(
