@@ -16,17 +16,19 @@ from frictus.experiment.experiment import Experiment
 from frictus.experiment.participant import Participant, VirtualParticipant
 from frictus.experiment.presentation import PresentedInterval, ScaledError
 from frictus.experiment.procedures.orders import latin_square
+from frictus.experiment.procedures.plans import (
+    ConstantPlan,
+    LevelRange,
+    QuestPlusPlan,
+    StaircasePlan,
+)
 from frictus.experiment.procedures.quest_plus import QuestPlus
 from frictus.experiment.procedures.schedule import ScheduledTrial
 from frictus.experiment.procedures.staircase import Staircase
 from frictus.experiment.protocol import (
-    ConstantPlan,
     Design,
-    LevelRange,
     Presentation,
     Protocol,
-    QuestPlusPlan,
-    StaircasePlan,
     load_protocol,
     parse_protocol,
     ready_protocols,

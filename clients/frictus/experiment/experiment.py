@@ -13,8 +13,9 @@ from pydantic import ValidationError
 from frictus.errors import ArgumentError, explain
 from frictus.experiment.participant import Participant
 from frictus.experiment.presentation import PresentedInterval, Presenter, ScaledError
+from frictus.experiment.procedures.plans import Plan
 from frictus.experiment.procedures.schedule import Schedule, ScheduledTrial, resumed
-from frictus.experiment.protocol import Design, Plan, Presentation, Protocol
+from frictus.experiment.protocol import Design, Presentation, Protocol
 from frictus.experiment.stimuli import Stimulus
 from frictus.experiment.tasks import Adjustment, Task, checked, is_positive
 from frictus.experiment.trial_log import FORMAT, TrialLog

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError,
 
 from frictus.errors import ArgumentError
 from frictus.experiment import Protocol, load_protocol, parse_protocol, ready_protocols
-from frictus.experiment.protocol import ConstantPlan, StaircasePlan
+from frictus.experiment.procedures.plans import ConstantPlan, StaircasePlan
 from frictus.experiment.tasks import Task
 from frictus_service.errors import JobStateError, UnknownExperimentError
 from frictus_service.job_folder import ACTIVE, FolderJob, JobFolder

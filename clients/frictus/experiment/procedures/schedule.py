@@ -17,7 +17,8 @@ from frictus.experiment.procedures.orders import (
     latin_square,
     next_condition,
 )
-from frictus.experiment.protocol import MAX_LEVEL, AnyProcedure, Protocol
+from frictus.experiment.procedures.plans import MAX_LEVEL, AnyProcedure
+from frictus.experiment.protocol import Protocol
 from frictus.experiment.stimuli import Pairs
 from frictus.experiment.tasks import (
     Adjustment,
