@@ -50,7 +50,7 @@ def path_of(
     length = round(PART_S * sample_rate_hz)
     for first in range(0, n_samples, length):
         time_s = np.arange(first, min(first + length, n_samples)) / sample_rate_hz
-        near = (at_s >= time_s[0] - AROUND_S) & (at_s <= time_s[-1] + AROUND_S)
+        near = slice(*np.searchsorted(at_s, (time_s[0] - AROUND_S, time_s[-1] + AROUND_S)))
         rows[:, first : first + length] = path_among(place[near], at_s[near], time_s)
     return rows
 
