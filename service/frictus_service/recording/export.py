@@ -188,15 +188,16 @@ class _Gathering:
             return Exclusion(segment.id, "samples", str(error))
         started = EPOCH + timedelta(microseconds=self._capture.utc_ns // 1_000)
         swing_v = _swing(trial)
-        if not info.tones_hz and swing_v > MOST_BLANK_SWING_V:
+        driven = bool(info.tones_hz) or segment.texture
+        if not driven and swing_v > MOST_BLANK_SWING_V:
             return Exclusion(
                 segment.id,
                 "tone_hz",
                 f"is 0, but the screen was driven with {swing_v:.0f} V peak to peak: a blank "
-                "trial is recorded without drive; say which tones were played, or use another "
-                "recording",
+                "trial is recorded without drive; say which tones were played, or that a "
+                "texture was, or use another recording",
             )
-        drive_vpp = swing_v if info.tones_hz else 0.0
+        drive_vpp = swing_v if driven else 0.0
         told = replace(info, drive_vpp=drive_vpp, started_utc=started.isoformat())
         return replace(trial, info=told)
 

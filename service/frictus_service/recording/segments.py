@@ -41,9 +41,11 @@ class TrialDeclaration:
     speed_mm_s, force_n : float or None
         Targets.
     tones_hz : tuple of float or None
-        Empty: no drive.
+        Empty: no drive, unless a texture was played.
     from_s, to_s : float or None
         Part of the recording, in seconds from its first sample.
+    texture : bool
+        Whether a texture was played, or noise, and no tones.
     """
 
     participant: str | None = None
@@ -53,6 +55,7 @@ class TrialDeclaration:
     tones_hz: tuple[float, ...] | None = None
     from_s: float | None = None
     to_s: float | None = None
+    texture: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +86,11 @@ class TrialSegment:
     speed_mm_s, force_n : float
         Targets.
     tones_hz : tuple of float
-        Played at once, Hz; empty: no drive.
+        Played at once, Hz; empty: no drive, unless a texture was played.
     place : SampleRange
         Where it stands in the recording.
+    texture : bool
+        Whether one was played.
     """
 
     id: str
@@ -96,6 +101,7 @@ class TrialSegment:
     force_n: float
     tones_hz: tuple[float, ...]
     place: SampleRange
+    texture: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,7 +261,7 @@ def declared_segment(
     begin_ns, end_ns = outline.span(declared.from_s, declared.to_s)
     tones = declared.tones_hz
     if tones is None:
-        tones = outline.tones_at((begin_ns + end_ns) // 2)
+        tones = () if declared.texture else outline.tones_at((begin_ns + end_ns) // 2)
     who = declared.participant or participant
     speed_mm_s, force_n = declared.speed_mm_s, declared.force_n
     if who is None or speed_mm_s is None or force_n is None or tones is None:
@@ -267,10 +273,20 @@ def declared_segment(
         missing = ", ".join(name for name, value in wanted if value is None)
         raise ExportError(
             "nobody was guided in this recording, so that it is one trial; say of it "
-            f"{missing} (--tone 0 where nothing was played)"
+            f"{missing} (--tone 0 where nothing was played, --texture where a texture was)"
         )
     place = outline.place(begin_ns, end_ns)
-    return TrialSegment("t0000", who, declared.session, 0, speed_mm_s, force_n, tones, place)
+    return TrialSegment(
+        "t0000",
+        who,
+        declared.session,
+        0,
+        speed_mm_s,
+        force_n,
+        tones,
+        place,
+        declared.texture and not tones,
+    )
 
 
 def guided_segments(

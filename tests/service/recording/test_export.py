@@ -229,6 +229,14 @@ def test_lost_samples_are_missing_not_made_up(export: Export, tmp_path: Path) ->
     assert trial.force_n[~missing] == pytest.approx(whole[~missing])
 
 
+def test_a_texture_is_no_blank_trial(export: Export, tmp_path: Path) -> None:
+    export(lambda tape: tape.play(3.0), TrialDeclaration("p", 1, 60.0, 0.4, texture=True))
+    (trial,) = trials_of(tmp_path)
+    assert trial.info.tones_hz == ()
+    assert trial.info.drive_vpp == pytest.approx(np.ptp(value(3, 0, 6_000)), abs=1e-3)
+    assert trial.voltage_v == pytest.approx(value(3, 0, 6_000)[0])
+
+
 @pytest.mark.parametrize(
     ("declared", "words"),
     [

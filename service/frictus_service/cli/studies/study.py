@@ -151,6 +151,9 @@ def export(
         list[float] | None,
         typer.Option("--tone", min=0.0, help="Hz, as often as there are; 0: nothing played."),
     ] = None,
+    texture: Annotated[
+        bool, typer.Option("--texture", help="A texture was played, or noise: no tones.")
+    ] = False,
     begin: Annotated[
         float | None, typer.Option("--from", min=0.0, help="Begin there, s.")
     ] = None,
@@ -175,7 +178,7 @@ def export(
     """Write FILE as a study, MATLAB files, Parquet tables, for an archive, a rig, or plots.
 
     Guided trials of a recording become trials; a recording in which nobody was guided is one
-    trial, of which --participant, --speed, --force and --tone have to be said.
+    trial, of which --participant, --speed, --force and --tone or --texture have to be said.
     """
     from frictus_service.recording.segments import TrialDeclaration
 
@@ -190,8 +193,10 @@ def export(
             file, out or file.with_name(f"{file.stem}_foxglove.mcap"), begin, end, as_json
         )
         return
+    if texture and tone:
+        raise typer.BadParameter("--tone and --texture: one of them was played")
     tones = None if tone is None else tuple(hz for hz in tone if hz > 0.0)
-    declared = TrialDeclaration(participant, session, speed, force, tones, begin, end)
+    declared = TrialDeclaration(participant, session, speed, force, tones, begin, end, texture)
     path = out or _beside(file, to)
     if file.suffix != ".mcap":
         trials, excluded = _converted(file, to, path, card)
