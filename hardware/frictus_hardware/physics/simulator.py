@@ -207,7 +207,7 @@ def predict(
 
     Of a band it reports the mean over the band's power: that of three frequencies which have
     the centroid and the variance of the power (Gauss-Legendre, exact to the fifth order where
-    the power is even over the band). With two, a mount's shift came out 1 % too large.
+    the power is even over the band). With two, the quality of a mode came out 0.5 % too large.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.calibration.coordinates import HIGH_MM_S, LOW_MM_S
 from frictus_service.discovery.evidence.bands import WINDOW_S, Bands
-from frictus_service.discovery.evidence.window_spectra import tapered
+from frictus_service.discovery.evidence.window_spectra import frequency_hz, next_of, tapered
 from frictus_service.identification.observation.response import drive_fraction, hold
 from frictus_service.identification.observation.through_mount import ThroughMount
 
@@ -239,11 +239,11 @@ class WindowCutter:
         friction = np.sum(data["force"][:2] * along, axis=0)
         drive, passed = data[DRIVE]
         within = np.clip(data["render"][2], LOW_MM_S, HIGH_MM_S)
-        rising = np.gradient(passed)
-        channels = tapered(np.stack([drive, passed, friction, data["force"][0], rising]))
+        following = next_of(passed)
+        channels = tapered(np.stack([drive, passed, friction, data["force"][0], following]))
         channels = np.vstack([channels, channels[1] * (within - within.mean())])
         spectra = np.fft.rfft(channels, axis=-1)[:, self._line]
-        driven, mounted, felt, rising, faster = spectra[[0, 1, 2, 4, 5]]
+        driven, mounted, felt, following, faster = spectra[[0, 1, 2, 4, 5]]
         driven_power = np.square(np.abs(driven * self._hold)).sum()
         if np.sqrt(2.0 * driven_power / self._length) < LEAST_DRIVE:
             self.refused["nothing is played"] += 1
@@ -252,12 +252,11 @@ class WindowCutter:
         each = 1.0 / np.maximum(power, np.finfo(float).tiny)
         # What is played is seldom at the frequencies of the window: of a texture's line each of
         # them has a part, and the response is that at the line's own. Likewise of its speed.
-        sine = self._sum(mounted.conj() * rising).imag * each
-        frequency_hz = np.arcsin(np.clip(sine, 0.0, 1.0)) * self._rate_hz / (2.0 * np.pi)
+        at_hz = frequency_hz(self._sum(mounted.conj() * following), self._rate_hz)
         # A law is nearly linear in the speed over a window, and what counts of the speed is its
         # mean over the drive's energy.
         above = self._sum(mounted.conj() * faster).real * each
-        passing = np.interp(frequency_hz, self.bands.frequency_hz, self._passing)
+        passing = np.interp(at_hz, self.bands.frequency_hz, self._passing)
         return LawWindow(
             first_sample,
             self.contact,
@@ -271,7 +270,7 @@ class WindowCutter:
             drive_mean=float(drive.mean()),
             drive_variance=2.0 * float(driven_power) / self._length,
             minutes=first_sample / self._rate_hz / 60.0,
-            frequency_hz=np.where(power > 0.0, frequency_hz, self.bands.centre_hz),
+            frequency_hz=np.where(power > 0.0, at_hz, self.bands.centre_hz),
             mains_n=spectra[3, self._mains],
             mains_drive=(mounted * self._passing)[self._mains] * along[0].mean(),
             band_speed_mm_s=np.clip(within.mean() + above, within.min(), within.max()),

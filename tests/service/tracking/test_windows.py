@@ -69,6 +69,28 @@ def test_a_line_between_the_frequencies_of_the_windows_is_at_its_own(line_hz: fl
         np.testing.assert_allclose(response, GAIN_N, rtol=2e-3)
 
 
+@pytest.mark.parametrize("rate_hz", [5_000.0, 20_000.0])
+@pytest.mark.parametrize("line_hz", [93.3, 1_403.7, 1_903.3])
+def test_a_line_is_found_up_to_half_of_the_sample_rate(line_hz: float, rate_hz: float) -> None:
+    time_s = np.arange(round(rate_hz)) / rate_hz
+    drive = 0.5 + 0.4 * np.cos(2.0 * np.pi * line_hz * time_s)
+    still = np.zeros(time_s.size)
+    rows = {
+        "force": np.vstack([0.5 * drive, still, still + 0.4]),
+        "voltage": PEAK_V * np.sqrt(drive / 2.0)[np.newaxis],
+        "render": np.vstack([10.0 + 60.0 * time_s, still, still + 60.0]),
+    }
+    data = {name: each.astype(np.float32) for name, each in rows.items()}
+    found = WindowCutter(rate_hz, PEAK_V, None).take(
+        AlignedSamples(1, 0, 0, rate_hz, 0, Flag(0), data)
+    )
+    assert found
+    for each in found:
+        assert each.frequency_hz is not None
+        strongest = np.argmax(each.drive_power)
+        assert each.frequency_hz[strongest] == pytest.approx(line_hz, abs=0.1)
+
+
 def test_a_voltage_that_is_no_number_spoils_no_later_window(rng: np.random.Generator) -> None:
     part = part_of(noise(20_000, 1_500.0, rng))
     part.data["voltage"][0, 7_500] = np.nan
