@@ -126,3 +126,32 @@ def test_a_band_is_predicted_as_its_mean_over_frequency() -> None:
         (middle,) = seen(centre_hz * one, 0.0)
         assert abs(band / mean - 1.0) < 1e-4
         assert abs(band - mean) < 0.05 * abs(middle - mean)
+
+
+def test_a_band_on_the_flank_of_a_resonance_is_predicted_as_its_mean() -> None:
+    """Where power falls over the band it has a skewness: a mount that moved shows beside it."""
+    base = Simulator()
+    moved = extended(base, [("mount_resonance_shift", {"share": 0.0133})])
+    assert base.mount is not None
+    hz = np.linspace(1690.0, 1890.0, 401)
+    power = np.square(np.abs(base.mount.frequency_response(hz)))
+    power /= power.sum()
+    centroid_hz = power @ hz
+    off_hz = hz - centroid_hz
+    spread_hz = np.sqrt(power @ np.square(off_hz))
+    skewness = power @ np.power(off_hz, 3) / spread_hz**3
+    assert skewness > 0.4
+
+    def seen(at_hz: FloatArray, **of_band: FloatArray) -> NDArray[np.complex128]:
+        ones = np.ones(at_hz.size)
+        around = SlidingConditions(60.0 * ones, 0.4 * ones, 35.0 * ones, ones, 0.0 * ones)
+        nothing = np.zeros(at_hz.size)
+        probe = Probe(at_hz, nothing.astype(complex), nothing, nothing, around, **of_band)
+        return predict(moved, probe, base.mount).friction
+
+    mean = power @ seen(hz)
+    spread = {"spread_hz": np.array([spread_hz])}
+    (even,) = seen(np.array([centroid_hz]), **spread)
+    (band,) = seen(np.array([centroid_hz]), **spread, skewness=np.array([skewness]))
+    assert abs(even / mean - 1.0) > 3e-3
+    assert abs(band / mean - 1.0) < 5e-4

@@ -217,8 +217,10 @@ def _harmonics(
         third_variance=variance,
         centroid_hz=probe.tone_hz,
         spread_hz=np.zeros(probe.tone_hz.size),
+        skewness=np.zeros(probe.tone_hz.size),
         mobility_centroid_hz=probe.tone_hz,
         mobility_spread_hz=np.zeros(probe.tone_hz.size),
+        mobility_skewness=np.zeros(probe.tone_hz.size),
     )
 
 

@@ -206,7 +206,10 @@ def _message(
     sizes = [each.tone_hz.size for each in rows]
     power = [np.square(np.abs(each.message)).sum() / 2.0 for each in rows]
     nothing = np.full(sum(sizes), np.nan)
-    of_friction, of_mobility = ([each.place(bands, of) for each in spectra] for of in (0, 1))
+    of_friction, of_mobility = (
+        np.concatenate([np.array(each.place(bands, of))[:, used] for each in spectra], axis=1)
+        for of in (0, 1)
+    )
     return HarmonicResponse(
         message_mean=np.repeat([each.message_mean for each in spectra], sizes),
         message_power=np.repeat(power, sizes),
@@ -214,10 +217,12 @@ def _message(
         second_variance=nothing,
         third=nothing.astype(np.complex128),
         third_variance=nothing,
-        centroid_hz=np.concatenate([centroid[used] for centroid, _ in of_friction]),
-        spread_hz=np.concatenate([spread[used] for _, spread in of_friction]),
-        mobility_centroid_hz=np.concatenate([centroid[used] for centroid, _ in of_mobility]),
-        mobility_spread_hz=np.concatenate([spread[used] for _, spread in of_mobility]),
+        centroid_hz=of_friction[0],
+        spread_hz=of_friction[1],
+        skewness=of_friction[2],
+        mobility_centroid_hz=of_mobility[0],
+        mobility_spread_hz=of_mobility[1],
+        mobility_skewness=of_mobility[2],
     )
 
 

@@ -180,6 +180,7 @@ def take(probe: Probe, rows: IntArray) -> Probe:
             minutes=c.minutes[rows],
         ),
         spread_hz=np.broadcast_to(probe.spread_hz, probe.tone_hz.shape)[rows],
+        skewness=np.broadcast_to(probe.skewness, probe.tone_hz.shape)[rows],
     )
 
 

@@ -232,6 +232,7 @@ def rows_of(
             minutes[keys[0]],
         ),
         spread_hz=mean(harmonic(f"{weighed}spread_hz")),
+        skewness=mean(harmonic(f"{weighed}skewness")),
     )
     second, third = mean(harmonic("second")), mean(harmonic("third"))
     if response == "mobility":

@@ -52,10 +52,10 @@ class HarmonicResponse:
         acts at once gives a constant. NaN where it cannot be told from something else.
     second_variance, third_variance : ndarray
         Of real and of imaginary part each, from the noise around the lines.
-    centroid_hz, spread_hz : ndarray
-        Mean and standard deviation of the frequency over what the friction response of a row is
-        weighed by: of a band its power; of a tone its frequency, and 0.
-    mobility_centroid_hz, mobility_spread_hz : ndarray
+    centroid_hz, spread_hz, skewness : ndarray
+        Mean, standard deviation and skewness of the frequency over what the friction response
+        of a row is weighed by: of a band its power; of a tone its frequency, 0 and 0.
+    mobility_centroid_hz, mobility_spread_hz, mobility_skewness : ndarray
         The same of the mobility, which is weighed by what the force has of that.
     """
 
@@ -67,8 +67,10 @@ class HarmonicResponse:
     third_variance: FloatArray
     centroid_hz: FloatArray
     spread_hz: FloatArray
+    skewness: FloatArray
     mobility_centroid_hz: FloatArray
     mobility_spread_hz: FloatArray
+    mobility_skewness: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +151,7 @@ def spectra_of(
     stretch = np.array([place[key] for key in keys])[:: lines.n_tones]
     mean, power = _message(lines, channels, backdrop, [whole[at] for at in stretch], rows)
     ratios = _ratios(trial, study, lines, [fitted[at] for at in stretch])
-    alone = (rows.tone_hz, np.zeros(rows.tone_hz.size))
+    alone = (rows.tone_hz, *np.zeros((2, rows.tone_hz.size)))
     return HarmonicResponse(mean, power, *ratios[0], *ratios[1], *alone, *alone), stretches
 
 
@@ -325,8 +327,10 @@ NO_HARMONICS: Final = HarmonicResponse(
     third_variance=np.empty(0),
     centroid_hz=np.empty(0),
     spread_hz=np.empty(0),
+    skewness=np.empty(0),
     mobility_centroid_hz=np.empty(0),
     mobility_spread_hz=np.empty(0),
+    mobility_skewness=np.empty(0),
 )
 NO_STRETCHES: Final = Stretches(
     sweep=np.empty(0, dtype=np.int64),

@@ -9,6 +9,7 @@ mean frequency of what it has parts of: by how much that turns in a sample (Auge
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Final
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -20,6 +21,9 @@ from frictus_service.identification.observation.sweeps import SweepThird
 from frictus_service.identification.observation.through_mount import ThroughMount
 from frictus_service.identification.observation.touch_path import path_of
 from frictus_service.study.trial import StudyInfo, Trial
+
+MOST_SKEWED: Final = 2.0
+"""Skewness of a band that is told: beyond, it is one line and little else."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +76,8 @@ class WindowSpectra:
         of_mobility = np.abs((self.known.conj() * self.force).sum(axis=0))
         return of_friction, of_mobility
 
-    def place(self, bands: Bands, of: int) -> tuple[FloatArray, FloatArray]:
-        """Return mean and standard deviation of the frequency of each band, (n_bands,).
+    def place(self, bands: Bands, of: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return mean, standard deviation and skewness of the frequency of each band.
 
         Parameters
         ----------
@@ -81,11 +85,18 @@ class WindowSpectra:
             Of the windows.
         of : int
             0: for friction, 1: for mobility.
+
+        Returns
+        -------
+        tuple of ndarray, shape (n_bands,)
         """
         weight = self.weights[of]
         centroid_hz = bands.mean(weight, self.at_hz)
-        apart_hz2 = np.square(self.at_hz - centroid_hz[bands.band]) + self.variance_hz2
-        return centroid_hz, np.sqrt(bands.mean(weight, apart_hz2))
+        off_hz = self.at_hz - centroid_hz[bands.band]
+        spread_hz = np.sqrt(bands.mean(weight, np.square(off_hz) + self.variance_hz2))
+        third_hz3 = bands.mean(weight, off_hz * (np.square(off_hz) + 3.0 * self.variance_hz2))
+        skewness = third_hz3 / np.maximum(spread_hz**3, np.finfo(float).tiny)
+        return centroid_hz, spread_hz, np.clip(skewness, -MOST_SKEWED, MOST_SKEWED)
 
     def correction(self, through: ComplexArray, bands: Bands, of: int) -> ComplexArray:
         """Return by what a response is multiplied to have its instrument where it lies.
@@ -104,7 +115,7 @@ class WindowSpectra:
         ndarray of complex, shape (n_bands,)
         """
         taken_hz = bands.mean(self.weights[of], bands.frequency_hz)
-        own_hz, _ = self.place(bands, of)
+        own_hz, *_ = self.place(bands, of)
         taken, own = (np.interp(hz, bands.frequency_hz, through) for hz in (taken_hz, own_hz))
         ratio: ComplexArray = taken / own
         return ratio

@@ -229,6 +229,10 @@ def test_a_band_lies_where_its_power_is(rng: np.random.Generator) -> None:
         found = np.mean(np.square(said.harmonics.spread_hz[of_lines == lines_of]))
         mixed = ((lines_of**2 - 1.0) / 12.0 + 1.0 / 3.0) / WINDOW_S**2
         assert found == pytest.approx(mixed, rel=0.15)
+    # Beside the mount's second mode, at 1.71 kHz, power is at that side of its band.
+    for near_hz, skewness in ((1590.0, -0.57), (1785.0, 0.52)):
+        there = np.abs(said.observed.rows.tone_hz - near_hz) < 1.0
+        assert said.harmonics.skewness[there].mean() == pytest.approx(skewness, abs=0.15)
 
 
 def test_driven_mobility_is_weighed_by_what_the_force_has_of_the_drive(
