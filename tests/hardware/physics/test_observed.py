@@ -155,3 +155,24 @@ def test_a_band_on_the_flank_of_a_resonance_is_predicted_as_its_mean() -> None:
     (band,) = seen(np.array([centroid_hz]), **spread, skewness=np.array([skewness]))
     assert abs(even / mean - 1.0) > 3e-3
     assert abs(band / mean - 1.0) < 5e-4
+
+
+def test_a_band_is_predicted_as_its_mean_over_speed() -> None:
+    """A finger that speeds up while noise is played has no cutoff of its mean speed."""
+    simulator = Simulator()
+    speeds_mm_s = 60.0 + 12.0 * np.linspace(-1.0, 1.0, 201)
+
+    def seen(speed_mm_s: FloatArray, **of_band: FloatArray) -> NDArray[np.complex128]:
+        ones = np.ones(speed_mm_s.size)
+        around = SlidingConditions(speed_mm_s, 0.4 * ones, 35.0 * ones, ones, 0.0 * ones)
+        nothing = 0.0 * ones
+        at_hz = 700.0 * ones
+        probe = Probe(at_hz, nothing.astype(complex), nothing, nothing, around, **of_band)
+        return predict(simulator, probe, simulator.mount).friction
+
+    mean, narrow = seen(speeds_mm_s).mean(), {"spread_hz": np.ones(1)}
+    (steady,) = seen(np.array([60.0]), **narrow)
+    spread = {"speed_spread_mm_s": np.array([speeds_mm_s.std()])}
+    (band,) = seen(np.array([60.0]), **narrow, **spread)
+    assert abs(steady / mean - 1.0) > 1e-3
+    assert abs(band - mean) < 0.05 * abs(steady - mean)

@@ -221,6 +221,7 @@ def _harmonics(
         mobility_centroid_hz=probe.tone_hz,
         mobility_spread_hz=np.zeros(probe.tone_hz.size),
         mobility_skewness=np.zeros(probe.tone_hz.size),
+        speed_spread_mm_s=np.zeros(probe.tone_hz.size),
     )
 
 

@@ -185,7 +185,7 @@ def _rows(
         sweep=np.full(each.size, segment.sweep),
         direction=np.full(each.size, segment.direction),
         third=np.full(each.size, segment.third),
-        speed_mm_s=bands.mean(spectra.weights[0], spectra.speed_mm_s)[used],
+        speed_mm_s=spectra.speed(bands)[0][used],
         normal_force_n=(normal.mean() if normal.size else np.nan) * each,
         position_mm=segment.position_mm * each,
         tone_hz=bands.centre_hz[used],
@@ -223,6 +223,7 @@ def _message(
         mobility_centroid_hz=of_mobility[0],
         mobility_spread_hz=of_mobility[1],
         mobility_skewness=of_mobility[2],
+        speed_spread_mm_s=np.concatenate([each.speed(bands)[1][used] for each in spectra]),
     )
 
 

@@ -179,8 +179,10 @@ def take(probe: Probe, rows: IntArray) -> Probe:
             direction=c.direction[rows],
             minutes=c.minutes[rows],
         ),
-        spread_hz=np.broadcast_to(probe.spread_hz, probe.tone_hz.shape)[rows],
-        skewness=np.broadcast_to(probe.skewness, probe.tone_hz.shape)[rows],
+        **{
+            name: np.broadcast_to(getattr(probe, name), probe.tone_hz.shape)[rows]
+            for name in ("spread_hz", "skewness", "speed_spread_mm_s")
+        },
     )
 
 

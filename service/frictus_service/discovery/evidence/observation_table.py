@@ -233,6 +233,7 @@ def rows_of(
         ),
         spread_hz=mean(harmonic(f"{weighed}spread_hz")),
         skewness=mean(harmonic(f"{weighed}skewness")),
+        speed_spread_mm_s=mean(harmonic("speed_spread_mm_s")),
     )
     second, third = mean(harmonic("second")), mean(harmonic("third"))
     if response == "mobility":

@@ -16,7 +16,7 @@ from frictus_hardware.arrays import BoolArray, FloatArray, IntArray
 
 RESPONSE: Final = 0.004
 """Share of the size, and radians: what speed varies and bends within a third of a stroke makes
-of a response that follows it; see `tests/service/discovery/test_accuracy.py`."""
+of a response that follows it; see `tests/hardware/physics/test_observed.py`."""
 HARMONICS: Final = 3e-4
 LINE_N2: Final = 1e-7
 LOW: Final = 0.4
@@ -173,13 +173,15 @@ def noise_of(layout: Layout, variance: FloatArray) -> FloatArray:
         Which rows make which reading.
     variance : ndarray, shape (n_rows,)
         Of ln size and of phase of each row. 1 is returned of readings that have none, and of
-        those of a whole trial, which deviates by its contact and not by noise.
+        those of a whole trial of many tones, which deviates by its contact and not by noise.
     """
     n_cells, n_trials = layout.tone.size, layout.n_trials
     rows = np.where(np.isfinite(variance) & (variance > 0.0), np.sqrt(variance), 1.0)
     count = np.bincount(layout.cell, minlength=n_cells)
     cells = np.sqrt(np.bincount(layout.cell, np.square(rows), minlength=n_cells)) / count
-    parts = [np.ones(n_trials), cells, cells, rows, rows, np.ones(4 * n_cells + 3 * n_trials)]
+    trials, alone = np.ones(n_trials), _alone(layout)
+    trials[layout.trial_of_cell[alone]] = cells[alone]
+    parts = [trials, cells, cells, rows, rows, np.ones(4 * n_cells + 3 * n_trials)]
     return np.concatenate(parts)[layout.seen]
 
 
@@ -221,10 +223,9 @@ TONES: Final = 1000
 def _parts(layout: Layout, n_trials: int) -> tuple[IntArray, BoolArray]:
     """Return the part of all readings, and whether they say anything."""
     row_tone = layout.tone[layout.cell]
-    alone = np.bincount(layout.trial_of_cell, minlength=n_trials)[layout.trial_of_cell] == 1
+    alone = _alone(layout)
     single = np.bincount(layout.cell)[layout.cell] == 1
     with_rows = np.bincount(layout.trial, minlength=n_trials) > 0
-    # A tone that is its trial's only one says at once what trial and tone say.
     of_trial = np.full(n_trials, TONES * TRIAL_SIZE)
     only = np.flatnonzero(alone)
     of_trial[layout.trial_of_cell[only]] += 1 + layout.tone[only]
@@ -243,6 +244,12 @@ def _parts(layout: Layout, n_trials: int) -> tuple[IntArray, BoolArray]:
         for part, use in zip(parts, useful, strict=True)
     ]
     return np.concatenate(parts), np.concatenate(kept)
+
+
+def _alone(layout: Layout) -> BoolArray:
+    """Return which cells are a trial's only tone: it says at once what trial and tone say."""
+    alone: BoolArray = np.bincount(layout.trial_of_cell)[layout.trial_of_cell] == 1
+    return alone
 
 
 def _mean(values: FloatArray, group: IntArray, n_groups: int) -> FloatArray:

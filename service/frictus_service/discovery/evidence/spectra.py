@@ -57,6 +57,8 @@ class HarmonicResponse:
         of a row is weighed by: of a band its power; of a tone its frequency, 0 and 0.
     mobility_centroid_hz, mobility_spread_hz, mobility_skewness : ndarray
         The same of the mobility, which is weighed by what the force has of that.
+    speed_spread_mm_s : ndarray
+        Standard deviation of the speed while a band was measured; 0 of a tone.
     """
 
     message_mean: FloatArray
@@ -71,6 +73,7 @@ class HarmonicResponse:
     mobility_centroid_hz: FloatArray
     mobility_spread_hz: FloatArray
     mobility_skewness: FloatArray
+    speed_spread_mm_s: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,8 +154,10 @@ def spectra_of(
     stretch = np.array([place[key] for key in keys])[:: lines.n_tones]
     mean, power = _message(lines, channels, backdrop, [whole[at] for at in stretch], rows)
     ratios = _ratios(trial, study, lines, [fitted[at] for at in stretch])
-    alone = (rows.tone_hz, *np.zeros((2, rows.tone_hz.size)))
-    return HarmonicResponse(mean, power, *ratios[0], *ratios[1], *alone, *alone), stretches
+    tone_hz, none = rows.tone_hz, np.zeros(rows.tone_hz.size)
+    alone = (tone_hz, none, none)
+    found = HarmonicResponse(mean, power, *ratios[0], *ratios[1], *alone, *alone, none)
+    return found, stretches
 
 
 def _later(piece: WholeBlocks, settled: int) -> WholeBlocks:
@@ -331,6 +336,7 @@ NO_HARMONICS: Final = HarmonicResponse(
     mobility_centroid_hz=np.empty(0),
     mobility_spread_hz=np.empty(0),
     mobility_skewness=np.empty(0),
+    speed_spread_mm_s=np.empty(0),
 )
 NO_STRETCHES: Final = Stretches(
     sweep=np.empty(0, dtype=np.int64),

@@ -24,6 +24,8 @@ from frictus_service.study.trial import StudyInfo, Trial
 
 MOST_SKEWED: Final = 2.0
 """Skewness of a band that is told: beyond, it is one line and little else."""
+LEAST_HZ: Final = 1.0
+"""At 0 Hz a response may be none, of which there is no logarithm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +48,9 @@ class WindowSpectra:
         Of the drive fraction itself, summed over windows.
     at_hz, variance_hz2 : ndarray, shape (n_frequencies,)
         Mean and variance of the frequencies of which each of the windows' has a part.
-    speed_mm_s : ndarray, shape (n_frequencies,)
-        Of the finger while that was played: a texture's line is high while the finger is fast.
+    speed_mm_s, speed_variance : ndarray, shape (n_frequencies,)
+        Mean and variance (in mm²/s²) of the finger's speed while that was played: a texture's
+        line is high while the finger is fast.
     """
 
     segment: SweepThird
@@ -59,6 +62,7 @@ class WindowSpectra:
     at_hz: FloatArray
     variance_hz2: FloatArray
     speed_mm_s: FloatArray
+    speed_variance: FloatArray
 
     @property
     def known(self) -> ComplexArray:
@@ -97,6 +101,24 @@ class WindowSpectra:
         third_hz3 = bands.mean(weight, off_hz * (np.square(off_hz) + 3.0 * self.variance_hz2))
         skewness = third_hz3 / np.maximum(spread_hz**3, np.finfo(float).tiny)
         return centroid_hz, spread_hz, np.clip(skewness, -MOST_SKEWED, MOST_SKEWED)
+
+    def speed(self, bands: Bands) -> tuple[FloatArray, FloatArray]:
+        """Return mean and standard deviation of the speed while each band was played.
+
+        Parameters
+        ----------
+        bands : Bands
+            Of the windows.
+
+        Returns
+        -------
+        tuple of ndarray, shape (n_bands,)
+        """
+        weight = self.weights[0]
+        mean_mm_s = bands.mean(weight, self.speed_mm_s)
+        off_mm_s = self.speed_mm_s - mean_mm_s[bands.band]
+        variance = bands.mean(weight, np.square(off_mm_s) + self.speed_variance)
+        return mean_mm_s, np.sqrt(variance)
 
     def correction(self, through: ComplexArray, bands: Bands, of: int) -> ComplexArray:
         """Return by what a response is multiplied to have its instrument where it lies.
@@ -243,8 +265,8 @@ def _parts(
     at_speed: ComplexArray,
     rate_hz: float,
     speed_mm_s: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return mean and variance of the frequencies of what is known, and the speed, (n,).
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return mean and variance of the frequencies of what is known, and of the speed, (n,).
 
     `following` is what is known a sample later (`next_of`), `at_speed` what is known times the
     speed. Frequencies that differ turn apart: what is left of the sum tells their variance.
@@ -258,7 +280,10 @@ def _parts(
     variance_hz2 = -2.0 * np.log(together) * (rate_hz / (2.0 * np.pi)) ** 2
     mean_mm_s = (known.conj() * at_speed).real.sum(axis=0) / power
     at_mm_s = np.clip(mean_mm_s, speed_mm_s.min(), speed_mm_s.max())
-    return frequency_hz(turned, rate_hz), variance_hz2, at_mm_s
+    square = np.square(np.abs(at_speed)).sum(axis=0) / power
+    most = np.square((speed_mm_s.max() - speed_mm_s.min()) / 2.0)
+    variance = np.clip(square - np.square(mean_mm_s), 0.0, most)
+    return frequency_hz(turned, rate_hz), variance_hz2, at_mm_s, variance
 
 
 def next_of(windows: FloatArray) -> FloatArray:
@@ -279,12 +304,13 @@ def frequency_hz(turned: ComplexArray, rate_hz: float) -> FloatArray:
     Parameters
     ----------
     turned : ndarray of complex, shape (n,)
-        Sums of the conjugate of spectra times those of what follows each sample.
+        Sums of the conjugate of spectra times those of what follows each sample; noise alone
+        turns by anything.
     rate_hz : float
         Samples per second.
     """
-    mean: FloatArray = np.clip(np.angle(turned), 0.0, None) * rate_hz / (2.0 * np.pi)
-    return mean
+    mean: FloatArray = np.angle(turned) * rate_hz / (2.0 * np.pi)
+    return np.maximum(mean, LEAST_HZ)
 
 
 def _windows(channels: FloatArray, window: int) -> FloatArray:

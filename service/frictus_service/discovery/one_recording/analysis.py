@@ -14,7 +14,7 @@ from frictus.model import Model
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_service.discovery.document import OneRecording, ParameterEstimate, RankedModel
-from frictus_service.discovery.evidence.evidence_rows import EvidenceRows, subjects_of
+from frictus_service.discovery.evidence.evidence_rows import EvidenceRows, subjects_of, take
 from frictus_service.discovery.evidence.observation_table import (
     ResponseName,
     rows_of,
@@ -168,9 +168,7 @@ def ranked(windows: Windows, study: StudyInfo, base: Model) -> OneRecording:
     folds = folds_of(windows.evidence, base.response)
     rows = rows_of(windows.evidence, folds, base.response)
     variance = _variances(rows)
-    rows = _resolved(rows, variance)
-    # Each window deviates by itself, as contacts do.
-    rows = replace(rows, condition_of_trial=np.arange(len(windows.evidence)))
+    rows = _each_alone(_resolved(rows, variance))
     problem = DiscoveryProblem(
         simulator_of(base, study.mount),
         study.mount,
@@ -183,7 +181,7 @@ def ranked(windows: Windows, study: StudyInfo, base: Model) -> OneRecording:
     )
     # Matrices are small: threads would wait for each other longer than they work.
     with threadpool_limits(limits=1):
-        fold = folds.of_trial[rows.trial]
+        fold = rows.unit_of_trial[rows.trial]
         found = rank(problem, [variance[fold == k] for k in range(len(folds.names))])
     models = tuple(_model(found, each) for each in found.models[:MOST_MODELS])
     beyond = found.margin > 0.0
@@ -228,6 +226,37 @@ def _resolved(rows: EvidenceRows, variance: FloatArray) -> EvidenceRows:
     size = np.where(variance < RESOLVED**2, rows.measured.size, np.nan)
     phase = np.where(variance < RESOLVED**2, rows.measured.phase, np.nan)
     return replace(rows, measured=replace(rows.measured, size=size, phase=phase))
+
+
+def _each_alone(rows: EvidenceRows) -> EvidenceRows:
+    """Return each row as a trial of its own, whose condition is its window.
+
+    A window deviates by itself, as contacts do; beside that its rows have no more in common.
+    The mean over the bands of a window of a grating is that of those that hold mostly noise.
+    """
+    window = rows.trial
+    first = np.zeros(window.size, dtype=np.bool_)
+    first[np.unique(window, return_index=True)[1]] = True
+
+    def once(of_window: FloatArray) -> FloatArray:
+        return np.where(first, of_window[window], np.nan)
+
+    measured = rows.measured
+    return replace(
+        rows,
+        unit_of_trial=rows.unit_of_trial[window],
+        condition_of_trial=window,
+        target_mm_s=rows.target_mm_s[window],
+        target_n=rows.target_n[window],
+        trial=np.arange(window.size),
+        trials=take(rows.trials, window),
+        measured=replace(
+            measured,
+            line50=once(measured.line50),
+            line60=once(measured.line60),
+            low=once(measured.low),
+        ),
+    )
 
 
 def _model(found: Ranking, fitted: FittedModel) -> RankedModel:
