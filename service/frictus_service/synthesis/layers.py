@@ -113,17 +113,40 @@ def build_pyramid(
 
 
 def _resample(spectrum: NDArray[np.complex128], rows: int, columns: int) -> NDArray[np.float32]:
-    """Return the image of a centred spectrum on another grid, padded by wrap-around."""
+    """Return the image of a centred spectrum on another grid, padded by wrap-around.
+
+    What reading between pixels takes from each wave is added before: at four pixels to a cycle
+    it is 0.55 dB.
+    """
     out = np.zeros((rows, columns), dtype=complex)
-    source, target = [], []
+    source, target, response = [], [], []
     for old, new in zip(spectrum.shape, (rows, columns), strict=True):
         reach_below, reach_above = min(old // 2, new // 2), min((old - 1) // 2, (new - 1) // 2)
         source.append(slice(old // 2 - reach_below, old // 2 + reach_above + 1))
         target.append(slice(new // 2 - reach_below, new // 2 + reach_above + 1))
-    out[target[0], target[1]] = spectrum[source[0], source[1]]
+        response.append(_cubic_response(np.arange(-reach_below, reach_above + 1) / new))
+    out[target[0], target[1]] = spectrum[source[0], source[1]] / np.outer(*response)
     scale = rows * columns / spectrum.size
     image = np.fft.ifft2(np.fft.ifftshift(out)).real * scale
     return np.pad(image, ((1, 2), (1, 2)), mode="wrap").astype(np.float32)
+
+
+def _cubic_response(cycles_per_pixel: FloatArray) -> FloatArray:
+    """Return what the cubic of `kernel` leaves of waves through pixels, 1 of a constant.
+
+    The transform of the kernel: R. G. Keys, Cubic convolution interpolation for digital image
+    processing, IEEE Transactions on Acoustics, Speech, and Signal Processing 29 (1981).
+
+    Parameters
+    ----------
+    cycles_per_pixel : ndarray, shape (n_waves,)
+    """
+    response = np.ones(cycles_per_pixel.size)
+    f = cycles_per_pixel[cycles_per_pixel != 0.0]
+    once, twice, fourfold = np.sinc(f), np.sinc(2.0 * f), np.sinc(4.0 * f)
+    level = 3.0 * (once**2 - twice) - (3.0 * twice**2 - 2.0 * twice - fourfold)
+    response[cycles_per_pixel != 0.0] = level / (np.pi * f) ** 2
+    return response
 
 
 NARROWEST_FADE_MM = 0.1
