@@ -50,6 +50,16 @@ def test_bounds_are_accepted_and_what_lies_beyond_is_refused_with_them(id_: str)
             assert told in str(refused.value)
 
 
+@pytest.mark.parametrize("id_", ["fractional_rolloff", "fractional_damping"])
+def test_orders_that_add_up_to_what_cannot_be_simulated_are_refused(id_: str) -> None:
+    """No rational function was found for them, or one that is not stable."""
+    for each, whole in ((0.5, "1"), (-0.5, "-1")):
+        half = (id_, {"excess_order": each})
+        extended(Simulator(), [half, (id_, {"excess_order": each / 2.0})])
+        with pytest.raises(EffectParameterError, match=f"add up to {whole}; accepted: above"):
+            extended(Simulator(), [half, half])
+
+
 def test_an_unknown_effect_is_refused_with_the_known_ones() -> None:
     with pytest.raises(UnknownEffectError) as refused:
         extended(Simulator(), [("squeaking", {})])

@@ -46,7 +46,8 @@ def extended(
     UnknownEffectError
         If no effect has that id.
     EffectParameterError
-        If a parameter is missing, unknown, not finite or out of its range.
+        If a parameter is missing, unknown, not finite or out of its range, or effects that add
+        up leave what can be simulated.
     """
     for id_, parameters in effects:
         if id_ not in KNOWN:
@@ -57,7 +58,22 @@ def extended(
         values = _checked(effect, parameters)
         if values[effect.parameters[0].name] != 0.0:
             simulator = effect.apply(simulator, values)
+    _check_orders(simulator)
     return simulator
+
+
+def _check_orders(simulator: Simulator) -> None:
+    """Refuse orders that no poles and zeros make: several effects add them up."""
+    orders = {
+        "the roll-off": simulator.excess_order,
+        "the skin's damping": simulator.skin.damping_excess_order,
+    }
+    for name, order in orders.items():
+        if not abs(order) < 1.0:
+            raise EffectParameterError(
+                f"the excess orders of {name} add up to {order:g}; "
+                "accepted: above -1 and below 1"
+            )
 
 
 def _checked(effect: EffectDefinition, given: Mapping[str, float]) -> dict[str, float]:
