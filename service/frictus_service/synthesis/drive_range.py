@@ -56,7 +56,11 @@ def _layer_reach(
     telling = SPEEDS_MM_S * (layer.top if layer.kind != kernel.TEMPORAL else 0.0)
     speeds = SPEEDS_MM_S[(telling > 0.9 * BAND_EDGE_HZ) | (SPEEDS_MM_S == 0.0)]
     speeds = np.append(speeds, SPEEDS_MM_S[-1])
-    decay = np.exp(-2.0 * np.pi * cutoff_hz(law, speeds) / sample_rate_hz)
+    cutoff = cutoff_hz(law, speeds)
+    if layer.kind != kernel.MAP:
+        # Along its direction a texture passes as slowly as it may, however fast the finger is.
+        cutoff = np.minimum(cutoff, cutoff[-1])
+    decay = np.exp(-2.0 * np.pi * cutoff / sample_rate_hz)
     moved_mm = speeds / sample_rate_hz
     if layer.kind == kernel.MAP:
         low, high, size = _map_reach(layer, speeds, moved_mm, decay)

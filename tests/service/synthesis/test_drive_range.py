@@ -5,12 +5,16 @@ import time
 import numpy as np
 import pytest
 
-from frictus.textures import Profile, Region, Scene
+from frictus.textures import Component, Profile, Region, Scene, Spectrum
+from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.screen import Screen
 from frictus_service.synthesis.compensability import inverse_of_model, placeholder_model
 from frictus_service.synthesis.components import Components
 from frictus_service.synthesis.drive_range import _table_reach
+from frictus_service.synthesis.estimator import PredictedMotion
+from frictus_service.synthesis.kernel import BlockMotion
 from frictus_service.synthesis.layers import single_table
+from frictus_service.synthesis.renderer import Renderer
 from frictus_service.synthesis.scene import compile_scene
 from frictus_service.synthesis.tables import BAND_EDGE_HZ, build_table
 
@@ -71,6 +75,24 @@ def test_the_reach_is_that_of_the_sum_of_cosines(
         assert low[s] == pytest.approx(min(0.0, np.min(drives)), abs=tolerance / (1.0 - decay))
         assert high[s] == pytest.approx(np.max(drives), abs=tolerance / (1.0 - decay))
         assert size[s] == pytest.approx(most, abs=tolerance)
+
+
+def test_an_oblique_stroke_fits_where_the_cutoff_falls_with_the_speed() -> None:
+    """The cutoff follows the whole speed, a texture only what of it is along its direction."""
+    falling = FrictionLaw(0.39, 900.0, -5.0, (20.0, 100.0))
+    lines = Spectrum(components=[Component(amplitude_n=1.0, cycles_per_mm=50.0)])
+    scene = compile_scene(Scene(regions=[Region(texture=lines)]), falling, Screen(), RATE_HZ)
+    renderer = Renderer(falling, Screen(), RATE_HZ, 100, scene)
+    vx, vy = 20.0, 98.0  # 1000 Hz, at a cutoff of 400 Hz
+    clipped = 0
+    for block in range(40):
+        t = block * 100 / RATE_HZ
+        motion = BlockMotion(5.0 + vx * t, 5.0 + vy * t, vx, vy, vx, vy, 100.0, 100.0)
+        rendered = renderer.render(block * 100, PredictedMotion(motion), allow=True)
+        clipped += rendered.clipped_samples
+    assert scene.applied.scaled
+    assert clipped == 0
+    assert float(np.ptp(rendered.drive)) == pytest.approx(0.868, abs=0.01)
 
 
 def test_a_recording_is_compiled_in_a_few_times_one_fourier_transform(
