@@ -9,7 +9,8 @@ import pytest
 from rich.console import Console
 from tests.rig_status import rig_status
 
-from frictus.messages import Fault
+from frictus.messages import Applied, Fault, SceneState
+from frictus.textures import Scene
 from frictus_service.cli.checks import machine_checks, service_checks
 from frictus_service.cli.streams.felt import RigSnapshot, band_rms, table_of
 
@@ -50,6 +51,25 @@ def test_what_others_write_is_no_markup() -> None:
     said = output.getvalue()
     for written in ("linen[/].csv", "ann [/]", "[/dev/x] and [bold]", "[reset]"):
         assert written in said
+
+
+def test_what_became_of_a_scene_shows() -> None:
+    notes = ["temporal frequencies moved by up to 0.05 Hz", "acceleration [m/s²], not friction"]
+    applied = Applied(
+        gain=1.0,
+        feasible_gain=2.0,
+        bias=0.2,
+        bias_n=0.1,
+        scaled=False,
+        speed_range_mm_s=(0.0, 300.0),
+        notes=[*notes, notes[0]],
+    )
+    scene = SceneState(etag="1", scene=Scene(), applied=applied)
+    output = io.StringIO()
+    felt = dataclasses.replace(NOTHING, scene=scene)
+    Console(file=output, width=100).print(table_of(felt, "linen", 1.0))
+    for note in notes:
+        assert output.getvalue().count(note) == 1
 
 
 def test_missing_packages_are_named() -> None:

@@ -309,6 +309,8 @@ def _rig_rows(felt: RigSnapshot) -> list[tuple[str, str]]:
     gaps = ", ".join(f"{count} {reason}" for reason, count in felt.gaps.items()) or "no gap"
     lost = sum(felt.lost.values())
     rows.append(("blocks", f"{received or 'none'}; {lost} lost, {gaps}"))
+    for note in dict.fromkeys(felt.scene.applied.notes if felt.scene is not None else ()):
+        rows.append(("note", f"[yellow]{escape(note)}[/]"))
     if felt.silent_s > ALARM_S:
         rows.append(("", f"[red]nothing from the rig for {felt.silent_s:.0f} s[/]"))
     return rows
