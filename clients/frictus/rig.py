@@ -146,7 +146,8 @@ class Rig(WatchedRig):
         Parameters
         ----------
         peak_n : float
-            Largest |friction| that will be sent, above 0 and up to 10 N.
+            Largest |friction| that will be sent, above 0 and up to 10 N, also less its mean,
+            which the rig takes off.
         """
         status = self._readings.latest(Topics.STATUS, RigStatus)
         return self._leases.follow(self._held.keep(TextureStream(self._caller, status, peak_n)))

@@ -249,8 +249,9 @@ class TextureStream:
     status : Latest of RigStatus
         The rig's status as it comes in.
     peak_n : float
-        Largest |friction| that will be sent, above 0 and up to 10 N. It fixes bias and gain
-        until the stream ends; a frame that exceeds it is refused.
+        Largest |friction| that will be sent, above 0 and up to 10 N, also less its mean, which
+        the rig takes off. It fixes bias and gain until the stream ends; a frame that exceeds it
+        is refused.
 
     Attributes
     ----------

@@ -303,8 +303,8 @@ class AsyncRig:
         Parameters
         ----------
         peak_n : float
-            Largest |friction| that will be sent, above 0 and up to 10 N. It fixes bias and
-            gain until the stream ends.
+            Largest |friction| that will be sent, above 0 and up to 10 N, also less its mean,
+            which the rig takes off. It fixes bias and gain until the stream ends.
         """
         session = self._session
         asked = self._asked(OpenStream, peak_n=float(peak_n))

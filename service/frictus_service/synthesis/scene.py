@@ -305,14 +305,17 @@ class StreamBudget:
         """
         if np.all(frame.friction_n == frame.friction_n[0]):
             return self.quiet
-        components = periodic(
-            frame.friction_n.astype(float), frame.period, frame.spatial, frame.angle_deg
-        )
+        friction_n = frame.friction_n.astype(float)
+        components = periodic(friction_n, frame.period, frame.spatial, frame.angle_deg)
         table = build_table(components, (0.0, frame.period))
         peak = max(float(np.abs(rows).max()) for rows in table.octaves)
         if not peak <= self.peak_n * (1.0 + 1e-3):
+            sent_n = float(np.abs(friction_n).max())
+            centred_n = float(np.abs(friction_n - friction_n.mean()).max())
+            skewed = sent_n <= self.peak_n * (1.0 + 1e-6) < centred_n
+            where = "less its mean" if skewed else "between its samples"
             raise TextureError(
-                f"friction reaches {peak:.4g} N between its samples, "
+                f"friction reaches {peak:.4g} N {where}, "
                 f"the stream declared {self.peak_n:.4g} N; open it with a larger peak"
             )
         arrays = single_table(table, frame.spatial, frame.angle_deg)

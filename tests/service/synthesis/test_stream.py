@@ -131,6 +131,13 @@ def test_what_a_wave_reaches_between_its_samples_counts() -> None:
     budget.compile(frame(0.0495 * wave))
 
 
+def test_an_update_that_only_its_mean_brings_beyond_the_peak_is_told_so() -> None:
+    budget = StreamBudget.open(0.05, LAW)
+    pulse = np.where(np.arange(64) < 8, 0.05, -0.05)  # 0.0875 N about its mean
+    with pytest.raises(TextureError, match=r"reaches 0\.\d+ N less its mean, the stream decl"):
+        budget.compile(frame(pulse))
+
+
 def test_a_mean_costs_nothing_and_constant_friction_is_silence() -> None:
     budget = StreamBudget.open(0.05, LAW)
     wave = np.cos(2.0 * np.pi * np.arange(64) / 64)
