@@ -220,6 +220,10 @@ def layers_of(region: Region, screen: Screen) -> list[Layer]:
     if isinstance(region.texture, Map):
         cut = (x0, x1, y0, y1)  # a map is laid over what of the region is on the screen
         pyramid = build_pyramid(decode(region.texture), x1 - x0, y1 - y0)
+        squeezed = x1 - x0 not in (width, np.ptp(region.x_mm)) or (
+            y1 - y0 not in (height, np.ptp(region.y_mm))
+        )
+        note = f"the map is laid over the {x1 - x0:g} x {y1 - y0:g} mm that are on the screen"
         return [
             Layer(
                 cut,
@@ -230,6 +234,7 @@ def layers_of(region: Region, screen: Screen) -> list[Layer]:
                 levels=tuple(pyramid.levels),
                 top=pyramid.top,
                 fades=True,
+                notes=(note,) if squeezed else (),
             )
         ]
     layers = []

@@ -100,6 +100,26 @@ def test_a_grating_is_felt_as_a_cosine(
     assert np.sqrt(np.mean(np.square(got - want))) < (0.02 if bits == 8 else 0.015)
 
 
+@pytest.mark.parametrize(
+    ("x_mm", "y_mm", "size"),
+    [
+        ((-1_000.0, 1_000.0), (-1_000.0, 1_000.0), None),
+        ((10.0, 30.0), (-5.0, 60.0), None),
+        ((60.0, 80.0), (0.0, 35.0), "10 x 35 mm"),
+        ((10.0, 30.0), (-5.0, 15.0), "20 x 15 mm"),
+    ],
+    ids=["all of the screen", "its whole height", "beyond its right", "beyond its top"],
+)
+def test_a_map_that_is_squeezed_onto_the_screen_says_so(
+    x_mm: tuple[float, float], y_mm: tuple[float, float], size: str | None
+) -> None:
+    image = png(np.tile(np.array([0, 255], np.uint8), (16, 8)))
+    region = Region(texture=Map(image_png=image, white_n=0.02), x_mm=x_mm, y_mm=y_mm)
+    scene = compile_scene(Scene(regions=[region]), FrictionLaw(), Screen(), RATE)
+    told = f"the map is laid over the {size} that are on the screen"
+    assert scene.applied.notes == ([told] if size else [])
+
+
 def test_grey_levels_become_newtons() -> None:
     ramp = np.tile(np.arange(256, dtype=np.uint8), (4, 1))
     friction = decode(Map(image_png=png(ramp), black_n=0.1, white_n=-0.4))
