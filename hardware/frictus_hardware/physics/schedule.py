@@ -59,10 +59,10 @@ class SlidingConditions:
         law : FrictionLaw
             Effects follow the speed no further than the law does.
         """
-        low, high = law.speed_range_mm_s
+        low, high = (max(end, LEAST_SPEED_MM_S) for end in law.speed_range_mm_s)
         return replace(
             self,
-            speed_mm_s=np.clip(self.speed_mm_s, max(low, LEAST_SPEED_MM_S), high),
+            speed_mm_s=np.clip(self.speed_mm_s, low, high),
             normal_force_n=np.maximum(self.normal_force_n, LEAST_FORCE_N),
         )
 

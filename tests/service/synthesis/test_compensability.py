@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from frictus_hardware.errors import EffectParameterError
-from frictus_hardware.physics.effects import EFFECTS, EffectDefinition, extended
+from frictus_hardware.physics.effects import EFFECTS, KNOWN, EffectDefinition, extended
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.simulator import Simulator
 from frictus_service.synthesis.compensability import REASONS, inverse_of
@@ -29,6 +29,22 @@ def test_every_effect_is_undone_or_it_is_said_why_not(id_: str) -> None:
     inverse = inverse_of(LAW, [(id_, small(EFFECTS[id_]))])
     assert inverse.plain == (id_ in inverse.not_rendered)
     assert not (id_ in inverse.not_rendered and id_ in inverse.limits)
+
+
+@pytest.mark.parametrize("id_", KNOWN)
+@pytest.mark.parametrize("range_mm_s", [(0.0, 0.0), (0.0, 0.5), (0.0, 100.0)])
+def test_a_model_that_is_valid_at_rest_has_an_inverse(
+    id_: str, range_mm_s: tuple[float, float]
+) -> None:
+    law = replace(LAW, speed_range_mm_s=range_mm_s)
+    for sign in (1.0, -1.0):
+        dose, *_ = KNOWN[id_].parameters
+        value = max(sign * 4.0 * dose.step, dose.low)
+        inverse = inverse_of(law, [(id_, {dose.name: value})], Ranges((0.0, 0.6)))
+        bounding = inverse.bounding
+        assert 0.1 * LAW.gain_n < bounding.gain_n < 2.0 * LAW.gain_n
+        assert 0.1 * LAW.cutoff_0_hz < bounding.cutoff_0_hz <= LAW.cutoff_0_hz
+        assert 1.0 <= inverse.swing < 2.0
 
 
 def test_the_reasons_stand_at_parts_that_a_simulator_has() -> None:
