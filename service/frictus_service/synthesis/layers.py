@@ -23,6 +23,7 @@ from frictus_service.synthesis import kernel
 from frictus_service.synthesis.components import Components, components_of, profile_within
 from frictus_service.synthesis.tables import (
     BAND_EDGE_HZ,
+    BESIDE_MM,
     FADE_HZ,
     FASTEST_MM_S,
     ROWS_PER_OCTAVE,
@@ -281,7 +282,7 @@ def _stretch(
     angle = np.deg2rad(angle_deg)
     corners = [x * np.cos(angle) + y * np.sin(angle) for x in (x0, x1) for y in (y0, y1)]
     # A predicted position may lie a little beside the screen; the texture goes on there.
-    return float(min(corners)) - 5.0, float(max(corners)) + 5.0
+    return float(min(corners)) - BESIDE_MM, float(max(corners)) + BESIDE_MM
 
 
 def single_table(table: FrictionTable, spatial: bool, angle_deg: float) -> kernel.SceneArrays:

@@ -39,6 +39,10 @@ FEWEST_POINTS = 256
 """No row has fewer because of its octave."""
 FULL_MM_S = 20.0
 """Slowest finger that is measured: a table without all that it feels is refused."""
+BESIDE_MM = 5.0
+"""A table without a period goes on so far beside the screen, where it ends in a jump."""
+WIDEST_MM = BESIDE_MM / 5.0
+"""Between two points of such a table: the jump reaches three points far, none on the screen."""
 PAD = 3
 """One point before and two after each row, so that the cubic needs no wrap-around."""
 
@@ -130,11 +134,13 @@ def fitting(components: Components, stretch_mm: tuple[float, float]) -> Componen
     _, length = _stretch(components, stretch_mm)
     finest = np.sort(components.frequency)
     fast = bisect.bisect_right(
-        finest, FAST_POINTS, key=lambda top: _shape(top, length, True).size
+        finest, FAST_POINTS, key=lambda top: _shape(components, top, length).size
     )
     felt = int(np.searchsorted(finest, BAND_EDGE_HZ / FULL_MM_S, "right"))
     count = max(fast, felt)
-    if count in (0, finest.size) or _shape(finest[count - 1], length, True).size > MAX_POINTS:
+    if count in (0, finest.size):
+        return components
+    if _shape(components, finest[count - 1], length).size > MAX_POINTS:
         return components
     kept = components.frequency < finest[count]
     slower_mm_s = BAND_EDGE_HZ / finest[count]
@@ -176,7 +182,7 @@ def build_table(components: Components, stretch_mm: tuple[float, float]) -> Fric
     frequency = components.frequency[kept]
     top = float(frequency.max())
     origin, length = _stretch(components, stretch_mm)
-    shape = _shape(top, length, components.spatial)
+    shape = _shape(components, top, length)
     if shape.size > MAX_POINTS:
         raise TextureError(
             f"{top:g} cycles/mm over {length:g} mm need a table of {shape.size} points; "
@@ -245,12 +251,13 @@ def _stretch(components: Components, stretch_mm: tuple[float, float]) -> tuple[f
     return origin, end - origin
 
 
-def _shape(top: float, length: float, spatial: bool) -> _Shape:
-    """Return the size of a table; one over time has one row, whatever the speed."""
-    n_rows = _row_count(top) if spatial else 1
-    fewest = max(math.ceil(POINTS_PER_CYCLE * top * length), 8)
-    halvings = min((n_rows - 1) // ROWS_PER_OCTAVE, int(math.log2(fewest / FEWEST_POINTS)))
-    halvings = max(halvings, 0)
+def _shape(components: Components, top: float, length: float) -> _Shape:
+    """Return the size of a table up to `top`; one over time has one row, whatever the speed."""
+    n_rows = _row_count(top) if components.spatial else 1
+    least = 8 if components.period is not None else max(math.ceil(length / WIDEST_MM), 8)
+    fewest = max(math.ceil(POINTS_PER_CYCLE * top * length), least)
+    spared = math.log2(fewest / max(FEWEST_POINTS, least))
+    halvings = max(min((n_rows - 1) // ROWS_PER_OCTAVE, int(spared)), 0)
     coarsest = fft.next_fast_len(math.ceil(fewest / 2**halvings), real=True)
     return _Shape(n_rows, int(coarsest) << halvings, halvings)
 

@@ -95,6 +95,33 @@ def test_an_oblique_stroke_fits_where_the_cutoff_falls_with_the_speed() -> None:
     assert float(np.ptp(rendered.drive)) == pytest.approx(0.868, abs=0.01)
 
 
+@pytest.mark.parametrize("cycles_per_mm", [1e-3, 5e-3, 0.0125])
+@pytest.mark.parametrize("crest_mm", [2.0, 68.0])
+def test_a_texture_longer_than_the_screen_fits_all_over_it(
+    cycles_per_mm: float, crest_mm: float
+) -> None:
+    """The jump at the end of its table lay on the screen: it was rendered, and left out."""
+    phase_rad = -2.0 * np.pi * cycles_per_mm * crest_mm
+    line = Component(amplitude_n=1.0, cycles_per_mm=cycles_per_mm, phase_rad=phase_rad)
+    region = Region(texture=Spectrum(components=[line]))
+    law = FrictionLaw()
+    scene = compile_scene(Scene(regions=[region]), law, Screen(), RATE_HZ)
+    renderer = Renderer(law, Screen(), RATE_HZ, 100, scene)
+    speed = 100.0
+    clipped, targets = 0, []
+    for block in range(136):  # 68 mm
+        x_mm = 1.0 + speed * block * 100 / RATE_HZ
+        motion = BlockMotion(x_mm, 10.0, speed, 0.0, speed, 0.0, speed, speed)
+        rendered = renderer.render(block * 100, PredictedMotion(motion), allow=True)
+        clipped += rendered.clipped_samples
+        targets.append(rendered.target_n.copy())
+    assert clipped == 0
+    at_mm = 1.0 + speed * np.arange(13_600) / RATE_HZ
+    wanted = np.cos(2.0 * np.pi * cycles_per_mm * (at_mm - crest_mm))
+    felt = (np.concatenate(targets) - scene.applied.bias_n) / scene.applied.gain
+    np.testing.assert_allclose(felt, wanted, atol=1e-4)
+
+
 def test_a_recording_is_compiled_in_a_few_times_one_fourier_transform(
     rng: np.random.Generator,
 ) -> None:
