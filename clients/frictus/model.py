@@ -52,7 +52,7 @@ class Effect(_Carried):
 
 
 class Validity(_Carried):
-    """Where the model was measured; outside, its use is flagged as extrapolated."""
+    """Where the model was measured; at other speeds its use is flagged as extrapolated."""
 
     speed_mm_s: Range = (20.0, 100.0)
     normal_force_n: Range = (0.2, 0.6)

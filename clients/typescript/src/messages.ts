@@ -540,7 +540,7 @@ export interface Tone {
   phase_rad: number;
 }
 
-/** Where the model was measured; outside, its use is flagged as extrapolated. */
+/** Where the model was measured; at other speeds its use is flagged as extrapolated. */
 export interface Validity {
   speed_mm_s: [number, number];
   normal_force_n: [number, number];
