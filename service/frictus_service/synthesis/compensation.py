@@ -224,7 +224,8 @@ def inverse_in_mode(inverse: Inverse, compensation: Compensation) -> Inverse:
     """Return what is inverted in a compensation mode instead of the model.
 
     Scenes stay compiled for the model: gain and bias do not depend on the mode, so that what is
-    felt in two modes differs by the compensation alone.
+    felt in two modes differs by the compensation alone. Above a speed that is fixed the drive
+    may then leave its range: it is clipped, and counted.
 
     Parameters
     ----------
