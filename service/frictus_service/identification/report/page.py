@@ -309,6 +309,12 @@ def interval(estimate: EstimatedQuantity | None, factor: float = 1.0) -> str:
 
 
 REPORT, DOCUMENT, MODELS = "report.html", "identification.json", "models"
+NAMED = (
+    "population-friction.json",
+    "participant-*-friction.json",
+    "participant-*-mobility.json",
+)
+"""Models that `named_models` names; whatever else lies beside them is not an earlier run's."""
 
 
 def write(
@@ -333,7 +339,7 @@ def write(
     }
     for name, model in named_models(found):
         contents[models / f"{name}.json"] = _readable(model)
-    for stale in models.glob("*.json"):
+    for stale in (each for pattern in NAMED for each in models.glob(pattern)):
         if stale not in contents:
             stale.unlink()  # of an earlier run: its participant is no longer in the study
     for path, content in contents.items():

@@ -93,9 +93,11 @@ def test_files_are_written_over_and_stale_models_go(
     assert {path.name for path in first} >= {"report.html", "identification.json"}
     assert (tmp_path / "models" / "population-friction.json") in first
     assert (tmp_path / "models" / "participant-P02-friction.json") in first
+    other = tmp_path / "models" / "calibrated.json"
+    other.write_text("of somebody else")
     alone = [item for item in seen if item.info.participant == "P01"]
     again = write(identify(alone, settings=Settings(mixed_models=False)), alone, tmp_path)
-    assert set(tmp_path.rglob("*.*")) == set(again)
+    assert set(tmp_path.rglob("*.*")) == {*again, other}
 
 
 def test_pseudonyms_cannot_leave_the_folder(rng: np.random.Generator) -> None:
