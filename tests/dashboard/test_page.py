@@ -466,6 +466,17 @@ def test_where_nothing_plays_the_next_steps_are_offered(page: Page, lab: Lab) ->
     expect(page.locator("#first")).to_be_hidden()
 
 
+def test_a_name_that_no_rig_can_have_ends_no_connection(page: Page, lab: Lab) -> None:
+    page.evaluate("location.hash = '#/live/rig%20one'")
+    expect(page.locator("#connection")).to_have_text("rig one is not present")
+    expect(page.locator("#advice")).to_contain_text("No rig can be called so")
+    with lab.rig.arm(lease_ms=10_000):
+        page.keyboard.press("Escape")  # as where none is shown: it stops those that are present
+        lab.status(lambda status: status.state == "disarmed")
+    page.evaluate("location.hash = '#/live/rig1'")
+    expect(page.locator("#connection")).to_have_text("Live")  # it was never interrupted
+
+
 def test_friction_is_sent_only_while_it_is_looked_at(lab: Lab, open_page: OpenPage) -> None:
     with open_page() as page:
         sockets: list[WebSocket] = []

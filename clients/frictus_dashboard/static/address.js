@@ -14,6 +14,13 @@ export const VIEWS = {
 /** What is in front of a participant leads nowhere else, and nothing leads to it by chance. */
 export const ALONE = "participant";
 
+const RIG = /^[A-Za-z0-9._-]{1,64}$/;
+
+/** Whether a rig can be called so; a name that was typed by hand may be anything, or null. */
+export function isRigName(name) {
+  return name !== null && RIG.test(name);
+}
+
 /** The address of a view of a rig; null: of the first that is present. */
 export function address(view, rig, ...rest) {
   const words = rig === null ? [view] : [view, rig, ...rest];

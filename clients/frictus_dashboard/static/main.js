@@ -1,6 +1,6 @@
 /** The page: which view of which rig is shown (`#/live/rig1`), and how the connection stands. */
 
-import { address, ALONE, route, VIEWS } from "./address.js";
+import { address, ALONE, isRigName, route, VIEWS } from "./address.js";
 import { actAs } from "./connection/api.js";
 import { installAppearance } from "./appearance.js";
 import { at, element, say } from "./elements/element.js";
@@ -109,6 +109,10 @@ function standing() {
 
 function standingOfRig() {
   const { rig } = live;
+  if (!isRigName(rig)) {
+    const advice = "No rig can be called so; accepted in the address: 1 to 64 letters, digits, ., _, -.";
+    return { state: "waiting", text: `${rig} is not present`, advice };
+  }
   const here = present.rigs.includes(rig);
   if (here && live.alive) {
     if (interruptedMs === null) return { state: "live", text: "Live", advice: "" };
@@ -153,6 +157,6 @@ addEventListener("hashchange", follow);
 setInterval(look, LOOK_MS);
 installAppearance();
 installSession(link);
-installStop(() => (live.rig === null ? present.rigs : [live.rig]));
+installStop(() => (isRigName(live.rig) ? [live.rig] : present.rigs));
 follow();
 link.retry();

@@ -1,5 +1,6 @@
 /** The live view of one rig: takes what the service sends, draws it, tells it in words. */
 
+import { isRigName } from "../address.js";
 import { Arming } from "../rig/arming.js";
 import { HeldFlags } from "../strip/badges.js";
 import { onSchemeChange } from "../canvas/colours.js";
@@ -96,9 +97,11 @@ export class Live {
   }
 
   #watch() {
+    // A name that no rig can have would end the connection.
+    const rig = isRigName(this.rig) ? this.rig : null;
     this.link.watch({
-      rig: this.rig,
-      streams: this.rig === null || !this.shown ? [] : STREAMS,
+      rig,
+      streams: rig === null || !this.shown ? [] : STREAMS,
       rate_hz: 60,
       columns: COLUMNS,
       window_s: COLUMNS * COLUMN_S,
