@@ -80,6 +80,7 @@ def test_every_phase_has_words_and_shows_no_level(page: Page, phase: str) -> Non
     looked = page.evaluate(SHOWN, [state, {"connected": True, "may": False}])
     assert looked["buttons"] == []
     assert looked["title"] == shown["title"]
+    assert ("lacks the scope render" in looked["text"]) == (answers != [])
     lost = page.evaluate(SHOWN, [state, {"connected": False, "may": True}])
     assert lost["buttons"] == []
     assert "no connection" in lost["text"]
@@ -114,3 +115,23 @@ def test_a_pause_can_be_ended_before_it_begins(page: Page) -> None:
         [job(), job(pausing=True), job(phase="pause", pausing=True)],
     )
     assert told == [[True, False], [False, True], [False, True]]
+
+
+def test_after_a_reconnection_an_experiment_is_followed_anew(page: Page) -> None:
+    listed = {"experiments": [job()], "ready": []}
+    page.route("**/v1/experiments?*", lambda route: route.fulfill(json=listed))
+    page.route("**/events", lambda _route: None)  # a connection that hangs
+    with page.expect_request("**/events"):
+        page.evaluate(
+            """async () => {
+              const { View } = await import("/participant/view.js");
+              const link = Object.assign(new EventTarget(), { state: "open", quiet: false });
+              const seen = { link, state: { status: null }, can: () => true };
+              window.view = new View(document.createElement("section"), seen);
+              window.view.open("rig1");
+            }"""
+        )
+    with page.expect_request("**/events", timeout=5_000):
+        page.evaluate("window.view.open('rig1')")  # as the page does when it is let in again
+    page.evaluate("window.view.close()")
+    page.unroute_all()

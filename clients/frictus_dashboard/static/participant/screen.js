@@ -19,6 +19,7 @@ const ENDED = {
   done: ["Thank you", "That was the last trial. You may take your finger away."],
   cancelled: ["Thank you", "The experiment was ended here. Please wait for the experimenter."],
 };
+const READER = "This page cannot answer: its token lacks the scope render. Please tell the experimenter.";
 const WAITING = ["Please wait", "The experiment will begin here by itself."];
 const STOPPED = ["Please wait", "The experiment has been interrupted; nothing is lost."];
 
@@ -38,7 +39,8 @@ export function screenOf(job, { connected, may }) {
   if (job.state !== "running" && job.state !== "queued") return told(STOPPED);
   if (job.screen === null) return told(["Please wait", "The experiment is being prepared."]);
   const shown = { ...nothing, ...ofPhase(job.screen, job.task), share: shareOf(job) };
-  return may ? shown : { ...shown, buttons: [], number: null };
+  const asks = shown.buttons.length > 0 || shown.number !== null;
+  return may || !asks ? shown : { ...shown, text: READER, buttons: [], number: null };
 }
 
 function ofPhase(screen, task) {

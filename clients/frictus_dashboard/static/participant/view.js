@@ -43,8 +43,9 @@ export class View {
   }
 
   open(rig) {
+    // Called anew after a reconnection: what was followed before may hang without an end.
+    this.#unfollow();
     if (rig !== this.rig) {
-      this.#unfollow();
       this.job = null;
       this.guidance.lose();
     }
