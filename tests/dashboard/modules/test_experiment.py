@@ -4,7 +4,7 @@ import re
 from typing import Any, get_args
 
 import pytest
-from playwright.sync_api import Page
+from playwright.sync_api import Page, Route
 
 from frictus.experiment.tasks import KEYS, Adjustment, Magnitude, SameDifferent, TwoAlternatives
 from frictus.experiment.tasks import YesNo as YesNoTask
@@ -135,3 +135,33 @@ def test_after_a_reconnection_an_experiment_is_followed_anew(page: Page) -> None
         page.evaluate("window.view.open('rig1')")  # as the page does when it is let in again
     page.evaluate("window.view.close()")
     page.unroute_all()
+
+
+def test_an_experiment_is_started_once(page: Page) -> None:
+    asked: list[Route] = []
+    page.route("**/v1/experiments", lambda route: asked.append(route))  # no answer yet
+    with page.expect_request("**/v1/experiments"):
+        states = page.evaluate(
+            """async () => {
+              const { Setup } = await import("/experiment/setup.js");
+              const setup = new Setup(({ id }) => (window.begun = id));
+              const task = { question: "?" };
+              setup.offer([{ name: "detection", description: "", planned: 1, task }]);
+              setup.order.value = "0";
+              const states = [];
+              const look = () => states.push([setup.begin.disabled, setup.holder.textContent]);
+              setup.show("rig1", "ben.page-0a1b2c", "ann.page-ffffff");
+              look();
+              setup.show("rig2", null, "ann.page-ffffff");
+              look();
+              setup.root.dispatchEvent(new Event("submit", { cancelable: true }));
+              setup.show("rig2", null, "ann.page-ffffff"); // a status, each second
+              look();
+              return states;
+            }"""
+        )
+    asked[0].fulfill(status=201, json=job("queued"))
+    page.wait_for_function("window.begun === '1-2'")
+    page.unroute_all()
+    held = "ben holds rig1: wait until it is disarmed, or press STOP."
+    assert states == [[True, held], [False, ""], [True, ""]]

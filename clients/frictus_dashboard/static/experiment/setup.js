@@ -14,6 +14,10 @@ export class Setup {
   constructor(started) {
     this.started = started;
     this.rig = null;
+    /** Who holds it; null: nobody, as far as is known. */
+    this.owner = null;
+    /** Whether a start is on its way: another would be refused, and that told of the first. */
+    this.starting = false;
     this.ready = [];
     this.protocol = choice([]);
     this.file = element("input", { type: "file", accept: ".toml", required: "" });
@@ -36,10 +40,8 @@ export class Setup {
     this.protocol.addEventListener("change", () => this.#choose());
   }
 
-  /** @param {string|null} rig @param {object[]} ready protocols that come with the service */
-  offer(rig, ready) {
-    if (rig !== this.rig) this.outcome.clear();
-    this.rig = rig;
+  /** @param {object[]} ready protocols that come with the service */
+  offer(ready) {
     const names = ready.map(({ name }) => name).join();
     if (names === this.ready.map(({ name }) => name).join()) return;
     this.ready = ready;
@@ -48,10 +50,21 @@ export class Setup {
     this.#choose();
   }
 
-  /** An experiment arms the rig by itself, so nobody may hold it. */
-  show({ owner }, client) {
-    this.begin.disabled = owner !== null;
-    say(this.holder, heldAlready(this.rig, owner, client));
+  /**
+   * An experiment arms the rig by itself, so nobody may hold it.
+   *
+   * @param {string|null} rig @param {string|null} owner who holds it
+   * @param {string} client name of this page to the rigs
+   */
+  show(rig, owner, client) {
+    if (rig !== this.rig) this.outcome.clear();
+    Object.assign(this, { rig, owner });
+    this.#enable();
+    say(this.holder, heldAlready(rig, owner, client));
+  }
+
+  #enable() {
+    this.begin.disabled = this.starting || this.owner !== null;
   }
 
   #form() {
@@ -93,9 +106,11 @@ export class Setup {
 
   async #start() {
     this.outcome.clear();
-    this.begin.disabled = true;
+    this.starting = true;
+    this.#enable();
     const made = await this.outcome.of(this.#send(), "Not started");
-    this.begin.disabled = false;
+    this.starting = false;
+    this.#enable();
     if (made !== null) this.started(made);
   }
 

@@ -63,7 +63,7 @@ export class View {
 
   #showStatus() {
     const { status } = this.page.state;
-    if (status !== null) this.setup.show(status, this.page.link.welcome?.client ?? "");
+    this.setup.show(this.rig, status?.owner ?? null, this.page.link.welcome?.client ?? "");
   }
 
   /** Levels and answers are for who may calibrate. */
@@ -87,7 +87,7 @@ export class View {
     const found = await this.outcome.of(request("GET", query), "Not listed");
     if (found === null || rig !== this.rig || !this.shown) return;
     const { experiments, ready } = found;
-    this.setup.offer(rig, ready);
+    this.setup.offer(ready);
     fill(this.earlier, experiments.map((job) => this.#row(job)));
     if (experiments.length > 0) this.outcome.clear();
     else this.outcome.plain("None was started yet.");
