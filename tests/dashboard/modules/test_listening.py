@@ -49,6 +49,50 @@ def test_spectrogram_has_a_tone_where_and_as_strong_as_it_is(page: Page) -> None
     assert max(got[:10] + got[15:]) < -100.0  # neither its mean nor its ends are there
 
 
+def test_what_nobody_looked_at_is_left_out_at_its_length(page: Page) -> None:
+    columns, judged = page.evaluate(
+        """async () => {
+          const { Spectrogram } = await import("/listening/spectrogram.js");
+          const { Felt } = await import("/listening/felt.js");
+          const [shown, felt] = [new Spectrogram(document.createElement("figure")), new Felt()];
+          const judged = [];
+          const push = (firstSample, columns) => {
+            const values = [0, 0, 50, 0, 0.2];
+            const low = values.map((value) => new Float32Array(columns).fill(value));
+            // A connection of its own has lost nothing: the first one was closed meanwhile.
+            const frame = { raw: true, run: 1, lostSamples: 0, sampleRateHz: 2e4, firstSample };
+            for (const each of [shown, felt]) each.push({ ...frame, columns, low }, null);
+            judged.push(felt.segments.length);
+          };
+          push(0, 1500);
+          push(1500, 6500);
+          push(1024 * 20, 1024);  // 0.6 s later
+          push(1024 * 21, 7168);
+          push(1024 * 28 + 4e6, 1024);  // minutes later
+          return [shown.columns.map((column) => column !== null), judged];
+        }"""
+    )
+    assert judged == [0, 0, 0, 1, 1]  # 8192 samples without a gap, once
+    # Of ten seconds nothing but the newest column is left.
+    assert columns == [False] * 195 + [True]
+
+
+def test_a_short_gap_is_as_wide_as_it_was(page: Page) -> None:
+    columns = page.evaluate(
+        """async () => {
+          const { Spectrogram } = await import("/listening/spectrogram.js");
+          const shown = new Spectrogram(document.createElement("figure"));
+          const frame = { raw: true, lostSamples: 0, sampleRateHz: 2e4, columns: 1024 };
+          const low = Array(5).fill(new Float32Array(1024).fill(0.2));
+          for (const [run, firstSample] of [[1, 0], [1, 1024], [1, 1024 * 7 + 10], [2, 0]]) {
+            shown.push({ ...frame, low, run, firstSample });
+          }
+          return shown.columns.map((column) => column !== null);
+        }"""
+    )
+    assert columns == [True, True, *[False] * 5, True, False, True]
+
+
 def test_third_octaves_are_those_of_the_service(page: Page, rng: np.random.Generator) -> None:
     felt = np.cumsum(rng.normal(size=SEGMENT)) * 1e-3 + rng.normal(size=SEGMENT)
     target = rng.normal(size=SEGMENT)

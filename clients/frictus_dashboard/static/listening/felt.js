@@ -21,6 +21,8 @@ export class Felt {
 
   clear() {
     this.run = null;
+    /** Device index of the sample that follows those taken; NaN: none was. */
+    this.next = NaN;
     this.filled = 0;
     this.samples = Array.from({ length: 5 }, () => new Float64Array(SEGMENT));
     this.segments = [];
@@ -35,10 +37,11 @@ export class Felt {
    * @param {{regions: object[], gain: number}|null} scene what it is compared with
    */
   push(frame, scene) {
-    if (!frame.raw || frame.run !== this.run || frame.lostSamples > 0) {
-      this.filled = 0;
-      this.run = frame.run;
-    }
+    // Also where nobody looked for a while: the service counts as lost only what it was to send.
+    const follows = frame.run === this.run && frame.firstSample === this.next;
+    if (!frame.raw || !follows) this.filled = 0;
+    this.run = frame.run;
+    this.next = frame.firstSample + frame.columns;
     let taken = 0;
     while (taken < frame.columns) {
       const count = Math.min(SEGMENT - this.filled, frame.columns - taken);

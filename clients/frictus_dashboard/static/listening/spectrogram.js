@@ -46,6 +46,8 @@ export class Spectrogram {
 
   clear() {
     this.run = null;
+    /** Device index of the sample that follows those taken; NaN: none was. */
+    this.next = NaN;
     this.filled = 0;
     this.samples = new Float64Array(SEGMENT);
     /** Levels of each segment, the newest last; null: samples are missing. */
@@ -57,11 +59,9 @@ export class Spectrogram {
   /** Take a raw frame of `truth`. */
   push(frame) {
     if (!frame.raw) return;
-    if (frame.run !== this.run || frame.lostSamples > 0) {
-      this.filled = 0;
-      if (this.run !== null) this.#append(null);
-      this.run = frame.run;
-    }
+    if (frame.run !== this.run || frame.firstSample !== this.next) this.#skip(frame);
+    this.run = frame.run;
+    this.next = frame.firstSample + frame.columns;
     this.hz = frame.sampleRateHz / SEGMENT;
     const friction = frame.low[FRICTION];
     for (let taken = 0; taken < frame.columns; ) {
@@ -73,6 +73,15 @@ export class Spectrogram {
       this.#append(levels(this.samples).slice(0, Math.floor(TOP_HZ / this.hz) + 1));
       this.filled = 0;
     }
+  }
+
+  /** Leave as much out as is missing: lost, or nobody looked. Of another run that is not known. */
+  #skip({ run, firstSample }) {
+    const begun = this.next - this.filled;
+    this.filled = 0;
+    if (this.run === null) return;
+    const missing = run === this.run ? Math.round((firstSample - begun) / SEGMENT) : 1;
+    for (let i = Math.min(COLUMNS, Math.max(1, missing)); i > 0; i--) this.#append(null);
   }
 
   #append(column) {
