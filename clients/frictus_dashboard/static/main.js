@@ -4,6 +4,7 @@ import { address, ALONE, isRigName, route, VIEWS } from "./address.js";
 import { actAs } from "./connection/api.js";
 import { installAppearance } from "./appearance.js";
 import { at, element, say } from "./elements/element.js";
+import { clock } from "./elements/figures.js";
 import { FirstSteps, firstStepOf } from "./first_steps.js";
 import { Link } from "./connection/link.js";
 import { Live } from "./live/view.js";
@@ -116,7 +117,7 @@ function standingOfRig() {
   const here = present.rigs.includes(rig);
   if (here && live.alive) {
     if (interruptedMs === null) return { state: "live", text: "Live", advice: "" };
-    const since = new Date(interruptedMs).toTimeString().slice(0, 8);
+    const since = clock(1e6 * interruptedMs, 1e6 * Date.now());
     return { state: "live", text: `Live again; interrupted at ${since}`, advice: "" };
   }
   if (live.state.status === null) {

@@ -1,6 +1,7 @@
 """The strip is of one state with one age: nothing on it disagrees."""
 
 import re
+from typing import Any
 
 import pytest
 from playwright.sync_api import Page
@@ -108,7 +109,29 @@ def test_who_ended_the_lease_is_named_with_when(page: Page) -> None:
     assert re.fullmatch(r"held by you until [\d:]+: not renewed in time", got["then"])
 
 
-FAULT = {
+DAY_NS = 86_400_000_000_000
+
+
+@pytest.mark.parametrize(("days", "dated"), [(0, False), (3, True)])
+def test_what_was_on_another_day_has_its_date(page: Page, days: int, dated: bool) -> None:
+    # By the rig's clock: that of the browser may be hours off.
+    now_ns = FAULT["utc_ns"] + days * DAY_NS
+    end = {"owner": "ben.page-0a1b2c", "by": "ann.page-ffffff", "reason": "stopped"}
+    status = {"owner": None, "last_end": {**end, "utc_ns": FAULT["utc_ns"]}, "utc_ns": now_ns}
+    tripped = {"state": "tripped", "fault": FAULT}
+    told = [
+        page.evaluate(STRIP, {"status": {**status, "state": "disarmed"}})["then"],
+        page.evaluate(STRIP, {"status": {**status, **tripped}})["fault"],
+        page.evaluate(STRIP, {"status": {"utc_ns": now_ns}, "heldNs": FAULT["utc_ns"]})["then"],
+    ]
+    date = r"Nov 1[45], " if dated else ""
+    time = r"\d\d:\d\d:\d\d"
+    assert re.fullmatch(rf"stopped by you at {date}{time}, held by ben", told[0])
+    assert re.match(rf"{date}{time} device lost fault: ", told[1])
+    assert re.fullmatch(rf"since {date}{time}", told[2])
+
+
+FAULT: dict[str, Any] = {
     "kind": "device_lost",
     "reason": "no answer",
     "utc_ns": 1_700_000_000_000_000_000,

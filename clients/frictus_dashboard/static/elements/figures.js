@@ -28,3 +28,16 @@ export function moment(utcNs) {
   const options = { dateStyle: "medium", timeStyle: "short" };
   return new Date(utcNs / 1e6).toLocaleString(undefined, options);
 }
+
+/**
+ * A time of day, with the date where that is another one.
+ *
+ * @param {number} utcNs nanoseconds since 1970
+ * @param {number} nowNs likewise, by the same clock: that of the browser may be another
+ */
+export function clock(utcNs, nowNs = utcNs) {
+  const [then, now] = [utcNs, nowNs].map((ns) => new Date(ns / 1e6));
+  const time = then.toTimeString().slice(0, 8);
+  if (then.toDateString() === now.toDateString()) return time;
+  return `${then.toLocaleDateString(undefined, { day: "numeric", month: "short" })}, ${time}`;
+}

@@ -1,7 +1,7 @@
 /** The event log as a list, the newest first, behind a button of the strip. */
 
 import { at, element, say } from "../elements/element.js";
-import { clock } from "../strip/strip_state.js";
+import { clock } from "../elements/figures.js";
 
 export class EventList {
   /**
@@ -11,24 +11,23 @@ export class EventList {
   constructor(log, look) {
     this.log = log;
     this.look = look;
-    this.shown = -1;
-    this.of = null;
+    this.shown = "";
   }
 
-  /** @param {string|null} rig whose log it is */
-  show(rig) {
-    if (this.shown === this.log.version && this.of === rig) return;
-    this.shown = this.log.version;
-    this.of = rig;
+  /** @param {string|null} rig whose log it is @param {number} nowNs that the rig said last */
+  show(rig, nowNs) {
+    const shown = [rig, this.log.version, new Date(nowNs / 1e6).toDateString()].join();
+    if (shown === this.shown) return;
+    this.shown = shown;
     const { entries } = this.log;
     const none = "Nothing yet: events are kept from when this page shows the rig, while it is open.";
     say(at("events-note"), entries.length === 0 ? none : "The newest first");
-    at("events-list").replaceChildren(...entries.map((entry) => this.#line(entry)));
+    at("events-list").replaceChildren(...entries.map((entry) => this.#line(entry, nowNs)));
   }
 
-  #line({ ns, what, who, kind, more = "" }) {
+  #line({ ns, what, who, kind, more = "" }, nowNs) {
     const by = who === "" ? [] : [element("span", { class: "by" }, ` by ${who}`)];
-    const time = element("time", {}, clock(ns));
+    const time = element("time", {}, clock(ns, nowNs));
     const show = element("button", { type: "button", title: "What was measured then" }, time);
     show.addEventListener("click", () => this.look(ns));
     return element("li", { "data-kind": kind }, show, ` ${what}`, ...by, more);

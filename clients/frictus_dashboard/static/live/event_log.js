@@ -1,10 +1,11 @@
 /** What has happened at the shown rig while the page is open: each with when and who. Pure. */
 
+import { clock } from "../elements/figures.js";
 import { POLICIES, policyOf } from "../rig/adaptation.js";
 import { remark } from "../rig/compensation.js";
 import { isJob, nameOf } from "../rig/holder.js";
 import { LOSSES } from "../rig/loop_losses.js";
-import { clock, faultName } from "../strip/strip_state.js";
+import { faultName } from "../strip/strip_state.js";
 
 /** More are forgotten, the oldest first. */
 export const MOST = 300;
@@ -61,7 +62,7 @@ export class EventLog {
       if (first === one) continue;
       first.times = (first.times ?? 1) + (one.times ?? 1);
       first.lastNs = Math.max(first.lastNs ?? first.ns, one.lastNs ?? one.ns);
-      first.more = `, ${first.times} times until ${clock(first.lastNs)}`;
+      first.more = `, ${first.times} times until ${clock(first.lastNs, first.ns)}`;
       this.entries.splice(this.entries.indexOf(one), 1);
       this.version += 1;
     }

@@ -238,7 +238,7 @@ export class Live {
     const own = { client, scopes, settling };
     const heard = { ...this.state, trusted, gone, ageMs, flags, losses, heldNs, ...own };
     this.strip.show(stripStateOf(heard));
-    this.eventList.show(this.rig);
+    this.eventList.show(this.rig, this.state.status?.utc_ns);
     if (!this.shown) return;
     const { recording } = this.state;
     const may = scopes.includes("calibrate");

@@ -1,7 +1,7 @@
 /** The changes of the model, newest first: when, from what to what, why. */
 
 import { element } from "../elements/element.js";
-import { clock } from "./units.js";
+import { clock } from "../elements/figures.js";
 
 const VALUES = [
   ["gain", "gain_n", "N", 3],
@@ -18,23 +18,25 @@ export class Changes {
   }
 
   /** @param {object} state of `viewStateOf` */
-  show({ changes = [] }) {
-    const shown = JSON.stringify(changes);
+  show({ changes = [], estimate }) {
+    const nowNs = estimate?.utc_ns;
+    const times = changes.map(({ utc_ns: ns }) => clock(ns, nowNs));
+    const shown = JSON.stringify([changes, times]);
     if (shown === this.shown) return;
     this.shown = shown;
     this.root.hidden = changes.length === 0;
-    this.list.replaceChildren(...changes.map(change));
+    this.list.replaceChildren(...changes.map((one, i) => change(one, times[i])));
   }
 }
 
-function change({ utc_ns: ns, before, after, reason }) {
+function change({ before, after, reason }, time) {
   const told = VALUES.map(([title, name, unit, digits]) => {
     return `${title} ${before[name].toFixed(digits)} → ${after[name].toFixed(digits)} ${unit}`;
   });
   return element(
     "li",
     {},
-    element("b", {}, clock(ns)),
+    element("b", {}, time),
     ` ${told.join(", ")}`,
     element("span", { class: "quiet" }, ` ${reason}`),
   );

@@ -25,8 +25,3 @@ export function times(count) {
 export function nats(value) {
   return `${value.toFixed(Math.abs(value) < 100 ? 1 : 0)} nats`;
 }
-
-/** The time of day of a moment. @param {number} utcNs nanoseconds since 1970 */
-export function clock(utcNs) {
-  return new Date(utcNs / 1e6).toTimeString().slice(0, 8);
-}

@@ -4,6 +4,7 @@
  */
 
 import { badgesOf } from "./badges.js";
+import { clock } from "../elements/figures.js";
 import { gaugeStateOf } from "./gauge_state.js";
 import { nameOf } from "../rig/holder.js";
 import { LOSSES } from "../rig/loop_losses.js";
@@ -68,31 +69,32 @@ function titleOf(heard) {
 
 /** The holder by name, and since when, or who ended the lease before. */
 function whoOf({ status, client, heldNs }) {
-  const { owner, share_with: shared, last_end: end, fault } = status;
+  const { owner, share_with: shared, last_end: end, fault, utc_ns: nowNs } = status;
   if (owner !== null) {
     const names = shared.map((name) => nameOf(name, client));
     const others = names.length === 0 ? "" : `, shared with ${names.join(", ")}`;
-    const since = heldNs === null ? "" : `since ${clock(heldNs)}`;
+    const since = heldNs === null ? "" : `since ${clock(heldNs, nowNs)}`;
     return { who: `Held by ${nameOf(owner, client)}${others}`, then: since, known: owner };
   }
   if (end === null) return { who: "Held by nobody", then: "", known: "" };
-  return { who: "Nobody", then: endOf(end, client, fault !== null), known: "" };
+  return { who: "Nobody", then: endOf(end, nowNs, client, fault !== null), known: "" };
 }
 
 /**
  * How a lease ended: by whom, or why, and when.
  *
- * @param {object} end @param {string} client
+ * @param {object} end @param {number} nowNs of the status that says it @param {string} client
  * @param {boolean} told whether the reason stands elsewhere, as that of a trip does
  */
-export function endOf({ owner, by, reason, utc_ns: ns }, client, told = false) {
+function endOf({ owner, by, reason, utc_ns: ns }, nowNs, client, told) {
   const what = reason === "stopped" ? "stopped" : "disarmed";
+  const when = clock(ns, nowNs);
   if (by === null) {
     const why = told ? "" : `: ${reason}`;
-    return `held by ${nameOf(owner, client)} until ${clock(ns)}${why}`;
+    return `held by ${nameOf(owner, client)} until ${when}${why}`;
   }
   const others = by !== owner ? `, held by ${nameOf(owner, client)}` : "";
-  return `${what} by ${nameOf(by, client)} at ${clock(ns)}${others}`;
+  return `${what} by ${nameOf(by, client)} at ${when}${others}`;
 }
 
 function pastOf({ status, ageMs }) {
@@ -107,12 +109,12 @@ function loopOf({ trusted, losses }) {
 }
 
 /** What went wrong, when, and what an operator does about it; empty where nothing did. */
-function faultOf({ state, fault }, scopes) {
+function faultOf({ state, fault, utc_ns: nowNs }, scopes) {
   if (fault === null) return "";
   const { kind, reason, action, utc_ns: ns } = fault;
   const wanted = action.includes("reset the rig") && state === "tripped";
   const whose = wanted && !scopes.includes("admin") ? " A reset needs the scope admin." : "";
-  return `${clock(ns)} ${faultName(kind)}: ${reason}. ${action}${whose}`;
+  return `${clock(ns, nowNs)} ${faultName(kind)}: ${reason}. ${action}${whose}`;
 }
 
 /** A kind of fault as people read it: `device_lost` as `device lost fault`. */
@@ -133,9 +135,4 @@ function actionsOf({ status, client, settling }, scopes) {
     sharing: { hidden: !scopes.includes("render") || tripped || status.owner !== null },
     reset: { hidden: !scopes.includes("admin") || !tripped },
   };
-}
-
-/** A time of day. @param {number} utcNs nanoseconds since 1970 */
-export function clock(utcNs) {
-  return new Date(utcNs / 1e6).toTimeString().slice(0, 8);
 }
