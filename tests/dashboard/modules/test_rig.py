@@ -105,3 +105,38 @@ def test_losses_are_news_only_where_a_counter_grew(page: Page) -> None:
         }"""
     )
     assert got == [[], [{"name": "underruns", "grown": 2}], ["underruns"], [], [], []]
+
+
+def test_a_choice_of_compensation_is_of_the_rig_that_was_shown(page: Page) -> None:
+    asked = page.evaluate(
+        """async () => {
+          const { Compensation } = await import("/rig/compensation.js");
+          document.body.insertAdjacentHTML("beforeend", `<div id="compensation">
+            <p id="compensation-modes"><button value="none"></button>
+              <button value="fixed"></button></p>
+            <p id="compensation-outcome"></p></div>`);
+          const { fetch } = window;
+          const asked = [];
+          const both = new Promise((resolve) => {
+            window.fetch = (url, { body }) => {
+              asked.push([url, JSON.parse(body)]);
+              if (asked.length === 2) resolve();
+              return new Promise((answer) => (window.answer = answer));
+            };
+          });
+          const model = { validity: { speed_mm_s: [20, 100] } };
+          const compensation = { mode: "model", speed_mm_s: null };
+          const status = { state: "armed", owner: null, share_with: [], compensation };
+          const shown = new Compensation();
+          shown.show("rig1", status, true, "ann", model);
+          for (const each of document.querySelectorAll("#compensation button")) each.click();
+          shown.show("rig2", status, true, "ann", model);
+          window.answer(new Response("{}"));
+          await both;
+          window.fetch = fetch;
+          document.getElementById("compensation").remove();
+          return asked;
+        }"""
+    )
+    path = "/v1/rigs/rig1/compensation"
+    assert asked == [[path, {"mode": "none"}], [path, {"mode": "fixed", "speed_mm_s": 60}]]

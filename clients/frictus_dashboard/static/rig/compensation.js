@@ -12,7 +12,7 @@ export class Compensation {
     this.rig = null;
     this.mode = { mode: "model", speed_mm_s: null };
     this.fixedMmS = FIXED_MM_S;
-    /** What was chosen last and is not sent yet: the newest choice wins. */
+    /** What was chosen last, of which rig, and is not sent yet: the newest choice wins. */
     this.wanted = null;
     this.sending = false;
     this.buttons = [...at("compensation-modes").querySelectorAll("button")];
@@ -46,13 +46,14 @@ export class Compensation {
 
   /** Ask for a mode; of clicks that come while an answer is awaited the last one counts. */
   async #choose(mode) {
-    this.wanted = mode === "fixed" ? { mode, speed_mm_s: this.fixedMmS } : { mode };
+    const chosen = mode === "fixed" ? { mode, speed_mm_s: this.fixedMmS } : { mode };
+    this.wanted = { rig: this.rig, json: chosen };
     if (this.sending) return;
     this.sending = true;
     while (this.wanted !== null) {
-      const json = this.wanted;
+      const { rig, json } = this.wanted;
       this.wanted = null;
-      await this.#send(this.rig, json);
+      await this.#send(rig, json);
     }
     this.sending = false;
   }
