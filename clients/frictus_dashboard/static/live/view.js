@@ -153,6 +153,7 @@ export class Live {
   /** Take a binary frame. */
   take(buffer) {
     const frame = decode(buffer);
+    if (frame.run !== this.state.status?.run) return; // on its way when another rig was chosen
     this.heardMs = performance.now();
     this.rateHz = frame.sampleRateHz;
     this.traces.push(frame);

@@ -1,0 +1,84 @@
+"""The page and several rigs, whose service is played here."""
+
+import json
+import time
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, WebSocketRoute, expect
+from tests.dashboard.conftest import OpenPage
+from tests.dashboard.modules.frames import RATE_HZ, packed
+
+from frictus.messages import RigStatus
+from frictus.websocket.messages import Pong, Rigs, Welcome
+
+pytestmark = pytest.mark.browser
+
+RUNS = {"rig1": 1, "rig2": 2}
+
+
+def status_of(rig: str) -> str:
+    status = RigStatus(
+        site="lab",
+        rig=rig,
+        version="0",
+        run=RUNS[rig],
+        utc_ns=time.time_ns(),
+        state="disarmed",
+        backend="replay",
+        simulated=False,
+        finger_source="touch",
+        sample_rate_hz=RATE_HZ,
+        block_samples=100,
+        lead_ms=20.0,
+        screen_mm=(70.0, 35.0),
+        screen_peak_v=100.0,
+        model_etag="m",
+        model_placeholder=False,
+        scene_etag="s",
+    )
+    return json.dumps({"op": "status", "rig": rig, "status": status.model_dump(mode="json")})
+
+
+def force_of(rig: str) -> bytes:
+    return bytes(packed(np.zeros((3, 2, 5)), run=RUNS[rig]))
+
+
+def serve(page: Page) -> None:
+    """Play a service with two rigs."""
+
+    def hear(socket: WebSocketRoute, asked: dict[str, object]) -> None:
+        match asked["op"]:
+            case "hello":
+                welcome = Welcome(scopes=("read",), site="lab", client="p", key="k", utc_us=1)
+                socket.send(welcome.model_dump_json())
+                socket.send(Rigs(rigs=tuple(RUNS), link=True).model_dump_json())
+            case "watch" if asked["rig"] == "rig1":
+                socket.send(status_of("rig1"))
+                socket.send(force_of("rig1"))
+            case "watch" if asked["rig"] == "rig2":
+                socket.send(force_of("rig1"))  # it was on its way
+                socket.send(status_of("rig2"))
+                socket.send(force_of("rig2"))
+            case "ping":
+                socket.send(Pong(id=int(str(asked["id"])), utc_us=1).model_dump_json())
+
+    page.route_web_socket(
+        "**/v1/live",
+        lambda socket: socket.on_message(lambda data: hear(socket, json.loads(data))),
+    )
+
+
+def test_samples_of_the_rig_before_are_not_those_of_the_next(
+    open_page: OpenPage, folder_url: str
+) -> None:
+    with open_page() as page:
+        serve(page)
+        page.goto(f"{folder_url}/#/live/rig1")
+        count = page.locator("[data-stream=force] .count")
+        expect(count).to_have_text("400 samples, 0 lost")
+        page.get_by_role("link", name="rig2", exact=True).click()
+        expect(page.locator("#connection")).to_have_text("Live")
+        expect(count).to_have_text("400 samples, 0 lost")
+        page.get_by_role("button", name="10 s", exact=True).click()  # the words are renewed
+        expect(count).to_have_text("400 samples, 0 lost")
