@@ -55,3 +55,40 @@ def test_what_is_no_frame_is_refused(page: Page, place: int, value: int) -> None
         [frame, frame[:20]],
     )
     assert refused == ["RangeError", "RangeError"]
+
+
+BROKEN = "new Response(new ReadableStream({ start: (body) => body.error(new TypeError('x')) }))"
+
+
+@pytest.mark.parametrize(
+    ("answer", "method", "told", "unknown"),
+    [
+        ("new Response('<html>', { status: 502 })", "PUT", 502, True),
+        ("new Response('<html>', { status: 502 })", "GET", 502, False),
+        ("new Response('<html>', { status: 413 })", "PUT", 413, False),  # it got not through
+        (BROKEN, "PUT", "cannot be reached", True),
+        (BROKEN, "GET", "cannot be reached", False),
+    ],
+    ids=["proxy", "proxy, read", "proxy, refused", "broken off", "broken off, read"],
+)
+def test_an_answer_that_is_none_of_the_service_is_told_in_words(
+    page: Page, answer: str, method: str, told: str | int, unknown: bool
+) -> None:
+    name, words, outcome = page.evaluate(
+        """async ([answer, method]) => {
+          const { outcomeUnknown, request } = await import("/connection/api.js");
+          const { fetch } = window;
+          window.fetch = async () => new Function(`return ${answer}`)();
+          try {
+            await request(method, "/anything");
+          } catch (error) {
+            return [error.constructor.name, error.message, outcomeUnknown(error)];
+          } finally {
+            window.fetch = fetch;
+          }
+        }""",
+        [answer, method],
+    )
+    assert name == "Silence"  # a stop is sent again, an event stream is opened again
+    assert str(told) in words
+    assert outcome == unknown

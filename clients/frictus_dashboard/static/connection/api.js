@@ -53,32 +53,37 @@ export async function send(method, path, options = {}) {
   if (given !== null) headers.Authorization = `Bearer ${given}`;
   if (pageKey !== null) headers["Frictus-Page"] = pageKey;
   if (json) headers["Content-Type"] = "application/json";
-  const answer = await reached(`/v1${path}`, {
+  const changes = method !== "GET";
+  const asked = fetch(`/v1${path}`, {
     method,
     headers,
     body,
     signal: options.signal ?? AbortSignal.timeout(timeoutMs),
     keepalive: method === "POST" && !body, // a stop goes out even if the page is closed on it
   });
+  const answer = await inWords(asked, changes);
   if (answer.ok) return answer;
-  const said = await answer.json();
+  const { status } = answer;
+  const said = await answer.json().catch(() => null);
+  if (said === null) {
+    const words = `a proxy answers in place of the service: ${status} ${answer.statusText}`.trim();
+    throw new Silence(words, changes && status >= 500);
+  }
   const faults = (said.errors ?? []).map(({ where, what }) => `${where.join(".")}: ${what}`);
-  const words = [said.detail ?? said.title, ...faults].join("; ");
-  throw new Refusal(answer.status, said.code, words);
+  throw new Refusal(status, said.code, [said.detail ?? said.title, ...faults].join("; "));
 }
 
 /** Send a request and return the JSON of its answer; see `send`. */
 export async function request(method, path, options = {}) {
   const answer = await send(method, path, options);
-  return answer.status === 204 ? null : answer.json();
+  return answer.status === 204 ? null : inWords(answer.json(), method !== "GET");
 }
 
-/** Fetch; where that fails, in words for people, which browsers have not. */
-async function reached(url, options) {
+/** What the network gives; where it fails, in words for people, which browsers have not. */
+async function inWords(asked, changes) {
   try {
-    return await fetch(url, options);
+    return await asked;
   } catch (error) {
-    const changes = options.method !== "GET";
     if (error.name === "TimeoutError") {
       throw new Silence("the service has not answered in time", changes);
     }
