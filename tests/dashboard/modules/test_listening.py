@@ -165,3 +165,49 @@ def test_target_follows_the_path(page: Page, rng: np.random.Generator) -> None:
     expected += amplitude[1] * np.cos(2 * np.pi * hz * time_s + phase[1])
     np.testing.assert_allclose(friction, 0.35 * expected, atol=1e-12)
     assert crossing is None
+
+
+def test_sound_that_does_not_come_is_told_and_ends_with_its_rate(page: Page) -> None:
+    states = page.evaluate(
+        """async () => {
+          const { Hearing } = await import("/listening/hearing.js");
+          document.body.insertAdjacentHTML("beforeend", `<p id="hearing">
+            <button id="hear">Hear the friction</button><input id="volume" type="range">
+            <span id="hear-outcome"></span></p>`);
+          const button = document.getElementById("hear");
+          const outcome = document.getElementById("hear-outcome");
+          const { AudioContext } = window;
+          let loaded;
+          window.AudioContext = class {
+            audioWorklet = { addModule: () => new Promise((...ends) => (loaded = ends)) };
+            async close() {}
+          };
+          const sound = new Hearing();
+          const states = [];
+          const look = () => {
+            states.push([button.disabled, button.textContent, outcome.textContent]);
+          };
+          const frame = (sampleRateHz) => ({ raw: true, sampleRateHz, low: [] });
+          look();
+          sound.push(frame(2e4));
+          button.click();
+          document.getElementById("volume").dispatchEvent(new Event("input")); // none plays yet
+          look();
+          loaded[1](new Error("it cannot be loaded"));
+          await new Promise((resolve) => setTimeout(resolve)); // it has been told of
+          look();
+          button.click();
+          sound.push(frame(1e4)); // another rig
+          look();
+          window.AudioContext = AudioContext;
+          document.getElementById("hearing").remove();
+          return states;
+        }"""
+    )
+    hear, stop = "Hear the friction", "Stop the sound"
+    assert states == [
+        [True, hear, ""],
+        [False, stop, ""],
+        [False, hear, "No sound: it cannot be loaded"],
+        [False, hear, ""],
+    ]

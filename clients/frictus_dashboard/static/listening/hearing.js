@@ -8,8 +8,11 @@ export class Hearing {
   constructor() {
     this.context = null;
     this.node = null;
+    this.volume = null;
     this.rateHz = 0;
-    at("hear").addEventListener("click", () => this.#toggle());
+    this.button = at("hear");
+    this.button.disabled = true; // until something has come that could be heard
+    this.button.addEventListener("click", () => this.#toggle());
     at("volume").addEventListener("input", () => this.#setVolume());
   }
 
@@ -19,23 +22,30 @@ export class Hearing {
 
   /** Play a raw frame of `truth`. */
   push(frame) {
+    // At the rate of another rig it would be heard too high, or too low.
+    if (frame.sampleRateHz !== this.rateHz) this.#stop();
     this.rateHz = frame.sampleRateHz;
+    this.button.disabled = false;
     if (this.on && frame.raw) this.node.port.postMessage(frame.low[4].slice());
   }
 
   async #toggle() {
-    const button = at("hear");
+    say(at("hear-outcome"), "");
     if (this.context !== null) {
-      const { context } = this;
-      this.context = this.node = null;
-      button.setAttribute("aria-pressed", "false");
-      say(button, "Hear the friction");
-      await context.close();
+      this.#stop();
       return;
     }
-    if (this.rateHz === 0) return; // nothing has come yet that could be heard
-    button.setAttribute("aria-pressed", "true");
-    say(button, "Stop the sound");
+    this.button.setAttribute("aria-pressed", "true");
+    say(this.button, "Stop the sound");
+    try {
+      await this.#play();
+    } catch (error) {
+      this.#stop();
+      say(at("hear-outcome"), `No sound: ${error.message}`);
+    }
+  }
+
+  async #play() {
     const context = new AudioContext({ sampleRate: this.rateHz });
     this.context = context;
     await context.audioWorklet.addModule("listening/friction-worklet.js");
@@ -50,8 +60,15 @@ export class Hearing {
       .connect(context.destination);
   }
 
+  #stop() {
+    this.context?.close();
+    this.context = this.node = this.volume = null;
+    this.button.setAttribute("aria-pressed", "false");
+    say(this.button, "Hear the friction");
+  }
+
   #setVolume() {
     // A tenth of a newton at full volume is half of full scale.
-    if (this.context !== null) this.volume.gain.value = 5 * Number(at("volume").value);
+    if (this.volume !== null) this.volume.gain.value = 5 * Number(at("volume").value);
   }
 }

@@ -30,7 +30,7 @@ export class Listening {
     this.followed = false;
     new IntersectionObserver(([{ isIntersecting }]) => {
       this.visible = isIntersecting;
-    }).observe(root);
+    }).observe(root.parentElement); // with it what else is made of the friction
   }
 
   open(rig) {
