@@ -3,7 +3,8 @@
 import { element } from "../elements/element.js";
 import { figure, interval, percent, probability } from "../elements/figures.js";
 import { facts, scrolling, table, words } from "../elements/table.js";
-import { briefGainOf, gainOf, parametersOf, resultOf, surenessOf, titleOf, verdictOf } from "./words.js";
+import { briefGainOf, gainOf, headlineOf, modelOf, parametersOf, resultOf } from "./words.js";
+import { surenessOf, titleOf, verdictOf } from "./words.js";
 
 /**
  * @param {object} found
@@ -13,6 +14,7 @@ import { briefGainOf, gainOf, parametersOf, resultOf, surenessOf, titleOf, verdi
 export function report(found, sentence) {
   return [
     ...verdict(found, sentence),
+    ...ranking(found.one_recording ?? null),
     ...causes(found),
     ...cannotTell(found.cannot_tell),
     ...unexplained(found.unexplained),
@@ -55,7 +57,7 @@ function heading(text) {
 
 function verdict(found, sentence) {
   const said = element("p", { class: "summary", "data-verdict": found.verdict ?? "none" });
-  said.append(verdictOf(found.verdict));
+  said.append(headlineOf(found));
   const parts = [said, paragraph(sentence)];
   if (found.gain !== null) parts.push(paragraph(gainOf(found.gain)));
   if (found.gain !== null && found.explained_share !== null) {
@@ -67,6 +69,24 @@ function verdict(found, sentence) {
     parts.push(list("Before you use this", found.notes));
   }
   return parts;
+}
+
+/** What ranks first in one recording; there is no p of it. */
+function ranking(one) {
+  if (one === null) return [];
+  const head = ["Model", "Of what the base model leaves it takes away", "AIC, less the base model's"];
+  const rows = one.models.map((model) => [
+    modelOf(model),
+    percent(model.explained),
+    figure(model.aic, 3),
+  ]);
+  const tried = `${one.searched} candidates tried; it holds for this recording only`;
+  const silent = one.silent.map(titleOf).join(", ");
+  return [
+    heading("What ranks first in this recording"),
+    scrolling(table(tried, head, rows)),
+    ...(silent === "" ? [] : [paragraph(`This recording shows nothing of ${silent}.`)]),
+  ];
 }
 
 function causes({ causes: named }) {

@@ -39,6 +39,20 @@ export function verdictOf(verdict) {
   return verdict === null ? "Nothing could be tested" : VERDICTS[verdict];
 }
 
+/** The verdict of a discovery; of one recording, which is ranked without a test, what that said. */
+export function headlineOf({ verdict, one_recording: one = null }) {
+  if (verdict !== null || one === null) return verdictOf(verdict);
+  return `One recording: ${one.beyond_threshold ? "causes are ranked" : "nothing beyond chance"}`;
+}
+
+/** A model of one recording by its causes and their sizes. */
+export function modelOf({ causes, parameters }) {
+  const named = causes.map((id) => {
+    return `${titleOf(id)} (${parametersOf({ parameters: parameters[id] }).join(", ")})`;
+  });
+  return named.join("; ") || "base model alone";
+}
+
 /** How surely a cause is named. */
 export function surenessOf({ verdict }) {
   return FOUND[verdict];
