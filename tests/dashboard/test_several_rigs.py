@@ -1,6 +1,7 @@
 """The page and several rigs, whose service is played here."""
 
 import json
+import struct
 import time
 
 import numpy as np
@@ -15,6 +16,7 @@ from frictus.websocket.messages import Pong, Rigs, Welcome
 pytestmark = pytest.mark.browser
 
 RUNS = {"rig1": 1, "rig2": 2}
+CLIPPED = 1 << 1
 
 
 def status_of(rig: str) -> str:
@@ -40,14 +42,19 @@ def status_of(rig: str) -> str:
     return json.dumps({"op": "status", "rig": rig, "status": status.model_dump(mode="json")})
 
 
-def force_of(rig: str) -> bytes:
-    return bytes(packed(np.zeros((3, 2, 5)), run=RUNS[rig]))
+def force_of(rig: str, flags: int) -> bytes:
+    frame = packed(np.zeros((3, 2, 5)), run=RUNS[rig])
+    frame[6:8] = struct.pack("<H", flags)
+    return bytes(frame)
 
 
 def serve(page: Page) -> None:
     """Play a service with two rigs."""
+    watched = None
 
     def hear(socket: WebSocketRoute, asked: dict[str, object]) -> None:
+        nonlocal watched
+        watched = asked.get("rig", watched)
         match asked["op"]:
             case "hello":
                 welcome = Welcome(scopes=("read",), site="lab", client="p", key="k", utc_us=1)
@@ -55,12 +62,14 @@ def serve(page: Page) -> None:
                 socket.send(Rigs(rigs=tuple(RUNS), link=True).model_dump_json())
             case "watch" if asked["rig"] == "rig1":
                 socket.send(status_of("rig1"))
-                socket.send(force_of("rig1"))
+                socket.send(force_of("rig1", CLIPPED))
             case "watch" if asked["rig"] == "rig2":
-                socket.send(force_of("rig1"))  # it was on its way
+                socket.send(force_of("rig1", CLIPPED))  # it was on its way
                 socket.send(status_of("rig2"))
-                socket.send(force_of("rig2"))
+                socket.send(force_of("rig2", 0))
             case "ping":
+                if watched == "rig1":  # until it is seen
+                    socket.send(force_of("rig1", CLIPPED))
                 socket.send(Pong(id=int(str(asked["id"])), utc_us=1).model_dump_json())
 
     page.route_web_socket(
@@ -76,9 +85,11 @@ def test_samples_of_the_rig_before_are_not_those_of_the_next(
         serve(page)
         page.goto(f"{folder_url}/#/live/rig1")
         count = page.locator("[data-stream=force] .count")
-        expect(count).to_have_text("400 samples, 0 lost")
+        expect(page.locator("#badges")).to_contain_text("Clipped")
         page.get_by_role("link", name="rig2", exact=True).click()
-        expect(page.locator("#connection")).to_have_text("Live")
+        expect(page).to_have_title("rig2: Live · frictus")
+        # A badge is held for longer than it takes to come here.
+        assert page.locator("#badges li").count() == 0
         expect(count).to_have_text("400 samples, 0 lost")
         page.get_by_role("button", name="10 s", exact=True).click()  # the words are renewed
         expect(count).to_have_text("400 samples, 0 lost")

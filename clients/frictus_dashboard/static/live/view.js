@@ -35,7 +35,6 @@ export class Live {
   constructor(link) {
     this.link = link;
     this.surface = new Surface(at("surface"));
-    this.flags = new HeldFlags();
     this.losses = new LoopLosses();
     this.strip = new Strip();
     this.recorder = new Recorder(at("record"));
@@ -75,6 +74,7 @@ export class Live {
     /** A sample and when it was taken: the newest finger's. */
     this.timed = { sample: NaN, utc_ns: NaN };
     this.rateHz = NaN;
+    this.flags = new HeldFlags();
     this.estimates.clear();
     this.losses.clear();
     this.health.clear();
