@@ -3,6 +3,7 @@
 import { chooseScheme } from "./canvas/colours.js";
 import { at, element } from "./elements/element.js";
 import { button } from "./elements/fields.js";
+import { BROWSER } from "./storage.js";
 
 /** Each choice: its title, what it does, and its values by name; the first holds until one is made. */
 const CHOICES = {
@@ -28,7 +29,7 @@ export function installAppearance() {
 function switchOf(key, { title, apply, values }) {
   const buttons = Object.entries(values).map(([label, value]) => {
     const made = button(label, () => {
-      localStorage.setItem(key, value);
+      BROWSER.setItem(key, value);
       choose(value);
     });
     made.value = value;
@@ -39,7 +40,7 @@ function switchOf(key, { title, apply, values }) {
     for (const each of buttons) each.setAttribute("aria-pressed", String(each.value === value));
   };
   const [first] = Object.values(values);
-  const kept = localStorage.getItem(key);
+  const kept = BROWSER.getItem(key);
   choose(Object.values(values).includes(kept) ? kept : first);
   const group = element("span", { class: "segments", role: "group" }, ...buttons);
   group.setAttribute("aria-label", title);

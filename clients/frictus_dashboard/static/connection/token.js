@@ -1,17 +1,18 @@
-/** The token of this tab: kept in sessionStorage, never in a URL. */
+/** The token of this tab: kept until it is closed, never in a URL. */
 
 import { at, say } from "../elements/element.js";
+import { TAB } from "../storage.js";
 
 const KEY = "frictus-token";
 
 /** The token, or null. */
 export function token() {
-  return sessionStorage.getItem(KEY);
+  return TAB.getItem(KEY);
 }
 
 /** Keep it no longer. */
 export function forgetToken() {
-  sessionStorage.removeItem(KEY);
+  TAB.removeItem(KEY);
 }
 
 /** Ask for a token, with the reason why; `use` is called once there is one. */
@@ -23,7 +24,7 @@ export function askForToken(why, use) {
   input.value = "";
   dialog.onclose = () => {
     if (input.value) {
-      sessionStorage.setItem(KEY, input.value);
+      TAB.setItem(KEY, input.value);
       input.value = "";
     }
     use();

@@ -1,4 +1,4 @@
-"""The page and several rigs, whose service is played here."""
+"""The page before a service that is played here: what a real one does not do at will."""
 
 import json
 import struct
@@ -93,3 +93,28 @@ def test_samples_of_the_rig_before_are_not_those_of_the_next(
         expect(count).to_have_text("400 samples, 0 lost")
         page.get_by_role("button", name="10 s", exact=True).click()  # the words are renewed
         expect(count).to_have_text("400 samples, 0 lost")
+
+
+def test_a_browser_that_may_keep_nothing_shows_and_stops_all_the_same(
+    open_page: OpenPage, folder_url: str
+) -> None:
+    with open_page() as page:
+        page.add_init_script(
+            """for (const name of ["localStorage", "sessionStorage"]) {
+              const get = () => { throw new DOMException("denied", "SecurityError"); };
+              Object.defineProperty(window, name, { get });
+            }"""
+        )
+        page.route(
+            "**/v1/rigs/rig1/stop", lambda route: route.fulfill(json={"state": "stopping"})
+        )
+        serve(page)
+        page.goto(f"{folder_url}/#/live/rig1")
+        expect(page.locator("#connection")).to_have_text("Live")
+        page.locator("#stop").click()
+        expect(page.locator("#stop-outcome")).to_contain_text(
+            "rig1 answered the stop: stopping"
+        )
+        dark = page.get_by_role("button", name="Dark", exact=True)
+        dark.click()
+        expect(dark).to_have_attribute("aria-pressed", "true")
