@@ -19,14 +19,15 @@ RUNS = {"rig1": 1, "rig2": 2}
 CLIPPED = 1 << 1
 
 
-def status_of(rig: str) -> str:
+def status_of(rig: str, owner: str | None = None) -> str:
     status = RigStatus(
         site="lab",
         rig=rig,
         version="0",
         run=RUNS[rig],
         utc_ns=time.time_ns(),
-        state="disarmed",
+        state="disarmed" if owner is None else "armed",
+        owner=owner,
         backend="replay",
         simulated=False,
         finger_source="touch",
@@ -48,20 +49,24 @@ def force_of(rig: str, flags: int) -> bytes:
     return bytes(frame)
 
 
-def serve(page: Page) -> None:
-    """Play a service with two rigs."""
+def serve(page: Page, owner: str | None = None) -> list[object]:
+    """Play a service with two rigs, and return the kinds of what it is asked."""
     watched = None
+    kinds: list[object] = []
 
     def hear(socket: WebSocketRoute, asked: dict[str, object]) -> None:
         nonlocal watched
         watched = asked.get("rig", watched)
+        kinds.append(asked["op"])
         match asked["op"]:
             case "hello":
-                welcome = Welcome(scopes=("read",), site="lab", client="p", key="k", utc_us=1)
+                welcome = Welcome(
+                    scopes=("read", "render"), site="lab", client="p", key="k", utc_us=1
+                )
                 socket.send(welcome.model_dump_json())
                 socket.send(Rigs(rigs=tuple(RUNS), link=True).model_dump_json())
             case "watch" if asked["rig"] == "rig1":
-                socket.send(status_of("rig1"))
+                socket.send(status_of("rig1", owner))
                 socket.send(force_of("rig1", CLIPPED))
             case "watch" if asked["rig"] == "rig2":
                 socket.send(force_of("rig1", CLIPPED))  # it was on its way
@@ -76,6 +81,7 @@ def serve(page: Page) -> None:
         "**/v1/live",
         lambda socket: socket.on_message(lambda data: hear(socket, json.loads(data))),
     )
+    return kinds
 
 
 def test_samples_of_the_rig_before_are_not_those_of_the_next(
@@ -118,3 +124,20 @@ def test_a_browser_that_may_keep_nothing_shows_and_stops_all_the_same(
         dark = page.get_by_role("button", name="Dark", exact=True)
         dark.click()
         expect(dark).to_have_attribute("aria-pressed", "true")
+
+
+@pytest.mark.parametrize(
+    ("owner", "label", "sent"), [(None, "Arm", "arm"), ("p", "Disarm", "disarm")]
+)
+def test_a_double_click_is_one(
+    open_page: OpenPage, folder_url: str, owner: str | None, label: str, sent: str
+) -> None:
+    with open_page() as page:
+        kinds = serve(page, owner)
+        page.goto(f"{folder_url}/#/live/rig1")
+        page.get_by_role("button", name=label, exact=True).dblclick()
+        if owner is None:  # a rig takes its time: until it has answered it is asked once
+            expect(page.locator("#arm")).to_be_disabled()
+        page.get_by_role("link", name="rig2", exact=True).click()
+        expect(page).to_have_title("rig2: Live · frictus")
+        assert [kind for kind in kinds if kind in ("arm", "disarm")] == [sent]

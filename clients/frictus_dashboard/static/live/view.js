@@ -235,7 +235,8 @@ export class Live {
     const flags = this.flags.recent(nowMs);
     const losses = this.losses.recent(nowMs);
     const ageMs = nowMs - this.heardMs;
-    const settling = this.arming.heldRig !== null && this.state.status?.owner !== client;
+    const { asked, heldRig } = this.arming;
+    const settling = asked || (heldRig !== null && this.state.status?.owner !== client);
     const own = { client, scopes, settling };
     const heard = { ...this.state, trusted, gone, ageMs, flags, losses, heldNs, ...own };
     this.strip.show(stripStateOf(heard));

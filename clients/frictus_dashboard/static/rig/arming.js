@@ -16,9 +16,14 @@ export class Arming {
     this.mine = false;
     /** The rig whose lease the connection holds; the rig's status may be ahead of it, or behind. */
     this.heldRig = null;
+    /** Whether it was asked to arm, and has not answered: a slow rig takes seconds. */
+    this.asked = false;
     /** When a reset was sent that the rig's status does not show yet, ms; null: none was. */
     this.resetMs = null;
-    at("arm").addEventListener("click", () => this.#toggle());
+    // A double click is one; what follows it only ever disarms.
+    at("arm").addEventListener("click", ({ detail }) => {
+      if (detail < 2 || (detail > 2 && this.mine)) this.#toggle();
+    });
     at("reset").addEventListener("click", () => this.#reset());
   }
 
@@ -26,6 +31,7 @@ export class Arming {
   hear(message) {
     if (message.op === "armed") this.heldRig = message.rig;
     if (message.op === "disarmed") this.heldRig = null;
+    if (message.op === "armed" || message.what === "arm") this.asked = false;
     if (message.op !== "refused" || !["arm", "disarm"].includes(message.what)) return;
     const unknown = message.code === "outcome_unknown";
     this.#tell(`${unknown ? "Unknown; the rig's state tells" : "Refused"}: ${message.message}`);
@@ -34,6 +40,7 @@ export class Arming {
   /** Forget the lease: with the connection it has ended. */
   drop() {
     this.heldRig = null;
+    this.asked = false;
   }
 
   /**
@@ -64,7 +71,9 @@ export class Arming {
     }
     const share_with = others.value.split(/[,; ]+/).filter(Boolean);
     const message = this.mine ? { op: "disarm", rig } : { op: "arm", rig, share_with };
-    this.#tell(this.link.send(message) ? "" : `No connection: cannot ${message.op}`);
+    const sent = this.link.send(message);
+    this.asked = sent && !this.mine;
+    this.#tell(sent ? "" : `No connection: cannot ${message.op}`);
   }
 
   async #reset() {

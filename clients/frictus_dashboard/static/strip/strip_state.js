@@ -28,8 +28,8 @@ const TITLES = {
  * @param {string[]} heard.flags of blocks, raised lately
  * @param {string[]} heard.losses counters that grew lately
  * @param {number|null} heard.heldNs UTC since when it is held; null: since before the page came
- * @param {boolean} heard.settling whether the page's lease has begun or ended otherwise than the
- *   status says so far
+ * @param {boolean} heard.settling whether the page has asked for a lease, or its lease has begun
+ *   or ended otherwise than the status says so far
  * @param {string} heard.client name of this page to the rigs
  * @param {string[]} heard.scopes of its token
  * @returns {object|null} null: nothing is known of a rig
