@@ -9,7 +9,8 @@ import pytest
 from frictus.aligned import AlignedSamples
 from frictus.block import Flag
 from frictus.recordings import texture_of
-from frictus_hardware.simulated.config import SimulatedParticipant
+from frictus_hardware.simulated.config import SimulatedConfig, SimulatedParticipant
+from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_laboratory.live_model.closed_loop import ClosedLoop
 from frictus_laboratory.live_model.discovered import discovered
 from frictus_laboratory.live_model.disturbances import (
@@ -28,6 +29,7 @@ from frictus_laboratory.live_model.disturbances import (
 from frictus_laboratory.live_model.laws import error_db, model_of
 from frictus_laboratory.live_model.motion import KnownMotion, PredictedPath, rendered_rows
 from frictus_laboratory.live_model.session_plan import SessionPlan, config_of, motion_of
+from frictus_service.calibration import coordinates
 from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.tracking.evidence.watch import INSTRUMENT
@@ -51,6 +53,22 @@ def test_a_finger_is_followed_where_it_may_be_and_left_where_not() -> None:
     # What was rendered since depends on the estimate, and the estimate on what was rendered.
     assert not np.array_equal(adapt.tracker.estimate.mean, observe.tracker.estimate.mean)
     assert adapt.arithmetic_s > 0.0
+
+
+def test_a_finger_that_keeps_to_one_speed_tells_no_slope() -> None:
+    """Errors of its speed were taken for other speeds: its law was flat."""
+    plan = replace(PLAN, seconds=24.0, policy="observe", first=model_of(PERSON))
+    config = SimulatedConfig(
+        seed=plan.seed, finger=SteadyStrokes(speed_mm_s=33.0), participant=PERSON
+    )
+    loop = ClosedLoop(plan, PredictedPath(config, plan.seconds))
+    assert list(loop)
+    estimate = loop.tracker.estimate
+    truth = coordinates.from_law(
+        PERSON.gain_n, PERSON.cutoff_0_hz, PERSON.slope_hz_per_mm_s, 0.0
+    )
+    assert np.all(np.abs(estimate.mean - truth)[:2] < 1.5 * estimate.half_width[:2])
+    assert "speed_dependent_cutoff" not in loop.named
 
 
 def test_a_finger_that_changes_without_notice_is_noticed() -> None:

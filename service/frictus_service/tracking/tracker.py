@@ -247,6 +247,8 @@ class Tracker:
             since = abs(windows[-1].first_sample - self._last.first_sample) / self._rate_hz
             new_contact = windows[-1].contact != self._last.contact
             known = advanced(known, since, new_contact)
+        known = known.sliding_at(batch.speed_mm_s)
+        batch = batch.at_speeds_of(known.speeds)
         watch = self._watch
         self._judge(batch, known, since, new_contact)
         found, away = updated(known, batch)

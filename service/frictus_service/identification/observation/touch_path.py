@@ -21,6 +21,11 @@ DEGREE: Final = 5
 LEAST_REPORTS: Final = 6
 ROUGH_MM: Final = 1.0
 """A report farther from the polynomial makes its path none that a finger goes."""
+BENT_MM: Final = 0.08
+"""Root mean square of the distances, above which a finger turned too sharply for a polynomial:
+its speed is then off by 1 to 5 mm/s. Steps of 0.1 mm make 0.04 in both directions together."""
+ROUGHER: Final = 2.0
+"""Likewise of a sensor that is rougher: times as much as its reports scatter by themselves."""
 
 
 def path_of(
@@ -87,7 +92,7 @@ def path_among(
         degree = min(DEGREE, own.size - 3)
         basis = chebyshev.chebvander((position_t_s[own] - middle) / half, degree)
         path, *_ = np.linalg.lstsq(basis, position_mm[own], rcond=None)
-        if not np.abs(basis @ path - position_mm[own]).max() <= ROUGH_MM:  # NaN too
+        if not _lies_about(basis @ path, position_mm[own], own.size - degree - 1):
             continue
         inside = (time_s >= begin) & (time_s <= end)
         at = (time_s[inside] - middle) / half
@@ -95,3 +100,15 @@ def path_among(
         rows[:2, inside] = chebyshev.chebval(at, path)
         rows[2, inside] = np.hypot(*velocity)
     return rows
+
+
+def _lies_about(path_mm: FloatArray, position_mm: FloatArray, free: int) -> bool:
+    """Return whether reports lie about a path, (k, 2) each, as they scatter by themselves."""
+    off_mm = path_mm - position_mm
+    if not np.abs(off_mm).max() <= ROUGH_MM:  # NaN too
+        return False
+    bent_mm = np.sqrt(np.square(off_mm).sum() / free)
+    # Fourth differences of smooth motion are none, and of noise the root of 70 times as large.
+    rough = np.median(np.abs(np.diff(position_mm, 4, axis=0)), axis=0)
+    scatter_mm = np.hypot(*(rough / 0.6745 / np.sqrt(70.0)))
+    return bool(bent_mm <= max(BENT_MM, ROUGHER * scatter_mm))

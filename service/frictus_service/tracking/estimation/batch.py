@@ -1,7 +1,7 @@
 """Windows that a filter takes together: half a second of one contact, as rows of arrays."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Self
 
 import numpy as np
@@ -11,6 +11,7 @@ from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_service.calibration import coordinates
 from frictus_service.calibration.score_information import Data
 from frictus_service.discovery.evidence.bands import Bands
+from frictus_service.tracking.estimation.speed_spread import SpeedSpread
 from frictus_service.tracking.windows import LawWindow
 
 HEARD: Final = 1e-3
@@ -106,6 +107,22 @@ class Batch:
             each("drive_variance"),
             np.array([window.mains_n for window in windows]),
             np.array([window.mains_drive for window in windows]),
+        )
+
+    def at_speeds_of(self, spread: SpeedSpread) -> Self:
+        """Return the windows with the speeds by which a law may be told.
+
+        Parameters
+        ----------
+        spread : SpeedSpread
+            Of the finger, these windows included.
+        """
+        keeping = spread.keeping(self.speed_mm_s)
+        speed_mm_s = np.where(keeping, spread.mean_mm_s, self.speed_mm_s)
+        of_bands = np.where(keeping[:, np.newaxis], spread.mean_mm_s, self.band_speed_mm_s)
+        conditions = replace(self.conditions, speed_mm_s=speed_mm_s)
+        return replace(
+            self, speed_mm_s=speed_mm_s, band_speed_mm_s=of_bands, conditions=conditions
         )
 
     @property

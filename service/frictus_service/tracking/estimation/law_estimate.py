@@ -7,7 +7,7 @@ about that of its contact.
 Bell and Cathey 1993, The iterated Kalman filter update as a Gauss-Newton method.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final, Self
 
@@ -26,6 +26,7 @@ from frictus_service.calibration.score_information import (
 )
 from frictus_service.tracking.estimation.batch import Batch
 from frictus_service.tracking.estimation.finger_filters import FELT, NOW, PERSON, FingerFilters
+from frictus_service.tracking.estimation.speed_spread import SpeedSpread
 from frictus_service.tracking.estimation.strokes import Strokes
 
 RESPONSE_WITHIN: Final = 1e-3
@@ -67,6 +68,8 @@ class LawEstimate:
         That made it.
     last_direction, last_minutes : float
         Of the last window, by which strokes are told; 0 before the first.
+    speeds : SpeedSpread
+        Of the windows.
     """
 
     filters: FingerFilters
@@ -76,6 +79,7 @@ class LawEstimate:
     windows: int
     last_direction: float = 0.0
     last_minutes: float = 0.0
+    speeds: SpeedSpread = field(default_factory=SpeedSpread)
 
     @classmethod
     def begin(cls, prior: Prior, n_bands: int) -> Self:
@@ -117,7 +121,21 @@ class LawEstimate:
             np.hypot(cutoff / HIGHEST_HZ, 1.0), [0.0, 0.5 / np.pi / HIGHEST_HZ]
         )
         least[2] = GAIN_WITHIN
-        return mean, covariance + np.diag(np.square(least))
+        ends = np.array([coordinates.LOW_MM_S, coordinates.HIGH_MM_S])
+        slope = (cutoff[1] - cutoff[0]) / (ends[1] - ends[0])
+        steeper = self.speeds.attenuation * slope * (ends - self.speeds.mean_mm_s) / cutoff
+        flat = np.append(steeper, [0.0, 0.0])
+        return mean, covariance + np.diag(np.square(least)) + np.outer(flat, flat)
+
+    def sliding_at(self, speed_mm_s: FloatArray) -> Self:
+        """Return what is known, of a finger that slid at further speeds.
+
+        Parameters
+        ----------
+        speed_mm_s : ndarray, shape (n_windows,)
+            Of windows that are about to be used.
+        """
+        return replace(self, speeds=self.speeds.seen(speed_mm_s))
 
     @property
     def half_width(self) -> FloatArray:
@@ -188,6 +206,7 @@ def updated(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, float]:
         estimate.windows + batch.speed_mm_s.size,
         float(batch.conditions.direction[-1]),
         float(batch.conditions.minutes[-1]),
+        estimate.speeds,
     )
     return found, strange
 

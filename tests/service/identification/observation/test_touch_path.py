@@ -60,3 +60,33 @@ def test_of_a_trial_every_sample_is_told_where_reports_are() -> None:
     x, speed = stroke(np.arange(rows.shape[1]) / RATE_HZ)
     np.testing.assert_allclose(rows[0, within], x[within], atol=1e-6)
     np.testing.assert_allclose(rows[2, within], speed[within], atol=1e-4)
+
+
+def reversal(time_s: FloatArray, turn_s: float = 0.06) -> FloatArray:
+    """Return positions of a finger that turns at 40 mm/s, through half a cosine."""
+    within = np.clip(time_s / turn_s, -0.5, 0.5)
+    turned = -turn_s / np.pi * np.cos(np.pi * within)
+    beyond = np.maximum(np.abs(time_s) - turn_s / 2.0, 0.0)
+    return 30.0 + 40.0 * (turned + beyond)
+
+
+def test_a_turn_too_sharp_for_a_polynomial_is_no_path() -> None:
+    """Its speed came out up to 5 mm/s too high beside the turn, and was believed."""
+    time_s = np.arange(0.01, 0.11, 1.0 / RATE_HZ)
+    for first_s in np.linspace(-0.1, -0.085, 4):
+        at_s = np.arange(first_s, 0.21, SCAN_S)
+        place = np.column_stack([np.round(reversal(at_s), 1), np.full(at_s.size, 20.0)])
+        assert not path_among(place, at_s, time_s).any()
+        straight = np.column_stack([np.round(30.0 + 40.0 * at_s, 1), place[:, 1]])
+        assert np.all(path_among(straight, at_s, time_s)[2] > 35.0)
+
+
+def test_reports_that_scatter_by_themselves_are_a_path(rng: np.random.Generator) -> None:
+    at_s = np.arange(0.25, 0.56, SCAN_S)
+    place = np.column_stack([stroke(at_s)[0], np.full(at_s.size, 20.0)])
+    time_s = np.arange(0.35, 0.45, 1.0 / RATE_HZ)
+    known = [
+        path_among(place + rng.normal(0.0, 0.2, place.shape), at_s, time_s).any()
+        for _ in range(50)
+    ]
+    assert np.mean(known) > 0.8
