@@ -132,6 +132,7 @@ def coverage(lines: list[Line]) -> str:
         "known/": "known",
         "learn/grating/": "predicted, grating alone",
         "known/grating/": "known, grating alone",
+        "steady/": "predicted, strokes of 60 s at one speed",
     }
     for start, motion in kinds.items():
         found = Sessions(lines, start)

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Any, Final
 
@@ -52,6 +53,8 @@ GRATING_MM: Final = 0.5
 """Period: 40 to 200 Hz at 20 to 100 mm/s."""
 FACTORS: Final = ("0.5", "1", "2")
 """Of a person's cutoff."""
+STEADY: Final = tuple(product(("25", "40", "60", "90"), ("paper", "vinyl", "grating")))
+"""Speeds in mm/s to which a finger keeps, and what is played."""
 RATE_HZ: Final = 20_000.0
 WITHIN_DB: Final = 0.1
 NULL_S: Final = 1_200.0
@@ -100,6 +103,7 @@ def names(times: int) -> list[str]:
         ("cause", [f"{id_}/{size}" for id_ in REALISTIC for size in SIZES]),
         ("unknown", UNKNOWN),
         ("known", [f"{texture}/{factor}" for texture in LEARNED for factor in FACTORS]),
+        ("steady", [f"{speed}/{texture}" for speed, texture in STEADY]),
     ]
     found = []
     for kind, which in kinds:
@@ -136,6 +140,8 @@ def plan_of(name: str, seed: int) -> SessionPlan:
             first=placeholder_model(),
             known_motion=kind == "known",
         )
+    if kind == "steady":
+        return replace(plan, texture=texture(which[1]), steady_mm_s=float(which[0]))
     any_texture = texture(TEXTURES[int(rng.integers(len(TEXTURES)))])
     plan = replace(plan, texture=any_texture, known_motion=True)
     if kind == "null":
@@ -221,7 +227,7 @@ def run(name: str, seed: int, seconds: float | None = None) -> Line:
     plan = plan if seconds is None else replace(plan, seconds=seconds)
     motion = motion_of(plan)
     line = _summary(name, plan, motion)
-    if name.startswith(("learn/", "known/")):
+    if name.startswith(("learn/", "known/", "steady/")):
         line["observe"] = _summary(name, replace(plan, policy="observe"), motion)
         line["speed_error_mm_s"] = _speed_error(motion, plan.seconds)
     return line | {"code": code(), "failures": []}

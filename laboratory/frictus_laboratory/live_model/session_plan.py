@@ -7,6 +7,7 @@ from frictus.model import Model
 from frictus.textures import Texture
 from frictus_hardware.simulated.config import SimulatedConfig, SimulatedParticipant
 from frictus_hardware.simulated.human import HumanStrokes
+from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_laboratory.live_model.disturbances import Disturbance
 from frictus_laboratory.live_model.motion import (
     KnownMotion,
@@ -39,6 +40,8 @@ class SessionPlan:
         Whether the rig knows the finger's motion, or predicts it from its sensors.
     lift_probability : float
         How often the finger leaves the screen between two strokes.
+    steady_mm_s : float or None
+        Of strokes at one speed; None: free ones.
     """
 
     person: SimulatedParticipant
@@ -50,6 +53,7 @@ class SessionPlan:
     disturbance: Disturbance = field(default_factory=Disturbance)
     known_motion: bool = False
     lift_probability: float = 0.0
+    steady_mm_s: float | None = None
 
 
 def config_of(plan: SessionPlan) -> SimulatedConfig:
@@ -60,7 +64,11 @@ def config_of(plan: SessionPlan) -> SimulatedConfig:
     plan : SessionPlan
         What it is made of.
     """
-    finger = HumanStrokes(lift_probability=plan.lift_probability)
+    finger: HumanStrokes | SteadyStrokes
+    if plan.steady_mm_s is None:
+        finger = HumanStrokes(lift_probability=plan.lift_probability)
+    else:
+        finger = SteadyStrokes(speed_mm_s=plan.steady_mm_s)
     return SimulatedConfig(seed=plan.seed, finger=finger, participant=plan.person)
 
 
