@@ -17,6 +17,7 @@ from frictus_service.discovery.decision.caveats import caveats_on
 from frictus_service.discovery.decision.decision import decide
 from frictus_service.discovery.decision.trial_accounting import trials_left_out
 from frictus_service.discovery.document import CauseTest, Discovery, StudyFacts
+from frictus_service.discovery.evidence.band_noise import resolved
 from frictus_service.discovery.evidence.evidence_rows import EvidenceRows, subjects_of
 from frictus_service.discovery.evidence.observation_table import (
     LEAST_UNITS,
@@ -96,6 +97,7 @@ def pose(
     evidence = [
         replace(one, observed=each) for one, each in zip(evidence, observed, strict=True)
     ]
+    evidence = resolved(evidence, response)
     usable = used(evidence)
     trials = comparable(usable, response)
     units = units_of(trials, response)

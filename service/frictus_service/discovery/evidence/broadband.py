@@ -4,8 +4,8 @@ Noise or a texture as message, or no message at all. Windows of a tenth of a sec
 overlapping, within each third of each sweep; all windows and all frequencies of a sixth of an
 octave are averaged. With a message m, friction is ``S_mF / S_mm`` (H1) and mobility
 ``S_mv / S_mF``: noise of force and skin averages out. Without, mobility is ``S_Fv / S_FF``,
-which noise of the force makes too small by a share of one minus the coherence at most; bands
-weigh by coherence through their variance, and are left out where it is below one half.
+which noise of the force makes too small by a share of one minus the coherence at most: bands
+are left out of a stretch where it is below nine tenths.
 
 Bendat and Piersol, Random Data, chapters 6 and 9: H1, its variance, chance coherence. Welch
 1967: overlapping windows.
@@ -37,8 +37,9 @@ from frictus_service.study.trial import StudyInfo, Trial
 
 CHANCE: Final = 1e-3
 """A band is used in which noise alone would be as coherent over the trial less often,"""
-LEAST_OF_FORCE: Final = 0.5
-"""and, where no message drives, at least so coherent: what is missing may be bias."""
+LEAST_OF_FORCE: Final = 0.9
+"""and, where no message drives, in the stretch at least so coherent: what is missing may be
+bias."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,17 +98,18 @@ def broadband(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> Broad
     if not spectra or (spectra[0].message is None and spectra[0].skin is None):
         return Broadband(NO_ROWS, NO_HARMONICS, _nothing(course.segments, bool(spectra)))
     coherence = _coherence(spectra, bands)
-    averages = bands.averages(sum(each.force.shape[0] for each in spectra))
-    least = 1.0 - CHANCE ** (1.0 / np.maximum(averages - 1.0, 1e-9))
+    used: BoolArray = np.tile(coherence > _by_chance(spectra, bands), (len(spectra), 1))
     if spectra[0].message is None:
-        least = np.maximum(least, LEAST_OF_FORCE)
-    used = coherence > least
-    notes = _notes(spectra, coherence, used, len(every))
+        for each, kept in zip(spectra, used, strict=True):
+            kept &= _coherence([each], bands) > np.maximum(
+                _by_chance([each], bands), LEAST_OF_FORCE
+            )
+    notes = _notes(spectra, coherence, np.any(used, axis=0), len(every))
     if not used.any():
         return Broadband(NO_ROWS, NO_HARMONICS, notes)
     rows = [
-        _rows(each, bands, instrument, used, course.normal_n, rate_hz, window)
-        for each in spectra
+        _rows(each, bands, instrument, kept, course.normal_n, rate_hz, window)
+        for each, kept in zip(spectra, used, strict=True)
     ]
     whole = ResponseRows(
         **{
@@ -134,6 +136,13 @@ def _coherence(spectra: Sequence[WindowSpectra], bands: Bands) -> FloatArray:
         np.square(np.abs(cross)), power, out=np.zeros(power.size), where=power > 0.0
     )
     return coherence
+
+
+def _by_chance(spectra: Sequence[WindowSpectra], bands: Bands) -> FloatArray:
+    """Return the coherence that noise alone has less often than `CHANCE`, (n_bands,)."""
+    averages = bands.averages(sum(each.force.shape[0] for each in spectra))
+    least: FloatArray = 1.0 - CHANCE ** (1.0 / np.maximum(averages - 1.0, 1e-9))
+    return least
 
 
 def _transfer(
@@ -207,9 +216,18 @@ def _message(
     power = [np.square(np.abs(each.message)).sum() / 2.0 for each in rows]
     nothing = np.full(sum(sizes), np.nan)
     of_friction, of_mobility = (
-        np.concatenate([np.array(each.place(bands, of))[:, used] for each in spectra], axis=1)
+        np.concatenate(
+            [
+                np.array(each.place(bands, of))[:, kept]
+                for each, kept in zip(spectra, used, strict=True)
+            ],
+            axis=1,
+        )
         for of in (0, 1)
     )
+    speed_spread_mm_s = [
+        each.speed(bands)[1][kept] for each, kept in zip(spectra, used, strict=True)
+    ]
     return HarmonicResponse(
         message_mean=np.repeat([each.message_mean for each in spectra], sizes),
         message_power=np.repeat(power, sizes),
@@ -223,7 +241,7 @@ def _message(
         mobility_centroid_hz=of_mobility[0],
         mobility_spread_hz=of_mobility[1],
         mobility_skewness=of_mobility[2],
-        speed_spread_mm_s=np.concatenate([each.speed(bands)[1][used] for each in spectra]),
+        speed_spread_mm_s=np.concatenate(speed_spread_mm_s),
     )
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from frictus_hardware.arrays import ComplexArray, FloatArray, IntArray
 from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.physics.simulator import Probe
+from frictus_service.discovery.evidence.band_noise import weight_of
 from frictus_service.discovery.evidence.evidence_rows import EvidenceRows
 from frictus_service.discovery.evidence.residuals import Compared
 from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
@@ -186,6 +187,8 @@ def rows_of(
 ) -> EvidenceRows:
     """Return the rows, sweeps of equal direction and third of a trial taken together.
 
+    Sweeps weigh by the power that drives.
+
     Parameters
     ----------
     evidence : sequence of TrialEvidence
@@ -215,9 +218,10 @@ def rows_of(
     keys, group = np.unique(keys[:, known], axis=1, return_inverse=True)
     group = np.ravel(group)
     count = keys.shape[1]
+    weight = weight_of(np.abs(column("message")))[known]
 
     def mean(values: Any) -> Any:
-        return _mean_of_known(values[known], group, count)
+        return _mean_of_known(values[known], group, count, weight)
 
     rows = Probe(
         tone_hz=mean(harmonic(f"{weighed}centroid_hz")),
@@ -331,13 +335,17 @@ def _filled(values: FloatArray, trial: IntArray) -> FloatArray:
     return np.where(np.isfinite(filled), filled, everywhere.mean() if everywhere.size else 0.0)
 
 
-def _mean_of_known(values: Any, group: IntArray, count: int) -> Any:
+def _mean_of_known(
+    values: Any, group: IntArray, count: int, weight: FloatArray | float = 1.0
+) -> Any:
     """Return the mean of what is finite in each group, NaN where nothing is; complex too."""
     known = np.isfinite(values)
-    number = np.bincount(group[known], minlength=count)
+    weight = np.broadcast_to(weight, known.shape)
+    number = np.bincount(group[known], weight[known], minlength=count)
     parts = [values.real, values.imag] if np.iscomplexobj(values) else [values]
     with np.errstate(invalid="ignore"):
         means = [
-            np.bincount(group[known], part[known], minlength=count) / number for part in parts
+            np.bincount(group[known], (weight * part)[known], minlength=count) / number
+            for part in parts
         ]
     return means[0] + 1j * means[1] if len(means) == 2 else means[0]

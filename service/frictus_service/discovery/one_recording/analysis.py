@@ -14,6 +14,7 @@ from frictus.model import Model
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_service.discovery.document import OneRecording, ParameterEstimate, RankedModel
+from frictus_service.discovery.evidence.band_noise import resolved
 from frictus_service.discovery.evidence.evidence_rows import EvidenceRows, subjects_of, take
 from frictus_service.discovery.evidence.observation_table import (
     ResponseName,
@@ -55,8 +56,6 @@ MOST_WINDOWS: Final = 150
 MOST_MODELS: Final = 15
 NEARLY: Final = 1.1
 """Times as fast as the base model's range a finger may be that was told to be within it."""
-RESOLVED: Final = 0.1
-"""Error of a band's response in a window, as a share, up to which it is used."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +122,7 @@ def cut(trials: Iterable[Trial], study: StudyInfo, base: Model) -> Windows:
     correlation_s = max((correlation_time_s(trial) for trial in kept), default=0.0)
     apart_s = max(TIMES * correlation_s, LEAST_APART_S)
     found = [one for trial in kept for one in windows_of(trial, study, length_s, apart_s)]
-    found = [one for one in used(found) if says(one, base.response)]
+    found = [one for one in resolved(used(found), base.response) if says(one, base.response)]
     within = [one for one in found if _holds(base, one)]
     if len(within) < len(found):
         low, high = base.validity.speed_mm_s
@@ -166,9 +165,7 @@ def ranked(windows: Windows, study: StudyInfo, base: Model) -> OneRecording:
         What is criticised.
     """
     folds = folds_of(windows.evidence, base.response)
-    rows = rows_of(windows.evidence, folds, base.response)
-    variance = _variances(rows)
-    rows = _each_alone(_resolved(rows, variance))
+    rows = _each_alone(rows_of(windows.evidence, folds, base.response))
     problem = DiscoveryProblem(
         simulator_of(base, study.mount),
         study.mount,
@@ -182,7 +179,7 @@ def ranked(windows: Windows, study: StudyInfo, base: Model) -> OneRecording:
     # Matrices are small: threads would wait for each other longer than they work.
     with threadpool_limits(limits=1):
         fold = rows.unit_of_trial[rows.trial]
-        found = rank(problem, [variance[fold == k] for k in range(len(folds.names))])
+        found = rank(problem, [rows.variance[fold == k] for k in range(len(folds.names))])
     models = tuple(_model(found, each) for each in found.models[:MOST_MODELS])
     beyond = found.margin > 0.0
     return OneRecording(
@@ -202,30 +199,6 @@ def ranked(windows: Windows, study: StudyInfo, base: Model) -> OneRecording:
         correlation_s=windows.correlation_s,
         refused=windows.refused,
     )
-
-
-def _variances(rows: EvidenceRows) -> FloatArray:
-    """Return the variance of rows: of each band, one noise for all windows.
-
-    Of a window alone it is known to some ten per cent at best. Where something drives, noise
-    counts by how much: the line of a texture goes from band to band with the finger's speed.
-    """
-    power = np.square(np.abs(rows.rows.message))
-    weight = np.where(np.isfinite(power) & (power > 0.0), power, 1.0)
-    known = np.isfinite(rows.variance)
-    tone, weighed, n = rows.tone[known], weight[known], rows.tones_hz.size
-    # Where there is nothing but noise, it is as large as what is taken for the response.
-    total = np.bincount(tone, rows.variance[known] * np.square(weighed), minlength=n)
-    noise = total / np.maximum(np.bincount(tone, weighed, minlength=n), np.finfo(float).tiny)
-    variance: FloatArray = noise[rows.tone] / weight
-    return variance
-
-
-def _resolved(rows: EvidenceRows, variance: FloatArray) -> EvidenceRows:
-    """Return rows without what is hardly more than noise: its logarithm is too large."""
-    size = np.where(variance < RESOLVED**2, rows.measured.size, np.nan)
-    phase = np.where(variance < RESOLVED**2, rows.measured.phase, np.nan)
-    return replace(rows, measured=replace(rows.measured, size=size, phase=phase))
 
 
 def _each_alone(rows: EvidenceRows) -> EvidenceRows:

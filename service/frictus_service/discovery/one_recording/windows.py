@@ -1,12 +1,13 @@
 """Windows in time of a trial: parts of its steady sweeps, each of which speaks for itself."""
 
 from collections.abc import Iterator
-from dataclasses import fields, replace
+from dataclasses import replace
 from datetime import datetime, timedelta
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
+from frictus_service.discovery.evidence.band_noise import entries_of
 from frictus_service.discovery.evidence.trial_evidence import TrialEvidence, evidence_along
 from frictus_service.identification.observation.observe import course_of
 from frictus_service.identification.observation.sweeps import Sweep, SweepThird, TouchMotion
@@ -91,16 +92,10 @@ def _window(whole: TrialEvidence, segment: SweepThird, trial: Trial) -> TrialEvi
         ),
         valid=True,
         reasons=(),
-        rows=_those(rows, own),
+        rows=entries_of(rows, own),
     )
     return TrialEvidence(
         observed,
-        _those(whole.harmonics, own),
-        _those(stretches, stretches.sweep == segment.sweep),
+        entries_of(whole.harmonics, own),
+        entries_of(stretches, stretches.sweep == segment.sweep),
     )
-
-
-def _those(columns: Any, kept: Any) -> Any:
-    """Return some entries of a dataclass of columns."""
-    named = {field.name: getattr(columns, field.name)[kept] for field in fields(columns)}
-    return replace(columns, **named)

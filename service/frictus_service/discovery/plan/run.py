@@ -9,6 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from frictus_hardware.physics.linear import Mount, TransferFunction
+from frictus_service.discovery.evidence.band_noise import resolved
 from frictus_service.discovery.evidence.evidence_rows import EvidenceRows, subjects_of
 from frictus_service.discovery.evidence.observation_table import (
     comparable,
@@ -87,7 +88,8 @@ def plan_file(
             lengths = {
                 info.id: study.n_samples(info.id) / info.sample_rate_hz for info in study.trials
             }
-        trials = used(study_evidence(path, workers=workers, cache=cache, tell=tell))
+        evidence = study_evidence(path, workers=workers, cache=cache, tell=tell)
+        trials = used(resolved(evidence, response))
         tell("how its readings scatter")
         programme, assumptions = of_study(trials, lengths, known)
     # Matrices are small: threads would wait for each other longer than they work.

@@ -129,6 +129,32 @@ def test_force_and_skin_alone(rng: np.random.Generator) -> None:
     np.testing.assert_allclose(skin[(tones > 150.0) & (tones < 750.0)], 1.0, atol=0.05)
 
 
+def test_a_stretch_whose_force_has_nothing_in_a_band_says_nothing_of_it(
+    rng: np.random.Generator,
+) -> None:
+    """Beside stretches that have: the noise of the force made the mobility too small there."""
+    half_s, edge_hz = 4.0, 250.0
+
+    def rougher(
+        _: tuple[float, ...], time_s: FloatArray, rng: np.random.Generator
+    ) -> FloatArray:
+        drawn = rng.standard_normal(time_s.size)
+        sections = signal.butter(8, edge_hz, fs=RATE_HZ, output="sos")
+        dull = signal.sosfilt(sections, drawn)
+        drive = np.where(time_s < half_s, 0.1 * dull / dull.std(), 0.15 * drawn)
+        return np.clip(0.5 + drive, 0.0, 1.0)
+
+    made = Made((100.0,), 60.0, seconds=2.0 * half_s, noise_n=0.01, noise_m_s2=0.05)
+    measured = replace(trial(made, rng, rougher), voltage_v=None)
+    found = evidence_of(replace(measured, info=replace(measured.info, tones_hz=())), STUDY)
+    rows = found.observed.rows
+    ratio = rows.mobility / true_mobility(found.harmonics.mobility_centroid_hz)
+    fine = (rows.tone_hz > 1.5 * edge_hz) & (rows.tone_hz < 750.0)
+    assert np.count_nonzero(fine) > 30
+    assert np.abs(np.median(ratio[fine]) - 1.0) < 0.05
+    assert np.quantile(np.abs(ratio[fine]), 0.02) > 0.75
+
+
 @pytest.mark.parametrize("with_skin", [True, False])
 def test_nothing_coherent_gives_nothing(with_skin: bool, rng: np.random.Generator) -> None:
     measured = trial(Made((), 60.0, noise_n=0.01, noise_m_s2=0.5), rng)

@@ -118,6 +118,20 @@ def test_sweeps_of_equal_direction_and_third_are_one_row(rng: np.random.Generato
     np.testing.assert_allclose(other.rows.message, one.rows.message)
 
 
+def test_sweeps_weigh_by_the_power_that_drives(rng: np.random.Generator) -> None:
+    """A line of a texture may be in a band in one sweep and not in the next."""
+    trials = used(made(rng, design=SMALL))
+    doubled = []
+    for each in map(twice, trials):
+        rows = each.observed.rows
+        message = np.where(np.arange(rows.tone_hz.size) < rows.tone_hz.size // 2, 3.0, 1.0)
+        rows = replace(rows, message=message * rows.message)
+        doubled.append(replace(each, observed=replace(each.observed, rows=rows)))
+    units = units_of(trials, "friction")
+    one, other = (rows_of(some, units, "friction") for some in (trials, doubled))
+    np.testing.assert_allclose(other.measured.size, one.measured.size + np.log(1.1))
+
+
 def test_what_is_measured_is_what_was_there(rng: np.random.Generator) -> None:
     share = 0.2
     trials = used(made(rng, [("direction_asymmetry", {"share": share})], scatter=NO_SCATTER))
