@@ -4,6 +4,9 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+from scipy import stats
+
 from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.decision.naming import (
     RIGHT_FAMILY,
@@ -95,7 +98,7 @@ def decide(problem: DiscoveryProblem, flips: FloatArray) -> Decision:
         if better != model.chosen:
             model = about(better)
             said = say(problem, base, model, flips)
-        weak = _weak(said)
+        weak = untenable(problem, said)
         if not weak:
             break
         banned |= weak
@@ -103,7 +106,7 @@ def decide(problem: DiscoveryProblem, flips: FloatArray) -> Decision:
         for effects in (tuple(k for k in model.chosen if k not in weak), ()):
             model = about(effects)
             said = say(problem, base, model, flips)
-            if not _weak(said):
+            if not untenable(problem, said):
                 break
     named = list(said.named)
     extending = [each.candidate for each in named if each.in_model and not each.alike]
@@ -159,13 +162,38 @@ def _numbers(*found: Sequence[tuple[int, float]]) -> list[int]:
     return [candidate for each in found for candidate, _ in each]
 
 
-def _weak(said: "SaidOfModel") -> set[int]:
-    """Return the causes that explain too little in their place, or show no longer."""
+def untenable(problem: DiscoveryProblem, said: "SaidOfModel") -> set[int]:
+    """Return causes that explain too little in their place, show no longer, or cannot be.
+
+    Parameters
+    ----------
+    problem : DiscoveryProblem
+        Candidates, with what their parameters can be.
+    said : SaidOfModel
+        What is said of a model.
+    """
     return {
         each.candidate
         for each in said.named
-        if each.share < RIGHT_FAMILY or each.p_value > NAMING or _torn(each)
+        if each.share < RIGHT_FAMILY
+        or not each.p_value <= NAMING  # NaN: nobody says anything of it beside the others
+        or _torn(each)
+        or _impossible(problem, each)
     }
+
+
+def _impossible(problem: DiscoveryProblem, each: CauseDecision) -> bool:
+    """Return whether all of a cause's interval lies beyond what its parameter can be.
+
+    Of a signature that is nearly a person's own gain so little is left that something else,
+    within the accuracy of the measurement, is told as many times what can be.
+    """
+    known = each.coefficients[np.isfinite(each.coefficients)]
+    if known.size < 2:
+        return False
+    half = stats.t.ppf(0.975, known.size - 1) * known.std(ddof=1) / np.sqrt(known.size)
+    (low,), (high,) = problem.limits([each.candidate])
+    return bool(known.mean() - half > high or known.mean() + half < low)
 
 
 def _torn(each: CauseDecision) -> bool:
