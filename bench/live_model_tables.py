@@ -132,7 +132,8 @@ def coverage(lines: list[Line]) -> str:
         "known/": "known",
         "learn/grating/": "predicted, grating alone",
         "known/grating/": "known, grating alone",
-        "steady/": "predicted, strokes of 60 s at one speed",
+        "steady/": "predicted, at one speed for 60 s",
+        "steady/grating/": "predicted, at one speed, grating alone",
     }
     for start, motion in kinds.items():
         found = Sessions(lines, start)

@@ -53,8 +53,8 @@ GRATING_MM: Final = 0.5
 """Period: 40 to 200 Hz at 20 to 100 mm/s."""
 FACTORS: Final = ("0.5", "1", "2")
 """Of a person's cutoff."""
-STEADY: Final = tuple(product(("25", "40", "60", "90"), ("paper", "vinyl", "grating")))
-"""Speeds in mm/s to which a finger keeps, and what is played."""
+STEADY: Final = tuple(product(("paper", "vinyl", "grating"), ("25", "40", "60", "90")))
+"""What is played, and speeds in mm/s to which a finger keeps."""
 RATE_HZ: Final = 20_000.0
 WITHIN_DB: Final = 0.1
 NULL_S: Final = 1_200.0
@@ -103,7 +103,7 @@ def names(times: int) -> list[str]:
         ("cause", [f"{id_}/{size}" for id_ in REALISTIC for size in SIZES]),
         ("unknown", UNKNOWN),
         ("known", [f"{texture}/{factor}" for texture in LEARNED for factor in FACTORS]),
-        ("steady", [f"{speed}/{texture}" for speed, texture in STEADY]),
+        ("steady", [f"{texture}/{speed}" for texture, speed in STEADY]),
     ]
     found = []
     for kind, which in kinds:
@@ -141,7 +141,7 @@ def plan_of(name: str, seed: int) -> SessionPlan:
             known_motion=kind == "known",
         )
     if kind == "steady":
-        return replace(plan, texture=texture(which[1]), steady_mm_s=float(which[0]))
+        return replace(plan, texture=texture(which[0]), steady_mm_s=float(which[1]))
     any_texture = texture(TEXTURES[int(rng.integers(len(TEXTURES)))])
     plan = replace(plan, texture=any_texture, known_motion=True)
     if kind == "null":
