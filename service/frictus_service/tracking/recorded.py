@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from statistics import mode
 from typing import Final
 
@@ -15,6 +16,7 @@ from frictus.messages import EstimateState, Message, ModelState, RigStatus, Touc
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.errors import RecordingError, TrialError
+from frictus_service.identification.observation.response import advance
 from frictus_service.identification.observation.touch_path import PART_S, path_of
 from frictus_service.recording.reader import RecordingReader, State
 from frictus_service.recording.samples import Samples
@@ -122,6 +124,7 @@ def follow_study(reader: StudyReader, prior: Prior, tell: Tell) -> dict[str, Est
     """
     states: dict[str, EstimateState] = {}
     trackers: dict[str, Tracker] = {}
+    cutters: dict[str, _SkewedCutter] = {}
     rates_hz: dict[str, float] = {}
     for asked in reader.trials:
         participant = asked.participant
@@ -130,19 +133,20 @@ def follow_study(reader: StudyReader, prior: Prior, tell: Tell) -> dict[str, Est
             rates_hz[participant] = mode(
                 each.sample_rate_hz for each in reader.trials if each.participant == participant
             )
-            cutter = WindowCutter(
+            cutters[participant] = _SkewedCutter(
                 rates_hz[participant], reader.info.screen_peak_v, reader.info.mount
             )
-            trackers[participant] = Tracker(cutter, prior, reader.info.rig)
+            trackers[participant] = Tracker(cutters[participant], prior, reader.info.rig)
             trackers[participant].begin_anew(prior, participant)
         tracker = trackers[participant]
         if asked.sample_rate_hz != rates_hz[participant]:
             tracker.leave_out("a trial at another sample rate than most of this person's")
         else:
-            try:
-                parts = list(_parts_of(reader.read(asked.id), asked.order))
-            except TrialError:
-                parts = []
+            parts: list[AlignedSamples] = []
+            with suppress(TrialError):
+                trial = reader.read(asked.id)
+                parts = list(_parts_of(trial, asked.order))
+                cutters[participant].skew(trial.force_skew_s)
             if not parts:
                 tracker.leave_out("a trial without drive, or damaged")
             for part in parts:
@@ -150,6 +154,15 @@ def follow_study(reader: StudyReader, prior: Prior, tell: Tell) -> dict[str, Est
         states[participant] = tracker.state(0)
         tell(states[participant])
     return states
+
+
+class _SkewedCutter(WindowCutter):
+    """Cuts trials whose force is sampled later than the voltage; that of a rig is not."""
+
+    def skew(self, force_skew_s: float) -> None:
+        """Take samples of the force from now on as so much later, s."""
+        late = advance(self.bands.frequency_hz, force_skew_s)
+        self._passing = self._hold * self.bands.passing * late
 
 
 def _parts_of(trial: Trial, run: int) -> Iterator[AlignedSamples]:

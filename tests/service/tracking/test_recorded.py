@@ -124,6 +124,22 @@ def _at_half_the_rate(one: Trial) -> Trial:
     )
 
 
+def test_a_force_that_is_said_to_be_taken_later_is_no_delay(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    with StudyWriter(tmp_path / "study.h5", STUDY) as writer:
+        for order, speed in enumerate(SPEEDS_MM_S):
+            one = trial(Made(TONES_HZ, speed, noise_n=0.002), rng)
+            info = replace(one.info, id=f"{order}", order=order, drive_vpp=150.0)
+            a_sample_later = np.roll(one.force_n, -1, axis=0)
+            later = replace(one, info=info, force_n=a_sample_later, force_skew_s=50e-6)
+            writer.add(later)
+    with StudyReader(tmp_path / "study.h5") as reader:
+        (state,) = follow_study(reader, Prior.weak(), lambda _: None).values()
+    assert state.law is not None
+    assert abs(state.law.delay_us.value) < 3.0
+
+
 def test_a_trial_of_many_reports_is_used_from_its_beginning(rng: np.random.Generator) -> None:
     one = trial(Made(TONES_HZ, 60.0, noise_n=0.002), rng)
     dense = np.arange(0.0, 2.0, 1.0 / 2_000.0)
