@@ -126,7 +126,7 @@ def follow_study(reader: StudyReader, prior: Prior, tell: Tell) -> dict[str, Est
     trackers: dict[str, Tracker] = {}
     cutters: dict[str, _SkewedCutter] = {}
     rates_hz: dict[str, float] = {}
-    for asked in reader.trials:
+    for run, asked in enumerate(reader.trials):
         participant = asked.participant
         if participant not in trackers:
             # Windows of two rates do not share their frequencies.
@@ -145,7 +145,7 @@ def follow_study(reader: StudyReader, prior: Prior, tell: Tell) -> dict[str, Est
             parts: list[AlignedSamples] = []
             with suppress(TrialError):
                 trial = reader.read(asked.id)
-                parts = list(_parts_of(trial, asked.order))
+                parts = list(_parts_of(trial, run))
                 cutters[participant].skew(trial.force_skew_s)
             if not parts:
                 tracker.leave_out("a trial without drive, or damaged")

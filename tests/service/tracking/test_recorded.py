@@ -140,6 +140,20 @@ def test_a_force_that_is_said_to_be_taken_later_is_no_delay(
     assert abs(state.law.delay_us.value) < 3.0
 
 
+def test_trials_of_the_same_place_in_two_sessions_are_not_joined(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    told: list[EstimateState] = []
+    with StudyWriter(tmp_path / "study.h5", STUDY) as writer:
+        for session in (1, 2):
+            one = trial(Made(TONES_HZ, 60.0, noise_n=0.002), rng)
+            info = replace(one.info, id=f"{session}", session=session, drive_vpp=150.0)
+            writer.add(replace(one, info=info))
+    with StudyReader(tmp_path / "study.h5") as reader:
+        follow_study(reader, Prior.weak(), told.append)
+    assert told[0].run != told[1].run
+
+
 def test_a_trial_of_many_reports_is_used_from_its_beginning(rng: np.random.Generator) -> None:
     one = trial(Made(TONES_HZ, 60.0, noise_n=0.002), rng)
     dense = np.arange(0.0, 2.0, 1.0 / 2_000.0)
