@@ -70,6 +70,9 @@ class LawEstimate:
         Of the last window, by which strokes are told; 0 before the first.
     speeds : SpeedSpread
         Of the windows.
+    tangent_at : ndarray, shape (4,), or None
+        The law after the first update: where it is taken to be linear in the cutoff of a finger
+        that keeps to one speed.
     """
 
     filters: FingerFilters
@@ -80,6 +83,7 @@ class LawEstimate:
     last_direction: float = 0.0
     last_minutes: float = 0.0
     speeds: SpeedSpread = field(default_factory=SpeedSpread)
+    tangent_at: FloatArray | None = None
 
     @classmethod
     def begin(cls, prior: Prior, n_bands: int) -> Self:
@@ -191,6 +195,9 @@ def updated(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, float]:
     data = _as_far_as_linear(data, at, coordinates.inverse(total))
     filters, strange = estimate.filters, 0.0
     of_parts = _scores(data, at, estimate.gain_scatter, weights)
+    tangent_at = at if estimate.tangent_at is None else estimate.tangent_at
+    if estimate.speeds.steady:
+        of_parts = _along_one_cutoff(*of_parts, at, tangent_at, estimate.speeds.mean_mm_s)
     for begins, score, own in zip(strokes.begins, *of_parts, strict=True):
         filters = filters.of_another_stroke() if begins else filters
         filters, away = filters.seen(score, own, at)
@@ -207,6 +214,7 @@ def updated(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, float]:
         float(batch.conditions.direction[-1]),
         float(batch.conditions.minutes[-1]),
         estimate.speeds,
+        tangent_at,
     )
     return found, strange
 
@@ -268,6 +276,37 @@ def _scores(
     _, score, own = wandered(score, own, CUTOFF_PER_WINDOW)
     begins = np.flatnonzero(np.diff(data.trial_of_segment, prepend=-1))
     return np.add.reduceat(score, begins), np.add.reduceat(own, begins)
+
+
+def _along_one_cutoff(
+    score: FloatArray,
+    information: FloatArray,
+    at: FloatArray,
+    tangent_at: FloatArray,
+    speed_mm_s: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Return score and information of the cutoff at one speed, always along one direction.
+
+    How much the cutoffs at both ends count at a speed depends a little on the law. Taken where
+    the law is now, what is known along a direction that turns is little by little taken to be
+    known of the slope, too (Huang, Mourikis, Roumeliotis 2010: first-estimates Jacobians).
+
+    Parameters
+    ----------
+    score, information : ndarray, shape (n_parts, 4), (n_parts, 4, 4)
+        Taken at `at`.
+    at, tangent_at : ndarray, shape (4,)
+        Where the law is now, and where it is taken to be linear.
+    speed_mm_s : float
+        Of all windows.
+    """
+    now, fixed = (
+        coordinates.cutoff_gradient(each, np.array([speed_mm_s]))[0, :2]
+        for each in (at, tangent_at)
+    )
+    turned = np.eye(coordinates.SIZE)
+    turned[:2, :2] = np.outer(fixed, now) / (now @ now)
+    return score @ turned.T, turned @ information @ turned.T
 
 
 def _scatter(batch: Batch) -> FloatArray:

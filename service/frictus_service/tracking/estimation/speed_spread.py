@@ -67,10 +67,10 @@ class SpeedSpread:
 
     @property
     def steady(self) -> bool:
-        """Whether the finger keeps to one speed."""
-        return self.variance < STEADY_MM_S**2
+        """Whether the finger keeps to one speed; not known before it slid."""
+        return self.windows > 0 and self.variance < STEADY_MM_S**2
 
     @property
     def attenuation(self) -> float:
         """By which share a slope may be too small; 0 of one speed, which tells none."""
-        return 0.0 if self.steady else ERROR_MM_S**2 / self.variance
+        return ERROR_MM_S**2 / self.variance if self.windows and not self.steady else 0.0
