@@ -73,7 +73,7 @@ RIG: Final = {
     "mount": WithEffect("mount_resonance_shift", {"share": -0.05}),
     "mains": WithEffect("mains_interference", {"amplitude_n": 0.02, "frequency_hz": 50.0}),
 }
-EDGES: Final = ("audit", "carried", "live", "process", "recorded")
+EDGES: Final = ("audit", "carried", "live", "model_history", "process", "recorded")
 """Modules that bring the tracker samples from elsewhere: no session here runs them."""
 TURN_S: Final = 20.0
 """So long two people take turns."""

@@ -35,6 +35,7 @@ from frictus_service.recording.samples import Coalescer
 from frictus_service.tracking.adaptation import law_values
 from frictus_service.tracking.audit import ModelChangeLog
 from frictus_service.tracking.carried import carried
+from frictus_service.tracking.model_history import ModelHistory, ModelStep
 from frictus_service.tracking.model_in_force import ModelInForce
 from frictus_service.tracking.policy import Circumstances, concluded
 from frictus_service.tracking.touch_motion import TouchedSamples
@@ -109,8 +110,7 @@ class LiveTracker:
             )
         ]
         self._touched = TouchedSamples()
-        self._model: ModelState | None = None
-        self._as_set: ModelState | None = None  # before it was adapted, where that was heard
+        self._models = ModelHistory()
         self._scene: SceneState | None = None
         self._guided_s = self._changed_s = self._felt_s = -float("inf")
         self._changes: deque[ModelChange] = deque(maxlen=CHANGES)
@@ -218,13 +218,11 @@ class LiveTracker:
 
     def _note_model(self, new: ModelState) -> None:
         """Take note of the model in force; one that was set is of another person, perhaps."""
-        old, self._model = self._model, new
-        if old is not None and new.etag == old.etag:
+        old, step = self._models.newest, self._models.add(new)
+        if step is ModelStep.SAME:
             return
         self._changed_s = self._monotonic_s()
-        put_back = self._as_set is not None and new.etag == self._as_set.etag
-        if old is None or not (put_back or new.adapted_from == old.etag):
-            self._as_set = new if new.adapted_from is None else None
+        if old is None or step is ModelStep.SET:
             prior = Prior.of_person(new.model, self._population)
             self.tracker.begin_anew(prior, new.model.participant)
         elif (change := _change(old, new)) is not None:
@@ -265,20 +263,20 @@ class LiveTracker:
 
     def _follow(self) -> str:
         """Ask for the model that is to be in force; return why the estimate is not."""
-        if self._model is None:
+        model, as_set = self._models.newest, self._models.as_set
+        if model is None:
             return "the rig has not said yet which model it renders by"
-        as_set = self._as_set.model if self._as_set else None
         found = concluded(
             self.tracker,
-            self._model.model,
-            as_set,
+            model.model,
+            as_set.model if as_set else None,
             self._population,
-            self._circumstances(self._model),
+            self._circumstances(model),
         )
         if self.status.adaptation != "adapt" or found.model is None:
             return found.held_back
         try:
-            self._rig.adapt(found.model, self._model.etag, found.reason)
+            self._rig.adapt(found.model, model.etag, found.reason)
         except LinkError as error:
             return f"the rig did not answer: {error}"
         except FrictusError as error:
@@ -288,7 +286,8 @@ class LiveTracker:
 
     def _circumstances(self, model: ModelState) -> Circumstances:
         now_s = self._monotonic_s()
-        is_as_set = self._as_set is not None and model.etag == self._as_set.etag
+        as_set = self._models.as_set
+        is_as_set = as_set is not None and model.etag == as_set.etag
         return Circumstances(
             source=self._scene.source if self._scene else "scene",
             compensated=self.status.compensation.mode == "model",

@@ -23,6 +23,7 @@ from frictus_service.recording.samples import Samples
 from frictus_service.study.reader import StudyReader
 from frictus_service.study.trial import Trial
 from frictus_service.tracking.carried import carried
+from frictus_service.tracking.model_history import ModelHistory, ModelStep
 from frictus_service.tracking.model_in_force import ModelInForce
 from frictus_service.tracking.touch_motion import TouchedSamples
 from frictus_service.tracking.tracker import STATE_S, Tell, Tracker
@@ -43,7 +44,7 @@ def follow_recording(
     mount : TransferFunction or None
         Between screen and force sensor, lateral, force to force.
     prior : Prior
-        Of a new person.
+        Of a person whose model was not in force.
     tell : callable
         Told the estimate after every half second of the recording.
 
@@ -70,10 +71,14 @@ def follow_recording(
     cutter = WindowCutter(status.sample_rate_hz, status.screen_peak_v, mount)
     place = f"{status.site}/{status.rig}"
     tracker = Tracker(cutter, prior, place)
-    touched = TouchedSamples()
+    tracker.begin_anew(prior, reader.info.participant)
+    touched, models = TouchedSamples(), ModelHistory()
 
     def note(message: Message) -> None:
         if isinstance(message, ModelState):
+            if models.add(message) is ModelStep.SET:  # of another person, perhaps
+                participant = message.model.participant or reader.info.participant
+                tracker.begin_anew(Prior.of_person(message.model, prior), participant)
             model = carried(message.model, place)
             tracker.put_in_force(ModelInForce.of(message.etag, model))
         elif isinstance(message, TouchState):
