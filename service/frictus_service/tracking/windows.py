@@ -25,6 +25,9 @@ from frictus_service.identification.observation.through_mount import ThroughMoun
 SPEEDS_MM_S: Final = (10.0, 150.0)
 PRESSED_N: Final = 0.05
 """Below it the finger is taken to be off the screen."""
+PIECES: Final = 10
+"""Of a window, in each of which the finger presses: one that is off the screen for a part of it
+feels as much less of the drive."""
 MOST_ACCELERATED: Final = 1.5
 """Largest over smallest speed of a window."""
 STRAIGHT: Final = 0.9
@@ -217,7 +220,8 @@ class WindowCutter:
         used = (data["force"], data[DRIVE], data["render"][:3])
         if not all(np.isfinite(rows).all() for rows in used):
             return "samples are not numbers"
-        if data["force"][2].mean() < PRESSED_N:
+        pieces = np.array_split(data["force"][2], PIECES)
+        if min(piece.mean() for piece in pieces) < PRESSED_N:
             self.contact += 1
             return "no finger presses"
         return ""

@@ -100,3 +100,19 @@ def test_a_voltage_that_is_no_number_spoils_no_later_window(rng: np.random.Gener
     assert 3 <= refused <= 5  # those that hold it, or what of it still rings
     assert len(found) == 19 - refused
     assert all(np.isfinite(each.cross).all() for each in found)
+
+
+def test_a_finger_that_is_off_the_screen_for_a_part_of_a_window_is_no_weaker_one(
+    rng: np.random.Generator,
+) -> None:
+    """It hops for 30 ms three times a second, and feels nothing of the drive meanwhile."""
+    part = part_of(noise(60_000, 1_500.0, rng))
+    off = np.arange(60_000) % 6_660 < 600
+    part.data["force"][:, off] = 0.0
+    cutter = WindowCutter(RATE_HZ, PEAK_V, MOUNT)
+    found = cutter.take(part)
+    assert cutter.refused["no finger presses"] >= 9
+    assert len({each.contact for each in found}) >= 9
+    # Its first windows after a hop still have what the mount rings by.
+    gains = [np.abs(each.cross).sum() / each.drive_power.sum() for each in found]
+    np.testing.assert_allclose(gains, GAIN_N, rtol=0.05)
