@@ -103,6 +103,7 @@ def follow_recording(
         )
     for moved in touched.rest():
         tracker.take(moved)
+    tracker.rest()
     state = tracker.state(told_ns)
     tell(state)
     return state
@@ -156,6 +157,7 @@ def follow_study(reader: StudyReader, prior: Prior, tell: Tell) -> dict[str, Est
                 tracker.leave_out("a trial without drive, or damaged")
             for part in parts:
                 tracker.take(part)
+            tracker.rest()
         states[participant] = tracker.state(0)
         tell(states[participant])
     return states

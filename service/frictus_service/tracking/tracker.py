@@ -229,6 +229,10 @@ class Tracker:
                 changed |= self._update()
         return changed | self._complete(self._cutter.contact)
 
+    def rest(self) -> bool:
+        """Use the windows that wait for more; return whether the estimate is another."""
+        return bool(self._waiting and self._update())
+
     def _complete(self, contact: int) -> bool:
         """Use the windows that wait, if they are of another contact."""
         return bool(self._waiting and self._waiting[0].contact != contact and self._update())

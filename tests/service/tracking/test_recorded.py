@@ -154,6 +154,18 @@ def test_trials_of_the_same_place_in_two_sessions_are_not_joined(
     assert told[0].run != told[1].run
 
 
+def test_the_last_windows_of_a_short_trial_are_used(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    with StudyWriter(tmp_path / "study.h5", STUDY) as writer:
+        one = trial(Made(TONES_HZ, 60.0, noise_n=0.002, seconds=1.0), rng)
+        writer.add(replace(one, info=replace(one.info, drive_vpp=150.0)))
+    with StudyReader(tmp_path / "study.h5") as reader:
+        (state,) = follow_study(reader, Prior.weak(), lambda _: None).values()
+    assert state.windows + sum(state.refused.values()) == 19
+    assert state.windows > 3
+
+
 def test_a_trial_of_many_reports_is_used_from_its_beginning(rng: np.random.Generator) -> None:
     one = trial(Made(TONES_HZ, 60.0, noise_n=0.002), rng)
     dense = np.arange(0.0, 2.0, 1.0 / 2_000.0)
