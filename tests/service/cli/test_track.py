@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 import frictus
 from frictus.errors import LinkError
 from frictus.keys import Topics
-from frictus.messages import EstimateState
+from frictus.messages import EstimateState, Interval, LawNow, LawValues, ModelChange
 from frictus.model import FirstOrderSpeedLaw, Model
 from frictus.recordings import texture_of
 from frictus.textures import Region, Scene
@@ -22,6 +22,7 @@ from frictus_hardware.simulated.config import SimulatedParticipant
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.cli.app import app
 from frictus_service.cli.options import Exit
+from frictus_service.cli.streams.track import summary_of
 from frictus_service.config import ApiConfig, Config, Limits, RouterConfig
 from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.library import SHIPPED
@@ -120,6 +121,18 @@ def test_a_client_hears_that_nobody_estimates(endpoint: str) -> None:
         rig = client.rig("rig1", wait_s=5.0)
         with pytest.raises(LinkError, match="start `frictus track`"):
             rig.estimate()
+
+
+@pytest.mark.parametrize(("count", "said"), [(3, "3 times while"), (16, "16 times or more")])
+def test_of_more_changes_than_are_told_it_does_not_say_how_many(count: int, said: str) -> None:
+    one = Interval(value=1.0, low=0.9, high=1.1)
+    law = LawNow(gain_n=one, cutoff_20_hz=one, cutoff_100_hz=one, delay_us=one)
+    values = LawValues(gain_n=0.4, cutoff_20_hz=600.0, cutoff_100_hz=1_700.0)
+    change = ModelChange(
+        utc_ns=0, etag_before="a", etag_after="b", before=values, after=values, reason=""
+    )
+    state = EstimateState(utc_ns=0, run=1, windows=9, law=law, changes=(change,) * count)
+    assert any(f"the model was changed {said}" in line for line in summary_of(state, True))
 
 
 def test_a_file_that_is_no_recording_is_refused(tmp_path: Path) -> None:

@@ -187,6 +187,12 @@ def test_of_single_tones_it_says_who_knows_more(
     assert ("frictus identify" in told.stderr) == said
 
 
+def test_a_study_has_its_own_mount_and_another_is_refused(study: Path) -> None:
+    told = CliRunner().invoke(app, ["track", str(study), "--mount", "none"])
+    assert told.exit_code == Exit.USAGE
+    assert "says which mount it has" in " ".join(told.stderr.replace("│", "").split())
+
+
 def test_the_command_writes_the_model_of_the_one_that_is_named(
     study: Path, tmp_path: Path
 ) -> None:

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 SILENT_S: Final = 3.0
 STUDIES: Final = (".h5", ".hdf5")
+MOUNT: Final = "paper"
+MOST_TOLD: Final = 16
+"""Changes of the model that an estimate tells: the newest."""
 OF_TONES: Final = (
     "trials of single tones: `frictus identify` fits all of them at once, and knows their "
     "cutoffs and delay better"
@@ -45,8 +48,11 @@ def track(
     ] = None,
     participant: Annotated[str | None, typer.Option("--participant", help="Pseudonym.")] = None,
     mount: Annotated[
-        str, typer.Option("--mount", metavar="paper|none|FILE", help="Under the screen.")
-    ] = "paper",
+        str | None,
+        typer.Option(
+            "--mount", metavar="paper|none|FILE", help="Under the screen.  [default: paper]"
+        ),
+    ] = None,
     rig: RigOption = None,
     site: SiteOption = None,
     router: RouterOption = None,
@@ -60,11 +66,14 @@ def track(
     this command tracks until it ends, and its model follows under the policy `adapt`.
     """
     if file is None:
-        state = _live(TargetRig.of(config, router, site, rig), mount, seconds, as_json)
+        target = TargetRig.of(config, router, site, rig)
+        state = _live(target, mount or MOUNT, seconds, as_json)
     elif file.suffix.lower() in STUDIES:
+        if mount is not None:
+            raise typer.BadParameter(f"--mount {mount}: {file} says which mount it has")
         state = _studied(file, participant, as_json)
     else:
-        state = _recorded(file, mount, as_json)
+        state = _recorded(file, mount or MOUNT, as_json)
     if state is not None and not wants_lines(as_json):
         if sys.stderr.isatty():
             sys.stderr.write("\n")  # behind the line that was written over
@@ -248,8 +257,10 @@ def line_of(state: "EstimateState") -> str:
 
 def _outlook_of(state: "EstimateState") -> str:
     """Return what became of the model in force, or would."""
-    if state.changes:
-        return f"the model was changed {len(state.changes)} times while it played"
+    if (changes := len(state.changes)) >= MOST_TOLD:
+        return f"the model was changed {changes} times or more while it played"
+    if changes:
+        return f"the model was changed {changes} times while it played"
     if state.held_back:
         return f"the model in force stays: {state.held_back}"
     return "under the policy `adapt` this would replace the model in force"
