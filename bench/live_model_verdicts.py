@@ -107,7 +107,7 @@ def _steady(lines: list[Line]) -> str:
         f" A finger at one speed says nothing of a slope, and its cutoff at others is what "
         f"people have; {alarms} of {len(found)} such sessions have an alarm. One line at one "
         "speed is a single tone, which tells cutoff and delay apart by its own curvature only: "
-        "with a grating the interval of the delay does not hold, as the table says."
+        "with a grating the intervals of delay and gain do not hold, as the table says."
     )
 
 
