@@ -19,6 +19,7 @@ from frictus.messages.base import (
     UtcNs,
 )
 from frictus.messages.estimate import (
+    MAX_CHANGES,
     BandRatio,
     EstimateState,
     Interval,
@@ -95,6 +96,7 @@ MESSAGES: Final[dict[str, type[Message]]] = {
 """Every JSON message by the name that the table of keys gives it."""
 
 __all__ = [
+    "MAX_CHANGES",
     "MAX_COUNT",
     "MAX_MARKER",
     "MAX_REASON",

@@ -1,6 +1,6 @@
 """What a tracker has learned of the finger on a rig, and what its model is worth."""
 
-from typing import Annotated
+from typing import Annotated, Final
 
 from pydantic import Field, FiniteFloat
 
@@ -16,6 +16,9 @@ from frictus.messages.base import (
     VelocityMmS,
 )
 from frictus.model import Model, Value
+
+MAX_CHANGES: Final = 16
+"""Changes of the model that an estimate tells: the newest."""
 
 
 class Interval(Message):
@@ -122,5 +125,5 @@ class EstimateState(Message):
     policy: AdaptationPolicy = "observe"
     held_back: Annotated[str, Field(max_length=MAX_REASON)] = ""
     """Why the model stays as it is; empty where the estimate would be put in force."""
-    changes: Annotated[tuple[ModelChange, ...], Field(max_length=16)] = ()
+    changes: Annotated[tuple[ModelChange, ...], Field(max_length=MAX_CHANGES)] = ()
     """The newest, oldest first."""

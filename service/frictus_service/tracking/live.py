@@ -19,6 +19,7 @@ from frictus.errors import FrictusError, LinkError, SilenceError
 from frictus.gaps import BlockFeed, Gap
 from frictus.keys import CHANNELS, FORCE, RENDER, VOLTAGE, Topics
 from frictus.messages import (
+    MAX_CHANGES,
     GuidanceState,
     Message,
     ModelChange,
@@ -50,8 +51,6 @@ ROWS: Final = {
     "voltage": len(CHANNELS[VOLTAGE]),
     "render": len(CHANNELS[RENDER]),
 }
-CHANGES: Final = 16
-"""The newest changes of the model that are told."""
 PUT_BACK: Final = "put back as it was set"
 GUIDED: Final = ("approach", "record")
 """Phases of a guided trial."""
@@ -113,7 +112,7 @@ class LiveTracker:
         self._models = ModelHistory()
         self._scene: SceneState | None = None
         self._guided_s = self._changed_s = self._felt_s = -float("inf")
-        self._changes: deque[ModelChange] = deque(maxlen=CHANGES)
+        self._changes: deque[ModelChange] = deque(maxlen=MAX_CHANGES)
         self._unwritten: deque[Callable[[], None]] = deque()
         self._unaudited = ""
 

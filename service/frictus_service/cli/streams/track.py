@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 SILENT_S: Final = 3.0
 STUDIES: Final = (".h5", ".hdf5")
 MOUNT: Final = "paper"
-MOST_TOLD: Final = 16
-"""Changes of the model that an estimate tells: the newest."""
 OF_TONES: Final = (
     "trials of single tones: `frictus identify` fits all of them at once, and knows their "
     "cutoffs and delay better"
@@ -257,7 +255,9 @@ def line_of(state: "EstimateState") -> str:
 
 def _outlook_of(state: "EstimateState") -> str:
     """Return what became of the model in force, or would."""
-    if (changes := len(state.changes)) >= MOST_TOLD:
+    from frictus.messages import MAX_CHANGES
+
+    if (changes := len(state.changes)) == MAX_CHANGES:
         return f"the model was changed {changes} times or more while it played"
     if changes:
         return f"the model was changed {changes} times while it played"

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy import stats
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.decision.naming import (
@@ -28,6 +27,7 @@ from frictus_service.discovery.inference.linearisation import (
 from frictus_service.discovery.inference.selection import select
 from frictus_service.discovery.inference.significance import Significance
 from frictus_service.discovery.problem.problem import DiscoveryProblem
+from frictus_service.identification.inference.statistics import mean_of
 
 NAMING: Final = 0.05
 """Family-wise, of all causes of the catalogue."""
@@ -189,11 +189,11 @@ def _impossible(problem: DiscoveryProblem, each: CauseDecision) -> bool:
     within the accuracy of the measurement, is told as many times what can be.
     """
     known = each.coefficients[np.isfinite(each.coefficients)]
-    if known.size < 2:
+    ci95 = mean_of(known).ci95 if known.size else None
+    if ci95 is None:
         return False
-    half = stats.t.ppf(0.975, known.size - 1) * known.std(ddof=1) / np.sqrt(known.size)
     (low,), (high,) = problem.limits([each.candidate])
-    return bool(known.mean() - half > high or known.mean() + half < low)
+    return bool(ci95[0] > high or ci95[1] < low)
 
 
 def _torn(each: CauseDecision) -> bool:

@@ -11,7 +11,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from frictus_hardware.arrays import BoolArray, FloatArray
-from frictus_service.discovery.evidence.bands import PER_OCTAVE, WINDOW_S
+from frictus_service.discovery.evidence.bands import EDGE, WINDOW_S
 from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 
 RESOLVED: Final = 0.1
@@ -63,7 +63,7 @@ def reach_hz(centre_hz: FloatArray) -> FloatArray:
     centre_hz : ndarray, shape (n,)
         Of each band.
     """
-    reach: FloatArray = centre_hz * (2.0 ** (0.5 / PER_OCTAVE) - 1.0) + LOBE / WINDOW_S
+    reach: FloatArray = centre_hz * (EDGE - 1.0) + LOBE / WINDOW_S
     return reach
 
 

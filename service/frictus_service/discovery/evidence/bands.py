@@ -12,6 +12,8 @@ from frictus_service.identification.observation.through_mount import ThroughMoun
 
 WINDOW_S: Final = 0.1
 PER_OCTAVE: Final = 6
+EDGE: Final = 2.0 ** (0.5 / PER_OCTAVE)
+"""From the middle of a band to its upper end, as a factor."""
 RANGE_HZ: Final = (40.0, 2000.0)
 MOST_BEND: Final = 0.02
 """By which the mount's response may differ from the geometric mean of its neighbours."""
@@ -54,9 +56,8 @@ class Bands:
         """
         every = np.linspace(0.0, sample_rate_hz / 2.0, window // 2 + 1)[1:-1]
         number = np.rint(PER_OCTAVE * np.log2(every / 1000.0))
-        margin = 2.0 ** (0.5 / PER_OCTAVE)
         middle = 1000.0 * 2.0 ** (number / PER_OCTAVE)
-        within = (middle >= RANGE_HZ[0] / margin) & (middle <= RANGE_HZ[1] * margin)
+        within = (middle >= RANGE_HZ[0] / EDGE) & (middle <= RANGE_HZ[1] * EDGE)
         within &= _bend(mount, every, sample_rate_hz / window) <= MOST_BEND
         _, band = np.unique(number[within], return_inverse=True)
         centre = np.bincount(band, every[within]) / np.bincount(band)
