@@ -1,21 +1,39 @@
-"""How much of a core one simulated rig takes: loop, publisher and commands together."""
+"""How much of a core one simulated rig takes, and what its tracker costs it.
 
+Of the rig, loop, publisher and commands together.
+"""
+
+import statistics
 import threading
 import time
-from typing import Final
+from dataclasses import dataclass
+from typing import Final, Self
+
+import psutil
 
 import frictus
 from frictus_hardware import SimulatedConfig
 from frictus_laboratory.benchmarks.figure import Figure, Target
 from frictus_laboratory.benchmarks.kernel import TEXTURE
-from frictus_laboratory.benchmarks.processes import RIG, Neighbour, Pipe, config_of, neighbour
+from frictus_laboratory.benchmarks.lateness import timing_of
+from frictus_laboratory.benchmarks.processes import (
+    RIG,
+    Neighbour,
+    Pipe,
+    config_of,
+    neighbour,
+    serving,
+)
 from frictus_service.config import Config
+from frictus_service.daemon.processes.child_process import PartName
 from frictus_service.daemon.rig import run_rig
 from frictus_service.library import SHIPPED, TextureLibrary
 from frictus_service.security.router import open_secured_router
 
 MOST: Final = 0.1
 """Of a core, armed."""
+MOST_OF_TRACKER: Final = 0.05
+TURNS: Final = 3
 
 
 class _Beats:
@@ -75,4 +93,86 @@ def measure(seconds: float = 6.0) -> list[Figure]:
             remark="processor time over time of a simulated rig's process, explored by a human "
             f"finger; over {seconds:g} s each",
         )
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class Stay:
+    """What a rig did for a while, and what a process beside it took.
+
+    Attributes
+    ----------
+    lateness_ms : dict
+        Of the rig's loop.
+    cpu : float
+        Of that process, in cores.
+    wall_s : float
+        How long it was watched.
+    """
+
+    lateness_ms: dict[str, float]
+    cpu: float
+    wall_s: float
+
+    @classmethod
+    def watch(cls, rig: frictus.Rig, pid: int, seconds: float) -> Self:
+        """Render a texture for a while."""
+        cpu_s, wall_s = _cpu_s(pid), time.monotonic()
+        lateness_ms, _ = timing_of(rig, seconds)
+        wall_s = time.monotonic() - wall_s
+        return cls(lateness_ms, (_cpu_s(pid) - cpu_s) / wall_s, wall_s)
+
+
+def _cpu_s(pid: int) -> float:
+    times = psutil.Process(pid).cpu_times()
+    return float(times.user + times.system)
+
+
+def measure_tracker(seconds: float = 10.0, turns: int = TURNS) -> list[Figure]:
+    """Return the figures `tracker_cpu` and `tracker_lateness`.
+
+    Parameters
+    ----------
+    seconds : float
+        Of each turn; a human finger explores a texture.
+    turns : int
+        How often a service without tracker and one with it are started, one after the other.
+    """
+    stays: dict[PartName, list[Stay]] = {"rig": [], "tracker": []}
+    for _ in range(turns):
+        for beside, of_it in stays.items():
+            config = config_of(SimulatedConfig())
+            with (
+                serving(config, sorted({"rig", beside})) as supervisor,
+                frictus.connect(config.router.endpoint) as client,
+            ):
+                of_it.append(Stay.watch(client.rig(RIG), supervisor.pid_of(beside), seconds))
+    alone_ms, beside_ms = (
+        {
+            name: statistics.median(stay.lateness_ms[name] for stay in of_it)
+            for name in ("p50", "p99", "max")
+        }
+        for of_it in stays.values()
+    )
+    cpu = {name: statistics.median(stay.cpu for stay in of_it) for name, of_it in stays.items()}
+    return [
+        Figure(
+            "tracker_cpu",
+            "of a core",
+            {"tracker": cpu["tracker"]},
+            {"rig": cpu["rig"]},
+            target=Target("tracker", "at most", MOST_OF_TRACKER),
+            remark="processor time over time of the tracker's process, and of the rig's "
+            "without one, while a human finger explores a texture; medians of "
+            f"{turns} times {seconds:g} s",
+        ),
+        Figure(
+            "tracker_lateness",
+            "ms",
+            beside_ms,
+            {f"alone_{name}": number for name, number in alone_ms.items()},
+            beside_ms["p99"] / max(alone_ms["p99"], 1e-6),
+            remark=f"of the rig's loop with a tracker, beside that without one; medians of "
+            f"{turns} services each, in turns; ratio: of p99",
+        ),
     ]

@@ -70,6 +70,7 @@ MEASUREMENTS: dict[str, Callable[[], list[Figure]]] = {
     "texture update": latency.measure_update,
     "start": start.measure,
     "rig on a core": occupancy.measure,
+    "tracker beside a rig": occupancy.measure_tracker,
     "loop lateness": lateness.measure,
     "busy processes beside": lateness.measure_contention,
     "viewers": viewers.measure,

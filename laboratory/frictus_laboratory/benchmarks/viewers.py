@@ -2,19 +2,16 @@
 
 import contextlib
 import json
-import math
-import os
 import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Final, Self
+from typing import Final
 
 import frictus
 from frictus.websocket.frames import Frame, Kind
-from frictus_laboratory.benchmarks.figure import Figure, skipped, spread
-from frictus_laboratory.benchmarks.lateness import timing_of
+from frictus_laboratory.benchmarks.figure import Figure, spread
+from frictus_laboratory.benchmarks.occupancy import Stay
 from frictus_laboratory.benchmarks.processes import RIG, Pipe, config_of, neighbour, serving
 
 VIEWERS: Final = 20
@@ -30,7 +27,6 @@ WATCHED: Final = {
     "raw": False,
 }
 """As the page asks for it."""
-CPU_FILE: Final = "/proc/{pid}/stat"
 
 
 @dataclass(slots=True)
@@ -117,33 +113,6 @@ def view(pipe: Pipe, port: int, rigs: Sequence[str]) -> None:
             pipe.send([viewer.taken() for viewer in viewers])
 
 
-@dataclass(frozen=True, slots=True)
-class Stay:
-    """What a rig and its API did for a while.
-
-    Attributes
-    ----------
-    lateness_ms : dict
-        Of the rig's loop.
-    cpu : float
-        Of the API, in cores; NaN where the system does not tell.
-    wall_s : float
-        How long it was watched.
-    """
-
-    lateness_ms: dict[str, float]
-    cpu: float
-    wall_s: float
-
-    @classmethod
-    def watch(cls, rig: frictus.Rig, api_pid: int, seconds: float) -> Self:
-        """Render a texture for a while."""
-        cpu_s, wall_s = _cpu_s(api_pid), time.monotonic()
-        lateness_ms, _ = timing_of(rig, seconds)
-        wall_s = time.monotonic() - wall_s
-        return cls(lateness_ms, (_cpu_s(api_pid) - cpu_s) / wall_s, wall_s)
-
-
 def measure(seconds: float = 10.0, viewers: int = VIEWERS) -> list[Figure]:
     """Return the figures `viewer_age`, `viewer_frames`, `viewer_lateness` and `viewer_cpu`.
 
@@ -203,8 +172,6 @@ def _cost(alone: Stay, viewed: Stay) -> list[Figure]:
         viewed.lateness_ms["p99"] / max(alone.lateness_ms["p99"], 1e-6),
         remark="of the rig's loop beside them; ratio: of p99",
     )
-    if math.isnan(viewed.cpu):
-        return [lateness, skipped("viewer_cpu", "%", f"there is no {CPU_FILE} here")]
     cpu = Figure(
         "viewer_cpu",
         "%",
@@ -213,13 +180,3 @@ def _cost(alone: Stay, viewed: Stay) -> list[Figure]:
         remark="of one core, the API's process with all viewers, and with none",
     )
     return [lateness, cpu]
-
-
-def _cpu_s(pid: int) -> float:
-    """Return how much CPU a process has used, NaN where the system does not tell."""
-    try:
-        told = Path(CPU_FILE.format(pid=pid)).read_text(encoding="ascii")
-    except FileNotFoundError:
-        return math.nan
-    user, system = told.rpartition(")")[2].split()[11:13]
-    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")

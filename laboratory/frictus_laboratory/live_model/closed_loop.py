@@ -6,6 +6,7 @@ force; what is rendered from then on is rendered by it. The states of renderer, 
 go on from piece to piece, so that nothing restarts at their edges.
 """
 
+import re
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -313,4 +314,4 @@ class ClosedLoop:
 
 def _kind_of(reason: str) -> str:
     """Return a reason without its numbers, so that equal ones are counted together."""
-    return "".join("#" if letter.isdigit() else letter for letter in reason)
+    return re.sub(r"\d+(\.\d+)?", "…", reason)
