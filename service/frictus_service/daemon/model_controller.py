@@ -22,11 +22,12 @@ from frictus_service.daemon.inboxes import LoopInbox, ModelUpdate, RenderedModel
 from frictus_service.daemon.scene_controller import SceneController
 from frictus_service.json_text import etag_of
 from frictus_service.synthesis.compensability import inverse_of_model
-from frictus_service.synthesis.compensation import Inverse
 from frictus_service.tracking.adaptation import ADAPT_EVERY_S, change_of, check_adapted
 
 MODEL_CHANGE_S: Final = 1.0
 """Within which the loop must have taken up a new model; it takes one block."""
+OTHER_VOLTAGE: Final = 1.1
+"""Full drive beyond what a model was measured at by more than this factor is remarked on."""
 
 
 class ModelController:
@@ -220,7 +221,7 @@ class ModelController:
         order.done.wait()  # it is in force; the loop is about to say so
         self._stage.keep(scenes)
         self._changed_s = self._monotonic_s()
-        applied, said = scenes.state.applied, remarks_on(model.inverse)
+        applied, said = scenes.state.applied, remarks_on(model, self._screen)
         return Reply(ok=True, etag=model.state.etag, message=said, applied=applied)
 
 
@@ -237,8 +238,16 @@ def rendered_model(model: Model, screen: Screen) -> RenderedModel:
     return RenderedModel(state, inverse)
 
 
-def remarks_on(inverse: Inverse) -> str:
-    """Return in words which effects of a model are not undone, or only within limits."""
+def remarks_on(model: RenderedModel, screen: Screen) -> str:
+    """Return in words what of a model a screen does not make good, or only within limits.
+
+    Friction per drive fraction is that of the screen on which it was measured: it goes with the
+    square of the voltage of full drive.
+    """
+    inverse, (low_v, high_v) = model.inverse, model.state.model.validity.drive_vpp
+    full_v = 2.0 * screen.peak_v
+    fits = low_v / OTHER_VOLTAGE <= full_v <= high_v * OTHER_VOLTAGE
+    span = f"{high_v:g}" if low_v == high_v else f"{low_v:g} to {high_v:g}"
     said = {
         "effects that are not rendered": "; ".join(
             f"{effect}, because {why}" for effect, why in inverse.not_rendered.items()
@@ -246,5 +255,9 @@ def remarks_on(inverse: Inverse) -> str:
         "effects that are rendered within limits": "; ".join(
             f"{effect}: {limit}" for effect, limit in inverse.limits.items()
         ),
+        "measured at another voltage": ""
+        if fits
+        else f"{span} V peak to peak, and full drive is {full_v:g} V on this screen; friction "
+        "goes with its square, so that the gain may be off: calibrate on this rig",
     }
     return ". ".join(f"{heading}: {text}" for heading, text in said.items() if text)

@@ -19,7 +19,7 @@ from frictus_service.daemon.block_loop.loop import BlockLoop
 from frictus_service.daemon.commands import Commands
 from frictus_service.daemon.control import Control, Interlock
 from frictus_service.daemon.inboxes import LoopInbox, ModelSlot
-from frictus_service.daemon.model_controller import ModelController, rendered_model
+from frictus_service.daemon.model_controller import ModelController, remarks_on, rendered_model
 from frictus_service.daemon.preparation import (
     RealTimeBudget,
     budget_for,
@@ -161,7 +161,10 @@ class _Parts:
         self.former = former
         fault = None if former is None else (former.fault.kind, former.fault.reason)
         self.interlock = Interlock(Safety(fault=fault))
-        self.orders = LoopInbox(ModelSlot(rendered_model(model, screen_of(info))))
+        rendered = rendered_model(model, screen_of(info))
+        if said := remarks_on(rendered, screen_of(info)):
+            say(f"the model: {said}")
+        self.orders = LoopInbox(ModelSlot(rendered))
         self.info = info
         self.stage = SceneController(
             screen_of(info),

@@ -118,6 +118,25 @@ def test_effects_that_are_not_rendered_are_named_with_the_reason(desk: Desk) -> 
     assert set(told) == {"channel_delay", "from_a_newer_version"}
 
 
+@pytest.mark.parametrize(
+    ("drive_vpp", "remarked"),
+    [
+        ((150.0, 150.0), ""),
+        ((60.0, 148.0), ""),
+        ((200.0, 200.0), "200 V"),
+        ((50.0, 100.0), "50 to 100 V"),
+    ],
+)
+def test_a_model_of_another_voltage_is_remarked_on(
+    desk: Desk, drive_vpp: tuple[float, float], remarked: str
+) -> None:
+    model = placeholder_model().model_dump(mode="json", by_alias=True)
+    model["validity"]["drive_vpp"] = drive_vpp
+    said = desk.call("model", model=model).message
+    assert ("full drive is 150 V" in said) == bool(remarked)
+    assert remarked in said
+
+
 def test_a_model_with_an_effect_out_of_its_range_is_refused(desk: Desk) -> None:
     model = placeholder_model().model_dump(mode="json", by_alias=True)
     model["effects"] = [{"id": "direction_asymmetry", "parameters": {"share": 3.0}}]
