@@ -1,10 +1,10 @@
 """Samples and texts from files that anybody may have written: bounded, every refusal named."""
 
 import math
+import os
 import struct
-import wave
 from pathlib import Path
-from typing import Final
+from typing import BinaryIO, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ FloatArray = NDArray[np.float64]
 
 MAX_WAV_SAMPLES: Final = 8_000_000
 """Of one channel: three minutes at 44.1 kHz."""
+PCM, FLOAT, EXTENSIBLE = 1, 3, 0xFFFE
+ACCEPTED_BITS: Final = {PCM: (8, 16, 24, 32), FLOAT: (32, 64)}
+"""By the format code of a WAV file."""
 MAX_TEXT_BYTES: Final = 10_000_000
 MAX_CSV_COLUMNS: Final = 100
 """Looked at; a header may have more than the samples."""
@@ -25,44 +28,79 @@ EVEN_SHARE: Final = 0.01  # times may stray from an even grid by this share of a
 def read_wav(path: Path, channel: int) -> tuple[FloatArray, float]:
     """Return one channel of a WAV file, full scale +/-1, and its rate in Hz.
 
+    The `wave` module knows neither floats nor, before Python 3.12, the extensible header with
+    which 24 bits are usually written.
+
     Parameters
     ----------
     path : Path
-        PCM of 8, 16, 24 or 32 bits.
+        PCM of 8, 16, 24 or 32 bits, or floats of 32 or 64.
     channel : int
         From 0.
 
     Raises
     ------
     TextureError
-        If the file is none, has no such channel or too many samples.
+        If the file is none, has no such channel, too many samples or fewer than it declares.
     """
-    try:
-        with wave.open(str(path), "rb") as file:
-            width, channels = file.getsampwidth(), file.getnchannels()
-            rate_hz, count = float(file.getframerate()), file.getnframes()
-            require(
-                0 <= channel < channels,
-                f"{path.name} has channels 0 to {channels - 1}, no channel {channel}",
-            )
-            require(
-                count <= MAX_WAV_SAMPLES,
-                f"{path.name} has {count} samples; at most {MAX_WAV_SAMPLES} are read: cut it",
-            )
-            raw = file.readframes(count)
-    except (wave.Error, EOFError, RuntimeError, struct.error, ZeroDivisionError) as error:
-        # The standard reader lets its own slips out on torn files.
-        raise TextureError(
-            f"{path.name} is not a WAV file with PCM samples ({error!r}); convert it to 16 bit"
-        ) from error
-    require(width in (1, 2, 3, 4), f"{path.name}: {8 * width} bits; 8, 16, 24, 32 accepted")
-    whole = len(raw) - len(raw) % (width * channels)
-    octets = np.frombuffer(raw[:whole], dtype=np.uint8).reshape(-1, channels, width)[:, channel]
-    if width == 1:  # 8-bit samples are unsigned
-        return (octets[:, 0].astype(np.float64) - 128.0) / 128.0, rate_hz
+    with path.open("rb") as file:
+        head = file.read(12)
+        require(
+            head[:4] == b"RIFF" and head[8:] == b"WAVE", f"{path.name} is not a WAV file (RIFF)"
+        )
+        form, size = _wav_format(file, path)
+        code, channels, rate_hz, _, _, bits = struct.unpack_from("<HHIIHH", form)
+        if code == EXTENSIBLE:  # the first two bytes of its subformat
+            code = int.from_bytes(form[24:26], "little")
+        require(
+            bits in ACCEPTED_BITS.get(code, ()),
+            f"{path.name} has samples of {bits} bits in WAV format {code}; PCM (1) of 8, 16, "
+            "24 or 32 bits and floats (3) of 32 or 64 are accepted: convert it",
+        )
+        require(
+            0 <= channel < channels,
+            f"{path.name} has {channels} channels, numbered from 0, no channel {channel}",
+        )
+        frame_bytes = channels * bits // 8
+        count = size // frame_bytes
+        require(
+            count <= MAX_WAV_SAMPLES,
+            f"{path.name} has {count} samples; at most {MAX_WAV_SAMPLES} are read: cut it",
+        )
+        raw = file.read(count * frame_bytes)
+        require(
+            len(raw) == count * frame_bytes,
+            f"{path.name} ends early: it declares {count} samples and has "
+            f"{len(raw) // frame_bytes}; write it anew",
+        )
+    octets = np.frombuffer(raw, np.uint8).reshape(-1, channels, bits // 8)[:, channel]
+    if code == FLOAT:
+        floats = np.ascontiguousarray(octets).view(f"<f{bits // 8}")[:, 0].astype(np.float64)
+        require(
+            bool(np.isfinite(floats).all()), f"{path.name} has samples that are not numbers"
+        )
+        return floats, float(rate_hz)
+    if bits == 8:  # unsigned
+        return (octets[:, 0].astype(np.float64) - 128.0) / 128.0, float(rate_hz)
     padded = np.zeros((octets.shape[0], 4), dtype=np.uint8)
-    padded[:, 4 - width :] = octets  # into the high bytes, so that the sign is kept
-    return padded.view("<i4")[:, 0].astype(np.float64) / 2.0**31, rate_hz
+    padded[:, 4 - bits // 8 :] = octets  # into the high bytes, so that the sign is kept
+    return padded.view("<i4")[:, 0].astype(np.float64) / 2.0**31, float(rate_hz)
+
+
+def _wav_format(file: BinaryIO, path: Path) -> tuple[bytes, int]:
+    """Read up to the first sample; return the format chunk and how many bytes follow."""
+    form = b""
+    while len(chunk := file.read(8)) == 8:
+        size = int.from_bytes(chunk[4:], "little")
+        if chunk[:4] == b"data":
+            require(len(form) >= 16, f"{path.name} is not a WAV file: it tells no format")
+            return form, size
+        skipped = size + size % 2
+        if chunk[:4] == b"fmt ":
+            form = file.read(min(size, 40))
+            skipped -= len(form)
+        file.seek(skipped, os.SEEK_CUR)
+    raise TextureError(f"{path.name} is not a WAV file with samples: there is no chunk 'data'")
 
 
 def read_csv(path: Path, sample_rate_hz: float | None) -> tuple[FloatArray, float]:

@@ -1,6 +1,7 @@
 """Textures from files: what is read, and what is refused with which reason."""
 
 import math
+import struct
 import wave
 from pathlib import Path
 
@@ -41,6 +42,21 @@ def write_wav(path: Path, channels: np.ndarray, width: int, rate_hz: int = 8_000
     return path
 
 
+def wav_of(code: int, channels: int, bits: int, data: bytes, extensible: bool = False) -> bytes:
+    """Return a WAV file, by its header; a chunk of odd length stands before the samples."""
+    frame = channels * bits // 8
+    told = 0xFFFE if extensible else code
+    form = struct.pack("<HHIIHH", told, channels, 8_000, 8_000 * frame, frame, bits)
+    if extensible:
+        form += struct.pack("<HHIH14s", 22, bits, 0, code, bytes(14))
+    chunks = [(b"fmt ", form), (b"LIST", b"odd"), (b"data", data)]
+    body = b"WAVE" + b"".join(
+        name + struct.pack("<I", len(content)) + content + bytes(len(content) % 2)
+        for name, content in chunks
+    )
+    return b"RIFF" + struct.pack("<I", len(body)) + body
+
+
 @pytest.mark.parametrize("width", [1, 2, 3, 4])
 def test_a_wav_of_every_width_is_read_to_its_own_step(
     tmp_path: Path, rng: np.random.Generator, width: int
@@ -53,6 +69,41 @@ def test_a_wav_of_every_width_is_read_to_its_own_step(
     wanted = 0.5 * (samples[1] - samples[1].mean())
     step = 0.5 / 2.0 ** (8 * width - 1)
     np.testing.assert_allclose(texture.friction_n, wanted, atol=1.1 * step)
+
+
+@pytest.mark.parametrize("extensible", [False, True])
+@pytest.mark.parametrize(("code", "dtype"), [(1, "<i2"), (3, "<f4"), (3, "<f8")])
+def test_a_wav_of_floats_and_one_with_an_extensible_header_are_read(
+    tmp_path: Path, rng: np.random.Generator, code: int, dtype: str, extensible: bool
+) -> None:
+    samples = rng.uniform(-0.9, 0.9, (2, 400))
+    scale = 2.0**15 if code == 1 else 1.0
+    data = np.round(samples.T * scale, 0 if code == 1 else 9).astype(dtype).tobytes()
+    path = tmp_path / "a.wav"
+    path.write_bytes(wav_of(code, 2, 8 * np.dtype(dtype).itemsize, data, extensible))
+    texture = load_texture(path, speed_mm_s=40.0, scale_n=0.5, channel=1)
+    assert isinstance(texture, Profile)
+    wanted = 0.5 * (samples[1] - samples[1].mean())
+    np.testing.assert_allclose(
+        texture.friction_n, wanted, atol=0.6 / scale if code == 1 else 1e-7
+    )
+
+
+def test_a_wav_that_ends_early_or_is_no_pcm_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.wav"
+    whole = wav_of(1, 1, 16, bytes(range(200)))
+    for spoilt, said in [
+        (whole[:-20], "declares 100 samples and has 90"),
+        (wav_of(6, 1, 8, bytes(200)), "8 bits in WAV format 6"),
+        (wav_of(1, 1, 12, bytes(200)), "12 bits"),
+        (wav_of(1, 0, 16, bytes(200)), "has 0 channels"),
+        (wav_of(3, 1, 32, np.full(50, np.nan, "<f4").tobytes()), "not numbers"),
+        (whole[:30], "no chunk 'data'"),
+        (whole[:12] + whole[36:], "tells no format"),
+    ]:
+        path.write_bytes(spoilt)
+        with pytest.raises(TextureError, match=said):
+            load_texture(path)
 
 
 def test_without_a_speed_a_recording_is_temporal(tmp_path: Path) -> None:

@@ -188,7 +188,7 @@ function origin(found) {
     facts([
       ["Base", model(found.base_model)],
       ["Extended", model(found.extended_model)],
-      ["Study", `${participants} participants, ${used} of ${trials} trials used`],
+      ["Study", `participants: ${participants}; trials used: ${used} of ${trials}`],
       ["SHA-256", sha256],
       ["Code, seed", `${found.code_version}, ${found.seed}`],
     ]),
