@@ -54,6 +54,21 @@ def test_a_fit_of_exact_proportions_is_the_function() -> None:
     assert not found.open_ended
 
 
+@pytest.mark.parametrize(("guess", "lapse"), [(0.5, 0.2), (0.5, 0.02), (0.1, 0.3)])
+def test_a_careless_or_liberal_observer_has_the_threshold_that_is_there(
+    guess: float, lapse: float
+) -> None:
+    levels, many = np.append(np.geomspace(0.01, 0.16, 9), 0.0), 500
+    p = probability(levels, threshold_of(0.04, 2.5), 2.5, guess, lapse)
+    hits = np.round(many * p).astype(int)
+    positive = np.concatenate([np.arange(many) < hit for hit in hits])
+    for rate in (guess, None):  # known, and from the catch trials
+        found = fit(np.repeat(levels, many), positive, rate)
+        assert found.threshold.value == pytest.approx(0.04, rel=0.05)
+        assert found.threshold.holds(0.04)
+        assert found.lapse == pytest.approx(lapse, abs=0.02)
+
+
 def test_thresholds_agree_with_psignifit(rng: np.random.Generator) -> None:
     steps = {"threshold": 30, "width": 15, "lambda": 8, "gamma": 1, "eta": 5}
     positive = answers(0.035, 2.5, 0.02, rng)

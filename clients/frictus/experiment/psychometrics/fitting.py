@@ -24,8 +24,10 @@ from frictus.experiment.psychometrics.psychometric import (
 )
 
 SLOPES: Final = np.geomspace(0.5, 12.0, 25)
-LAPSES: Final = np.linspace(LAPSE_FLOOR, 0.105, 6)
-GUESSES: Final = np.linspace(0.005, 0.405, 9)
+LAPSES: Final = np.r_[np.linspace(LAPSE_FLOOR, 0.105, 6), np.linspace(0.165, 0.405, 5)]
+"""The prior makes great ones improbable; if the grid ended below the observer's, the threshold
+would be found where it is not, and within a narrow interval."""
+GUESSES: Final = np.linspace(0.005, 0.605, 13)
 """Where the guess rate is not known from the task."""
 GRID: Final = 101
 BEYOND: Final = 1.0
@@ -176,7 +178,7 @@ def _log_prior(free_guess: bool) -> FloatArray:
     """Return the log prior, shape (1, slopes, guesses, lapses), uniform in half level."""
     slope = -0.5 * (np.log(SLOPES / 2.5) / np.log(2.0)) ** 2
     guess = 4.0 * np.log1p(-GUESSES) if free_guess else np.zeros(1)
-    lapse = 19.0 * np.log1p(-LAPSES)
+    lapse = 19.0 * np.log1p(-LAPSES) + np.log(np.gradient(LAPSES))  # steps are uneven
     total = slope[:, np.newaxis, np.newaxis] + guess[:, np.newaxis] + lapse
     return np.asarray(total[np.newaxis], np.float64)
 
