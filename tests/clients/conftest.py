@@ -1,8 +1,10 @@
 """A tiny fake rig on real Zenoh: a router on a free port, publishers and queryables."""
 
+import contextlib
 import functools
 import queue
 import socket
+import threading
 import time
 from collections.abc import Iterator
 from typing import Any, Self
@@ -176,6 +178,27 @@ class FakeRig:
             stale=False,
             extrapolated=False,
         )
+
+    @contextlib.contextmanager
+    def stroking(self) -> Iterator[None]:
+        """Say meanwhile where a finger is that strokes, at samples of the time it says."""
+        ended = threading.Event()
+
+        def stroke() -> None:
+            sequence = 0
+            while not ended.wait(0.002):
+                sequence += 1
+                ahead = 100 + (time.time_ns() - 10**18) // 50_000 + 400  # the lead of 20 ms
+                place = {"sample": ahead, "x_mm": 1.0 + sequence % 50}
+                self.say(Topics.FINGER, self.finger(sequence).model_copy(update=place))
+
+        thread = threading.Thread(target=stroke)
+        thread.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join()
 
     def say_everything_once(self) -> None:
         """Publish scene, model and time as well."""

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from frictus.errors import ArgumentError
+from frictus.experiment.procedures.schedule import NOT_FELT
 
 COLUMNS: Final[dict[str, dict[str, Any]]] = {
     "onset": {
@@ -22,6 +23,7 @@ COLUMNS: Final[dict[str, dict[str, Any]]] = {
             "practice": "practice, not counted",
             "catch": "catch trial",
             "main": "trial of the procedure",
+            "not felt": "without contact or motion of the finger: not counted, presented again",
         },
     },
     "response_time": {"Description": "From the end of the last interval", "Units": "s"},
@@ -57,7 +59,8 @@ def event_rows(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     ArgumentError
         If a row lacks what a trial has.
     """
-    trials = [row for row in rows if row.get("status") == "answered" and row.get("intervals")]
+    kept = ("answered", NOT_FELT)
+    trials = [row for row in rows if row.get("status") in kept and row.get("intervals")]
     try:
         start_ns = trials[0]["intervals"][0]["utc_ns"] if trials else 0
         return [_event(row, start_ns) for row in trials]
@@ -77,11 +80,11 @@ def _event(row: dict[str, Any], start_ns: int) -> dict[str, Any]:
         values = [float(finger[name]) for finger in fingers]
         return round(sum(values) / len(values), 4) if values else None
 
-    practice = row["phase"] == "practice"
+    kind = "practice" if row["phase"] == "practice" else "catch" if row["catch"] else "main"
     return {
         "onset": round(onset_s, 6),
         "duration": round(end_s - onset_s, 6),
-        "trial_type": "practice" if practice else "catch" if row["catch"] else "main",
+        "trial_type": NOT_FELT if row["status"] == NOT_FELT else kind,
         "response_time": row["response_s"],
         "sample": first["first_sample"],
         "last_sample": last["last_sample"],

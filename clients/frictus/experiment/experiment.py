@@ -19,7 +19,7 @@ from frictus.experiment.protocol import Design, Presentation, Protocol
 from frictus.experiment.stimuli import Stimulus
 from frictus.experiment.tasks import Adjustment, Task, checked, is_positive
 from frictus.experiment.trial_log import FORMAT, TrialLog
-from frictus.experiment.trial_row import flags_of, start_row, trial_row
+from frictus.experiment.trial_row import flags_of, start_row, status_of, trial_row
 from frictus.rig import Rig
 
 LEASE_MS: Final = 2_000
@@ -169,19 +169,17 @@ class Experiment:
         self._open.__exit__(kind, error, traceback)
 
     def _begin_recording(self, undo: contextlib.ExitStack) -> str:
-        stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
         begin = f"{self.protocol.name}-{self._participant}-"
         left = self._rig.recording()
         if left.recording and (left.name or "").startswith(begin):  # of a start that was killed
             self._rig.end_recording()
-        name = begin + stamp
+        name = begin + time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
         self._rig.record(name, self._participant, f"log {self._path.name}")
         undo.callback(self._rig.end_recording)
         return name
 
     def _go_on(self, log: TrialLog) -> None:
         """Write the header of a new log, or take in the trials of an old one."""
-        document = self.protocol.model_dump(mode="json")
         if not log.rows:
             header: dict[str, Any] = {
                 "format": FORMAT,
@@ -189,15 +187,14 @@ class Experiment:
                 "participant": self._participant,
                 "seed": self._seed,
                 "order_row": self._order_row,
-                "protocol": document,
+                "protocol": self.protocol.model_dump(mode="json"),
             }
             log.append(header)
             return
         held = log.rows[0].get("participant")
         if held != self._participant:
             raise ArgumentError(
-                f"{self._path} is of participant {held!r}, not "
-                f"{self._participant!r}: give each a log of their own"
+                f"{self._path} is of participant {held!r}, not {self._participant!r}: one each"
             )
         self.schedule = resumed(self.protocol, log.rows, str(self._path))
         self._seed = self.schedule.seed
@@ -238,9 +235,8 @@ class Experiment:
         try:
             return self.present_at(trial, trial.level, participant=participant)
         except ScaledError as error:
-            row = self._row(trial, trial.level, [])
             refused = {"status": "refused", "flags": ["scaled"], "gain": error.gain}
-            self._opened()[1].append(row | refused)
+            self._opened()[1].append(self._row(trial, trial.level, []) | refused)
             self.schedule.refuse(trial)
             return None
 
@@ -288,7 +284,7 @@ class Experiment:
         *,
         settings: list[float] | None = None,
     ) -> dict[str, Any]:
-        """Log an answer; it is on the disk when this returns.
+        """Log an answer; it is on the disk when this returns. What was not felt comes again.
 
         Parameters
         ----------
@@ -323,9 +319,10 @@ class Experiment:
         asked = settings[-1] if settings else trial.level
         row = self._row(trial, asked, intervals)
         positive = is_positive(task, trial.order, given)
+        flags = flags_of(trial, intervals, row["level_rendered"])
         row |= {
-            "status": "answered",
-            "flags": flags_of(trial, intervals, row["level_rendered"]),
+            "status": status_of(flags),
+            "flags": flags,
             "settings": settings,
             "response": given,
             "correct": None if trial.correct is None else given == trial.correct,
@@ -333,7 +330,10 @@ class Experiment:
             "response_s": round(response_s, 4),
         }
         log.append(row)
-        self.schedule.record(trial, row["level_rendered"], positive)
+        if row["status"] == "answered":
+            self.schedule.record(trial, row["level_rendered"], positive)
+        else:
+            self.schedule.repeat(trial)
         return row
 
     def run(self, participant: Participant) -> None:
@@ -359,15 +359,14 @@ class Experiment:
         """
         if trial.pause:
             participant.rest(trial)
-        shown = self.present(trial, participant=participant)
-        if shown is None:
+        if (shown := self.present(trial, participant=participant)) is None:
             return
         response, response_s = self._ask(participant, trial, shown)
         settings: list[float] | None = None
-        if isinstance(self.protocol.task, Adjustment):
+        if isinstance(task := self.protocol.task, Adjustment):
             settings = [trial.level]
-            while response != "=" and len(settings) < self.protocol.task.steps:
-                wanted = self.protocol.task.moved(settings[-1], response)
+            while response != "=" and len(settings) < task.steps:
+                wanted = task.moved(settings[-1], response)
                 try:
                     shown = self.present_at(trial, wanted, participant=participant)
                 except ScaledError:  # no further up than the rig can
@@ -376,7 +375,8 @@ class Experiment:
                 settings.append(wanted)
                 response, response_s = self._ask(participant, trial, shown)
         row = self.answer(trial, shown, response, response_s, settings=settings)
-        if trial.feedback and row["correct"] is not None:
+        felt = row["status"] == "answered"  # else it comes again, and must not be given away
+        if felt and trial.feedback and row["correct"] is not None:
             participant.learn(trial, row["correct"])
 
     def _ask(

@@ -2,13 +2,16 @@
 
 import math
 from dataclasses import dataclass
-from typing import Self
+from typing import Final, Self
 
 import numpy as np
 
 from frictus.block import Block
 from frictus.gaps import Gap
 from frictus.messages import FingerState
+
+STILL_MM: Final = 0.5
+"""As far as touch reports of a finger at rest differ."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +46,11 @@ class FingerPath:
     normal_force_n: float
     stale: float
     extrapolated: float
+
+    @property
+    def still(self) -> bool:
+        """Whether it kept to one place: of a texture nothing is felt there."""
+        return max(self.x_mm[1] - self.x_mm[0], self.y_mm[1] - self.y_mm[0]) < STILL_MM
 
     @classmethod
     def of(cls, states: list[FingerState]) -> Self | None:

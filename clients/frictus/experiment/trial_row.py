@@ -3,12 +3,23 @@
 from typing import Any, Final
 
 from frictus.experiment.presentation import WHOLE, PresentedInterval
-from frictus.experiment.procedures.schedule import ScheduledTrial
+from frictus.experiment.procedures.schedule import NOT_FELT, ScheduledTrial
 from frictus.experiment.stimuli import Stimulus
 from frictus.rig import Rig
 
 EXTRAPOLATED_SHARE: Final = 0.2
 """Of an interval at speeds beyond the model's: less is the turn of a stroke."""
+
+
+def status_of(flags: list[str]) -> str:
+    """Return the status of an answered trial; without contact and motion none is felt.
+
+    Parameters
+    ----------
+    flags : list of str
+        As `flags_of` returns them.
+    """
+    return NOT_FELT if {"no contact", "still"} & set(flags) else "answered"
 
 
 def start_row(rig: Rig, trials_before: int, utc_ns: int) -> dict[str, Any]:
@@ -105,6 +116,7 @@ def flags_of(
         "scaled": any(each.applied.gain < WHOLE for each in intervals),
         "level lost": level_rendered <= 0.0 and "test" in trial.order,
         "no contact": any(finger is None for finger in fingers),
+        "still": any(finger is not None and finger.still for finger in fingers),
         "extrapolated": any(f and f.extrapolated > EXTRAPOLATED_SHARE for f in fingers),
         "blocks lost": any(force and force.lost_blocks > 0 for force in forces),
     }

@@ -204,8 +204,8 @@ class Keyboard:
         """
         from frictus.experiment.tasks import checked
 
-        if any(each.finger is None for each in intervals):
-            _say("  (the finger did not touch the screen)")
+        if any(each.finger is None or each.finger.still for each in intervals):
+            _say("  (the finger did not touch the screen, or did not move: this comes again)")
         while True:
             _say(f"  {self._question} ")
             answer = _read()

@@ -16,7 +16,11 @@ def result_lines(result: ConditionResult) -> list[str]:
         lines.append(f"  {result.refused} not presented: the rig could not render them whole")
     if result.flagged:
         lines.append(
-            f"  {result.flagged} with a flag, such as scaled or no contact: see the log"
+            f"  {result.flagged} with a flag, such as scaled or extrapolated: see the log"
+        )
+    if result.not_felt:
+        lines.append(
+            f"  {result.not_felt} not counted: the finger did not touch, or did not move"
         )
     if result.catch_right is not None:
         lines.append(

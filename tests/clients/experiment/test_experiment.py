@@ -1,5 +1,7 @@
 """An experiment on a rig: killed at any trial it goes on; only answered trials are logged."""
 
+import contextlib
+import dataclasses
 import json
 import random
 import subprocess
@@ -25,7 +27,10 @@ from frictus.experiment import (
     TwoAlternatives,
     VirtualParticipant,
     read_log,
+    results,
+    sensed,
 )
+from frictus.experiment.events import event_rows
 from frictus.experiment.procedures.schedule import Schedule
 from frictus.rig import Rig
 
@@ -102,6 +107,18 @@ def test_killed_at_any_trial_it_goes_on_with_the_same(
     held_by(fake, "subject")
     log, draw = tmp_path / "log.jsonl", random.Random(seed)
     arguments = [router, str(log), str(Path(__file__).parent)]
+    with fake.stroking():
+        kills = killed_and_gone_on(arguments, log, draw)
+    assert kills == 3
+    rows = trials_of(log)
+    presented = [(row["trial"], row["level"], row["order"]) for row in rows]
+    assert presented == expected()
+    assert all(row["status"] == "answered" for row in rows)
+    assert sum(row.get("event") == "start" for row in read_log(log)[0]) >= 2
+
+
+def killed_and_gone_on(arguments: list[str], log: Path, draw: random.Random) -> int:
+    """How often an experiment was killed before it came to its end."""
     kills = 0
     for at_least in (0, 3, 6, TRIALS):
         process = subprocess.Popen([sys.executable, "-c", PROGRAM, *arguments])
@@ -117,12 +134,33 @@ def test_killed_at_any_trial_it_goes_on_with_the_same(
         finally:
             process.kill()
             kills += process.wait() != 0
-    assert kills == 3
-    rows = trials_of(log)
-    presented = [(row["trial"], row["level"], row["order"]) for row in rows]
-    assert presented == expected()
-    assert all(row["status"] == "answered" for row in rows)
-    assert sum(row.get("event") == "start" for row in read_log(log)[0]) >= 2
+    return kills
+
+
+@pytest.mark.parametrize("lost", ["contact", "motion"])
+def test_what_was_not_felt_counts_for_nothing_and_comes_again(
+    lost: str, fake: Any, client: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    held_by(fake, "tester")
+    log = tmp_path / "log.jsonl"
+    with experiment(client, log) as made, contextlib.ExitStack() as finger:
+        trial = made.next()
+        assert trial is not None
+        if lost == "motion":
+            monkeypatch.setattr(sensed, "STILL_MM", 100.0)
+            finger.enter_context(fake.stroking())
+        row = made.answer(trial, made.present(trial) or [], "1", 0.5)
+        assert row["flags"] == ["no contact" if lost == "contact" else "still"]
+        assert made.next() == dataclasses.replace(trial, number=2)
+        assert not results(made.protocol, made.rows)
+    with experiment(client, log) as made, fake.stroking():  # gone on with
+        monkeypatch.undo()
+        trial = made.next()
+        assert trial is not None
+        made.answer(trial, made.present(trial) or [], "1", 0.5)
+        (found,) = results(made.protocol, made.rows)
+    assert (found.trials, found.not_felt, found.fit and found.fit.trials) == (1, 1, 1)
+    assert [row["trial_type"] for row in event_rows(read_log(log)[0])] == ["not felt", "main"]
 
 
 def test_rows_say_what_was_asked_and_rendered(

@@ -419,3 +419,16 @@ def test_ready_protocols_are_read_by_name_and_by_file() -> None:
         assert (
             load_protocol(name) == load_protocol(path) == parse_protocol(path.read_bytes(), "")
         )
+
+
+@pytest.mark.parametrize("ended", ["refuse", "repeat"])
+def test_a_break_comes_once(ended: str) -> None:
+    made = protocol(procedure=STAIRS, design=Design(break_every=3))
+    schedule = Schedule(made, 1)
+    while (trial := schedule.next()) is not None and not trial.pause:
+        schedule.record(trial, trial.level, False)
+    assert trial is not None
+    getattr(schedule, ended)(trial)
+    following = schedule.next()
+    assert following is not None
+    assert (following.number, following.pause) == (trial.number + 1, False)

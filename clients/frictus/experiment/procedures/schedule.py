@@ -7,7 +7,7 @@ and the next trial is the one that would have come.
 import math
 from collections import Counter
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from frictus.errors import ArgumentError
 from frictus.experiment.procedures.orders import (
@@ -27,6 +27,9 @@ from frictus.experiment.tasks import (
     correct_answer,
     order_of,
 )
+
+NOT_FELT: Final = "not felt"
+"""Status of a trial whose answer is kept, and counts for nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,9 +185,7 @@ class Schedule:
         positive : bool or None
             Right, "yes" or "different"; None for numbers and settings.
         """
-        self._recorded += 1
-        if trial.pause:
-            self._rested_at = sum(self._counted.values())
+        self.repeat(trial)
         if trial.phase == "practice":
             self._practised += 1
             return
@@ -193,6 +194,18 @@ class Schedule:
         if not trial.catch:
             level = rendered_level if rendered_level > 0.0 else trial.level
             self.procedures[trial.condition].update(level, bool(positive))
+
+    def repeat(self, trial: ScheduledTrial) -> None:
+        """Take in a trial that was not felt: it comes next again, whatever was answered.
+
+        Parameters
+        ----------
+        trial : ScheduledTrial
+            What `next` returned.
+        """
+        self._recorded += 1
+        if trial.pause:
+            self._rested_at = sum(self._counted.values())
 
     def refuse(self, trial: ScheduledTrial) -> None:
         """Take in a trial that the rig could not render whole.
@@ -207,7 +220,7 @@ class Schedule:
         ArgumentError
             If no level is left, or levels are pairs, which none can stand in for.
         """
-        self._recorded += 1
+        self.repeat(trial)
         name = trial.condition
         stimulus = self._protocol.conditions[name]
         if isinstance(stimulus, Pairs):
@@ -299,6 +312,9 @@ def resumed(protocol: Protocol, rows: list[dict[str, Any]], source: str = "log")
             )
         if row.get("status") == "refused":
             schedule.refuse(trial)
+            continue
+        if row.get("status") == NOT_FELT:
+            schedule.repeat(trial)
             continue
         level = row.get("level_rendered")
         if not (isinstance(level, int | float) and 0.0 <= level <= MAX_LEVEL):

@@ -12,6 +12,7 @@ from frictus.experiment.protocol import Protocol
 from frictus.experiment.psychometrics.fitting import Estimate, PsychometricFit, fit
 from frictus.experiment.stimuli import Pairs
 from frictus.experiment.tasks import guess_rate
+from frictus.experiment.trial_row import status_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,13 +24,15 @@ class ConditionResult:
     condition : str
         Its name.
     trials : int
-        Answered, practice apart.
+        Answered and felt, practice apart.
     refused, flagged : int
         Trials that the rig could not render whole, and answered ones with any flag.
     catch_right : tuple of int or None
         Catch trials answered rightly, and all of them.
     unit : str
         Of the level.
+    not_felt : int
+        Trials without contact or motion of the finger, which count for nothing.
     fit : PsychometricFit or None
         Of choices.
     exponent : Estimate or None
@@ -46,6 +49,7 @@ class ConditionResult:
     flagged: int
     catch_right: tuple[int, int] | None
     unit: str
+    not_felt: int = 0
     fit: PsychometricFit | None = None
     exponent: Estimate | None = None
     setting: Estimate | None = None
@@ -86,7 +90,8 @@ def results(protocol: Protocol, rows: list[dict[str, Any]]) -> list[ConditionRes
 
 
 def _result(protocol: Protocol, name: str, rows: list[dict[str, Any]]) -> ConditionResult:
-    answered = [row for row in rows if row["status"] == "answered"]
+    felt = [row for row in rows if status_of(row["flags"]) == "answered"]
+    answered = [row for row in felt if row["status"] == "answered"]
     # A number is neither right nor wrong.
     catch = [row for row in answered if row["catch"] and row["correct"] is not None]
     stimulus, task = protocol.conditions[name], protocol.task
@@ -97,6 +102,7 @@ def _result(protocol: Protocol, name: str, rows: list[dict[str, Any]]) -> Condit
         sum(bool(row["flags"]) for row in answered),
         (sum(bool(row["correct"]) for row in catch), len(catch)) if catch else None,
         stimulus.unit,
+        len(rows) - len(felt),
     )
     values = asdict(base)
     if isinstance(stimulus, Pairs):

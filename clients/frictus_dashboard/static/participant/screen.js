@@ -14,7 +14,7 @@ const CHOICES = {
   ],
 };
 const HOW = "Put a finger on the screen and keep it moving from side to side while you feel.";
-const LOST = "Your finger was not on the screen all the time. ";
+const LOST = "Your finger was not on the screen, or did not move: this comes again. ";
 const ENDED = {
   done: ["Thank you", "That was the last trial. You may take your finger away."],
   cancelled: ["Thank you", "The experiment was ended here. Please wait for the experimenter."],
