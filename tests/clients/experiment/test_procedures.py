@@ -128,3 +128,12 @@ def test_constant_stimuli_are_balanced_in_every_block(rng: np.random.Generator) 
     assert again.next_level() < 0.4
     with pytest.raises(ArgumentError, match="lower them"):
         again.exclude(0.1)
+
+
+def test_a_last_trial_that_is_refused_ends_constant_stimuli(rng: np.random.Generator) -> None:
+    constant = ConstantStimuli([0.1, 0.4], 1, rng)
+    while constant.next_level() == 0.4:
+        constant = ConstantStimuli([0.1, 0.4], 1, rng)
+    constant.update(0.1, True)
+    constant.exclude(0.4)
+    assert constant.finished

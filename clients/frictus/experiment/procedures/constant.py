@@ -23,6 +23,7 @@ class ConstantStimuli:
     def __init__(self, levels: Sequence[float], repeats: int, rng: np.random.Generator) -> None:
         blocks = [rng.permutation(np.asarray(levels, float)) for _ in range(repeats)]
         self._left = [float(level) for block in blocks for level in block]
+        self._lowest = min(levels)
 
     @property
     def finished(self) -> bool:
@@ -58,9 +59,8 @@ class ConstantStimuli:
         ArgumentError
             If none is left.
         """
-        lowest = min(self._left, default=level)
-        self._left = [each for each in self._left if each < level]
-        if not self._left:
+        if level <= self._lowest:
             raise ArgumentError(
-                f"the rig renders none of the levels from {lowest:g} on: lower them"
+                f"the rig renders none of the levels from {self._lowest:g} on: lower them"
             )
+        self._left = [each for each in self._left if each < level]
