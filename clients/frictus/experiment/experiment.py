@@ -319,7 +319,7 @@ class Experiment:
         asked = settings[-1] if settings else trial.level
         row = self._row(trial, asked, intervals)
         positive = is_positive(task, trial.order, given)
-        flags = flags_of(trial, intervals, row["level_rendered"])
+        flags = flags_of(trial, intervals, row["level_rendered"], settings or [])
         row |= {
             "status": status_of(flags),
             "flags": flags,

@@ -97,7 +97,10 @@ def trial_row(
 
 
 def flags_of(
-    trial: ScheduledTrial, intervals: list[PresentedInterval], level_rendered: float
+    trial: ScheduledTrial,
+    intervals: list[PresentedInterval],
+    level_rendered: float,
+    settings: list[float],
 ) -> list[str]:
     """Return what an analysis must know of a trial.
 
@@ -109,12 +112,15 @@ def flags_of(
         What was presented.
     level_rendered : float
         0 where the rig's scaling has undone the level.
+    settings : list of float
+        Levels set one after the other; the last wish was for more where two are the same.
     """
     fingers = [each.finger for each in intervals]
     forces = [each.force for each in intervals]
     found = {
         "scaled": any(each.applied.gain < WHOLE for each in intervals),
         "level lost": level_rendered <= 0.0 and "test" in trial.order,
+        "limited": len(settings) > 1 and settings[-1] == settings[-2],
         "no contact": any(finger is None for finger in fingers),
         "still": any(finger is not None and finger.still for finger in fingers),
         "extrapolated": any(f and f.extrapolated > EXTRAPOLATED_SHARE for f in fingers),

@@ -22,6 +22,11 @@ def result_lines(result: ConditionResult) -> list[str]:
         lines.append(
             f"  {result.not_felt} not counted: the finger did not touch, or did not move"
         )
+    if result.limited:
+        lines.append(
+            f"  {result.limited} set to the end of what can be set or rendered, more wanted: "
+            "the mean is a bound, not the setting"
+        )
     if result.catch_right is not None:
         lines.append(
             f"  catch trials: {result.catch_right[0]} of {result.catch_right[1]} right"

@@ -349,3 +349,37 @@ def test_an_observer_wants_a_simulated_rig(fake: Any, client: Client) -> None:
     fake.say(Topics.STATUS, fake.status(simulated=False))
     with pytest.raises(ArgumentError, match="not simulated"):
         VirtualParticipant(client.rig("sim", "lab"), TwoAlternatives(), SimulatedObserver(), 1)
+
+
+class Louder(Right):
+    """Wants more, so many times, and takes what there is."""
+
+    def __init__(self, wishes: int) -> None:
+        self.left = wishes
+
+    def ask(self, trial: ScheduledTrial, intervals: list[Any]) -> str:
+        self.left -= 1
+        return "+" if self.left >= 0 else "="
+
+
+@pytest.mark.parametrize(("wishes", "flags"), [(0, []), (1, []), (12, ["limited"])])
+def test_a_setting_that_could_go_no_further_says_so(
+    wishes: int, flags: list[str], fake: Any, client: Client, tmp_path: Path
+) -> None:
+    held_by(fake, "tester")
+    made = Experiment(
+        client.rig("sim", "lab"),
+        Adjustment(step_db=2.0, high=0.4),
+        ConstantPlan(levels=[0.1], repeats=1),
+        RIDGES,
+        log=tmp_path / "log.jsonl",
+        presentation=QUICK,
+        seed=1,
+    )
+    with made, fake.stroking():
+        made.run(Louder(wishes))
+        row = made.rows[-1]
+        (found,) = results(made.protocol, made.rows)
+    assert row["flags"] == flags
+    assert (row["settings"][-1] == 0.4) == bool(flags)
+    assert found.limited == len(flags)

@@ -33,6 +33,8 @@ class ConditionResult:
         Of the level.
     not_felt : int
         Trials without contact or motion of the finger, which count for nothing.
+    limited : int
+        Settings at the end of what can be set or rendered, with a wish for more.
     fit : PsychometricFit or None
         Of choices.
     exponent : Estimate or None
@@ -50,6 +52,7 @@ class ConditionResult:
     catch_right: tuple[int, int] | None
     unit: str
     not_felt: int = 0
+    limited: int = 0
     fit: PsychometricFit | None = None
     exponent: Estimate | None = None
     setting: Estimate | None = None
@@ -103,6 +106,7 @@ def _result(protocol: Protocol, name: str, rows: list[dict[str, Any]]) -> Condit
         (sum(bool(row["correct"]) for row in catch), len(catch)) if catch else None,
         stimulus.unit,
         len(rows) - len(felt),
+        sum("limited" in row["flags"] for row in answered),
     )
     values = asdict(base)
     if isinstance(stimulus, Pairs):
