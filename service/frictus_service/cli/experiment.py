@@ -1,7 +1,7 @@
 """`frictus experiment`: a psychophysical experiment at the terminal, or with an observer."""
 
 import sys
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -174,6 +174,7 @@ class Keyboard:
         trial : ScheduledTrial
             What comes next.
         """
+        _discard_typed()
         _say("A break. Press Enter to go on.")
         _read()
 
@@ -204,6 +205,7 @@ class Keyboard:
         """
         from frictus.experiment.tasks import checked
 
+        _discard_typed()
         if any(each.finger is None or each.finger.still for each in intervals):
             _say("  (the finger did not touch the screen, or did not move: this comes again)")
         while True:
@@ -231,6 +233,15 @@ def _say(text: str) -> None:
     """Write to the participant; standard output is for results."""
     sys.stderr.write(text + "\n")
     sys.stderr.flush()
+
+
+def _discard_typed() -> None:
+    """Discard what was typed at a terminal before the question: it answers no trial."""
+    with suppress(ImportError):  # Windows has no termios
+        import termios
+
+        if sys.stdin.isatty():
+            termios.tcflush(sys.stdin, termios.TCIFLUSH)
 
 
 def _read() -> str:

@@ -3,10 +3,14 @@
 import csv
 import json
 import math
+import os
+import sys
+import threading
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from tests.campaigns.service import config_in
@@ -23,6 +27,7 @@ from frictus.keys import STREAMS
 from frictus_hardware import SimulatedConfig
 from frictus_hardware.simulated.strokes import SteadyStrokes
 from frictus_service.cli.app import app
+from frictus_service.cli.experiment import Keyboard
 from frictus_service.config import Limits
 from frictus_service.daemon.processes.supervisor import Supervisor
 from frictus_service.recording.reader import RecordingReader
@@ -244,3 +249,17 @@ def test_what_cannot_be_run_is_a_usage_error(tmp_path: Path) -> None:
     missing = CliRunner().invoke(app, ["experiment", "no-such-protocol"])
     assert missing.exit_code == 2
     assert "similarity" in missing.stderr
+
+
+def test_what_is_typed_before_a_question_is_no_answer_to_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pty = pytest.importorskip("pty", reason="Windows has no pseudo-terminals")
+    terminal, keyboard = pty.openpty()
+    with os.fdopen(keyboard, encoding="utf-8") as typed, closing(os.fdopen(terminal, "wb", 0)):
+        monkeypatch.setattr(sys, "stdin", typed)
+        os.write(terminal, b"1\n1\n")  # a key that was pressed twice, and a trial before
+        later = threading.Timer(0.5, os.write, (terminal, b"2\n"))
+        later.start()
+        assert Keyboard(load_protocol("detection")).ask(cast(Any, None), []) == "2"
+        later.join()
