@@ -100,8 +100,17 @@ def test_the_way_of_a_trial_is_that_of_all_its_intervals() -> None:
 
     unused = "response_s recording trial condition level level_rendered response correct"
     trial: dict[str, Any] = dict.fromkeys(unused.split())
-    trial |= {"status": "answered", "phase": "main", "catch": False, "order": [], "flags": []}
+    trial |= {
+        "unit": "dB",
+        "status": "answered",
+        "phase": "main",
+        "catch": False,
+        "order": [],
+        "flags": [],
+    }
     (row,) = event_rows([{**trial, "intervals": [interval(40.0), interval(60.0, 50.0)]}])
     assert (row["path_mm"], row["speed_mm_s"]) == (100.0, 40.0)
     (untouched,) = event_rows([{**trial, "intervals": [interval(None)]}])
     assert untouched["path_mm"] is None
+    assert untouched["unit"] == "dB"  # of its levels: conditions may differ
+    assert set(untouched) == set(COLUMNS)
