@@ -104,6 +104,18 @@ def test_a_staircase_stays_within_its_levels() -> None:
         stairs.exclude(0.5)
 
 
+def test_a_staircase_steps_from_what_was_rendered() -> None:
+    stairs, rendered_most = Staircase(1.0, 0.01, 2.0, 1, 1, [6.0, 2.0], 9, 100), 0.3
+    stairs.update(rendered_most, True)
+    assert stairs.level == pytest.approx(rendered_most * 10.0**-0.3)
+    for _ in range(9):
+        stairs.update(min(stairs.level, rendered_most), False)
+    assert stairs.level == pytest.approx(rendered_most * 10.0**0.1)  # not ever further up
+    stairs.update(rendered_most, True)
+    assert stairs.level < rendered_most
+    assert stairs.reversals == pytest.approx([rendered_most * 10.0**-0.3, rendered_most])
+
+
 def test_three_down_one_up_settles_near_79_percent(rng: np.random.Generator) -> None:
     stairs = Staircase(0.1, 0.001, 1.0, 3, 1, [2.0], 1_000, 3_000)
     right = []

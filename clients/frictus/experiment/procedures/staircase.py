@@ -64,24 +64,24 @@ class Staircase:
         Parameters
         ----------
         level : float
-            Level as rendered.
+            Level as rendered, from which the next step is taken.
         positive : bool
             Correct, or "yes", or "different".
         """
         self._done += 1
         self._in_a_row = max(self._in_a_row, 0) + 1 if positive else min(self._in_a_row, 0) - 1
         if self._in_a_row == self._down:
-            self._move(-1)
+            self._move(level, -1)
         elif self._in_a_row == -self._up:
-            self._move(+1)
+            self._move(level, +1)
 
-    def _move(self, direction: int) -> None:
+    def _move(self, level: float, direction: int) -> None:
         self._in_a_row = 0
         if self._direction == -direction:
-            self.reversals.append(self.level)
+            self.reversals.append(level)
         self._direction = direction
         step_db = self._steps_db[min(len(self.reversals), len(self._steps_db) - 1)]
-        moved = self.level * 10.0 ** (direction * step_db / 20.0)
+        moved = level * 10.0 ** (direction * step_db / 20.0)
         self.level = min(max(moved, self._low), self._high)
 
     def exclude(self, level: float) -> None:
