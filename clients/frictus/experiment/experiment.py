@@ -316,8 +316,7 @@ class Experiment:
                 f"trial {trial.number} was answered or refused: ask `next` for another"
             )
         given = checked(task, response)
-        asked = settings[-1] if settings else trial.level
-        row = self._row(trial, asked, intervals)
+        row = self._row(trial, settings[-1] if settings else trial.level, intervals)
         positive = is_positive(task, trial.order, given)
         flags = flags_of(trial, intervals, row["level_rendered"], settings or [])
         row |= {
@@ -375,8 +374,9 @@ class Experiment:
                 settings.append(wanted)
                 response, response_s = self._ask(participant, trial, shown)
         row = self.answer(trial, shown, response, response_s, settings=settings)
-        felt = row["status"] == "answered"  # else it comes again, and must not be given away
-        if felt and trial.feedback and row["correct"] is not None:
+        if row["status"] != "answered":  # it comes again, and must not be given away
+            self.schedule.check_felt()
+        elif trial.feedback and row["correct"] is not None:
             participant.learn(trial, row["correct"])
 
     def _ask(

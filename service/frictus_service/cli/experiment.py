@@ -1,7 +1,7 @@
 """`frictus experiment`: a psychophysical experiment at the terminal, or with an observer."""
 
 import sys
-from contextlib import closing, suppress
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -237,11 +237,17 @@ def _say(text: str) -> None:
 
 def _discard_typed() -> None:
     """Discard what was typed at a terminal before the question: it answers no trial."""
-    with suppress(ImportError):  # Windows has no termios
+    if not sys.stdin.isatty():
+        return
+    if sys.platform == "win32":
+        import msvcrt
+
+        while msvcrt.kbhit():
+            msvcrt.getwch()
+    else:
         import termios
 
-        if sys.stdin.isatty():
-            termios.tcflush(sys.stdin, termios.TCIFLUSH)
+        termios.tcflush(sys.stdin, termios.TCIFLUSH)
 
 
 def _read() -> str:

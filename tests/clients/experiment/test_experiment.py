@@ -163,6 +163,18 @@ def test_what_was_not_felt_counts_for_nothing_and_comes_again(
     assert [row["trial_type"] for row in event_rows(read_log(log)[0])] == ["not felt", "main"]
 
 
+def test_an_experiment_without_a_finger_ends(fake: Any, client: Client, tmp_path: Path) -> None:
+    held_by(fake, "tester")
+    log = tmp_path / "log.jsonl"
+    for trials in (10, 20):  # it can be gone on with
+        with (
+            experiment(client, log) as made,
+            pytest.raises(ArgumentError, match=f"{trials} trials in a row were not felt"),
+        ):
+            made.run(Right())
+        assert made.schedule.recorded == trials
+
+
 def test_rows_say_what_was_asked_and_rendered(
     fake: Any, client: Client, tmp_path: Path
 ) -> None:

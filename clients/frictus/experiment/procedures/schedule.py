@@ -30,6 +30,8 @@ from frictus.experiment.tasks import (
 
 NOT_FELT: Final = "not felt"
 """Status of a trial whose answer is kept, and counts for nothing."""
+MOST_NOT_FELT: Final = 10
+"""In a row: then no finger is there, or the rig does not sense it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +97,7 @@ class Schedule:
         self._repeats: Counter[tuple[str, float]] = Counter()
         self._limits: dict[str, float] = {}
         self._recorded = 0
+        self._not_felt = 0
         self._practised = 0
         self._rested_at = 0
 
@@ -185,7 +188,8 @@ class Schedule:
         positive : bool or None
             Right, "yes" or "different"; None for numbers and settings.
         """
-        self.repeat(trial)
+        self._take(trial)
+        self._not_felt = 0
         if trial.phase == "practice":
             self._practised += 1
             return
@@ -203,6 +207,25 @@ class Schedule:
         trial : ScheduledTrial
             What `next` returned.
         """
+        self._take(trial)
+        self._not_felt += 1
+
+    def check_felt(self) -> None:
+        """Check, after a trial that was not felt, that it is worth presenting it again.
+
+        Raises
+        ------
+        ArgumentError
+            After each `MOST_NOT_FELT` in a row.
+        """
+        if self._not_felt and self._not_felt % MOST_NOT_FELT == 0:
+            raise ArgumentError(
+                f"{self._not_felt} trials in a row were not felt: no finger touches and moves, "
+                "or the rig does not sense it. Look at it in `frictus watch`, and go on "
+                "with the same log"
+            )
+
+    def _take(self, trial: ScheduledTrial) -> None:
         self._recorded += 1
         if trial.pause:
             self._rested_at = sum(self._counted.values())
@@ -220,7 +243,7 @@ class Schedule:
         ArgumentError
             If no level is left, or levels are pairs, which none can stand in for.
         """
-        self.repeat(trial)
+        self._take(trial)
         name = trial.condition
         stimulus = self._protocol.conditions[name]
         if isinstance(stimulus, Pairs):
