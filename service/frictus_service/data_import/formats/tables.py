@@ -115,7 +115,8 @@ def find_layout(head: bytes) -> TextLayout:
         cut = error.reason == "unexpected end of data"
         encoding = "utf-8" if cut else "latin-1"
         text = head.decode(encoding, errors="ignore")
-    lines = text.splitlines()
+    # As pyarrow counts them: `str.splitlines` also ends lines at what cp1252 has as "…".
+    lines = re.split(r"\r\n|\n|\r", text)
     for number, line in enumerate(lines):
         for delimiter in DELIMITERS:
             fields = _split(line, delimiter)

@@ -1,0 +1,21 @@
+"""Text as laboratories have it: every value stays in its row and its column."""
+
+from pathlib import Path
+
+import pytest
+
+from frictus_service.data_import.formats.tables import read_text
+
+
+def columns_of(content: bytes, tmp_path: Path) -> dict[str, list[float]]:
+    path = tmp_path / "table.csv"
+    path.write_bytes(content)
+    return {column.name: column.values.tolist() for column in read_text(path).columns}
+
+
+@pytest.mark.parametrize("comment", ["old rig … new rig", "a\fb", "a\vb", "plain"])
+@pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"])
+def test_a_comment_costs_no_row(comment: str, ending: str, tmp_path: Path) -> None:
+    text = ending.join([f"# {comment}", "t;Fx", "0.0;1.0", "0.1;2.0", "0.2;3.0", ""])
+    found = columns_of(text.encode("cp1252"), tmp_path)
+    assert found == {"t": [0.0, 0.1, 0.2], "Fx": [1.0, 2.0, 3.0]}
