@@ -19,3 +19,8 @@ def test_a_comment_costs_no_row(comment: str, ending: str, tmp_path: Path) -> No
     text = ending.join([f"# {comment}", "t;Fx", "0.0;1.0", "0.1;2.0", "0.2;3.0", ""])
     found = columns_of(text.encode("cp1252"), tmp_path)
     assert found == {"t": [0.0, 0.1, 0.2], "Fx": [1.0, 2.0, 3.0]}
+
+
+def test_decimal_commas_that_the_first_row_does_not_show(tmp_path: Path) -> None:
+    found = columns_of(b"t;Fx\n0;0\n0,1;0,5\n0,2;-7\n", tmp_path)
+    assert found == {"t": [0.0, 0.1, 0.2], "Fx": [0.0, 0.5, -7.0]}

@@ -124,7 +124,9 @@ def find_layout(head: bytes) -> TextLayout:
                 continue
             if len(fields) > MAX_COLUMNS:
                 raise StudyError(f"it has more than {MAX_COLUMNS} columns; leave some away")
-            decimal = "," if delimiter != "," and "," in line else "."
+            # In all lines: the first may hold whole numbers alone.
+            decimals = delimiter != "," and any("," in each for each in lines[number:])
+            decimal = "," if decimals else "."
             names, units = _heading(lines[:number], delimiter, len(fields))
             return TextLayout(delimiter, decimal, number, names, units, encoding)
     raise StudyError(
