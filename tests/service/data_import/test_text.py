@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from frictus_service.data_import.formats.tables import read_text
+from frictus_service.errors import StudyError
 
 
 def columns_of(content: bytes, tmp_path: Path) -> dict[str, list[float]]:
@@ -24,3 +25,15 @@ def test_a_comment_costs_no_row(comment: str, ending: str, tmp_path: Path) -> No
 def test_decimal_commas_that_the_first_row_does_not_show(tmp_path: Path) -> None:
     found = columns_of(b"t;Fx\n0;0\n0,1;0,5\n0,2;-7\n", tmp_path)
     assert found == {"t": [0.0, 0.1, 0.2], "Fx": [0.0, 0.5, -7.0]}
+
+
+def test_two_whole_numbers_are_no_decimal(tmp_path: Path) -> None:
+    """A row `0,12` is a decimal of one column, or two columns: the heading says which."""
+    rows = b"0,12\n1,13\n2,14\n"
+    assert columns_of(b"t,Fx\n" + rows, tmp_path) == {
+        "t": [0.0, 1.0, 2.0],
+        "Fx": [12.0, 13.0, 14.0],
+    }
+    assert columns_of(b"Fx\n" + rows, tmp_path) == {"Fx": [0.12, 1.13, 2.14]}
+    with pytest.raises(StudyError, match="one number or two"):
+        columns_of(rows, tmp_path)

@@ -122,6 +122,8 @@ def find_layout(head: bytes) -> TextLayout:
             fields = _split(line, delimiter)
             if not _are_numbers(fields, delimiter):
                 continue
+            if len(fields) == 1 and "," in line and _are_two_columns(line, lines[:number]):
+                continue
             if len(fields) > MAX_COLUMNS:
                 raise StudyError(f"it has more than {MAX_COLUMNS} columns; leave some away")
             # In all lines: the first may hold whole numbers alone.
@@ -145,6 +147,17 @@ def _are_numbers(fields: list[str], delimiter: str) -> bool:
     if delimiter == "," and any("," in field for field in found):
         return False
     return bool(found) and all(_NUMBER.fullmatch(field) for field in found)
+
+
+def _are_two_columns(line: str, above: list[str]) -> bool:
+    """Return whether `0,12` is two whole numbers, as the heading shows, or a decimal."""
+    heading = [text for text in above if text.strip()]
+    if not heading:
+        raise StudyError(
+            f"{line[:40]!r} may be one number or two: name the columns in a first line, or "
+            "divide them by semicolons"
+        )
+    return "," in heading[-1]
 
 
 def _heading(
