@@ -37,3 +37,11 @@ def test_two_whole_numbers_are_no_decimal(tmp_path: Path) -> None:
     assert columns_of(b"Fx\n" + rows, tmp_path) == {"Fx": [0.12, 1.13, 2.14]}
     with pytest.raises(StudyError, match="one number or two"):
         columns_of(rows, tmp_path)
+
+
+def test_aligned_columns_keep_their_values(tmp_path: Path) -> None:
+    """MATLAB's `save -ascii` and Fortran align numbers, with a space where a minus could be."""
+    found = columns_of(b"   1.0e-01  -2.0e-01\n  -3.0e-01   4.0e-01\n", tmp_path)
+    assert found == {"column 1": [0.1, -0.3], "column 2": [-0.2, 0.4]}
+    found = columns_of(b"t Fx\r\n 0.1 -0.2 \r\n-0.3  0.4 \r\n", tmp_path)
+    assert found == {"t": [0.1, -0.3], "Fx": [-0.2, 0.4]}

@@ -7,6 +7,7 @@ character.
 
 import re
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Final
 
@@ -22,6 +23,7 @@ MAX_BYTES: Final = 1 << 30
 HEAD_BYTES: Final = 1 << 16
 DELIMITERS: Final = ("\t", ";", ",", " ")
 MISSING: Final = ("", "nan", "NaN", "NAN", "NA", "-", "null")
+SPARE_SPACES: Final = re.compile(rb"(?:\A|(?<=[\r\n])) +| +(?=[ \r\n]|\Z)")
 _NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?inf", re.ASCII)
 
 
@@ -69,8 +71,11 @@ def read_text(path: Path) -> Columns:
         layout = find_layout(stream.read(HEAD_BYTES))
     gathered = Gatherer("text")
     batches = []
+    source: Path | BytesIO = path
+    if layout.delimiter == " ":  # pyarrow takes each space as an end of a field
+        source = BytesIO(SPARE_SPACES.sub(b"", path.read_bytes()))
     with csv.open_csv(
-        path,
+        source,
         read_options=csv.ReadOptions(
             skip_rows=layout.skipped,
             column_names=list(layout.names),
@@ -133,12 +138,14 @@ def find_layout(head: bytes) -> TextLayout:
             return TextLayout(delimiter, decimal, number, names, units, encoding)
     raise StudyError(
         "no line of numbers is among its first 64 KiB; accepted: columns divided by comma, "
-        "semicolon, tab or a single space, one sample in each line"
+        "semicolon, tab or spaces, one sample in each line"
     )
 
 
 def _split(line: str, delimiter: str) -> list[str]:
-    return [field.strip().strip('"') for field in line.split(delimiter)]
+    # Spaces align as well as divide: any number of them is one.
+    fields = line.split() if delimiter == " " else line.split(delimiter)
+    return [field.strip().strip('"') for field in fields]
 
 
 def _are_numbers(fields: list[str], delimiter: str) -> bool:
