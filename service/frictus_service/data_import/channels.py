@@ -121,6 +121,19 @@ _SUFFIXED: Final = (
 )  # fmt: skip
 
 
+def unknown_unit(name: str, unit: str) -> str:
+    """Return what a column names as its unit and is none; empty where it names one, or none.
+
+    Parameters
+    ----------
+    name, unit : str
+        As the file has them.
+    """
+    bracketed = _BRACKETED.fullmatch(name)
+    text = unit.strip() or (bracketed[2].strip() if bracketed else "")
+    return "" if text == "-" or is_unit(text) else text
+
+
 def split_name(name: str) -> tuple[str, str]:
     """Return the name of a column without its unit, and the unit, empty where it has none.
 

@@ -20,6 +20,7 @@ from frictus_service.data_import.channels import (
     named_channel,
     split_name,
     units_of,
+    unknown_unit,
 )
 from frictus_service.data_import.column_map import ColumnMap, MappedColumn
 from frictus_service.data_import.formats.columns import Column, Columns, named_rate_hz
@@ -197,6 +198,18 @@ class _Draft:
 
     def _guessed(self, channel: Channel, column: Column) -> str:
         """Return a unit by magnitude; a question where several or none fit."""
+        candidates = units_of(channel.dimension)
+        if unknown := unknown_unit(column.name, column.unit):
+            self.questions.append(
+                Question(
+                    channel.name,
+                    f"{column.name!r} as {channel.name} is in {unknown[:40]!r}, which is no "
+                    f"known unit: set {channel.name}.unit to one of {', '.join(candidates)}, "
+                    f"and {channel.name}.scale to how many one is, or {channel.name}= to "
+                    "leave it away",
+                )
+            )
+            return candidates[0]
         for name, mapped in self.channels.items():
             same_sensor = name[:-1] == channel.name[:-1] and not self._is_open(name)
             if (
@@ -206,7 +219,6 @@ class _Draft:
             ):
                 self.reasons.append(f"{column.name!r} has the unit of {mapped.column!r}")
                 return mapped.unit
-        candidates = units_of(channel.dimension)
         usual = [unit for unit in candidates if unit in USUAL]
         fitting = [unit for unit in usual if _fits(channel, column, UNITS[unit].factor)]
         if channel.dimension == "acceleration":  # a vibration has no usual size

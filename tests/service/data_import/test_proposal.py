@@ -1,0 +1,30 @@
+"""What a file does not say is asked, whatever the numbers look like."""
+
+import numpy as np
+
+from frictus_service.data_import.formats.columns import Column, Columns
+from frictus_service.data_import.proposal import Proposal, propose
+
+TIME_S = np.arange(20_000) / 10_000.0
+X_MM = 30.0 + 25.0 * np.sin(np.pi * TIME_S)
+FORCE_N = 0.2 * np.sign(np.gradient(X_MM))
+
+
+def proposed(*columns: Column) -> Proposal:
+    known = (Column("t [s]", TIME_S), Column("x [mm]", X_MM))
+    return propose(Columns("text", (*known, *columns)))
+
+
+def asked(found: Proposal) -> set[str]:
+    return {question.entry for question in found.questions}
+
+
+def test_a_unit_that_is_not_known_is_asked_for() -> None:
+    """A pressure of 0.4 kPa has the size of newtons."""
+    force = Column("Fx [N]", FORCE_N)
+    load = np.full(TIME_S.size, 0.4)
+    for column in (Column("pressure [kPa]", load), Column("normal force", load, "kg")):
+        found = proposed(force, column)
+        assert asked(found) == {"force_z"}
+        assert column.unit or "kPa" in found.questions[0].sentence
+    assert not asked(proposed(force, Column("normal force", load, "-")))
