@@ -167,6 +167,9 @@ class _Draft:
         """Map a column where its name says what it is."""
         name, unit = split_name(column.name)
         unit = find_unit(column.unit) or unit
+        named = named_channel(name)
+        if unit == "g" and named is not None and named.dimension == "force":
+            unit = "gf"  # of a load cell
         channel = _channel_of(name, unit)
         if channel is None or not np.isfinite(column.values).any():
             return

@@ -28,3 +28,11 @@ def test_a_unit_that_is_not_known_is_asked_for() -> None:
         assert asked(found) == {"force_z"}
         assert column.unit or "kPa" in found.questions[0].sentence
     assert not asked(proposed(force, Column("normal force", load, "-")))
+
+
+def test_grams_of_a_load_cell_are_a_force() -> None:
+    found = proposed(Column("Fx [g]", FORCE_N * 102.0), Column("Fz [g]", np.full(20_000, 41.0)))
+    units = {name: mapped.unit for name, mapped in found.column_map.channels.items()}
+    assert units == {"time": "s", "position_x": "mm", "force_x": "gf", "force_z": "gf"}
+    found = proposed(Column("ax [g]", FORCE_N))
+    assert found.column_map.channels["accel_x"].unit == "g"
