@@ -191,7 +191,7 @@ CHANNELS: Final = (
         "force_x",
         "force",
         "of the finger on the screen along the slide, positive with the velocity",
-        r"f_?x|f_?t|force_?[xt]|f_?lat|f_?tan|tangential.*|lateral.*|friction.*|shear.*|force:1",
+        r"f_?x|f_?t|force_?[xt]|f_?lat|f_?tan|tangential.*|lateral.*|friction(?!.*coef).*|shear.*|force:1",
         (0.01, 20.0),
     ),
     Channel("force_y", "force", "across the slide", r"f_?y|force_?y|force:2", (1e-4, 20.0)),

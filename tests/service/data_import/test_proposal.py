@@ -36,3 +36,10 @@ def test_grams_of_a_load_cell_are_a_force() -> None:
     assert units == {"time": "s", "position_x": "mm", "force_x": "gf", "force_z": "gf"}
     found = proposed(Column("ax [g]", FORCE_N))
     assert found.column_map.channels["accel_x"].unit == "g"
+
+
+def test_a_friction_coefficient_is_no_force() -> None:
+    found = proposed(Column("friction coefficient", FORCE_N), Column("Fz [N]", X_MM))
+    assert "force_x" in asked(found)
+    assert "force_x" not in found.column_map.channels
+    assert "force_x" in proposed(Column("friction [N]", FORCE_N)).column_map.channels
