@@ -162,6 +162,29 @@ def test_packed_arrays_are_what_they_stand_for(kind: str, tmp_path: Path) -> Non
     np.testing.assert_array_equal(found["plain"], [2.0, 4.0, -99.0, 6.0])
 
 
+def test_numbers_of_netcdf_beyond_its_range_or_type(tmp_path: Path) -> None:
+    """Attributes mean what is stored: signs, ranges, fills of single precision."""
+    path = tmp_path / "netcdf.h5"
+    byte, single = np.array([1, -1, -128, 5], "i1"), np.array([1.0, -99.9, 1e20, 5.0], "f4")
+    stored = {
+        "unsigned": (byte, {"_Unsigned": "true", "scale_factor": 0.5, "_FillValue": -128}),
+        "range": (byte, {"valid_range": np.array([-1, 4], "i1")}),
+        "ends": (byte, {"valid_min": -2, "valid_max": 3}),
+        "filled": (single, {"_FillValue": -99.9, "missing_value": 1e20}),
+        "half": (np.array([1000.0, 2.0], "f2"), {"scale_factor": 1e3}),
+    }
+    with h5py.File(path, "w") as file:
+        for name, (numbers, attributes) in stored.items():
+            file.create_dataset(name, data=numbers).attrs.update(attributes)
+    found = {column.name: column.values for column in read_hdf5(path).columns}
+    nan = np.nan
+    np.testing.assert_array_equal(found["unsigned"], [0.5, 127.5, nan, 2.5])
+    np.testing.assert_array_equal(found["range"], [1.0, -1.0, nan, nan])
+    np.testing.assert_array_equal(found["ends"], [1.0, -1.0, nan, nan])
+    np.testing.assert_array_equal(found["filled"], [1.0, nan, nan, 5.0])
+    np.testing.assert_array_equal(found["half"], [1e6, 2e3])
+
+
 def test_a_dimension_without_values_is_no_column(tmp_path: Path) -> None:
     """NetCDF keeps each dimension as a data set; without values, nothing is written in it."""
     path = tmp_path / "dimension.h5"

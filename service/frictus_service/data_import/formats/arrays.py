@@ -124,18 +124,41 @@ def _scaled(stored: Stored, values: np.ndarray) -> np.ndarray:
     held, kind = stored.attributes, values.dtype.kind
     if kind not in "iuf":
         return values
+    if kind == "i" and str(hdf5.plain(held.get("_Unsigned"))).lower() == "true":
+        values = values.view(values.dtype.str.replace("i", "u"))
     missing = np.zeros(values.shape, dtype=np.bool_)
     for name in FILL_NAMES:
-        fill = np.asarray(held.get(name))
-        if fill.dtype.kind in "iuf":  # text in such an attribute marks no number
-            missing |= np.isin(values, fill)
+        for fill in _as_stored(held.get(name), values):
+            missing |= values == fill
+    least, most = held.get("valid_min"), held.get("valid_max")
+    if len(both := _as_stored(held.get("valid_range"), values)) == 2:
+        least, most = both
+    for bound in _as_stored(least, values):
+        missing |= values < bound
+    for bound in _as_stored(most, values):
+        missing |= values > bound
     studies = "scale" in held and kind in "iu"
     scale, offset = ("scale", "offset") if studies else ("scale_factor", "add_offset")
     if not missing.any() and scale not in held and offset not in held:
         return values
     factor, shift = hdf5.number(held, scale, 1.0), hdf5.number(held, offset, 0.0)
-    scaled: np.ndarray = np.where(missing, np.nan, values * factor + shift)
+    scaled: np.ndarray = np.where(missing, np.nan, values.astype(np.float64) * factor + shift)
     return scaled
+
+
+def _as_stored(numbers: object, values: np.ndarray) -> np.ndarray:
+    """Return numbers of an attribute as the data set would hold them; empty where it has none.
+
+    The -99.9 of an attribute is another number than that of a data set of single precision, and
+    the -1 of a signed attribute is the greatest of an unsigned data set.
+    """
+    found = np.asarray(numbers).reshape(-1)
+    if found.dtype.kind not in "iuf":  # text in such an attribute marks no number
+        return np.empty(0)
+    if values.dtype.kind == "f" or (values.dtype.kind == "u" and found.dtype.kind == "i"):
+        with np.errstate(over="ignore"):
+            return found.astype(values.dtype)
+    return found
 
 
 def _is_complex(kind: np.dtype) -> bool:
