@@ -185,6 +185,20 @@ def test_numbers_of_netcdf_beyond_its_range_or_type(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found["half"], [1e6, 2e3])
 
 
+def test_what_matlab_stores_of_no_numbers_is_no_column(tmp_path: Path) -> None:
+    """MATLAB 7.3 keeps the size of an empty array as its values, of a table a reference."""
+    path = tmp_path / "day.h5"
+    stored = {
+        "force": ([[0.1, 0.2, 0.3]], {"MATLAB_class": b"double"}),
+        "pos": ([0, 0], {"MATLAB_class": b"double", "MATLAB_empty": np.uint8(1)}),
+        "t": ([[3707764736, 2, 1, 1, 1, 1]], {"MATLAB_class": b"duration"}),
+    }
+    with h5py.File(path, "w") as file:
+        for name, (numbers, attributes) in stored.items():
+            file.create_dataset(name, data=numbers).attrs.update(attributes)
+    assert [column.name for column in read_hdf5(path).columns] == ["force"]
+
+
 def test_a_dimension_without_values_is_no_column(tmp_path: Path) -> None:
     """NetCDF keeps each dimension as a data set; without values, nothing is written in it."""
     path = tmp_path / "dimension.h5"

@@ -92,7 +92,7 @@ def _add_data_set(gathered: Gatherer, stored: Stored) -> None:
     kind = (
         "c" if stored.handle.dtype.fields and _is_complex(stored.handle.dtype) else stored.kind
     )
-    if kind not in "biufc" or ("MATLAB_class" in stored.attributes and _is_text(stored)):
+    if kind not in "biufc" or not _is_numeric(stored):
         return
     with naming_damage(stored.name):
         # A dimension of netCDF that has no values of its own: a scale that nobody writes.
@@ -165,8 +165,12 @@ def _is_complex(kind: np.dtype) -> bool:
     return set(kind.names or ()) == {"real", "imag"}
 
 
-def _is_text(stored: Stored) -> bool:
-    return hdf5.plain(stored.attributes["MATLAB_class"]) in ("char", "cell", "function_handle")
+def _is_numeric(stored: Stored) -> bool:
+    """Return whether MATLAB, where it wrote a data set, has numbers in it, and any at all."""
+    held = stored.attributes
+    kind = str(hdf5.plain(held.get("MATLAB_class", "double")))
+    numeric = kind in ("double", "single", "logical") or kind.startswith(("int", "uint"))
+    return numeric and not hdf5.plain(held.get("MATLAB_empty"))
 
 
 def _number(gathered: Gatherer, name: str, value: object) -> None:
