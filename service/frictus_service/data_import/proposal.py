@@ -158,6 +158,7 @@ class _Draft:
 
     def __init__(self, columns: Columns) -> None:
         self._columns = columns
+        self._names = {column.name for column in columns.columns}
         self.channels: dict[str, MappedColumn] = {}
         self.known: dict[str, Any] = {}
         self.reasons: list[str] = []
@@ -170,6 +171,9 @@ class _Draft:
         named = named_channel(name)
         if unit == "g" and named is not None and named.dimension == "force":
             unit = "gf"  # of a load cell
+        matrix, colon, _ = column.name.rpartition(":")
+        if colon and f"{matrix}:7" in self._names:
+            return  # of a matrix of trials: a sensor of force and torque has six axes
         channel = _channel_of(name, unit)
         if channel is None or not np.isfinite(column.values).any():
             return

@@ -43,3 +43,11 @@ def test_a_friction_coefficient_is_no_force() -> None:
     assert "force_x" in asked(found)
     assert "force_x" not in found.column_map.channels
     assert "force_x" in proposed(Column("friction [N]", FORCE_N)).column_map.channels
+
+
+def test_trials_in_a_matrix_are_no_axes() -> None:
+    """Twenty trials of one force: the first three are not those of x, y and z."""
+    trials = [Column(f"force:{n}", FORCE_N, "N") for n in range(1, 21)]
+    assert asked(proposed(*trials)) == {"force_x", "force_z"}
+    axes = proposed(*trials[:6]).column_map.channels
+    assert [axes[f"force_{axis}"].column for axis in "xyz"] == ["force:1", "force:2", "force:3"]
