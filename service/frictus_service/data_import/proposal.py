@@ -335,7 +335,7 @@ class _Draft:
         self.questions.append(
             Question(
                 "rate_hz",
-                "nothing says the sample rate: set rate_hz, or time.column and time.unit",
+                "no sample rate is given, or several: set rate_hz or time.column and time.unit",
             )
         )
 

@@ -324,7 +324,9 @@ class _Mapped:
         rate_hz = said or self._map.rate_hz or self._file_rate_hz
         if rate_hz is None:
             raise FieldError(
-                name, f"nothing says its sample rate; give {name}.rate_hz, or rate_hz for all"
+                name,
+                f"nothing says its sample rate, or the file has several; give {name}.rate_hz, "
+                "or rate_hz for all",
             )
         return Sampled(values, rate_hz)
 

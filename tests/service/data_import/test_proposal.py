@@ -51,3 +51,14 @@ def test_trials_in_a_matrix_are_no_axes() -> None:
     assert asked(proposed(*trials)) == {"force_x", "force_z"}
     axes = proposed(*trials[:6]).column_map.channels
     assert [axes[f"force_{axis}"].column for axis in "xyz"] == ["force:1", "force:2", "force:3"]
+
+
+def test_two_sample_rates_are_asked_for() -> None:
+    """Of structs as MATLAB has them: `touch.fs` is not the rate of `daq.force`."""
+    columns = (Column("daq.force:1", FORCE_N), Column("daq.force:3", X_MM))
+    for numbers, is_open in (
+        ({"daq.fs": 2e4, "touch.fs": 100.0}, True),
+        ({"daq.fs": 2e4, "touch.fs": 2e4}, False),
+        ({"fs_kHz": 20.0}, False),
+    ):
+        assert ("rate_hz" in asked(propose(Columns("MATLAB v5", columns, numbers)))) is is_open

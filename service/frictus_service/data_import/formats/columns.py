@@ -175,13 +175,14 @@ RATE_UNITS: Final[Mapping[str, float]] = {"": 1.0, "hz": 1.0, "khz": 1e3}
 
 
 def named_rate_hz(numbers: Mapping[str, float]) -> float | None:
-    """Return the sample rate among single numbers, by its name; None where none has such.
+    """Return the sample rate among single numbers, by its name; None where none or several are.
 
     Parameters
     ----------
     numbers : mapping of str to float
         By name, as in `Columns`.
     """
+    found = set()
     for name, value in numbers.items():
         plain = "".join(
             letter for letter in name.rsplit(".", 1)[-1].lower() if letter.isalnum()
@@ -189,5 +190,6 @@ def named_rate_hz(numbers: Mapping[str, float]) -> float | None:
         for unit, factor in RATE_UNITS.items():
             bare = plain.removesuffix(unit) if unit else plain
             if bare in RATE_NAMES and 0.0 < value < 1e9:
-                return value * factor
-    return None
+                found.add(value * factor)
+                break
+    return found.pop() if len(found) == 1 else None
