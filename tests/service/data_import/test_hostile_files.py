@@ -173,7 +173,7 @@ def test_a_text_that_holds_more_values_than_a_file_may(
 ) -> None:
     monkeypatch.setattr(columns, "MAX_VALUES", 10_000)
     path = tmp_path / "long.csv"
-    path.write_text("1,1\n1,2\n" * 6_000)
+    path.write_text("a;b\n" + "1;1\n1;2\n" * 6_000)
     with pytest.raises(StudyError, match=r"the table .* more than 10,000 values"):
         read_columns(path)
 
