@@ -162,7 +162,11 @@ class Gatherer:
             If there is no column of numbers.
         """
         if not any(column.values.size > 1 for column in self._columns):
-            raise StudyError("it holds no column of numbers; accepted: arrays of samples")
+            raise StudyError(
+                "it holds no column of numbers; accepted: arrays of samples of one or two "
+                "dimensions, also in a struct; save trials in a cell, a table, an array of "
+                "structs or of more dimensions each as a file"
+            )
         return Columns(self._format, tuple(self._columns), self._numbers, started_utc)
 
 
