@@ -18,6 +18,8 @@ from frictus_service.errors import StudyError
 
 LEFT_S: Final = 86_400.0
 """What is unfinished and so old was left by a process that was killed."""
+READ_S: Final = 0.5
+"""How long a reader may keep a file from being replaced, where a file that is open is kept."""
 _NO_LINKS: Final = frozenset({errno.EPERM, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP})
 
 
@@ -55,7 +57,15 @@ def put_in_place(written: Path, path: Path) -> None:
         What it is to be called; what stands there is replaced.
     """
     _sync_file(written)
-    os.replace(written, path)
+    until_s = time.monotonic() + READ_S
+    while True:
+        try:
+            os.replace(written, path)
+            break
+        except PermissionError:  # of Windows, while another thread or process reads the file
+            if time.monotonic() >= until_s:
+                raise
+            time.sleep(0.01)
     sync_folder(path.parent)
 
 

@@ -93,3 +93,26 @@ def test_nothing_replaces_files_another_way() -> None:
         "durable.py",
         "job_folder.py",  # sets a damaged file aside
     }
+
+
+def test_a_file_that_is_being_read_is_replaced_after_that(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Windows refuses to replace a file that is open."""
+    path = tmp_path / "texture.json"
+    path.write_bytes(b"old")
+    replace, reads = os.replace, [1, 2]
+
+    def replaced(source: Path, target: Path) -> None:
+        if reads:
+            reads.pop()
+            raise PermissionError("it is used by another process")
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", replaced)
+    replace_file(path, b"new")
+    assert path.read_bytes() == b"new"
+    reads += [1] * 1000
+    with pytest.raises(PermissionError):
+        replace_file(path, b"newer")
+    assert [each.read_bytes() for each in tmp_path.iterdir()] == [b"new"]
