@@ -220,3 +220,12 @@ def test_trials_in_an_array_of_structs_are_named(tmp_path: Path) -> None:
         savemat(path, held)
         with pytest.raises(StudyError, match="cell, a table, an array of structs"):
             read_columns(path)
+
+
+@pytest.mark.parametrize("rate_hz", [np.nan, np.inf, -2e4, 0.0])
+def test_a_sample_rate_that_is_none(rate_hz: float, tmp_path: Path) -> None:
+    path = tmp_path / "daq.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("force", data=np.ones(9)).attrs["sample_rate_hz"] = rate_hz
+    with pytest.raises(StudyError, match="force: its sample rate is"):
+        read_columns(path)

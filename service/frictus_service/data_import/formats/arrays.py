@@ -104,6 +104,11 @@ def _add_data_set(gathered: Gatherer, stored: Stored) -> None:
     plain = hdf5.plain(unit)
     rate = next((stored.attributes[n] for n in RATE_NAMES if n in stored.attributes), None)
     rate_hz = hdf5.plain(rate) if rate is not None else None
+    if isinstance(rate_hz, int | float) and not 0.0 < rate_hz < np.inf:
+        raise StudyError(
+            f"{stored.name}: its sample rate is {rate_hz:g}; accepted: above 0 Hz; correct the "
+            "attribute, or delete it and give rate_hz in the map"
+        )
     values = stored.read()
     if values.dtype.fields:
         values = values["real"] + 1j * values["imag"]
