@@ -30,6 +30,8 @@ class Finger:
     stiffness_slope: float = 0.0
     delay_s: float = 0.0
     skin_delay_s: float = 0.0
+    law_mm_s: tuple[float, float] = (0.0, np.inf)
+    """Slower and faster, the cutoff is that at these speeds."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ class Bench:
 
 def friction(finger: Finger, tone: FloatArray, speed: FloatArray) -> NDArray[np.complex128]:
     """Return the true response."""
-    cutoff = finger.cutoff_0_hz + finger.slope * speed
+    cutoff = finger.cutoff_0_hz + finger.slope * np.clip(speed, *finger.law_mm_s)
     s = 2j * np.pi * tone
     response: NDArray[np.complex128] = (
         finger.gain_n / (1.0 + s / (2.0 * np.pi * cutoff)) * np.exp(-s * finger.delay_s)

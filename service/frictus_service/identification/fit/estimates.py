@@ -1,12 +1,17 @@
 """The fits of a whole study: friction and mobility of every condition, laws of participants."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from frictus_hardware.arrays import BoolArray, FloatArray, IntArray
 from frictus_service.identification.documents import Parameter, Settings
-from frictus_service.identification.fit.conditions import ObservationTable, Selection, select
+from frictus_service.identification.fit.conditions import (
+    ObservationTable,
+    Sample,
+    Selection,
+    select,
+)
 from frictus_service.identification.fit.joint_fit import JointFit
 from frictus_service.identification.fit.speed_law import ConditionEvidence, SpeedLaw, estimate
 from frictus_service.identification.fit.transfer_functions import (
@@ -28,7 +33,6 @@ COLUMNS: dict[Parameter, int] = {
 }
 FRICTION: tuple[Parameter, ...] = ("gain", "cutoff")
 MOBILITY: tuple[Parameter, ...] = ("mass", "damping", "stiffness")
-_PASSES = 2
 _LEAST_RATIO = 0.2
 
 
@@ -129,10 +133,8 @@ def friction_of(
         return None
     n_people = len(table.participants)
     fitted = Fitted(chosen, fit_friction(chosen.sample, n_people))
-    for _ in range(_PASSES - 1):
-        ratio = _cutoff_ratio(fitted, measured)
-        fitted = Fitted(chosen, fit_friction(chosen.sample, n_people, ratio))
-    return fitted
+    moved = replace(chosen, sample=_at_mean_speed(fitted, measured))
+    return Fitted(moved, fit_friction(moved.sample, n_people))
 
 
 def mobility_of(
@@ -260,18 +262,25 @@ def _typical(fitted: Fitted, measured: Measured) -> FloatArray:
     return typical
 
 
-def _cutoff_ratio(fitted: Fitted, measured: Measured) -> FloatArray:
-    """Return the cutoff at each row's speed over its condition's, by the laws found so far."""
+def _at_mean_speed(fitted: Fitted, measured: Measured) -> Sample:
+    """Return the rows as they would be at the mean speed of their condition.
+
+    They are moved once, along the laws found so far, and not as the cutoff is fitted: what a
+    finger does at other speeds than its mean, or beyond the law, would tell the cutoff, and by
+    how little a trial scatters within itself, more than all that its tones say.
+    """
     sample = fitted.selection.sample
-    ratio = np.ones(sample.tone_hz.size)
     mean = measured.speed_mm_s[fitted.selection.groups][sample.condition]
+    moved = np.ones_like(sample.response)
     for person in np.unique(sample.people):
         law = law_of(fitted, measured, int(person))
         if law is None:
             continue
         rows = sample.people[sample.condition] == person
-        middle = law.cutoff_hz(mean[rows])
+        middle, tone_hz = law.cutoff_hz(mean[rows]), sample.tone_hz[rows]
         change = law.slope_hz_per_mm_s * (sample.speed_mm_s[rows] - mean[rows])
         safe = np.where(middle > 0.0, middle, np.inf)
-        ratio[rows] = np.maximum(1.0 + change / safe, _LEAST_RATIO)
-    return ratio
+        own = safe * np.maximum(1.0 + change / safe, _LEAST_RATIO)
+        moved[rows] = (1.0 + 1j * tone_hz / own) / (1.0 + 1j * tone_hz / safe)
+    variance = sample.variance * np.square(np.abs(moved))
+    return replace(sample, response=sample.response * moved, variance=variance)

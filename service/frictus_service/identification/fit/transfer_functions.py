@@ -31,33 +31,18 @@ _DELAYS_S: Final = np.linspace(-150e-6, 500e-6, 27)
 _SCATTER: Final = 0.1
 
 
-@dataclass(frozen=True, slots=True)
-class FirstOrder:
-    """First-order response, `joint_fit.Law`.
-
-    Attributes
-    ----------
-    cutoff_ratio : ndarray, shape (n_rows,)
-        Cutoff at the row's own speed over that of its condition.
-    """
-
-    cutoff_ratio: FloatArray
-
-    def __call__(
-        self, log_parameters: FloatArray, tone_hz: FloatArray
-    ) -> tuple[ComplexArray, ComplexArray]:
-        """Return H and d ln H / d (ln gain, ln cutoff)."""
-        cutoff = np.exp(log_parameters[:, CUTOFF]) * self.cutoff_ratio
-        below = 1.0 / (1.0 + 1j * (tone_hz / cutoff))
-        return (
-            np.exp(log_parameters[:, GAIN]) * below,
-            np.column_stack([np.ones_like(below), 1.0 - below]),
-        )
+def first_order(
+    log_parameters: FloatArray, tone_hz: FloatArray
+) -> tuple[ComplexArray, ComplexArray]:
+    """Return H and d ln H / d (ln gain, ln cutoff), `joint_fit.Law`."""
+    below = 1.0 / (1.0 + 1j * (tone_hz / np.exp(log_parameters[:, CUTOFF])))
+    return (
+        np.exp(log_parameters[:, GAIN]) * below,
+        np.column_stack([np.ones_like(below), 1.0 - below]),
+    )
 
 
-def fit_friction(
-    sample: Sample, n_people: int, cutoff_ratio: FloatArray | None = None
-) -> JointFit:
+def fit_friction(sample: Sample, n_people: int) -> JointFit:
     """Fit gain and cutoff of every condition, and one delay per participant.
 
     Parameters
@@ -66,16 +51,13 @@ def fit_friction(
         Rows that are fitted together.
     n_people : int
         How many to draw.
-    cutoff_ratio : ndarray, shape (n_rows,), or None
-        As in `FirstOrder`. None: 1.
 
     Returns
     -------
     JointFit
         Logarithms: gain (N per unit of drive fraction), cutoff (Hz).
     """
-    ratio = np.ones(sample.tone_hz.size) if cutoff_ratio is None else cutoff_ratio
-    problem = JointFitProblem(sample, FirstOrder(ratio), LOWEST, HIGHEST)
+    problem = JointFitProblem(sample, first_order, LOWEST, HIGHEST)
     return joint_fit.fit(problem, *_start(sample, n_people))
 
 
@@ -94,8 +76,7 @@ def refit_friction(
     spreads : Spreads
         Standard deviations that rows of a trial or condition share.
     """
-    law = FirstOrder(np.ones(sample.tone_hz.size))
-    problem = JointFitProblem(sample, law, LOWEST, HIGHEST, fit_delay=False)
+    problem = JointFitProblem(sample, first_order, LOWEST, HIGHEST, fit_delay=False)
     return joint_fit.fit(problem, begin, delay_s, spreads)
 
 
@@ -276,12 +257,11 @@ def fit_response(
     kept = np.minimum(share[used], MOST_COHERENT)
     weight = np.ones(hz.size) if coherence is None else np.sqrt(kept / (1.0 - kept))
     weight /= np.sqrt(np.square(weight).mean())
-    law = FirstOrder(np.ones(hz.size))
 
     def residual(parameters: FloatArray) -> FloatArray:
         logs = np.tile(parameters[:2], (hz.size, 1))
         late = np.exp(-2j * np.pi * hz * parameters[2] * MICROSECOND)
-        off = weight * (value / (law(logs, hz)[0] * late) - 1.0)
+        off = weight * (value / (first_order(logs, hz)[0] * late) - 1.0)
         return np.concatenate([off.real, off.imag])
 
     found = optimize.least_squares(residual, _start_response(hz, value, weight), x_scale="jac")

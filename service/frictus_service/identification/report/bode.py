@@ -14,7 +14,10 @@ from numpy.typing import NDArray
 from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_service.identification.documents import ConditionFit, ParticipantResult
 from frictus_service.identification.fit.joint_fit import Law
-from frictus_service.identification.fit.transfer_functions import FirstOrder, mass_spring_damper
+from frictus_service.identification.fit.transfer_functions import (
+    first_order,
+    mass_spring_damper,
+)
 from frictus_service.identification.observation.response import TrialObservations
 from frictus_service.identification.report.html import FIT, GRID, ORDER
 
@@ -151,7 +154,7 @@ def _panels(
                 "Friction",
                 "N per unit of drive",
                 points.friction,
-                FirstOrder(np.ones(_FINE)),
+                first_order,
                 (friction.gain_n.value, friction.cutoff_hz.value),
                 participant.friction.delay_s.value,
                 np.inf,

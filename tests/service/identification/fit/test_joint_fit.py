@@ -11,7 +11,7 @@ from frictus_service.identification.fit import joint_fit
 from frictus_service.identification.fit.conditions import ObservationTable
 from frictus_service.identification.fit.estimates import Fitted, Measured, friction_of
 from frictus_service.identification.fit.joint_fit import ALIKE, JointFitProblem, Solution
-from frictus_service.identification.fit.transfer_functions import HIGHEST, LOWEST, FirstOrder
+from frictus_service.identification.fit.transfer_functions import HIGHEST, LOWEST, first_order
 from frictus_service.identification.report.results import participants_of
 
 # What phases say is worth far more than what sizes say, as on the simulated rig.
@@ -37,7 +37,7 @@ def test_a_fit_that_begins_where_it_ended_stays_there(rng: np.random.Generator) 
     table, measured = seen(rng)
     fitted = friction(table, measured)
     sample = fitted.selection.sample
-    problem = JointFitProblem(sample, FirstOrder(np.ones(sample.tone_hz.size)), LOWEST, HIGHEST)
+    problem = JointFitProblem(sample, first_order, LOWEST, HIGHEST)
     first = joint_fit.fit(problem, fitted.fit.log_parameters, fitted.fit.delay_s)
     far = joint_fit.fit(problem, fitted.fit.log_parameters + 0.3, first.delay_s + 1e-4)
     assert first.settled.all()
@@ -45,6 +45,21 @@ def test_a_fit_that_begins_where_it_ended_stays_there(rng: np.random.Generator) 
     np.testing.assert_allclose(far.delay_s, first.delay_s, atol=1e-8)
     known = joint_fit.fit(problem, first.log_parameters, first.delay_s, first.spreads)
     np.testing.assert_allclose(known.log_parameters, first.log_parameters, atol=1e-4)
+
+
+def test_speeds_beyond_the_law_do_not_lead(rng: np.random.Generator) -> None:
+    """Half of a trial at either end of the law is beyond it: it was off by half and more."""
+    fingers = [
+        Finger(cutoff_0_hz=rng.uniform(330.0, 450.0), delay_s=1e-4, law_mm_s=(20.0, 100.0))
+        for _ in range(4)
+    ]
+    bench = replace(CLEAN, seconds=10.0, speed_wander=0.05, trial_gain=0.05, segment_gain=0.0)
+    table = ObservationTable.of(observations(fingers, bench, rng))
+    measured = Measured.of(table)
+    fit = friction(table, measured).fit
+    truth = np.array([fingers[p].cutoff_0_hz for p in measured.person])
+    truth = truth + fingers[0].slope * np.clip(measured.speed_mm_s, 20.0, 100.0)
+    np.testing.assert_allclose(np.exp(fit.log_parameters[:, 1]), truth, rtol=0.04)
 
 
 def test_one_solution_has_no_rival(rng: np.random.Generator) -> None:
