@@ -7,9 +7,11 @@ trial. With random effects of variances ``a`` (inner) and ``b`` (outer), the inv
 rows' covariance follows from Woodbury's identity, group by group, and is never formed.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import optimize
 
 from frictus_hardware.arrays import FloatArray, IntArray
 
@@ -104,7 +106,7 @@ def log_determinant(
 def scatter_of(
     residual: FloatArray, weight: FloatArray, levels: Levels, fitted: float
 ) -> GroupVariances:
-    """Return the scatter behind residuals, by moments (DerSimonian and Laird).
+    """Return the scatter behind residuals, by moments (Paule and Mandel).
 
     The inner one comes from replicates within the outer groups; the outer one from the groups'
     means around the fit.
@@ -126,26 +128,32 @@ def scatter_of(
         value = np.bincount(levels.inner, weight * residual, n_inner) / total
         noise = 1.0 / total
     parent, n = levels.outer_of_inner, levels.n_outer
-    inner = _within(value, noise, parent, n)
-    certainty = 1.0 / (noise + inner)
-    total = np.bincount(parent, certainty, n)
-    mean = np.bincount(parent, certainty * value, n) / total
-    left = max(n - fitted, 1.0)
-    outer = max(float(np.sum(mean**2) / left - np.mean(1.0 / total)), 0.0)
+    count = np.bincount(parent, minlength=n)
+
+    def centred(inner: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        certainty = 1.0 / (noise + inner)
+        total = np.bincount(parent, certainty, n)
+        mean = np.bincount(parent, certainty * value, n) / total
+        return certainty * np.square(value - mean[parent]), mean, 1.0 / total
+
+    inner = _balanced(lambda a: float(centred(a)[0].sum()), float(np.sum(count - 1)))
+    _, mean, own = centred(inner)
+    outer = _balanced(lambda b: float(np.sum(mean**2 / (own + b))), max(n - fitted, 1.0))
     return GroupVariances(inner, outer)
 
 
-def _within(value: FloatArray, noise: FloatArray, parent: IntArray, n: int) -> float:
-    """Return the variance of values within groups beyond their noise."""
-    count = np.bincount(parent, minlength=n)
-    mean = np.bincount(parent, value, n) / count
-    centred = value - mean[parent]
-    # Unweighted: a few rows with very little noise would decide alone.
-    freedom = float(np.sum(count - 1.0))
-    if freedom < 1.0:
+def _balanced(squares: Callable[[float], float], freedom: float) -> float:
+    """Return the variance at which weighted squares are what chance gives; 0: they are less.
+
+    Every row counts by its own noise and the scatter together. Unweighted, one that is nearly
+    all noise would hide how the others scatter.
+    """
+    if freedom < 1.0 or squares(0.0) <= freedom:
         return 0.0
-    expected = float(np.sum(noise * (1.0 - 1.0 / count[parent])))
-    return max((float(np.sum(centred**2)) - expected) / freedom, 0.0)
+    highest = 1e-12
+    while squares(highest) > freedom:
+        highest *= 10.0
+    return float(optimize.brentq(lambda a: squares(a) - freedom, 0.0, highest, rtol=1e-6))
 
 
 def _absorb(

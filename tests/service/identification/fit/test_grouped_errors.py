@@ -60,3 +60,15 @@ def test_noise_alone_is_no_scatter(rng: np.random.Generator) -> None:
     found = scatter_of(residual, np.full(parent.size, 100.0), levels, 0.0)
     assert found.inner < 1.6e-3  # five standard deviations of 2000 degrees of freedom
     assert found.outer < 1e-3
+
+
+def test_rows_that_are_all_noise_do_not_hide_how_the_others_scatter(
+    rng: np.random.Generator,
+) -> None:
+    """Unweighted, three rows of a thousand made the scatter nothing every other time."""
+    parent = np.repeat(np.arange(300), 4)
+    noise = np.full(parent.size, 1e-8)
+    noise[[5, 600, 900]] = 0.01
+    residual = rng.normal(0.0, 0.003, parent.size) + rng.normal(0.0, np.sqrt(noise))
+    found = scatter_of(residual, 1.0 / noise, Levels(None, parent, 300), 0.0)
+    assert abs(np.sqrt(found.inner) - 0.003) < 3e-4
