@@ -11,7 +11,12 @@ from frictus_service.identification.observation.observe import course_of, observ
 from frictus_service.identification.observation.response import TrialObservations
 from frictus_service.identification.plausibility.checks import CHECKS, Check
 from frictus_service.identification.plausibility.finding import Finding
-from frictus_service.identification.plausibility.pool import Pool, ResponseName, TrialRecord
+from frictus_service.identification.plausibility.pool import (
+    Pool,
+    ResponseName,
+    TrialRecord,
+    turned_trials,
+)
 from frictus_service.identification.plausibility.trial_statistics import statistics_of
 from frictus_service.study.trial import StudyInfo, Trial
 
@@ -150,10 +155,30 @@ def judge_study(
     people: dict[str, list[TrialRecord]] = defaultdict(list)
     for each in trials:
         people[each.observed.info.participant].append(each)
+    turned = [trial for own in people.values() for trial in turned_trials(own)]
+    for name, own in people.items():
+        people[name] = [one for one in own if one.observed.info.id not in turned]
     pools = {name: Pool.of(people[name]) for name in sorted(people)}
     found = [finding for check in CHECKS if (finding := _judged(check, pools)) is not None]
+    if turned:
+        found.append(_turned_in(turned))
     told = diagnose(found)
     return without_skin(told) if response == "friction" else told
+
+
+def _turned_in(trials: Sequence[str]) -> Finding:
+    return Finding(
+        "friction_turned",
+        "warning",
+        "the lateral force is against the motion, unlike in the participant's other trials: "
+        f"{', '.join(trials[:MOST])}{' and others' if len(trials) > MOST else ''} "
+        f"({len(trials)} in all); accepted: 0",
+        "turn force_n or position_mm along x in these trials, which are left out",
+        tuple(trials),
+        float(len(trials)),
+        (0.0, 0.0),
+        leaves_out=True,
+    )
 
 
 def _judged(check: Check, pools: dict[str, Pool]) -> Finding | None:

@@ -170,6 +170,10 @@ LOW_HZ: Final = 250.0
 """Up to here friction follows the drive, and skin friction, within a quarter of a period."""
 FAR: Final = 0.25
 """From its target: another condition than the one asked for."""
+AGAINST: Final = 0.25
+"""Of a person's usual friction in a direction; what a sensor drifts by is less."""
+LEAST_COEFFICIENT: Final = 0.05
+"""Of friction whose sign is a person's."""
 FOLLOWS: Final = 0.9
 """Correlation above which the skin's sensor is taken to follow the finger's motion."""
 
@@ -217,6 +221,35 @@ def friction_coefficient(pool: Pool, part: str) -> float:
         normal = float(np.abs(pool.column(f"{side}_normal_n")[there]) @ seconds[there])
         coefficients.append(force / normal if normal > 0.0 else np.nan)
     return float(np.mean(coefficients)) if coefficients else np.nan
+
+
+def turned_trials(trials: Sequence[TrialRecord]) -> tuple[str, ...]:
+    """Return the ids of trials in which friction has the other sign than in most of a person's.
+
+    Each direction is held against the median of the others in it: what the sensor reports at
+    rest is in both.
+
+    Parameters
+    ----------
+    trials : sequence of TrialRecord
+        Of one participant.
+    """
+    against, known = np.ones(len(trials), np.bool_), np.zeros(len(trials), np.bool_)
+    for side in ("right", "left"):
+        along, normal = (
+            np.array([getattr(each.statistics, f"{side}_{part}_n") for each in trials])
+            for part in ("force", "normal")
+        )
+        usual, there = middle(along), np.isfinite(along)
+        sure = usual > LEAST_COEFFICIENT * abs(middle(normal))
+        against &= ~there | (sure & (along < -AGAINST * usual))
+        known |= there
+    against &= known
+    return tuple(
+        each.observed.info.id
+        for each, turned in zip(trials, against.tolist(), strict=True)
+        if turned
+    )
 
 
 def across_friction(pool: Pool) -> float:

@@ -185,7 +185,9 @@ def _on_conditions(study: StudySummary, conditions: Sequence[ConditionFit]) -> l
             "to its limit."
         )
     if all(c.friction is None for c in conditions):
-        out.append("No friction response: no condition has enough tones.")
+        why = (each for c in conditions for each in c.missing if each.startswith("friction: "))
+        reason = next(why, "friction: no condition has enough tones")
+        out.append(f"No {reason.replace(':', ' response:', 1)}.")
     short = sum(1 for c in conditions if c.missing)
     if short:
         out.append(f"{short} of {len(conditions)} conditions lack a fit; reasons stand there.")

@@ -137,6 +137,19 @@ def test_one_person_of_three_is_left_out(session: list[Trial]) -> None:
     assert any(each.severity == "stop" for each in judge_study(of_two))
 
 
+def test_a_turned_trial_of_a_person_is_left_out(session: list[Trial]) -> None:
+    """One trial whose force was turned left no friction fit of all the others."""
+    turned = SLIPS["force x turned"].make
+    records = [
+        record_of(turned(each) if n == 1 else each, STUDY) for n, each in enumerate(session)
+    ]
+    (found,) = judge_study(records)
+    assert found.code == "friction_turned"
+    assert found.trials == (session[1].info.id,)
+    kept = leave_out([record.observed for record in records], [found])
+    assert [each.valid for each in kept].count(False) == 1
+
+
 def test_friction_does_not_need_the_skin(session: list[Trial]) -> None:
     records = [record_of(SLIPS["acceleration in g"].make(each), STUDY) for each in session]
     assert judge_study(records)[0].severity == "stop"
