@@ -137,6 +137,27 @@ class Sample:
         """Condition of each row."""
         return self.condition_of_trial[self.trial]
 
+    def of_person(self, person: int) -> "Sample":
+        """Return the rows of one participant, who is number 0 in them."""
+        conditions = self.people == person
+        trials = conditions[self.condition_of_trial]
+        segments, cells = trials[self.trial_of_segment], trials[self.trial_of_cell]
+        rows = trials[self.trial]
+        trial_of = np.cumsum(trials) - 1
+        return Sample(
+            self.tone_hz[rows],
+            self.speed_mm_s[rows],
+            self.response[rows],
+            self.variance[rows],
+            (np.cumsum(segments) - 1)[self.segment[rows]],
+            trial_of[self.trial[rows]],
+            (np.cumsum(cells) - 1)[self.cell[rows]],
+            trial_of[self.trial_of_segment[segments]],
+            trial_of[self.trial_of_cell[cells]],
+            (np.cumsum(conditions) - 1)[self.condition_of_trial[trials]],
+            np.zeros(np.count_nonzero(conditions), dtype=np.int64),
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Selection:

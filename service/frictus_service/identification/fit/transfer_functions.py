@@ -21,13 +21,14 @@ from frictus_service.identification.documents import EstimatedQuantity
 from frictus_service.identification.fit import joint_fit
 from frictus_service.identification.fit.conditions import Sample
 from frictus_service.identification.fit.joint_fit import JointFit, JointFitProblem, Spreads
+from frictus_service.identification.fit.participant_fits import fit_each
 
 GAIN, CUTOFF = 0, 1
 """Columns of the logarithms: gain in N per unit of drive fraction, cutoff in Hz."""
 LOWEST: Final = np.log([1e-6, 1.0])
 HIGHEST: Final = np.log([50.0, 20_000.0])
 _CUTOFFS_HZ: Final = np.geomspace(30.0, 12_000.0, 27)
-_DELAYS_S: Final = np.linspace(-150e-6, 500e-6, 27)
+_DELAYS_S: Final = np.linspace(-1e-3, 5e-3, 241)
 _SCATTER: Final = 0.1
 
 
@@ -58,7 +59,7 @@ def fit_friction(sample: Sample, n_people: int) -> JointFit:
         Logarithms: gain (N per unit of drive fraction), cutoff (Hz).
     """
     problem = JointFitProblem(sample, first_order, LOWEST, HIGHEST)
-    return joint_fit.fit(problem, *_start(sample, n_people))
+    return fit_each(problem, *_start(sample, n_people))
 
 
 def refit_friction(
@@ -158,7 +159,7 @@ def fit_mobility(sample: Sample, n_people: int) -> JointFit:
         Logarithms: mass (kg), damping (N s/m), stiffness (N/m).
     """
     problem = JointFitProblem(sample, mass_spring_damper, MOBILITY_LOWEST, MOBILITY_HIGHEST)
-    return joint_fit.fit(problem, *_start_mobility(sample, n_people))
+    return fit_each(problem, *_start_mobility(sample, n_people))
 
 
 def _start_mobility(sample: Sample, n_people: int) -> tuple[FloatArray, FloatArray]:

@@ -15,16 +15,21 @@ from frictus_service.identification.fit.transfer_functions import (
     first_order,
     fit_friction,
 )
+from frictus_service.identification.observation.response import TrialObservations
 
 EXACT = Bench(trial_gain=0.0, segment_gain=0.0, speed_wander=0.0, noise=1e-9, seconds=3.0)
 SMALL = Bench(speeds=(20.0, 60.0, 100.0), forces=(0.3, 0.5), seconds=4.0)
 
 
 def fitted(fingers: list[Finger], bench: Bench, rng: np.random.Generator) -> JointFit:
-    table = ObservationTable.of(observations(fingers, bench, rng))
+    return fitted_to(observations(fingers, bench, rng))
+
+
+def fitted_to(observed: list[TrialObservations]) -> JointFit:
+    table = ObservationTable.of(observed)
     person = Measured.of(table).person
     chosen = select(table, "friction", table.condition, person, 3)
-    return fit_friction(chosen.sample, len(fingers))
+    return fit_friction(chosen.sample, len(table.participants))
 
 
 @pytest.mark.parametrize("delay_s", [-50e-6, 0.0, 100e-6, 260e-6])
@@ -107,3 +112,26 @@ def test_units_of_the_force_scale_the_gain_alone(rng: np.random.Generator) -> No
     np.testing.assert_allclose(
         large.log_parameters - small.log_parameters, [[np.log(10.0), 0.0]] * 6, atol=1e-5
     )
+
+
+def test_one_whose_trials_contradict_each_other_changes_no_one_else(
+    rng: np.random.Generator,
+) -> None:
+    """Every other trial of one was 300 µs late: cutoffs of the others were up to 37 % off."""
+    right = observations([Finger(delay_s=50e-6), Finger(gain_n=0.6)], SMALL, rng)
+    late, early = (
+        observations([Finger(), Finger(), Finger(delay_s=delay_s)], SMALL, rng)
+        for delay_s in (400e-6, 100e-6)
+    )
+    mixed = [pair[n % 2] for n, pair in enumerate(zip(late, early, strict=True))]
+    third = [each for each in mixed if each.info.participant == "P03"]
+    alone, beside = fitted_to(right), fitted_to([*right, *third])
+    np.testing.assert_allclose(beside.log_parameters[:12], alone.log_parameters, rtol=1e-9)
+    np.testing.assert_allclose(beside.covariance[:12], alone.covariance, rtol=1e-9)
+
+
+def test_a_late_channel_is_found(rng: np.random.Generator) -> None:
+    """A delay of 1 ms began beyond the grid, and the fit settled nowhere."""
+    fit = fitted([Finger(delay_s=1e-3)], replace(SMALL, noise=0.002), rng)
+    assert fit.settled.all()
+    np.testing.assert_allclose(fit.delay_s, 1e-3, atol=20e-6)
