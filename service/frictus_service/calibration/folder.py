@@ -53,7 +53,7 @@ class CalibrationFolder:
         Raises
         ------
         FolderError
-            If the folder holds another calibration.
+            If the folder holds another calibration, or lacks a trial, or one is damaged.
         """
         (path / TRIALS).mkdir(parents=True, exist_ok=True)
         begun = read_spec(path)
@@ -63,8 +63,14 @@ class CalibrationFolder:
             raise FolderError(f"{path} holds trials but no {SPEC}; choose another folder")
         else:
             replace_file(path / SPEC, spec.model_dump_json(indent=1).encode())
-        done = [_done(trial) for trial in sorted((path / TRIALS).glob("*.h5"))]
-        return cls(path, spec, done)
+        files = sorted((path / TRIALS).glob("*.h5"))
+        for number, file in enumerate(files):  # the plan goes on by how many there were
+            if file.stem != _id(spec, number):
+                raise FolderError(
+                    f"{path / TRIALS} lacks trial {_id(spec, number)}; put it back, or choose "
+                    "another folder"
+                )
+        return cls(path, spec, [_done(file) for file in files])
 
     @property
     def done(self) -> tuple[RecordedTrial, ...]:
@@ -79,7 +85,7 @@ class CalibrationFolder:
     @property
     def next_id(self) -> str:
         """Id of the next trial; ids sort as the trials followed one another."""
-        return f"{self.spec.participant}-{len(self._done):04d}"
+        return _id(self.spec, len(self._done))
 
     def add(self, trial: Trial, info: StudyInfo, rejected: str) -> RecordedTrial:
         """Keep a trial; it is on the disk when this returns.
@@ -138,8 +144,17 @@ class CalibrationFolder:
         return self.path / TRIALS / f"{trial_id}.h5"
 
 
+def _id(spec: CalibrationSpec, number: int) -> str:
+    return f"{spec.participant}-{number:04d}"
+
+
 def _done(file: Path) -> RecordedTrial:
     with StudyReader(file) as reader:
+        for lost in reader.excluded:
+            raise FolderError(
+                f"{file} is damaged: {lost.field} {lost.reason}; put a copy of it back, or "
+                "choose another folder"
+            )
         (info,) = reader.trials
         rejected = str(reader.info.extras.get(VERDICT, ""))
         return RecordedTrial(

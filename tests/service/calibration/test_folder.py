@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -86,6 +87,25 @@ def test_a_torn_trial_is_as_if_it_never_was(tmp_path: Path, rng: np.random.Gener
     again = CalibrationFolder.open(tmp_path, SPEC)
     assert again.next_id == "P01-0001"
     again.add(trial(again, rng), STUDY, "")
+
+
+def test_a_trial_that_is_gone_or_damaged_is_named(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    """The finger was driven for one more trial, whose name one that was there had."""
+    folder = CalibrationFolder.open(tmp_path, SPEC)
+    for _ in range(2):
+        folder.add(trial(folder, rng), STUDY, "")
+    first, second = sorted(tmp_path.glob("trials/*.h5"))
+    held = first.read_bytes()
+    first.unlink()
+    with pytest.raises(FolderError, match="lacks trial P01-0000; put it back"):
+        CalibrationFolder.open(tmp_path, SPEC)
+    first.write_bytes(held)
+    with h5py.File(second, "r+") as file:
+        del file["trials/P01-0001"].attrs["speed_mm_s"]
+    with pytest.raises(FolderError, match=r"P01-0001\.h5 is damaged: speed_mm_s .*put a copy"):
+        CalibrationFolder.open(tmp_path, SPEC)
 
 
 def test_another_session_may_go_on(tmp_path: Path, rng: np.random.Generator) -> None:
