@@ -270,6 +270,15 @@ CHECKS: Final = (
         "position_t_s",
     ),
     Check(
+        "drive_peak",
+        "warning",
+        lambda pool: middle(pool.column("drive_ratio")),
+        (0.8, 1.25),
+        "voltage_v peaks at {value:.2g} times half of drive_vpp",
+        "see whether the monitor is clipped or its gain is another (the gain of the model goes "
+        "with the square of the voltage), or write as drive_vpp what was played",
+    ),
+    Check(
         "stamps_missing",
         "warning",
         lambda pool: middle(pool.column("coverage")),

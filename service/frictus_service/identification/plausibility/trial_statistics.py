@@ -48,6 +48,9 @@ class TrialStatistics:
     carrier_ratio : float
         Strongest line of the voltage over the carrier as the sample rate would show it; NaN
         where the voltage has a mean, and so no carrier.
+    drive_ratio : float
+        Largest magnitude of the voltage over half of `drive_vpp`; NaN without tones, or where
+        `carrier_ratio` is.
     across_motion : float
         Rms of the velocity along y over that along x, where the finger moves.
     normal_n, lateral_n : float
@@ -71,6 +74,7 @@ class TrialStatistics:
     duration_s: float
     coverage: float
     carrier_ratio: float
+    drive_ratio: float
     across_motion: float
     normal_n: float
     lateral_n: float
@@ -126,10 +130,12 @@ def statistics_of(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> T
     whole = np.logical_and.reduce(known, axis=0)
     swept = partial(_swept, course, force_n, whole, rate_hz)
     motion_power, shared, skin_power = _kinematics(trial, course)
+    carrier_ratio = _carrier_ratio(trial, study)
     return TrialStatistics(
         duration_s,
         covered,
-        _carrier_ratio(trial, study),
+        carrier_ratio,
+        np.nan if np.isnan(carrier_ratio) else _drive_ratio(trial),
         _across_motion(course),
         medians[2],
         max(abs(medians[0]), abs(medians[1])),
@@ -237,6 +243,12 @@ def _carrier_ratio(trial: Trial, study: StudyInfo) -> float:
     per_sample = study.carrier_hz / trial.info.sample_rate_hz
     expected = abs(per_sample - round(per_sample))
     return float(np.argmax(amplitudes)) / length / expected if expected > 0.0 else np.nan
+
+
+def _drive_ratio(trial: Trial) -> float:
+    if trial.voltage_v is None or not trial.info.tones_hz:
+        return np.nan
+    return float(2.0 * np.nanmax(np.abs(trial.voltage_v)) / trial.info.drive_vpp)
 
 
 def _kinematics(trial: Trial, course: FingerTrajectory) -> tuple[float, float, float]:

@@ -130,6 +130,13 @@ SLIPS: Final[Mapping[str, Slip]] = {
 }
 """Every fit would be nonsense."""
 
+
+def _monitor_clipped(trial: Trial) -> Trial:
+    if trial.voltage_v is None:
+        return trial
+    return replace(trial, voltage_v=np.clip(trial.voltage_v, -50.0, 50.0))
+
+
 WARNINGS: Final[Mapping[str, Slip]] = {
     "a speed never kept": _slip(
         lambda t: _asked(t, speed_mm_s=1.5 * t.info.speed_mm_s), "speed_target", "was measured"
@@ -139,6 +146,7 @@ WARNINGS: Final[Mapping[str, Slip]] = {
     ),
     "skin 260 us late": _slip(lambda t: _late(t, 260e-6), "skin_delay", "skew_s"),
     "force clipped": _slip(_clipped, "clipped", "widen the range"),
+    "monitor clipped": _slip(_monitor_clipped, "drive_peak", "square of the voltage"),
 }
 """Fits are possible."""
 
