@@ -174,9 +174,9 @@ def test_a_fault_begins_when_it_is_asked_for(fault: str, largest_n: float) -> No
 REASONS = {
     "force dead": "no finger presses",
     "force stuck": "the force stands still, or at an end of its range",
-    "force saturated": "the force stands still, or at an end of its range",
+    "force saturated": "no finger presses",  # from rail to rail: not in each tenth of a window
     "force clipped": "the force stands still, or at an end of its range",
-    "force loose": "friction does not follow the drive",
+    "force loose": "no finger presses",  # it rattles about zero
     "gaps": "samples are missing",
     "underruns": "the drive came too late",
     "touch frozen": "slower than 10 or faster than 150 mm/s",

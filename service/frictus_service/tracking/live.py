@@ -44,7 +44,7 @@ from frictus_service.tracking.tracker import STATE_S, Tell, Tracker
 from frictus_service.tracking.windows import WindowCutter
 
 SILENT_S: Final = 3.0
-BEAT_S: Final = 0.1
+BEAT_S: Final = 0.25
 """What has come is taken this often: a block at a time costs four times as much."""
 ROWS: Final = {
     "force": len(CHANNELS[FORCE]),
@@ -136,7 +136,7 @@ class LiveTracker:
         Parameters
         ----------
         over : callable
-            Asked ten times a second; true ends it.
+            Asked four times a second; true ends it.
 
         Raises
         ------
@@ -175,7 +175,7 @@ class LiveTracker:
         return part.sample_rate_hz == self._rate_hz and rows == ROWS
 
     def _joined(self, feed: BlockFeed, over: Callable[[], bool]) -> Iterator[Block]:
-        """Yield what a stream brings, a tenth of a second at a time."""
+        """Yield what a stream brings, a quarter of a second at a time."""
         joined = Coalescer()
         heard_s = due_s = self._monotonic_s()
         while not over():
