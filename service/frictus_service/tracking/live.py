@@ -8,16 +8,19 @@ goes on with the model that it has.
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from types import TracebackType
 from typing import Final, Self
+
+import numpy as np
 
 import frictus
 from frictus.aligned import AlignedSamples
 from frictus.block import Block
 from frictus.errors import FrictusError, LinkError, SilenceError
 from frictus.gaps import BlockFeed, Gap
-from frictus.keys import CHANNELS, FORCE, RENDER, VOLTAGE, Topics
+from frictus.keys import CHANNELS, FORCE, VOLTAGE, Topics
 from frictus.messages import (
     MAX_CHANGES,
     GuidanceState,
@@ -46,11 +49,7 @@ from frictus_service.tracking.windows import WindowCutter
 SILENT_S: Final = 3.0
 BEAT_S: Final = 0.25
 """What has come is taken this often: a block at a time costs four times as much."""
-ROWS: Final = {
-    "force": len(CHANNELS[FORCE]),
-    "voltage": len(CHANNELS[VOLTAGE]),
-    "render": len(CHANNELS[RENDER]),
-}
+ROWS: Final = {"force": len(CHANNELS[FORCE]), "voltage": len(CHANNELS[VOLTAGE])}
 PUT_BACK: Final = "put back as it was set"
 GUIDED: Final = ("approach", "record")
 """Phases of a guided trial."""
@@ -149,18 +148,15 @@ class LiveTracker:
         with (
             self._rig.blocks("force") as force,
             self._rig.blocks("voltage") as voltage,
-            self._rig.blocks("render") as render,
         ):
-            streams = {
-                name: self._joined(feed, over)
-                for name, feed in (("force", force), ("voltage", voltage), ("render", render))
-            }
-            for part in frictus.align(**streams):
+            for part in frictus.align(
+                force=self._joined(force, over), voltage=self._joined(voltage, over)
+            ):
                 self._hear()
                 if not self._is_of_the_rig(part):
                     self.tracker.leave_out("blocks of another rate or other channels")
                     continue
-                for moved in self._touched.take(part):
+                for moved in self._touched.take(_with_rows_for_motion(part)):
                     if self.tracker.take(moved):
                         self._felt_s = self._monotonic_s()
                 if self._monotonic_s() - told_s >= STATE_S:
@@ -295,6 +291,12 @@ class LiveTracker:
             since_felt_s=now_s - self._felt_s,
             adapted=model.adapted_from is not None and not is_as_set,
         )
+
+
+def _with_rows_for_motion(part: AlignedSamples) -> AlignedSamples:
+    """Return samples with x, y and speed in `render`, which touch reports will tell."""
+    motion = np.zeros((3, part.data["force"].shape[1]), np.float32)
+    return replace(part, data={**part.data, "render": motion})
 
 
 def _change(old: ModelState, new: ModelState) -> ModelChange | None:
