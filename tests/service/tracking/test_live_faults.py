@@ -26,7 +26,7 @@ _FORCE = {"kind": "sensor", "sensor": "force"}
     [
         (_FORCE | {"becomes": "dead"}, "no finger presses"),
         (_FORCE | {"becomes": "stuck"}, "the force stands still"),
-        (_FORCE | {"becomes": "loose"}, "friction does not follow the drive"),
+        (_FORCE | {"becomes": "loose"}, "no finger presses"),  # it rattles about zero
         ({"kind": "touch_stuck"}, "slower than"),
     ],
 )

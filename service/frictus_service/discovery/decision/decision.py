@@ -183,17 +183,18 @@ def untenable(problem: DiscoveryProblem, said: "SaidOfModel") -> set[int]:
 
 
 def _impossible(problem: DiscoveryProblem, each: CauseDecision) -> bool:
-    """Return whether all of a cause's interval lies beyond what its parameter can be.
+    """Return whether all of a cause's interval lies beyond twice what is accepted of it.
 
-    Of a signature that is nearly a person's own gain so little is left that something else,
-    within the accuracy of the measurement, is told as many times what can be.
+    What is a little beyond is told, and accepted as far as it goes. Of a signature that is nearly
+    a person's own gain so little is left that something else, within the accuracy of the
+    measurement, is told as many times what is accepted.
     """
     known = each.coefficients[np.isfinite(each.coefficients)]
     ci95 = mean_of(known).ci95 if known.size else None
     if ci95 is None:
         return False
     (low,), (high,) = problem.limits([each.candidate])
-    return bool(ci95[0] > high or ci95[1] < low)
+    return bool(ci95[0] > 2.0 * high or ci95[1] < 2.0 * low)
 
 
 def _torn(each: CauseDecision) -> bool:
