@@ -185,9 +185,9 @@ def untenable(problem: DiscoveryProblem, said: "SaidOfModel") -> set[int]:
 def _impossible(problem: DiscoveryProblem, each: CauseDecision) -> bool:
     """Return whether all of a cause's interval lies beyond twice what is accepted of it.
 
-    What is a little beyond is told, and accepted as far as it goes. Of a signature that is nearly
-    a person's own gain so little is left that something else, within the accuracy of the
-    measurement, is told as many times what is accepted.
+    What is a little beyond is told, and accepted as far as it goes. Of a signature that is
+    nearly a person's own gain so little is left that something else, within the accuracy of
+    the measurement, is told as many times what is accepted.
     """
     known = each.coefficients[np.isfinite(each.coefficients)]
     ci95 = mean_of(known).ci95 if known.size else None
