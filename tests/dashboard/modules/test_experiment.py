@@ -160,6 +160,8 @@ def test_an_experiment_is_started_once(page: Page) -> None:
               return states;
             }"""
         )
+    while not asked:  # its route is told after the request, and only while the page is asked
+        page.evaluate("0")
     asked[0].fulfill(status=201, json=job("queued"))
     page.wait_for_function("window.begun === '1-2'")
     page.unroute_all()

@@ -117,7 +117,7 @@ def test_a_csv_is_chosen_by_keyboard_and_a_malformed_one_refused_with_the_reason
     drop(page, "noise.wav", b"RIFF, but not really")
     page.keyboard.type("40")
     page.keyboard.press("Enter")
-    expect(recorded).to_contain_text("is not a WAV file with PCM samples")
+    expect(recorded).to_contain_text("noise.wav is not a WAV file")
     drop(page, "notes.txt", b"hello")
     expect(recorded).to_contain_text(
         "notes.txt: .wav, .csv, .ahap, .haptic, .hjif, .hmpg, .png"
