@@ -75,6 +75,11 @@ class PresentedInterval:
     finger: FingerPath | None
     force: SensedForce | None
 
+    @property
+    def felt(self) -> bool:
+        """Whether the finger touched and moved: friction is felt by one that slides."""
+        return self.finger is not None and not self.finger.still
+
     def fields(self) -> dict[str, Any]:
         """Return it as a row of a log holds it."""
         return {**asdict(self), "applied": self.applied.model_dump()}

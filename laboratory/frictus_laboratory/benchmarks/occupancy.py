@@ -9,8 +9,6 @@ import time
 from dataclasses import dataclass
 from typing import Final, Self
 
-import psutil
-
 import frictus
 from frictus_hardware import SimulatedConfig
 from frictus_laboratory.benchmarks.figure import Figure, Target
@@ -23,6 +21,7 @@ from frictus_laboratory.benchmarks.processes import (
     config_of,
     neighbour,
     serving,
+    used_s,
 )
 from frictus_service.config import Config
 from frictus_service.daemon.processes.child_process import PartName
@@ -43,16 +42,14 @@ class _Beats:
 
 
 def be_rig(pipe: Pipe, config: Config) -> None:
-    """Be a rig; asked for it, answer with the processor time of this process, s."""
+    """Be a rig."""
     ready, stop = threading.Event(), threading.Event()
     thread = threading.Thread(target=run_rig, args=(config, _Beats(), ready, stop))
     thread.start()
     try:
         ready.wait()
         pipe.send("ready")
-        while True:
-            pipe.recv()
-            pipe.send(time.process_time())
+        pipe.recv()
     finally:
         stop.set()
         thread.join()
@@ -60,9 +57,9 @@ def be_rig(pipe: Pipe, config: Config) -> None:
 
 def share_of(rig: Neighbour, seconds: float) -> float:
     """Return the share of a core that a rig takes over a while."""
-    begun_s, used_s = time.monotonic(), rig.ask("used")
+    begun_s, before_s = time.monotonic(), used_s(rig.pid)
     threading.Event().wait(seconds)
-    return float((rig.ask("used") - used_s) / (time.monotonic() - begun_s))
+    return (used_s(rig.pid) - before_s) / (time.monotonic() - begun_s)
 
 
 def measure(seconds: float = 6.0) -> list[Figure]:
@@ -117,15 +114,10 @@ class Stay:
     @classmethod
     def watch(cls, rig: frictus.Rig, pid: int, seconds: float) -> Self:
         """Render a texture for a while."""
-        cpu_s, wall_s = _cpu_s(pid), time.monotonic()
+        cpu_s, wall_s = used_s(pid), time.monotonic()
         lateness_ms, _ = timing_of(rig, seconds)
         wall_s = time.monotonic() - wall_s
-        return cls(lateness_ms, (_cpu_s(pid) - cpu_s) / wall_s, wall_s)
-
-
-def _cpu_s(pid: int) -> float:
-    times = psutil.Process(pid).cpu_times()
-    return float(times.user + times.system)
+        return cls(lateness_ms, (used_s(pid) - cpu_s) / wall_s, wall_s)
 
 
 def measure_tracker(seconds: float = 10.0, turns: int = TURNS) -> list[Figure]:

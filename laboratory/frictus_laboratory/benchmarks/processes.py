@@ -123,23 +123,30 @@ class Neighbour:
             If it says nothing and stands still, or has ended.
         """
         try:
-            _await_word(self._pipe.poll, self._used_s, StartProgress(), patience_s)
+            _await_word(self._pipe.poll, lambda: used_s(self.pid), StartProgress(), patience_s)
             return self._pipe.recv()
         except (EOFError, OSError) as error:
             raise StartError("a process that helps to measure has ended") from error
-
-    def _used_s(self) -> float:
-        """Return its processor time."""
-        try:
-            times = psutil.Process(self.pid).cpu_times()
-        except psutil.NoSuchProcess:
-            return 0.0  # the pipe tells that it has ended
-        return float(times.user + times.system)
 
     def ask(self, word: object) -> Any:
         """Say something and return the answer; raises as `heard`."""
         self.tell(word)
         return self.heard()
+
+
+def used_s(pid: int) -> float:
+    """Return the processor time of a process, s; 0 once it has ended.
+
+    Parameters
+    ----------
+    pid : int
+        Its process id.
+    """
+    try:
+        times = psutil.Process(pid).cpu_times()
+    except psutil.NoSuchProcess:
+        return 0.0
+    return float(times.user + times.system)
 
 
 @contextmanager
@@ -181,7 +188,7 @@ def neighbour(work: Work, *given: object) -> Iterator[Neighbour]:
 
 def _await_word(
     has_come: Callable[[float], bool],
-    used_s: Callable[[], float],
+    processor_s: Callable[[], float],
     progress: StartProgress,
     patience_s: float,
 ) -> None:
@@ -191,7 +198,7 @@ def _await_word(
     ----------
     has_come : callable
         Waits so many seconds at most, and returns whether there is a word.
-    used_s : callable
+    processor_s : callable
         Returns the processor time.
     progress : StartProgress
         Of the processor time of the other process.
@@ -202,9 +209,9 @@ def _await_word(
     StartError
         If it has not grown for so long.
     """
-    before_s = used_s()
+    before_s = processor_s()
     while not has_come(LOOK_S):
-        now_s = used_s()
+        now_s = processor_s()
         if now_s > before_s:
             before_s = now_s
             progress.move()

@@ -206,7 +206,7 @@ class Keyboard:
         from frictus.experiment.tasks import checked
 
         _discard_typed()
-        if any(each.finger is None or each.finger.still for each in intervals):
+        if not all(each.felt for each in intervals):
             _say("  (the finger did not touch the screen, or did not move: this comes again)")
         while True:
             _say(f"  {self._question} ")

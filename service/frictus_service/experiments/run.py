@@ -164,7 +164,7 @@ class PageParticipant:
             What was presented.
         """
         self._step += 1
-        touched = all(each.finger is not None and not each.finger.still for each in intervals)
+        touched = all(each.felt for each in intervals)
         self._show(trial, "question", touched=touched)
         return self._answer(trial)
 

@@ -5,7 +5,7 @@ from multiprocessing.connection import Connection
 import pytest
 
 from frictus_laboratory.benchmarks.lateness import compute
-from frictus_laboratory.benchmarks.processes import _await_word, neighbour
+from frictus_laboratory.benchmarks.processes import _await_word, neighbour, used_s
 from frictus_service.daemon.processes.child_process import StartProgress
 from frictus_service.errors import StartError
 
@@ -37,7 +37,7 @@ def test_who_stands_still_is_given_up() -> None:
 
 def test_the_processor_time_of_a_neighbour_is_known() -> None:
     with neighbour(compute) as other:
-        assert other._used_s() > 0.0
+        assert used_s(other.pid) > 0.0
 
 
 def test_one_that_ends_is_told_at_once() -> None:
