@@ -160,7 +160,7 @@ class FrictionResult(_Document):
     gain_n: EstimatedQuantity
     delay_s: EstimatedQuantity
     cutoff_at: tuple[tuple[FiniteFloat, EstimatedQuantity], ...]
-    """Target speed in mm/s, and the mean cutoff there in Hz."""
+    """Mean measured speed (mm/s) of a target speed's conditions, and their cutoff (Hz)."""
     law: LawResult | None
     without_law: str | None = None
     """Why there is no speed law."""

@@ -1,24 +1,28 @@
 """Gauss-Newton over many conditions at once that share one delay per participant.
 
-All residuals are relative, ``z / H - 1``, and the parameters of a condition logarithms, so that
-they stay positive. A delay is a property of the channels and not of how the finger slides;
+A delay is a property of the channels and not of how the finger slides;
 fitted per condition it would take with it half of what the phase says about the cutoff.
 """
 
 from dataclasses import dataclass, replace
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 from scipy import stats
 
-from frictus_hardware.arrays import BoolArray, ComplexArray, FloatArray, IntArray
-from frictus_service.identification.fit.conditions import Sample
+from frictus_hardware.arrays import BoolArray, FloatArray, IntArray
 from frictus_service.identification.fit.grouped_errors import (
     GroupVariances,
-    Levels,
     log_determinant,
     moments,
-    scatter_of,
+)
+from frictus_service.identification.fit.normal_equations import (
+    JointFitProblem,
+    Spreads,
+    influences,
+    linearise,
+    normal_equations,
+    spreads_around,
 )
 
 STEP: Final = 0.5
@@ -26,26 +30,6 @@ STEP: Final = 0.5
 DELAY_STEP_S: Final = 50e-6
 STEPS: Final = 60
 SETTLED: Final = 1e-5
-RIDGE: Final = 1e-6
-"""Information about a logarithm that is always there: what is not determined stays put."""
-
-
-class Law(Protocol):
-    """A response without its delay, and its derivatives."""
-
-    def __call__(
-        self, log_parameters: FloatArray, tone_hz: FloatArray
-    ) -> tuple[ComplexArray, ComplexArray]:
-        """Return H, shape (n_rows,), and d ln H / d parameters, (n_rows, p), of all rows."""
-
-
-@dataclass(frozen=True, slots=True)
-class Spreads:
-    """Scatter of relative residuals: of size (real part) and of phase (imaginary part)."""
-
-    size: GroupVariances
-    phase: GroupVariances
-
 
 BEGINNINGS: Final = (
     Spreads(size=GroupVariances(0.0, 1e-2), phase=GroupVariances(0.0, 1e-6)),
@@ -80,7 +64,11 @@ class JointFit:
     delay_gradient : ndarray, shape (n_conditions, p)
         By how much the logarithms change per second of delay.
     delay_variance : ndarray, shape (n_people,)
-        s²; clustered by trial where `is_clustered`.
+        s²; by the scatter, or clustered by trial where that is larger and `is_clustered`.
+    delay_freedom : ndarray, shape (n_people,)
+        Degrees of freedom of `delay_variance`: of a few tones that tell nearly all of it.
+    freedom : ndarray, shape (n_people,)
+        Degrees of freedom of the scatter, that of `covariance`.
     is_clustered : ndarray of bool, shape (n_people,)
         Whether there are trials enough to tell errors by what each pulls: a fit goes through
         the only trial of a condition, however wrong that is.
@@ -105,6 +93,8 @@ class JointFit:
     covariance: FloatArray
     delay_gradient: FloatArray
     delay_variance: FloatArray
+    delay_freedom: FloatArray
+    freedom: FloatArray
     is_clustered: BoolArray
     influence: FloatArray
     delay_influence: FloatArray
@@ -131,40 +121,6 @@ class Solution:
     settled: BoolArray
     spreads: Spreads
     log_likelihood: float
-
-
-@dataclass(frozen=True, slots=True)
-class JointFitProblem:
-    """What is fitted to what.
-
-    Attributes
-    ----------
-    sample : Sample
-        Rows that are fitted together.
-    law : Law
-        Response and its derivatives.
-    lowest, highest : ndarray, shape (p,)
-        Bounds of the logarithms.
-    fit_delay : bool
-        Whether the delay is fitted, or stays where it begins.
-    """
-
-    sample: Sample
-    law: Law
-    lowest: FloatArray
-    highest: FloatArray
-    fit_delay: bool = True
-
-    @property
-    def size_levels(self) -> Levels:
-        """Sizes deviate by stretch and trial, all tones together."""
-        s = self.sample
-        return Levels(s.segment, s.trial_of_segment, s.condition_of_trial.size)
-
-    @property
-    def phase_levels(self) -> Levels:
-        """Phases deviate by row, and by tone of a trial."""
-        return Levels(None, self.sample.cell, self.sample.trial_of_cell.size)
 
 
 def fit(
@@ -232,62 +188,6 @@ def with_rival(fit: JointFit, best: Solution, other: Solution, people: IntArray)
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Step:
-    """Normal equations of all conditions at one point."""
-
-    score: FloatArray  # (n_trials, p + 1)
-    local: FloatArray  # (n_conditions, p, p), the inverse
-    cross: FloatArray  # (n_conditions, p)
-    delay: FloatArray  # (n_people,) information on the delay with all else free
-
-
-def _linearise(
-    problem: JointFitProblem, log_parameters: FloatArray, delay_s: FloatArray
-) -> tuple[ComplexArray, ComplexArray, FloatArray]:
-    """Return d ln H / d (parameters, delay), relative residuals, and certainties."""
-    sample = problem.sample
-    condition = sample.condition
-    law, gradient = problem.law(log_parameters[condition], sample.tone_hz)
-    s = 2j * np.pi * sample.tone_hz
-    law = law * np.exp(-s * delay_s[sample.people[condition]])
-    columns = np.column_stack([gradient, -s])
-    certainty = np.square(np.abs(law)) / sample.variance
-    return columns, sample.response / law - 1.0, certainty
-
-
-def _normal(
-    problem: JointFitProblem, log_parameters: FloatArray, delay_s: FloatArray, spreads: Spreads
-) -> _Step:
-    sample = problem.sample
-    columns, residual, weight = _linearise(problem, log_parameters, delay_s)
-    table = np.column_stack([columns, residual])
-    by_trial = moments(table.real, weight, problem.size_levels, spreads.size)
-    by_cell = moments(table.imag, weight, problem.phase_levels, spreads.phase)
-    np.add.at(by_trial, sample.trial_of_cell, by_cell)
-    n, p = log_parameters.shape
-    total = np.zeros((n, p + 2, p + 2))
-    np.add.at(total, sample.condition_of_trial, by_trial)
-    inverse = np.linalg.inv(total[:, :p, :p] + RIDGE * np.eye(p))
-    local = inverse.astype(np.float64, copy=False)
-    cross = total[:, :p, p]
-    own = total[:, p, p] - np.einsum("ci,cij,cj->c", cross, local, cross)
-    delay = np.bincount(sample.people, own, delay_s.size).astype(np.float64)
-    return _Step(by_trial[:, : p + 1, p + 1], local, cross, delay)
-
-
-def _influences(problem: JointFitProblem, step: _Step) -> tuple[FloatArray, FloatArray]:
-    """Return what each trial pulls: its condition's logarithms, its participant's delay."""
-    sample = problem.sample
-    condition = sample.condition_of_trial
-    local = np.einsum("tij,tj->ti", step.local[condition], step.score[:, :-1])
-    if not problem.fit_delay:
-        return local, np.zeros(condition.size)
-    rest = step.score[:, -1] - np.einsum("ti,ti->t", step.cross[condition], local)
-    known = np.maximum(step.delay[sample.people[condition]], np.finfo(float).tiny)
-    return local, rest / known
-
-
 def _descend(
     problem: JointFitProblem,
     log_parameters: FloatArray,
@@ -305,21 +205,20 @@ def _descend(
     person = sample.people[sample.condition_of_trial]
     longest = np.full(log_parameters.shape[0], np.inf)
     for number in range(STEPS):
-        step = _normal(problem, log_parameters, delay_s, spreads)
-        local, pull = _influences(problem, step)
+        step = normal_equations(problem, log_parameters, delay_s, spreads)
+        local, pull = influences(problem, step)
         later = np.bincount(person, pull, delay_s.size)
         later = np.clip(later, -DELAY_STEP_S, DELAY_STEP_S)
         change = np.zeros_like(log_parameters)
         np.add.at(change, sample.condition_of_trial, local)
-        gradient = -np.einsum("cij,cj->ci", step.local, step.cross)
-        change += gradient * later[sample.people][:, np.newaxis]
+        change += step.delay_gradient * later[sample.people][:, np.newaxis]
         longest = np.max(np.abs(change), axis=1)
         change *= np.minimum(1.0, STEP / np.maximum(longest, STEP))[:, np.newaxis]
         log_parameters = np.clip(log_parameters + change, problem.lowest, problem.highest)
         delay_s = delay_s + later
         warm = number + 1 >= WARM_UP
         if estimate_spreads and warm and number < SCATTER_STEPS:
-            spreads = _spreads(problem, log_parameters, delay_s)
+            spreads = spreads_around(problem, log_parameters, delay_s)
         if np.all(longest < SETTLED) and (warm or not estimate_spreads):
             break
     inside = (log_parameters > problem.lowest) & (log_parameters < problem.highest)
@@ -340,7 +239,7 @@ def _log_likelihood(
     The responses are ``H (1 + r)``: besides the density of the residuals stands the area by
     which the response stretches them, ``|H|²`` per row.
     """
-    _, residual, weight = _linearise(problem, log_parameters, delay_s)
+    _, residual, weight = linearise(problem, log_parameters, delay_s)
     stretched = np.log(weight * problem.sample.variance).sum()
     total = -2.0 * stretched
     for part, levels, variances in (
@@ -352,43 +251,40 @@ def _log_likelihood(
     return float(0.5 * total)
 
 
-def _spreads(
-    problem: JointFitProblem, log_parameters: FloatArray, delay_s: FloatArray
-) -> Spreads:
-    _, residual, weight = _linearise(problem, log_parameters, delay_s)
-    n, p = log_parameters.shape
-    # A condition's size takes one degree of freedom, its shape the rest, from both parts alike.
-    shape = 0.5 * (p - 1) * n
-    return Spreads(
-        scatter_of(residual.real, weight, problem.size_levels, n + shape),
-        scatter_of(residual.imag, weight, problem.phase_levels, shape),
-    )
-
-
 def _conclude(problem: JointFitProblem, found: Solution) -> JointFit:
     sample = problem.sample
     delay_s = found.delay_s
-    step = _normal(problem, found.log_parameters, delay_s, found.spreads)
-    local, pull = _influences(problem, step)
+    step = normal_equations(problem, found.log_parameters, delay_s, found.spreads)
+    local, pull = influences(problem, step)
     person = sample.people[sample.condition_of_trial]
     trials = np.bincount(person, minlength=delay_s.size)
+    tones = np.bincount(person[sample.trial_of_cell], minlength=delay_s.size)
     conditions = np.bincount(sample.people, minlength=delay_s.size)
     used = 0.5 * (1 + conditions * local.shape[1])
-    enough = trials / np.maximum(trials - used, 1.0)
     clustered = trials >= 2 * conditions
-    known = 1.0 / np.maximum(step.delay, np.finfo(float).tiny) if problem.fit_delay else 0.0
+    freedom = np.maximum(np.where(clustered, trials, tones) - used, 1.0)
+    variance = np.zeros_like(delay_s)
+    if problem.fit_delay:
+        variance = 1.0 / np.maximum(step.delay, np.finfo(float).tiny)
+    enough = np.sqrt(trials / np.maximum(trials - used, 1.0))[person]
+    local, pull = local * enough[:, np.newaxis], pull * enough
+    # Where two or three tones tell nearly all of the delay, the fit goes through them, and what
+    # they pull says little: half of the error. The scatter then says more.
+    pulled = np.bincount(person, pull**2, delay_s.size)
+    larger = np.where(clustered, np.maximum(variance, pulled), variance)
+    pull = pull * np.sqrt(larger / np.where(pulled > 0.0, pulled, 1.0))[person]
     return JointFit(
         log_parameters=found.log_parameters,
         delay_s=delay_s,
         settled=found.settled,
         covariance=step.local,
-        delay_gradient=-np.einsum("cij,cj->ci", step.local, step.cross),
-        delay_variance=np.where(
-            clustered, enough * np.bincount(person, pull**2, delay_s.size), known
-        ),
+        delay_gradient=step.delay_gradient,
+        delay_variance=larger,
+        delay_freedom=np.where(clustered, step.delay_freedom(sample), freedom),
+        freedom=freedom,
         is_clustered=clustered,
-        influence=local * np.sqrt(enough[person])[:, np.newaxis],
-        delay_influence=pull * np.sqrt(enough[person]),
+        influence=local,
+        delay_influence=pull,
         spreads=found.spreads,
         rival_shift=np.zeros_like(found.log_parameters),
         rival_delay_shift_s=np.zeros_like(delay_s),

@@ -13,7 +13,8 @@ import numpy as np
 from frictus_hardware.arrays import FloatArray, IntArray
 from frictus_service.identification.fit import joint_fit
 from frictus_service.identification.fit.grouped_errors import GroupVariances
-from frictus_service.identification.fit.joint_fit import JointFit, JointFitProblem, Spreads
+from frictus_service.identification.fit.joint_fit import JointFit
+from frictus_service.identification.fit.normal_equations import JointFitProblem, Spreads
 
 BY_CONDITION: Final = (
     "log_parameters",
@@ -23,7 +24,14 @@ BY_CONDITION: Final = (
     "rival_shift",
 )
 BY_TRIAL: Final = ("influence", "delay_influence")
-BY_PERSON: Final = ("delay_s", "delay_variance", "is_clustered", "rival_delay_shift_s")
+BY_PERSON: Final = (
+    "delay_s",
+    "delay_variance",
+    "delay_freedom",
+    "freedom",
+    "is_clustered",
+    "rival_delay_shift_s",
+)
 
 
 def fit_each(

@@ -20,7 +20,8 @@ from frictus_service.errors import FieldError
 from frictus_service.identification.documents import EstimatedQuantity
 from frictus_service.identification.fit import joint_fit
 from frictus_service.identification.fit.conditions import Sample
-from frictus_service.identification.fit.joint_fit import JointFit, JointFitProblem, Spreads
+from frictus_service.identification.fit.joint_fit import JointFit
+from frictus_service.identification.fit.normal_equations import JointFitProblem, Spreads
 from frictus_service.identification.fit.participant_fits import fit_each
 
 GAIN, CUTOFF = 0, 1
@@ -35,7 +36,7 @@ _SCATTER: Final = 0.1
 def first_order(
     log_parameters: FloatArray, tone_hz: FloatArray
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Return H and d ln H / d (ln gain, ln cutoff), `joint_fit.Law`."""
+    """Return H and d ln H / d (ln gain, ln cutoff), `normal_equations.Law`."""
     below = 1.0 / (1.0 + 1j * (tone_hz / np.exp(log_parameters[:, CUTOFF])))
     return (
         np.exp(log_parameters[:, GAIN]) * below,
@@ -134,7 +135,7 @@ _MOBILITY_DELAYS_S: Final = np.linspace(-300e-6, 300e-6, 25)
 def mass_spring_damper(
     log_parameters: FloatArray, tone_hz: FloatArray
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Return the mobility and d ln Y / d (ln m, ln b, ln k), `joint_fit.Law`."""
+    """Return the mobility and d ln Y / d (ln m, ln b, ln k), `normal_equations.Law`."""
     s = 2j * np.pi * tone_hz
     mass, damping, stiffness = np.exp(log_parameters).T
     terms = np.column_stack([mass * s**2, damping * s, stiffness.astype(np.complex128)])

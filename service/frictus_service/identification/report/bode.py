@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_service.identification.documents import ConditionFit, ParticipantResult
-from frictus_service.identification.fit.joint_fit import Law
+from frictus_service.identification.fit.normal_equations import Law
 from frictus_service.identification.fit.transfer_functions import (
     first_order,
     mass_spring_damper,

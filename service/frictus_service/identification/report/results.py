@@ -26,11 +26,13 @@ from frictus_service.identification.fit.speed_law import NAMES, Combination, Spe
 from frictus_service.identification.fit.transfer_functions import CUTOFF, GAIN, refit_friction
 
 MOBILITY_NAMES = ("mass_kg", "damping_n_s_m", "stiffness_n_m", "skew_s")
-_NORMAL_975 = float(stats.norm.ppf(0.975))
 
 
 def estimates_of(fit: JointFit, people: NDArray[np.int64]) -> list[list[EstimatedQuantity]]:
-    """Return the parameters of each condition, intervals on the logarithm.
+    """Return the parameters of each condition, intervals on the logarithm, by t.
+
+    The variance is that of the scatter and that of the delay, of which fewer trials tell: its
+    degrees of freedom by Satterthwaite.
 
     Parameters
     ----------
@@ -39,10 +41,15 @@ def estimates_of(fit: JointFit, people: NDArray[np.int64]) -> list[list[Estimate
     people : ndarray of int, shape (n_conditions,)
     """
     by_delay = np.square(fit.delay_gradient) * fit.delay_variance[people][:, np.newaxis]
-    variance = np.einsum("cii->ci", fit.covariance) + by_delay + np.square(fit.rival_shift)
-    error = np.sqrt(variance)
+    alone = np.einsum("cii->ci", fit.covariance) + np.square(fit.rival_shift)
+    left = fit.freedom[people], fit.delay_freedom[people]
+    parts = (
+        np.square(alone) / left[0][:, np.newaxis] + np.square(by_delay) / left[1][:, np.newaxis]
+    )
+    error = np.sqrt(alone + by_delay)
     value = np.exp(fit.log_parameters)
-    spread = np.exp(np.minimum(_NORMAL_975 * error, 50.0))
+    factor = stats.t.ppf(0.975, np.square(alone + by_delay) / parts)
+    spread = np.exp(np.minimum(factor * error, 50.0))
     return [
         [
             EstimatedQuantity(value=v, standard_error=v * e, ci95=(v / s, v * s))
@@ -248,7 +255,7 @@ def _friction(
     for speed in np.unique(measured.target_mm_s[measured.person == person]).tolist():
         there = evidence_of(fitted, measured, person, measured.target_mm_s == speed)
         if there is not None:
-            at.append((speed, _each(levels(there))[CUTOFF]))
+            at.append((float(there.speed_mm_s.mean()), _each(levels(there))[CUTOFF]))
     far = (outliers["gain"] | outliers["cutoff"]) & (measured.person == person)
     rest = law_of(fitted, measured, person, ~far) if far.any() else None
     return FrictionResult(
@@ -256,7 +263,7 @@ def _friction(
         delay_s=each[-1],
         cutoff_at=tuple(at),
         law=law and law_result(law),
-        without_law=None if law else f"one speed only ({at[0][0]:g} mm/s): no speed law",
+        without_law=None if law else f"one speed only ({at[0][0]:.0f} mm/s): no speed law",
         law_without_outliers=rest and law_result(rest),
         degrees_of_freedom=evidence.degrees_of_freedom,
         excess_hz=law.excess_hz if law else None,

@@ -10,9 +10,15 @@ from frictus_service.identification.documents import Settings
 from frictus_service.identification.fit import joint_fit
 from frictus_service.identification.fit.conditions import ObservationTable
 from frictus_service.identification.fit.estimates import Fitted, Measured, friction_of
-from frictus_service.identification.fit.joint_fit import ALIKE, JointFitProblem, Solution
-from frictus_service.identification.fit.transfer_functions import HIGHEST, LOWEST, first_order
-from frictus_service.identification.report.results import participants_of
+from frictus_service.identification.fit.joint_fit import ALIKE, Solution
+from frictus_service.identification.fit.normal_equations import JointFitProblem
+from frictus_service.identification.fit.transfer_functions import (
+    CUTOFF,
+    HIGHEST,
+    LOWEST,
+    first_order,
+)
+from frictus_service.identification.report.results import estimates_of, participants_of
 
 # What phases say is worth far more than what sizes say, as on the simulated rig.
 CLEAN = Bench(
@@ -45,6 +51,29 @@ def test_a_fit_that_begins_where_it_ended_stays_there(rng: np.random.Generator) 
     np.testing.assert_allclose(far.delay_s, first.delay_s, atol=1e-8)
     known = joint_fit.fit(problem, first.log_parameters, first.delay_s, first.spreads)
     np.testing.assert_allclose(known.log_parameters, first.log_parameters, atol=1e-4)
+
+
+def test_intervals_of_few_tones_hold(rng: np.random.Generator) -> None:
+    """Two or three of five tones tell nearly all of the delay, and the fit goes through them.
+
+    What they pull said half of the delay's error, and four of five intervals held the cutoff.
+    """
+    bench = replace(CLEAN, tones_hz=(40.0, 80.0, 150.0, 250.0, 400.0), noise=4e-3)
+    held = []
+    for _ in range(40):
+        finger = Finger(cutoff_0_hz=rng.uniform(150.0, 600.0), delay_s=1e-4)
+        table = ObservationTable.of(observations([finger], bench, rng))
+        measured = Measured.of(table)
+        fitted = friction(table, measured)
+        estimates = estimates_of(fitted.fit, fitted.selection.sample.people)
+        truth = finger.cutoff_0_hz + finger.slope * measured.speed_mm_s[fitted.selection.groups]
+        for each, cutoff_hz, settled in zip(estimates, truth, fitted.fit.settled, strict=True):
+            interval = each[CUTOFF].ci95
+            assert interval is not None
+            if settled:
+                held.append(interval[0] <= cutoff_hz <= interval[1])
+    assert len(held) > 100
+    assert np.mean(held) > 0.9
 
 
 def test_speeds_beyond_the_law_do_not_lead(rng: np.random.Generator) -> None:
