@@ -15,7 +15,7 @@ from frictus_service.discovery.beyond.beyond import beside_form, look_beyond
 from frictus_service.discovery.catalogue.causes import CAUSES
 from frictus_service.discovery.decision.caveats import caveats_on
 from frictus_service.discovery.decision.decision import decide
-from frictus_service.discovery.decision.trial_accounting import trials_left_out
+from frictus_service.discovery.decision.trial_accounting import trials_left_out, unreadable
 from frictus_service.discovery.document import CauseTest, Discovery, StudyFacts
 from frictus_service.discovery.evidence.band_noise import resolved
 from frictus_service.discovery.evidence.evidence_rows import EvidenceRows, subjects_of
@@ -102,10 +102,15 @@ def pose(
     trials = comparable(usable, response)
     units = units_of(trials, response)
     told = (
+        *(
+            f"{one.trials} of {study.trials} trials cannot be read: {one.reason}."
+            for one in study.left_out
+        ),
         *(f"{finding.text}." for finding in findings),
         *caveats_on(evidence, usable, trials, units, response),
     )
-    left_out = trials_left_out(evidence, usable, trials, response)
+    left_out = (*study.left_out, *trials_left_out(evidence, usable, trials, response))
+    left_out = tuple(sorted(left_out, key=lambda one: -one.trials))
     study = study.model_copy(update={"trials_used": len(trials), "left_out": left_out})
     if len(units.names) < LEAST_UNITS:
         return PosedStudy(study, base, units, told)
@@ -138,7 +143,7 @@ def discover(
     evidence : sequence of TrialEvidence
         Of a whole study, in any order.
     study : StudyFacts
-        Its path, hash, participants and trials.
+        Its path, hash, participants, trials, and why some of them cannot be read.
     mount : TransferFunction or None
         The study's.
     base : Model
@@ -250,12 +255,14 @@ def facts_of(path: Path | str) -> tuple[StudyFacts, TransferFunction | None]:
     """
     with open_study(path) as study:
         mount, trials, sha256 = study.info.mount, study.trials, study.sha256
+        excluded = study.excluded
     facts = StudyFacts(
         path=str(path),
         sha256=sha256,
         participants=len({trial.participant for trial in trials}),
-        trials=len(trials),
+        trials=len(trials) + len(excluded),
         trials_used=0,
+        left_out=unreadable(excluded),
     )
     return facts, mount
 

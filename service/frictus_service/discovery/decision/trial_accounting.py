@@ -15,6 +15,7 @@ from frictus_service.discovery.evidence.observation_table import (
     telling_of,
 )
 from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
+from frictus_service.errors import Exclusion
 from frictus_service.identification.observation.observe import (
     NO_SKIN,
     count_reasons,
@@ -88,6 +89,18 @@ def trials_left_out(
         else:
             reasons.append((FEW,))
     counted = count_reasons(reasons)
+    return tuple(TrialsLeftOut(reason=one.example, trials=one.trials) for one in counted)
+
+
+def unreadable(excluded: Sequence[Exclusion]) -> tuple[TrialsLeftOut, ...]:
+    """Return why trials are left out before they are read, the most frequent reason first.
+
+    Parameters
+    ----------
+    excluded : sequence of Exclusion
+        Of the study.
+    """
+    counted = count_reasons((f"{one.field}: {one.reason}",) for one in excluded)
     return tuple(TrialsLeftOut(reason=one.example, trials=one.trials) for one in counted)
 
 
