@@ -86,9 +86,11 @@ def lines_of(tones_hz: tuple[float, ...], carrier_hz: float, sample_rate_hz: flo
         ]
         harmonics.append(np.array(at, dtype=np.int64))
     if any(np.any(at >= 0) for at in harmonics):
-        # They leak into harmonics unless they are fitted too.
+        # They leak into harmonics unless they are fitted too. At 0 and at half of the sample
+        # rate sine is nothing: there a line has no phase that could be fitted.
+        ends = (0.0, sample_rate_hz / 2.0)
         for image in images.tolist():
-            if _far(image, np.array(fitted), APART_HZ):
+            if _far(image, np.array([*fitted, *ends]), APART_HZ):
                 place(image)
     return Lines(
         Tones(tuple(fitted), sample_rate_hz),

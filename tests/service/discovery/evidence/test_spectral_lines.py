@@ -67,3 +67,12 @@ def test_what_is_fitted_is_apart(rng: np.random.Generator) -> None:
         tones = tuple(rng.uniform(30.0, 2000.0, count))
         fitted = np.sort(lines(*tones).tones.tones_hz[count:])
         assert np.all(np.diff(fitted) >= 10.0)
+
+
+@pytest.mark.parametrize("carrier_hz", [5000.0, 10_000.0, 4995.0])
+def test_a_line_that_folds_to_an_end_of_the_spectrum_is_not_fitted(carrier_hz: float) -> None:
+    """Sine is nothing there: amplitudes of all lines fitted beside it were arbitrary."""
+    found = lines_of((100.0,), carrier_hz, 20_000.0)
+    assert seen(found) == ([200.0], [300.0])
+    assert min(found.tones.tones_hz) == 50.0
+    assert max(found.tones.tones_hz) < 9950.0
