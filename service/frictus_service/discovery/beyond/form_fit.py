@@ -18,11 +18,10 @@ from frictus_hardware.physics.effects import FORMS, extended
 from frictus_service.discovery.beyond.grammar import Form
 from frictus_service.discovery.evidence.residuals import accuracy_of, reduce
 from frictus_service.discovery.inference.linear_model import (
-    LEAST_SHARE,
     ROUNDING,
     inverse_of,
-    median_of_telling,
     orthonormal,
+    telling_of,
 )
 from frictus_service.discovery.inference.linearisation import Linearised, misfits
 from frictus_service.discovery.inference.predictive_density import LEAST_TELLING
@@ -258,7 +257,7 @@ def _mean_dose(
         Half the interval at least.
     """
     shown = np.array([j[:, 0] @ j[:, 0] for j in slopes])
-    telling = shown > LEAST_SHARE * median_of_telling(shown[:, np.newaxis])
+    telling = telling_of(shown[:, np.newaxis])[:, 0]
     if telling.sum() < LEAST_TELLING:
         return dose, least
     along = np.array([j[:, 0] @ r for j, r in zip(slopes, rests, strict=True)])

@@ -12,6 +12,7 @@ import numpy as np
 from scipy import linalg
 
 from frictus_hardware.arrays import BoolArray, FloatArray
+from frictus_service.discovery.evidence.observation_table import LEAST_UNITS
 from frictus_service.discovery.inference.significance import (
     PRIOR_DEGREES,
     Significance,
@@ -23,7 +24,7 @@ from frictus_service.discovery.inference.significance import (
 LEAST_SHARE: Final = 1e-3
 """What own parameters and causes already named leave of a signature, as a share of its square,
 below which a unit says nothing about it; and so does one below this share of what is left in
-the others: its coefficient would scatter more than all of theirs."""
+the others."""
 
 ROUNDING: Final = 1e-15
 """Eigenvalue, of the largest, from which a direction is more than rounding."""
@@ -175,25 +176,31 @@ def project_out(units: Sequence[Unit], chosen: Sequence[int] = ()) -> ProjectedU
     """
     parts = [_leave(unit, list(chosen)) for unit in units]
     along, information = (np.stack(part) for part in zip(*parts, strict=True))
-    hardly = information <= LEAST_SHARE * median_of_telling(information)
+    hardly = ~telling_of(information)
     along[hardly], information[hardly] = 0.0, 0.0
     told = np.array([unit.accuracy for unit in units])
     accuracy = mean_of_known(np.where(information > 0.0, told, np.nan))
     return ProjectedUnits(along, information, accuracy, units[0].positive, units[0].squared)
 
 
-def median_of_telling(information: FloatArray) -> FloatArray:
-    """Return the median over the units that say something, (n_effects,); 0 where none does.
+def telling_of(information: FloatArray) -> BoolArray:
+    """Return which units count, (n_units, n_effects): each of them once.
+
+    One that is vaguer than all others together does not, as who did three of thirty trials:
+    their mean would scatter as it does. The six that say most always count.
 
     Parameters
     ----------
     information : ndarray, shape (n_units, n_effects)
-        0 where a unit says nothing.
+        Inverse variance of the coefficient; 0 where a unit says nothing.
     """
     ordered = -np.sort(-information, axis=0)
-    place = np.maximum(np.count_nonzero(information, axis=0) - 1, 0) // 2
-    middle: FloatArray = np.take_along_axis(ordered, place[np.newaxis], axis=0)[0]
-    return middle
+    others = np.maximum(np.count_nonzero(information, axis=0) - 1, 0)
+    median = np.take_along_axis(ordered, (others // 2)[np.newaxis], axis=0)[0]
+    sixth = ordered[min(LEAST_UNITS, len(ordered)) - 1]
+    least = np.minimum(median / np.maximum(others, 1), sixth)
+    telling: BoolArray = (information > LEAST_SHARE * median) & (information >= least)
+    return telling
 
 
 def _leave(unit: Unit, chosen: list[int]) -> tuple[FloatArray, FloatArray]:

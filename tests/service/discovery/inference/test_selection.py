@@ -210,3 +210,23 @@ def test_gains_of_one_who_is_far_off_are_exact(rng: np.random.Generator) -> None
 def of_values(value: FloatArray) -> ProjectedUnits:
     none = np.zeros(value.shape[1])
     return ProjectedUnits(value, np.ones_like(value), none, none > 0.0, none > 0.0)
+
+
+def test_who_did_three_of_many_trials_hides_nothing(rng: np.random.Generator) -> None:
+    """The coefficient of the last is known 15 times worse than everybody else's."""
+    shown = 0
+    for _ in range(20):
+        (vague,) = units(rng, [0.5], n_units=1, n=9)
+        vague = replace(vague, effects=vague.effects / 5.0)
+        found = [*units(rng, [0.5], n_units=8, between=0.2), vague]
+        left = project_out(found)
+        assert np.flatnonzero(np.isnan(left.estimates[:, 0])).tolist() == [8]
+        shown += bool(left.significance(signs(9, rng)).p[0] <= LEVEL)
+    assert shown == 20
+
+
+def test_six_always_count(rng: np.random.Generator) -> None:
+    found = units(rng, [0.5], n_units=5) + units(rng, [0.5], n_units=2, n=9)
+    estimates = project_out(found).estimates[:, 0]
+    assert np.isfinite(estimates[:5]).all()
+    assert np.isfinite(estimates).sum() == 6
