@@ -31,6 +31,7 @@ _ESTIMATOR: Final = (
     "frictus_hardware.physics.linear",
     "frictus_service.identification.observation.blocks",
     "frictus_service.identification.observation.hann_spectrum",
+    "frictus_service.identification.observation.images",
     "frictus_service.identification.observation.least_squares",
     "frictus_service.identification.observation.observe",
     "frictus_service.identification.observation.response",
