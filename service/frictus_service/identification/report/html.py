@@ -2,6 +2,7 @@
 
 import base64
 import io
+import warnings
 from collections.abc import Callable, Mapping
 from importlib import resources
 from importlib.resources.abc import Traversable
@@ -13,11 +14,23 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.font_manager import fontManager
+from matplotlib.text import Text
 
 ORDER = mpl.colormaps["viridis"]
 """Of what comes in an order: sweeps, speeds."""
 FIT = "#c1272d"
 GRID: dict[str, Any] = {"alpha": 0.3, "lw": 0.6}
+FONTS = (
+    "DejaVu Sans",
+    "Noto Sans CJK JP",
+    "Microsoft YaHei",
+    "Yu Gothic",
+    "Malgun Gothic",
+    "PingFang SC",
+    "Hiragino Sans",
+)
+"""Of which those that are installed are used: the first has no letters of eastern Asia."""
 
 
 def people(n: int) -> list[tuple[float, float, float, float]]:
@@ -63,9 +76,14 @@ def fill(
 
 
 def picture(figure: Figure) -> str:
-    """Return a figure as a data URI."""
+    """Return a figure as a data URI; a letter that no installed font has is a box."""
     stored = io.BytesIO()
-    figure.savefig(stored, format="png", dpi=_DPI)
+    installed = {font.name for font in fontManager.ttflist}
+    for text in figure.findobj(Text):
+        text.set_fontfamily([name for name in FONTS if name in installed])
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from", UserWarning)
+        figure.savefig(stored, format="png", dpi=_DPI)
     return "data:image/png;base64," + base64.b64encode(stored.getvalue()).decode("ascii")
 
 
