@@ -12,6 +12,7 @@ from frictus_service.cli.streams import foxglove, lsl, play, record, replay, tra
 from frictus_service.cli.studies import discover, identify, study, study_import
 
 app = typer.Typer(
+    rich_markup_mode="markdown",
     name="frictus",
     cls=CommandGroup,
     no_args_is_help=True,

@@ -23,7 +23,11 @@ if TYPE_CHECKING:
     from frictus_service.registry.documents import VersionSummary
     from frictus_service.registry.store import Registry
 
-models = typer.Typer(no_args_is_help=True, help="List, publish, compare and activate models.")
+models = typer.Typer(
+    rich_markup_mode="markdown",
+    no_args_is_help=True,
+    help="List, publish, compare and activate models.",
+)
 Ref = Annotated[
     str, typer.Argument(metavar="REF", help="NAME, NAME@VERSION or NAME@ALIAS: rig1/P01@3.")
 ]

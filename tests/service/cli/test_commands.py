@@ -2,11 +2,12 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import wave
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +53,31 @@ def test_a_missing_file_is_named_in_words(name: str, tmp_path: Path) -> None:
     assert "there is no file" in result.stderr
     assert str(absent) in result.stderr
     assert "Errno" not in result.stderr
+
+
+def commands(
+    group: Any, names: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], list[Any]]]:
+    """Yield each command's names and parameters."""
+    for name, each in group.commands.items():
+        if hasattr(each, "commands"):
+            yield from commands(each, (*names, name))
+        else:
+            yield (*names, name), each.params
+
+
+COMMANDS = list(commands(typer.main.get_command(app)))
+
+
+@pytest.mark.parametrize(("names", "params"), COMMANDS, ids=[" ".join(c) for c, _ in COMMANDS])
+def test_help_explains_each_parameter_and_shows_its_default(
+    names: tuple[str, ...], params: list[Any]
+) -> None:
+    helps = {param.name: param.help or "" for param in params if param.name != "help"}
+    assert all(helps.values()), helps
+    shown = CliRunner().invoke(app, [*names, "--help"], env={"COLUMNS": "240"}).stdout
+    defaults = re.findall(r"\[default: [^\]]*\]", " ".join(helps.values()))
+    assert [default for default in defaults if default not in shown] == []
 
 
 def test_a_paragraph_of_help_is_one_line() -> None:

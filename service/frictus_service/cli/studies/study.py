@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from frictus_service.study.summary import StudyContents
 
 
-study = typer.Typer(no_args_is_help=True, help="Look into study files.")
+study = typer.Typer(
+    rich_markup_mode="markdown", no_args_is_help=True, help="Look into study files."
+)
 
 
 @study.command()
@@ -140,7 +142,9 @@ def export(
     participant: Annotated[
         str | None, typer.Option("--participant", help="Pseudonym.  [default: the recording's]")
     ] = None,
-    session: Annotated[int, typer.Option("--session", min=0)] = 1,
+    session: Annotated[
+        int, typer.Option("--session", min=0, help="Number of the session.")
+    ] = 1,
     speed: Annotated[
         float | None, typer.Option("--speed", min=0.0, help="Asked for, mm/s.")
     ] = None,

@@ -38,7 +38,12 @@ def import_recordings(
     participant: Annotated[
         str | None, typer.Option("--participant", help="Pseudonym.  [default: the map's]")
     ] = None,
-    session: Annotated[int | None, typer.Option("--session", min=0)] = None,
+    session: Annotated[
+        int | None,
+        typer.Option(
+            "--session", min=0, help="Number of the session.  [default: of the map, or 1]"
+        ),
+    ] = None,
     mount: Annotated[
         str,
         typer.Option("--mount", metavar="paper|none|FILE", help="Under the screen."),
