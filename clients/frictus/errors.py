@@ -101,7 +101,11 @@ def explain(error: ValidationError) -> str:
     complaints = []
     for detail in error.errors(include_url=False)[:3]:
         where = ".".join(str(part) for part in detail["loc"])
-        given = _SHORT.repr(detail["input"])
-        complaints.append(f"{where or 'document'}: {detail['msg']} (got {given})")
+        message = detail["msg"]
+        if detail.get("ctx", {}).get("pattern", "").startswith("^[A-Za-z0-9._-]"):
+            message = "ASCII letters, digits, '.', '_' and '-' are accepted"
+        if detail["type"] != "missing":  # its input is all that surrounds it
+            message += f" (got {_SHORT.repr(detail['input'])})"
+        complaints.append(f"{where or 'document'}: {message}")
     more = error.error_count() - len(complaints)
     return "; ".join(complaints) + (f"; and {more} more" if more else "")

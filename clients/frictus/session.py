@@ -137,8 +137,10 @@ def open_router(
     try:
         return _opened(config)
     except zenoh.ZError as error:
+        reason = re.sub(r" at \S+\.rs:\d+\.?", "", str(error))  # no lines of Zenoh's source
         raise LinkError(
-            f"cannot listen at {endpoint}: {error}. Is another router running there?"
+            f"cannot listen at {endpoint}: {reason}. If another router runs there, end it, or "
+            "give `endpoint` in [router] of the configuration another port"
         ) from error
 
 

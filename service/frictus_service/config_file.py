@@ -43,7 +43,8 @@ def load(path: Path | None = None, *, runs_rig: bool = False) -> Config:
     try:
         text = path.read_text(encoding="utf-8-sig")  # editors on Windows put a mark before it
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"{path}: cannot be read: {error}") from error
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise ConfigurationError(f"{path}: cannot be read: {reason}") from error
     return parse(text, path, runs_rig=runs_rig)
 
 

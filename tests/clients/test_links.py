@@ -14,6 +14,7 @@ import pytest
 import zenoh
 
 from frictus.block import Block, Flag
+from frictus.errors import LinkError
 from frictus.keys import STREAMS, RigKeys, Topic, Topics
 from frictus.session import declare_publisher, open_router, open_session
 from frictus_laboratory.benchmarks.processes import await_subscriber
@@ -37,6 +38,14 @@ with frictus.connect(sys.argv[1], reads_only=True) as client:
                 break
         print(feed.lost)
 """
+
+
+def test_a_port_in_use_is_refused_with_what_to_do() -> None:
+    endpoint = free_endpoint()
+    with open_router(endpoint), pytest.raises(LinkError) as caught, open_router(endpoint):
+        pass
+    assert "`endpoint` in [router]" in str(caught.value)
+    assert ".rs" not in str(caught.value)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGSTOP")

@@ -89,6 +89,8 @@ def sentence_of(error: Exception) -> str:
 
     if isinstance(error, FileNotFoundError) and error.filename is not None:
         return f"there is no file or folder {error.filename}"
+    if isinstance(error, IsADirectoryError) and error.filename is not None:
+        return f"{error.filename} is a folder; give a file"
     if isinstance(error, FrictusError | ServiceError | OSError):
         return str(error)
     return f"unexpected {type(error).__name__}: {error}; --debug shows where"

@@ -55,6 +55,14 @@ def test_a_missing_file_is_named_in_words(name: str, tmp_path: Path) -> None:
     assert "Errno" not in result.stderr
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="a folder is refused as not permitted")
+@pytest.mark.parametrize("name", ["verify", "recover", "track"])
+def test_a_folder_in_place_of_a_file_is_named_in_words(name: str, tmp_path: Path) -> None:
+    result = run(name, tmp_path)
+    assert result.exit_code == Exit.USAGE
+    assert result.stderr == f"frictus: {tmp_path} is a folder; give a file\n"
+
+
 def commands(
     group: Any, names: tuple[str, ...] = ()
 ) -> Iterator[tuple[tuple[str, ...], list[Any]]]:

@@ -1,5 +1,6 @@
 """The configuration: what is shipped loads, what is wrong is named with its line."""
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -54,6 +55,18 @@ def test_a_file_with_a_byte_order_mark_is_read(tmp_path: Path) -> None:
     path = tmp_path / "frictus.toml"
     path.write_text('site = "here"\n', encoding="utf-8-sig")  # as PowerShell writes it
     assert load(path).site == "here"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a folder is refused as not permitted")
+@pytest.mark.parametrize(
+    ("name", "reason"), [("", "Is a directory"), ("absent.toml", "No such file or directory")]
+)
+def test_a_file_that_cannot_be_read_is_named_once(
+    tmp_path: Path, name: str, reason: str
+) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        load(tmp_path / name)
+    assert str(caught.value) == f"{tmp_path / name}: cannot be read: {reason}"
 
 
 def test_paths_are_relative_to_the_file(tmp_path: Path) -> None:
