@@ -1,5 +1,6 @@
 """The checks of `frictus doctor`: device, disk, priority, clock."""
 
+import itertools
 import json
 import os
 import sys
@@ -181,6 +182,15 @@ def test_the_disk_is_judged_by_what_a_rig_makes(
     assert f"{0.5 / piece_s:.3g} times" in check.found
     assert bool(check.to_do) == (verdict != "ok")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_fast_disk_is_told_without_powers_of_ten(tmp_path: Path) -> None:
+    ticks = itertools.count(step=0.0004)
+    check = machine_checks.disk_rate(
+        tmp_path, 20_000.0, lambda: next(ticks), lambda _place: 10**12
+    )
+    assert "1,300 MB/s synced, 1,250 times" in check.found
+    assert "1,000 GB" in check.found
 
 
 def test_a_disk_that_cannot_be_written_fails(tmp_path: Path) -> None:

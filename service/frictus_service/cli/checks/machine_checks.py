@@ -151,12 +151,16 @@ def disk_rate(
     usual_s, worst_s = statistics.median(took_s), max(took_s)
     hours = free / rate / 3600.0
     found = (
-        f"{place} takes {1e-6 * rate * SYNC_S / usual_s:.3g} MB/s synced, "
-        f"{SYNC_S / usual_s:.3g} times what a rig makes ({1e-6 * rate:.2g} MB/s); the slowest "
-        f"of {PIECES} syncs took {1e3 * worst_s:.0f} ms; {1e-9 * free:.3g} GB are free, "
-        f"{hours:.3g} h of recording"
+        f"{place} takes {_digits(1e-6 * rate * SYNC_S / usual_s)} MB/s synced, "
+        f"{_digits(SYNC_S / usual_s)} times what a rig makes ({1e-6 * rate:.2g} MB/s); the "
+        f"slowest of {PIECES} syncs took {1e3 * worst_s:.0f} ms; {_digits(1e-9 * free)} GB are "
+        f"free, {_digits(hours)} h of recording"
     )
     return _judged(found, SYNC_S / usual_s, hours)
+
+
+def _digits(value: float) -> str:
+    return f"{float(f'{value:.3g}'):,g}"  # 3 digits, and 1,020 where .3g alone writes 1.02e+03
 
 
 def _judged(found: str, times: float, hours: float) -> DoctorCheck:
