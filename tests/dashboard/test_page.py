@@ -267,6 +267,22 @@ def test_the_strip_is_low_on_every_view_and_nothing_overflows(
         assert len(set(found)) == len(found) >= 4
 
 
+def test_a_speed_beyond_the_model_is_not_written_over_the_force(
+    lab: Lab, open_page: OpenPage
+) -> None:
+    with open_page(viewport={"width": 390, "height": 844}) as page:
+        arrive(page, lab.url)
+        excess_px = page.evaluate(
+            """() => [...document.querySelectorAll("#strip .gauge")].map((gauge, at) => {
+              gauge.dataset.verdict = "above";
+              gauge.querySelector(".number").textContent = ["122", "0.65"][at];
+              const reading = gauge.querySelector(".reading");
+              return reading.scrollWidth - reading.clientWidth;
+            })"""
+        )
+        assert excess_px == [0, 0]
+
+
 def test_what_the_strip_has_more_of_opens_and_closes_by_keyboard(page: Page) -> None:
     expect(page.locator("#health-rows tr").first).to_be_hidden()
     loop, notes = (page.locator(f"#{name} summary") for name in ("loop", "notes"))
