@@ -9,7 +9,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
+import zenoh
+
+from frictus.calls import present_rigs
 from frictus.errors import FrameError, TextureError
+from frictus.keys import RigKeys
 from frictus.model import Model
 from frictus.session import open_session
 from frictus_hardware.physics.screen import Screen
@@ -89,17 +93,26 @@ def run_rig(
     heartbeat.value = 0
     on_step("rendering everything once")
     loop = config.clock_scale * warm_up(config.sample_rate_hz, config.block_samples)
-    on_step(f"opening the device ({config.backend.kind})")
-    with (
-        open_session(config.router.endpoint, tls=tls_of_rig(config)) as session,
-        _opened(config) as backend,
-    ):
-        rig = _Parts(config, backend, model, heartbeat, former, budget_for(loop), say)
-        with rig.commands, rig.running(session, say):
-            rig.commands.declare(session, config.keys)
-            with contextlib.closing(_Token(session, config.keys.alive)):
-                ready.set()
-                rig.wait(stop)
+    with open_session(config.router.endpoint, tls=tls_of_rig(config)) as session:
+        if former is None:  # a rig that is started again shall be back soon
+            say_if_present(session, config.keys, say)
+        on_step(f"opening the device ({config.backend.kind})")
+        with _opened(config) as backend:
+            rig = _Parts(config, backend, model, heartbeat, former, budget_for(loop), say)
+            with rig.commands, rig.running(session, say):
+                rig.commands.declare(session, config.keys)
+                with contextlib.closing(_Token(session, config.keys.alive)):
+                    ready.set()
+                    rig.wait(stop)
+
+
+def say_if_present(session: zenoh.Session, keys: RigKeys, say: Callable[[str], None]) -> None:
+    """Warn where another rig has this name already: each ends the leases of the other."""
+    if keys in present_rigs(session, keys.site):
+        say(
+            f"another rig {keys.rig} at {keys.site} is present, and each ends the other's "
+            "leases: end one, or give this one another name (`rig` of the configuration)"
+        )
 
 
 def read_model(path: Path | None) -> Model:
