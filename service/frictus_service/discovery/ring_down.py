@@ -376,13 +376,15 @@ def _uncertain(
     """
     from scipy import stats
 
+    from frictus_service.identification.fit.grouped_errors import freedom_of_sum
+
     count = without.size
     of_blows = (count - 1) / count * float(np.square(without - without.mean()).sum())
     of_bands = float(np.mean(np.square(elsewhere - value))) if elsewhere.size else 0.0
     variance = of_blows + of_bands
     if variance == 0.0:
         return 0.0, 0.0
-    freedom = variance**2 / (of_blows**2 / (count - 1) + of_bands**2 / max(elsewhere.size, 1))
+    freedom = freedom_of_sum(of_blows, count - 1, of_bands, max(elsewhere.size, 1))
     error = float(np.sqrt(variance))
     return float(stats.t.ppf(0.975, freedom)) * error, error
 

@@ -1,7 +1,7 @@
 """Which trials say nothing, all reasons for it, and how many more are needed."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 import numpy as np
@@ -88,8 +88,7 @@ def trials_left_out(
             reasons.append(why_silent(one, response))
         else:
             reasons.append((FEW,))
-    counted = count_reasons(reasons)
-    return tuple(TrialsLeftOut(reason=one.example, trials=one.trials) for one in counted)
+    return _counted(reasons)
 
 
 def unreadable(excluded: Sequence[Exclusion]) -> tuple[TrialsLeftOut, ...]:
@@ -100,7 +99,11 @@ def unreadable(excluded: Sequence[Exclusion]) -> tuple[TrialsLeftOut, ...]:
     excluded : sequence of Exclusion
         Of the study.
     """
-    counted = count_reasons((f"{one.field}: {one.reason}",) for one in excluded)
+    return _counted((f"{one.field}: {one.reason}",) for one in excluded)
+
+
+def _counted(reasons: Iterable[Sequence[str]]) -> tuple[TrialsLeftOut, ...]:
+    counted = count_reasons(reasons)
     return tuple(TrialsLeftOut(reason=one.example, trials=one.trials) for one in counted)
 
 

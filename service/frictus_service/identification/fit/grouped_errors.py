@@ -142,6 +142,26 @@ def scatter_of(
     return GroupVariances(inner, outer)
 
 
+def freedom_of_sum(
+    first: FloatArray | float,
+    of_first: FloatArray | float,
+    second: FloatArray | float,
+    of_second: FloatArray | float,
+) -> FloatArray:
+    """Return the degrees of freedom of a sum of two variances (Welch and Satterthwaite).
+
+    Parameters
+    ----------
+    first, second : ndarray or float
+        Variances, not both 0.
+    of_first, of_second : ndarray or float
+        Degrees of freedom of each.
+    """
+    each = np.square(first) / of_first + np.square(second) / of_second
+    freedom: FloatArray = np.square(first + second) / each
+    return freedom
+
+
 def _balanced(squares: Callable[[float], float], freedom: float) -> float:
     """Return the variance at which weighted squares are what chance gives; 0: they are less.
 

@@ -12,6 +12,7 @@ import numpy as np
 from scipy import stats
 
 from frictus_hardware.arrays import FloatArray, IntArray
+from frictus_service.identification.fit.grouped_errors import freedom_of_sum
 from frictus_service.identification.fit.transfer_functions import CUTOFF, GAIN
 
 _PASSES = 8
@@ -253,6 +254,5 @@ def _freedom_of_gain(evidence: ConditionEvidence, variance: float, between: floa
         return evidence.degrees_of_freedom
     n, p = evidence.value.shape
     trials = max(evidence.condition_of_trial.size - n * p, 1)
-    sampling = variance - between
-    spread = sampling**2 / trials + between**2 / evidence.degrees_of_freedom
-    return float(variance**2 / spread)
+    known = evidence.degrees_of_freedom
+    return float(freedom_of_sum(variance - between, trials, between, known))

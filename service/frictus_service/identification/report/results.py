@@ -21,6 +21,7 @@ from frictus_service.identification.documents import (
 )
 from frictus_service.identification.fit.conditions import ObservationTable, select
 from frictus_service.identification.fit.estimates import Fitted, Measured, evidence_of, law_of
+from frictus_service.identification.fit.grouped_errors import freedom_of_sum
 from frictus_service.identification.fit.joint_fit import ALIKE, JointFit
 from frictus_service.identification.fit.speed_law import NAMES, Combination, SpeedLaw, levels
 from frictus_service.identification.fit.transfer_functions import CUTOFF, GAIN, refit_friction
@@ -42,14 +43,13 @@ def estimates_of(fit: JointFit, people: NDArray[np.int64]) -> list[list[Estimate
     """
     by_delay = np.square(fit.delay_gradient) * fit.delay_variance[people][:, np.newaxis]
     alone = np.einsum("cii->ci", fit.covariance) + np.square(fit.rival_shift)
-    left = fit.freedom[people], fit.delay_freedom[people]
-    parts = (
-        np.square(alone) / left[0][:, np.newaxis] + np.square(by_delay) / left[1][:, np.newaxis]
+    of_scatter, of_delay = (
+        each[people][:, np.newaxis] for each in (fit.freedom, fit.delay_freedom)
     )
+    freedom = freedom_of_sum(alone, of_scatter, by_delay, of_delay)
     error = np.sqrt(alone + by_delay)
     value = np.exp(fit.log_parameters)
-    factor = stats.t.ppf(0.975, np.square(alone + by_delay) / parts)
-    spread = np.exp(np.minimum(factor * error, 50.0))
+    spread = np.exp(np.minimum(stats.t.ppf(0.975, freedom) * error, 50.0))
     return [
         [
             EstimatedQuantity(value=v, standard_error=v * e, ci95=(v / s, v * s))
