@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from frictus_service.registry.store import Registry
 
 models = typer.Typer(
-    rich_markup_mode="markdown",
     no_args_is_help=True,
     help="List, publish, compare and activate models.",
 )

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from frictus_service.security.files import Shown
 
 pki = typer.Typer(
-    rich_markup_mode="markdown",
     no_args_is_help=True,
     help="Make and show certificates of rigs, controllers and observers.",
 )

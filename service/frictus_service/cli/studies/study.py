@@ -17,9 +17,7 @@ if TYPE_CHECKING:
     from frictus_service.study.summary import StudyContents
 
 
-study = typer.Typer(
-    rich_markup_mode="markdown", no_args_is_help=True, help="Look into study files."
-)
+study = typer.Typer(no_args_is_help=True, help="Look into study files.")
 
 
 @study.command()
