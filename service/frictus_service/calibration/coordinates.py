@@ -9,7 +9,7 @@ positive ends mean a positive cutoff everywhere.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, Self
+from typing import Any, Final, Self, TypeVar
 
 import numpy as np
 from scipy import stats
@@ -25,18 +25,22 @@ MODEL_PARAMETERS: Final = ("gain_n", "cutoff_0_hz", "slope_hz_per_mm_s", "skew_s
 """Order of the covariance of a model, with the delay last."""
 
 
-def cutoff_hz(coordinates: FloatArray, speed_mm_s: FloatArray) -> FloatArray:
+Speeds = TypeVar("Speeds", FloatArray, ComplexArray)
+
+
+def cutoff_hz(coordinates: FloatArray, speed_mm_s: Speeds) -> Speeds:
     """Return the cutoff at each speed, Hz; at least a tenth of the lower of its ends.
 
     Parameters
     ----------
     coordinates : ndarray, shape (4,)
     speed_mm_s : ndarray, shape (n,)
-        Without sign. A little outside 20 to 100 mm/s the line goes on.
+        Without sign. A little outside 20 to 100 mm/s the line goes on. A mean over weights that
+        are complex may be complex.
     """
     low, high = np.exp(coordinates[:2])
     share = (speed_mm_s - LOW_MM_S) / (HIGH_MM_S - LOW_MM_S)
-    line: FloatArray = np.maximum(low + (high - low) * share, 0.1 * min(low, high))
+    line: Speeds = np.maximum(low + (high - low) * share, 0.1 * min(low, high))
     return line
 
 
@@ -61,7 +65,9 @@ def cutoff_gradient(coordinates: FloatArray, speed_mm_s: FloatArray) -> FloatArr
     return gradient
 
 
-def response(at: FloatArray, speed_mm_s: FloatArray, frequency_hz: FloatArray) -> ComplexArray:
+def response(
+    at: FloatArray, speed_mm_s: Speeds, frequency_hz: FloatArray | ComplexArray
+) -> ComplexArray:
     """Return a law's response, N (Equation 4, and the delay).
 
     Parameters
@@ -69,12 +75,29 @@ def response(at: FloatArray, speed_mm_s: FloatArray, frequency_hz: FloatArray) -
     at : ndarray, shape (4,)
         In these coordinates.
     speed_mm_s, frequency_hz : ndarray
-        Without sign; of shapes that broadcast.
+        Without sign; of shapes that broadcast. Complex ones as in `cutoff_hz`.
     """
     cutoff = cutoff_hz(at, speed_mm_s)
     first_order = np.exp(at[2]) * cutoff / (cutoff + 1j * frequency_hz)
     delayed: ComplexArray = first_order * np.exp(-2j * np.pi * frequency_hz * at[3])
     return delayed
+
+
+def curvature_per_hz2(
+    at: FloatArray, speed_mm_s: Speeds, frequency_hz: FloatArray | ComplexArray
+) -> ComplexArray:
+    """Return the second derivative of a law's response by frequency, over the response.
+
+    Parameters
+    ----------
+    at : ndarray, shape (4,)
+        In these coordinates.
+    speed_mm_s, frequency_hz : ndarray
+        As in `response`.
+    """
+    pole = 1.0 / (cutoff_hz(at, speed_mm_s) + 1j * frequency_hz)
+    curvature: ComplexArray = -np.square(pole + 2.0 * np.pi * at[3]) - np.square(pole)
+    return curvature
 
 
 def inverse(matrix: FloatArray) -> FloatArray:

@@ -8,12 +8,9 @@ goes on with the model that it has.
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from functools import partial
 from types import TracebackType
 from typing import Final, Self
-
-import numpy as np
 
 import frictus
 from frictus.aligned import AlignedSamples
@@ -156,7 +153,7 @@ class LiveTracker:
                 if not self._is_of_the_rig(part):
                     self.tracker.leave_out("blocks of another rate or other channels")
                     continue
-                for moved in self._touched.take(_with_rows_for_motion(part)):
+                for moved in self._touched.take(part):
                     if self.tracker.take(moved):
                         self._felt_s = self._monotonic_s()
                 if self._monotonic_s() - told_s >= STATE_S:
@@ -291,12 +288,6 @@ class LiveTracker:
             since_felt_s=now_s - self._felt_s,
             adapted=model.adapted_from is not None and not is_as_set,
         )
-
-
-def _with_rows_for_motion(part: AlignedSamples) -> AlignedSamples:
-    """Return samples with x, y and speed in `render`, which touch reports will tell."""
-    motion = np.zeros((3, part.data["force"].shape[1]), np.float32)
-    return replace(part, data={**part.data, "render": motion})
 
 
 def _change(old: ModelState, new: ModelState) -> ModelChange | None:

@@ -53,7 +53,7 @@ def log_density(
     gain_scatter : float
         Standard deviation of ln gain between windows.
     """
-    data = batch.rows(noise_n2)
+    data = batch.rows(noise_n2, at)
     used = data.segment % 2 == 0
     law = coordinates.response(at, data.speed_mm_s, data.tone_hz)
     columns = linearised(data, at)[1] * UNITS

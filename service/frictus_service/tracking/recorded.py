@@ -11,12 +11,11 @@ import numpy as np
 import frictus
 from frictus.aligned import AlignedSamples
 from frictus.block import Block, Flag
-from frictus.keys import FORCE, RENDER, VOLTAGE
+from frictus.keys import FORCE, VOLTAGE
 from frictus.messages import EstimateState, Message, ModelState, RigStatus, TouchState
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.calibration.coordinates import Prior
 from frictus_service.errors import RecordingError, TrialError
-from frictus_service.identification.observation.response import advance
 from frictus_service.identification.observation.touch_path import PART_S, path_of
 from frictus_service.recording.reader import RecordingReader, State
 from frictus_service.recording.samples import Samples
@@ -29,7 +28,7 @@ from frictus_service.tracking.touch_motion import TouchedSamples
 from frictus_service.tracking.tracker import STATE_S, Tell, Tracker
 from frictus_service.tracking.windows import WindowCutter
 
-_WANTED: Final = {FORCE: "force", VOLTAGE: "voltage", RENDER: "render"}
+_WANTED: Final = {FORCE: "force", VOLTAGE: "voltage"}
 
 
 def follow_recording(
@@ -98,8 +97,8 @@ def follow_recording(
     missing = [name for name in _WANTED.values() if name not in streams.seen]
     if missing:
         raise RecordingError(
-            f"{reader.path} has no stream {' and '.join(missing)}: record it with this version "
-            "of frictus, which keeps what was rendered"
+            f"{reader.path} has no stream {' and '.join(missing)}: force and voltage together "
+            "tell a finger's law; record both"
         )
     for moved in touched.rest():
         tracker.take(moved)
@@ -130,7 +129,7 @@ def follow_study(reader: StudyReader, prior: Prior, tell: Tell) -> dict[str, Est
     """
     states: dict[str, EstimateState] = {}
     trackers: dict[str, Tracker] = {}
-    cutters: dict[str, _SkewedCutter] = {}
+    cutters: dict[str, WindowCutter] = {}
     rates_hz: dict[str, float] = {}
     for run, asked in enumerate(reader.trials):
         participant = asked.participant
@@ -139,7 +138,7 @@ def follow_study(reader: StudyReader, prior: Prior, tell: Tell) -> dict[str, Est
             rates_hz[participant] = mode(
                 each.sample_rate_hz for each in reader.trials if each.participant == participant
             )
-            cutters[participant] = _SkewedCutter(
+            cutters[participant] = WindowCutter(
                 rates_hz[participant], reader.info.screen_peak_v, reader.info.mount
             )
             trackers[participant] = Tracker(cutters[participant], prior, reader.info.rig)
@@ -161,15 +160,6 @@ def follow_study(reader: StudyReader, prior: Prior, tell: Tell) -> dict[str, Est
         states[participant] = tracker.state(0)
         tell(states[participant])
     return states
-
-
-class _SkewedCutter(WindowCutter):
-    """Cuts trials whose force is sampled later than the voltage; that of a rig is not."""
-
-    def skew(self, force_skew_s: float) -> None:
-        """Take samples of the force from now on as so much later, s."""
-        late = advance(self.bands.frequency_hz, force_skew_s)
-        self._passing = self._hold * self.bands.passing * late
 
 
 def _parts_of(trial: Trial, run: int) -> Iterator[AlignedSamples]:

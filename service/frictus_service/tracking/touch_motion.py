@@ -24,7 +24,7 @@ REPORTS: Final = 2_048
 
 
 class TouchedSamples:
-    """Gives samples the motion that touch reports tell of them, in place of the predicted one.
+    """Gives samples the motion that touch reports tell of them: x, y and speed as ``render``.
 
     Samples of which no report says how the finger moved get a speed of 0, and are left out of
     windows.
@@ -50,10 +50,10 @@ class TouchedSamples:
         Parameters
         ----------
         part : AlignedSamples
-            With the stream ``render``.
+            With the stream ``force``.
         """
         self._parts.append(part)
-        end = part.first_sample + part.data["render"].shape[1]
+        end = part.first_sample + part.data["force"].shape[1]
         while self._parts:
             oldest = self._parts[0]
             known = self._known_until(oldest)
@@ -71,7 +71,7 @@ class TouchedSamples:
         """Return whether reports reach beyond a part."""
         if not self._reports or self._reports[-1].run != part.run:
             return False
-        end = part.first_sample + part.data["render"].shape[1]
+        end = part.first_sample + part.data["force"].shape[1]
         return bool(self._reports[-1].sample >= end + AROUND_S * part.sample_rate_hz)
 
     def _is_past(self, report: TouchState, run: int, sample: float) -> bool:
@@ -81,7 +81,7 @@ class TouchedSamples:
 
     def _moved(self, part: AlignedSamples) -> AlignedSamples:
         around = AROUND_S * part.sample_rate_hz
-        first, n_samples = part.first_sample, part.data["render"].shape[1]
+        first, n_samples = part.first_sample, part.data["force"].shape[1]
         while self._reports and self._is_past(self._reports[0], part.run, first - around):
             self._reports.popleft()
         near = [
@@ -93,6 +93,5 @@ class TouchedSamples:
         ]
         time_s = (first + np.arange(n_samples)) / part.sample_rate_hz
         reports = np.array(near, dtype=float).reshape(-1, 3)
-        render = part.data["render"].copy()
-        render[:3] = path_among(reports[:, :2], reports[:, 2], time_s)
-        return replace(part, data={**part.data, "render": render})
+        motion = path_among(reports[:, :2], reports[:, 2], time_s).astype(np.float32)
+        return replace(part, data={**part.data, "render": motion})

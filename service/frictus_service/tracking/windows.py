@@ -18,9 +18,10 @@ from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_service.calibration.coordinates import HIGH_MM_S, LOW_MM_S
 from frictus_service.discovery.evidence.bands import WINDOW_S, Bands
-from frictus_service.discovery.evidence.window_spectra import frequency_hz, next_of, tapered
-from frictus_service.identification.observation.response import drive_fraction, hold
+from frictus_service.discovery.evidence.window_spectra import tapered
+from frictus_service.identification.observation.response import advance, drive_fraction, hold
 from frictus_service.identification.observation.through_mount import ThroughMount
+from frictus_service.tracking.band_frequencies import frequencies, shifted
 
 SPEEDS_MM_S: Final = (10.0, 150.0)
 PRESSED_N: Final = 0.05
@@ -78,15 +79,17 @@ class LawWindow:
         Of the drive fraction.
     minutes : float
         Of its first sample, since the device began.
-    frequency_hz : ndarray or None
-        Mean in each band, weighted by the drive's power; None: that of the bands.
+    frequency_hz : ndarray of complex, optional
+        Mean in each band (`band_frequencies`); that of the bands where it is not known.
     mains_n : ndarray of complex, shape (2,)
         Spectrum of the sensor's x at `MAINS_HZ`, the drive's part included, N.
     mains_drive : ndarray of complex, shape (2,)
         Of the drive fraction there.
-    band_speed_mm_s : ndarray, optional
-        At which the drive of each band was felt. A texture's line is in a high band while the
-        finger is fast; `speed_mm_s` where it is not known.
+    band_speed_mm_s : ndarray of complex, optional
+        At which the drive of each band was felt, a mean likewise. A texture's line is in a high
+        band while the finger is fast; `speed_mm_s` where it is not known.
+    frequency_variance_hz2 : ndarray of complex, optional
+        In each band; 0 where it is not known.
     """
 
     first_sample: int
@@ -101,10 +104,11 @@ class LawWindow:
     drive_mean: float = 0.5
     drive_variance: float = 0.0
     minutes: float = 0.0
-    frequency_hz: FloatArray | None = None
+    frequency_hz: ComplexArray | None = None
     mains_n: ComplexArray = field(default_factory=lambda: np.zeros(2, dtype=np.complex128))
     mains_drive: ComplexArray = field(default_factory=lambda: np.zeros(2, dtype=np.complex128))
-    band_speed_mm_s: FloatArray | None = None
+    band_speed_mm_s: ComplexArray | None = None
+    frequency_variance_hz2: ComplexArray | None = None
 
 
 class WindowCutter:
@@ -150,13 +154,25 @@ class WindowCutter:
         self._span = np.clip(span, 0, self._length - 1)
         self._hold = hold(frequency_hz, sample_rate_hz)
         self._mounted = ThroughMount(mount, sample_rate_hz)
-        self._passing = self._hold * self.bands.passing
+        self.skew(0.0)
         self._parts: list[AlignedSamples] = []
         self._used = 0  # samples of the first part
         self._held = 0
         self._run: int | None = None
         self.contact = 0
         self.refused: Counter[str] = Counter()
+
+    def skew(self, force_skew_s: float) -> None:
+        """Take the force from now on as sampled later than the voltage.
+
+        Parameters
+        ----------
+        force_skew_s : float
+            By so much; 0 for a rig, as after construction.
+        """
+        late = advance(self.bands.frequency_hz, force_skew_s)
+        self._passing = self._hold * self.bands.passing * late
+        self._passing_per_hz = np.gradient(self._passing, self.bands.frequency_hz)
 
     def take(self, part: AlignedSamples) -> list[LawWindow]:
         """Take samples and return the windows that they complete.
@@ -243,28 +259,34 @@ class WindowCutter:
         friction = np.sum(data["force"][:2] * along, axis=0)
         drive, passed = data[DRIVE]
         within = np.clip(data["render"][2], LOW_MM_S, HIGH_MM_S)
-        following = next_of(passed)
-        channels = tapered(np.stack([drive, passed, friction, data["force"][0], following]))
+        sensed = (drive, passed, friction, data["force"][0], *shifted(passed))
+        channels = tapered(np.stack(sensed))
         channels = np.vstack([channels, channels[1] * (within - within.mean())])
         spectra = np.fft.rfft(channels, axis=-1)[:, self._line]
-        driven, mounted, felt, following, faster = spectra[[0, 1, 2, 4, 5]]
+        driven, mounted, felt, _, earlier, later, faster = spectra
         driven_power = np.square(np.abs(driven * self._hold)).sum()
         if np.sqrt(2.0 * driven_power / self._length) < LEAST_DRIVE:
             self.refused["nothing is played"] += 1
             return None
         power = self._sum(np.square(np.abs(mounted))).real
         each = 1.0 / np.maximum(power, np.finfo(float).tiny)
-        # What is played is seldom at the frequencies of the window: of a texture's line each of
-        # them has a part, and the response is that at the line's own. Likewise of its speed.
-        at_hz = frequency_hz(self._sum(mounted.conj() * following), self._rate_hz)
+        back, forth = (self._sum(mounted.conj() * other) for other in (earlier, later))
+        at_hz, variance_hz2 = frequencies(self.bands, power, back, forth, self._rate_hz)
         # A law is nearly linear in the speed over a window, and what counts of the speed is its
         # mean over the drive's energy.
-        above = self._sum(mounted.conj() * faster).real * each
-        passing = np.interp(at_hz, self.bands.frequency_hz, self._passing)
+        above = self._sum(mounted.conj() * faster) * each
+        slowest, mean, fastest = within.min(), within.mean(), within.max()
+        most = (fastest - slowest) / 2.0
+        at_mm_s = np.clip(mean + above.real, slowest, fastest)
+        passing, per_hz = (
+            np.interp(at_hz.real, self.bands.frequency_hz, table)
+            for table in (self._passing, self._passing_per_hz)
+        )
+        passing = passing + 1j * at_hz.imag * per_hz
         return LawWindow(
             first_sample,
             self.contact,
-            float(within.mean()),
+            float(mean),
             float(data["force"][2].mean()),
             power * np.square(np.abs(passing)),
             self._sum(mounted.conj() * felt) * passing.conj(),
@@ -274,10 +296,11 @@ class WindowCutter:
             drive_mean=float(drive.mean()),
             drive_variance=2.0 * float(driven_power) / self._length,
             minutes=first_sample / self._rate_hz / 60.0,
-            frequency_hz=np.where(power > 0.0, at_hz, self.bands.centre_hz),
+            frequency_hz=at_hz,
             mains_n=spectra[3, self._mains],
             mains_drive=(mounted * self._passing)[self._mains] * along[0].mean(),
-            band_speed_mm_s=np.clip(within.mean() + above, within.min(), within.max()),
+            band_speed_mm_s=at_mm_s + 1j * np.clip(above.imag, -most, most),
+            frequency_variance_hz2=variance_hz2,
         )
 
     def _sum(self, spectrum: ComplexArray | FloatArray) -> ComplexArray:

@@ -109,13 +109,14 @@ def _batch(rng: np.random.Generator, rows: FloatArray, off: FloatArray) -> Batch
     mains = np.zeros((window.size, 2), dtype=complex)
     return Batch(
         speed,
-        speeds,
+        speeds.astype(complex),
         power,
         law * power + noise,
         felt,
         np.ones(shape, dtype=bool),
         BANDS,
-        frequency,
+        frequency.astype(complex),
+        np.zeros(shape, dtype=complex),
         SlidingConditions(speed, force, position, direction, window * STEP / RATE_HZ / 60.0),
         np.full(window.size, 0.5),
         np.full(window.size, 0.05),

@@ -114,7 +114,7 @@ def slide(
                 mean,
                 variance,
                 time_s / 60.0,
-                BANDS.total((np.abs(drive) ** 2 * frequency)[np.newaxis]).real / power.real,
+                BANDS.total((np.abs(drive) ** 2 * frequency)[np.newaxis]) / power.real,
                 felt[_MAINS] * felt_by * place.direction + hum,
                 drive[_MAINS] * felt_by * place.direction,
             )

@@ -26,8 +26,8 @@ class Batch:
     ----------
     speed_mm_s : ndarray, shape (n_windows,)
         Mean of each window, without sign.
-    band_speed_mm_s : ndarray
-        At which the drive of each band was felt.
+    band_speed_mm_s : ndarray of complex
+        At which the drive of each band was felt (`LawWindow`).
     drive_power, friction_power : ndarray
         Of the drive fraction, and of the friction in N².
     cross : ndarray of complex
@@ -36,8 +36,8 @@ class Batch:
         Where the drive is strong enough to say something.
     bands : Bands
         They speak in.
-    frequency_hz : ndarray
-        Mean in each band, weighted by the drive's power.
+    frequency_hz, frequency_variance_hz2 : ndarray of complex
+        Mean and variance in each band, weighted by the drive (`band_frequencies`).
     conditions : SlidingConditions
         Of each window; minutes since the device began.
     drive_mean, drive_variance : ndarray, shape (n_windows,)
@@ -47,13 +47,14 @@ class Batch:
     """
 
     speed_mm_s: FloatArray
-    band_speed_mm_s: FloatArray
+    band_speed_mm_s: ComplexArray
     drive_power: FloatArray
     cross: ComplexArray
     friction_power: FloatArray
     heard: BoolArray
     bands: Bands
-    frequency_hz: FloatArray
+    frequency_hz: ComplexArray
+    frequency_variance_hz2: ComplexArray
     conditions: SlidingConditions
     drive_mean: FloatArray
     drive_variance: FloatArray
@@ -77,13 +78,14 @@ class Batch:
         def each(name: str) -> FloatArray:
             return np.array([getattr(window, name) for window in windows])
 
-        def by_band(name: str, otherwise: FloatArray) -> FloatArray:
+        def by_band(name: str, otherwise: FloatArray) -> ComplexArray:
             known = (getattr(window, name) for window in windows)
             return np.array(
                 [
                     value if found is None else found
                     for found, value in zip(known, otherwise, strict=True)
-                ]
+                ],
+                dtype=np.complex128,
             )
 
         speed, none = each("speed_mm_s"), np.zeros(power.shape)
@@ -96,6 +98,7 @@ class Batch:
             density > HEARD * density.max(axis=1, keepdims=True),
             bands,
             by_band("frequency_hz", none + bands.centre_hz),
+            by_band("frequency_variance_hz2", none),
             SlidingConditions(
                 speed,
                 each("normal_force_n"),
@@ -137,12 +140,17 @@ class Batch:
     def law_response(self, at: FloatArray) -> ComplexArray:
         """Return a law's response in each window and band, N (Equation 4, and the delay).
 
+        To second order in how the frequencies of a band differ (`band_frequencies`).
+
         Parameters
         ----------
         at : ndarray, shape (4,)
             In `calibration.coordinates`.
         """
-        return coordinates.response(at, self.band_speed_mm_s, self.frequency_hz)
+        where = (at, self.band_speed_mm_s, self.frequency_hz)
+        bent = 0.5 * coordinates.curvature_per_hz2(*where) * self.frequency_variance_hz2
+        response: ComplexArray = coordinates.response(*where) * (1.0 + bent)
+        return response
 
     def unexplained(self, response: ComplexArray) -> FloatArray:
         """Return the power of the friction that a response leaves, per frequency, N².
@@ -156,24 +164,31 @@ class Batch:
         density: FloatArray = np.maximum(left, 0.0) / self.bands.lines
         return density
 
-    def rows(self, noise_n2: FloatArray, part: IntArray | None = None) -> Data:
+    def rows(self, noise_n2: FloatArray, at: FloatArray, part: IntArray | None = None) -> Data:
         """Return the responses and their variances, as calibration scores them.
 
+        Those at real frequencies and speeds: a law tells how a band's own lie beside them.
         Half overlapping Hann windows count half, one frequency as 1.9 (`Bands.averages`).
 
         Parameters
         ----------
         noise_n2 : ndarray, shape (n_bands,)
+        at : ndarray, shape (4,)
+            That law, in `calibration.coordinates`; about the one that is looked for.
         part : ndarray of int, shape (n_windows,), optional
             Number of each window's trial, rising from 0; None: all are of one.
         """
         window, band = np.nonzero(self.heard)
         power = self.drive_power[window, band]
         share = (self.bands.lines / (self.bands.lines + 0.9))[band]
+        speed_mm_s = self.band_speed_mm_s[window, band].real
+        frequency_hz = self.frequency_hz[window, band].real
+        beside = coordinates.response(at, speed_mm_s, frequency_hz)
+        beside /= self.law_response(at)[window, band]
         return Data(
-            self.band_speed_mm_s[window, band],
-            self.frequency_hz[window, band],
-            self.cross[window, band] / power,
+            speed_mm_s,
+            frequency_hz,
+            self.cross[window, band] / power * beside,
             noise_n2[band] * share / power,
             window,
             np.zeros(self.speed_mm_s.size, dtype=np.int64) if part is None else part,

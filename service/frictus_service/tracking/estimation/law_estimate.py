@@ -186,7 +186,10 @@ def updated(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, float]:
     mean, covariance = estimate.filters.of(FELT)
     information = coordinates.inverse(covariance)
     strokes = Strokes.of(batch.conditions, estimate.last_direction, estimate.last_minutes)
-    data, weights = batch.rows(noise, strokes.part), np.ones(np.count_nonzero(batch.heard))
+    data, weights = (
+        batch.rows(noise, mean, strokes.part),
+        np.ones(np.count_nonzero(batch.heard)),
+    )
     at = mean
     for _ in range(2):  # scatter from the fit, weights from the scatter
         at = _settle(data, at, estimate.gain_scatter, weights, mean, information)

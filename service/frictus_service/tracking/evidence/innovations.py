@@ -183,7 +183,7 @@ def batch_score(
     certainty : float
         Sum over real and imaginary parts of the inverse of their relative variances.
     """
-    data = batch.rows(estimate.noise_n2)
+    data = batch.rows(estimate.noise_n2, estimate.mean)
     residual, law, certainty = linearised(data, estimate.mean)
     certainty = certainty / (1.0 + certainty * SYSTEMATIC**2)
     table = np.column_stack([law * UNITS, further[batch.heard], residual])

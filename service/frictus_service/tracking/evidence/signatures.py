@@ -196,7 +196,7 @@ def _probe(batch: Batch, since_minutes: float) -> Probe:
     share = batch.drive_power / batch.drive_power.sum(axis=1, keepdims=True) / batch.bands.lines
     amplitude = np.sqrt(2.0 * batch.drive_variance[:, np.newaxis] * share)
     return Probe(
-        batch.frequency_hz.ravel(),
+        batch.frequency_hz.real.ravel(),
         amplitude.ravel().astype(np.complex128),
         np.repeat(batch.drive_mean, n_bands),
         np.repeat(batch.drive_variance, n_bands),
