@@ -6,6 +6,7 @@ one to the next. 64 bytes of header, then float32 friction in newtons, all littl
 
 import math
 import struct
+import threading
 import time
 from dataclasses import dataclass
 from types import TracebackType
@@ -273,6 +274,7 @@ class TextureStream:
         self._ticket = reply.ticket
         self._peak_n = peak_n
         self._failure: Exception | None = None
+        self._sending = threading.Lock()
         self._publisher: zenoh.Publisher | None = declare_publisher(
             caller.session, caller.keys.of(Topics.TEXTURE), Topics.TEXTURE
         )
@@ -301,7 +303,7 @@ class TextureStream:
         angle_deg: float = 0.0,
         ttl_ms: int = 200,
     ) -> None:
-        """Send one period of friction; the rig cross-fades to it.
+        """Send one period of friction; the rig cross-fades to it. From any thread.
 
         There is no reply. An update that is too old when it arrives is dropped and counted in
         `RigStatus.counters.stream_updates_expired`.
@@ -333,22 +335,23 @@ class TextureStream:
         self._failure = self._failure or stream_end(self._status.newest(), self._opened)
         if self._failure is not None:
             raise self._failure
-        frame = update_frame(
-            self._ticket,
-            self.sent,
-            time.time_ns(),
-            self._peak_n,
-            friction_n,
-            period_mm=period_mm,
-            period_s=period_s,
-            angle_deg=angle_deg,
-            ttl_ms=ttl_ms,
-        )
-        try:
-            publisher.put(frame)
-        except zenoh.ZError as error:
-            raise LinkError(f"the update was not sent: {error}") from error
-        self.sent += 1
+        with self._sending:  # two updates of one number would be one to the rig
+            frame = update_frame(
+                self._ticket,
+                self.sent,
+                time.time_ns(),
+                self._peak_n,
+                friction_n,
+                period_mm=period_mm,
+                period_s=period_s,
+                angle_deg=angle_deg,
+                ttl_ms=ttl_ms,
+            )
+            try:
+                publisher.put(frame)
+            except zenoh.ZError as error:
+                raise LinkError(f"the update was not sent: {error}") from error
+            self.sent += 1
 
     def close(self) -> None:
         """End the stream; the rig fades to the scene. Closing twice is harmless.

@@ -222,7 +222,7 @@ classdef frictus < handle
     end
 
     function say_text(self, text)
-      self.socket.send(1, uint8(text));
+      self.socket.send(1, frictus_socket.utf8(text));
     end
 
     function id = next_id(self)
@@ -295,7 +295,7 @@ classdef frictus < handle
     function hear(self, opcode, payload)
       switch opcode
         case 1
-          told = jsondecode(char(payload));
+          told = jsondecode(frictus_socket.text(payload));
           self.tell(told);
         case 2
           one = frame_of(payload, self.STREAMS);
@@ -314,7 +314,7 @@ classdef frictus < handle
           self.socket.close();
           self.tell_refusal();
           error('frictus:closed', 'the service has closed the connection: %s', ...
-            char(payload(3:end)));
+            frictus_socket.text(payload(3:end)));
         case 9
           self.socket.send(10, payload);
       end

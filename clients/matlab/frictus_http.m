@@ -6,20 +6,21 @@ function answer = frictus_http(host, port, token, method, path, body)
   if ~isempty(token)
     lines = [lines sprintf('Authorization: Bearer %s\r\n', token)];
   end
+  body = frictus_socket.utf8(body);
   if ~isempty(body)
     lines = [lines sprintf('Content-Type: application/json\r\nContent-Length: %d\r\n', ...
-      numel(uint8(body)))];
+      numel(body))];
     if any(strcmp(method, {'PUT', 'DELETE'}))
       lines = [lines sprintf('If-Match: *\r\n')];
     end
   end
-  write(link, uint8([lines sprintf('\r\n') body]));
-  text = http_answer(link, 10);
+  write(link, [uint8([lines sprintf('\r\n')]), body]);
+  answered = http_answer(link, 10);
   clear link
-  [head, content] = halves(text);
+  [head, content] = halves(answered);
   answer = [];
   if ~isempty(content)
-    answer = jsondecode(content);
+    answer = jsondecode(frictus_socket.text(content));
   end
   status = sscanf(head, 'HTTP/1.1 %d');
   if isempty(status) || status >= 400
@@ -33,15 +34,15 @@ function answer = frictus_http(host, port, token, method, path, body)
   end
 end
 
-function text = http_answer(link, within_s)
-  % Everything until the service closes, or its Content-Length has come.
+function answered = http_answer(link, within_s)
+  % All bytes until the service closes, or its Content-Length has come.
   began = tic();
-  text = '';
+  answered = zeros(1, 0, 'uint8');
   while toc(began) < within_s
     bytes = frictus_socket.available(link);
     if ~isempty(bytes)
-      text = [text, char(bytes)];
-      [head, content] = halves(text);
+      answered = [answered, bytes];
+      [head, content] = halves(answered);
       wanted = regexp(head, 'content-length: *(\d+)', 'tokens', 'once', 'ignorecase');
       whole = ~isempty(head) && (~isempty(strfind(head, ' 204 ')) || ...
         (~isempty(wanted) && numel(content) >= str2double(wanted{1})));
@@ -54,12 +55,12 @@ function text = http_answer(link, within_s)
   end
 end
 
-function [head, content] = halves(text)
-  at = strfind(text, sprintf('\r\n\r\n'));
+function [head, content] = halves(answered)
+  at = strfind(char(answered), sprintf('\r\n\r\n'));
   head = '';
-  content = '';
+  content = zeros(1, 0, 'uint8');
   if ~isempty(at)
-    head = text(1:at(1));
-    content = text(at(1) + 4:end);
+    head = char(answered(1:at(1)));
+    content = answered(at(1) + 4:end);
   end
 end

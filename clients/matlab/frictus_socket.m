@@ -125,6 +125,16 @@ classdef frictus_socket < handle
       end
     end
 
+    function bytes = utf8(text)
+      % UTF8  Return the bytes of a text. To MATLAB characters are UTF-16, to Octave bytes.
+      bytes = reshape(unicode2native(text, 'UTF-8'), 1, []);
+    end
+
+    function text = text(bytes)
+      % TEXT  Return the text that bytes of UTF-8 hold.
+      text = native2unicode(bytes, 'UTF-8');
+    end
+
     function bytes = available(link)
       % AVAILABLE  Return all that has come, at once: many small reads are slow.
       count = link.NumBytesAvailable;

@@ -1,5 +1,8 @@
-"""A texture stream whose updates are sent by one thread and that another closes."""
+"""A texture stream that several threads send over, or close while another sends."""
 
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from types import SimpleNamespace
 from typing import Any
 
@@ -8,9 +11,9 @@ import pytest
 import zenoh
 
 from frictus.errors import LinkError
-from frictus.keys import RigKeys
+from frictus.keys import RigKeys, Topics
 from frictus.messages import Reply
-from frictus.stream import TextureStream
+from frictus.stream import StreamFrame, TextureStream
 
 
 class Closing:
@@ -24,7 +27,20 @@ class Closing:
         return np.zeros(2, np.float32)
 
 
-def test_a_stream_that_is_closed_while_it_sends_says_so() -> None:
+class Together:
+    """Friction that is read once another update is read at the same time, if it ever is."""
+
+    def __init__(self, both: threading.Barrier) -> None:
+        self._both = both
+
+    def __array__(self, *_: Any, **options: Any) -> Any:
+        with suppress(threading.BrokenBarrierError):
+            self._both.wait(0.5)
+        return np.zeros(2, np.float32)
+
+
+@contextmanager
+def opened() -> Iterator[tuple[TextureStream, zenoh.Session]]:
     config = zenoh.Config()
     config.insert_json5("scouting/multicast/enabled", "false")
     config.insert_json5("listen/endpoints", "[]")
@@ -35,7 +51,29 @@ def test_a_stream_that_is_closed_while_it_sends_says_so() -> None:
             call=lambda name, **_: Reply(ok=True, ticket=1),
         )
         status: Any = SimpleNamespace(newest=lambda: None)
-        stream = TextureStream(caller, status, 0.1)
+        yield TextureStream(caller, status, 0.1), session
+
+
+def test_updates_of_two_threads_have_numbers_of_their_own() -> None:
+    with opened() as (stream, session):
+        key = RigKeys("lab", "rig1").of(Topics.TEXTURE)
+        updates = session.declare_subscriber(key, zenoh.handlers.FifoChannel(8))
+        friction = Together(threading.Barrier(2))
+        threads = [
+            threading.Thread(target=stream.send, args=(friction,), kwargs={"period_mm": 2.0})
+            for _ in range(2)
+        ]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        came = [StreamFrame.unpack(updates.recv().payload.to_bytes()) for _ in range(2)]
+        assert [frame.sequence for frame in came] == [0, 1]
+        assert stream.sent == 2
+
+
+def test_a_stream_that_is_closed_while_it_sends_says_so() -> None:
+    with opened() as (stream, _):
         with pytest.raises(LinkError, match="not sent"):
             stream.send(Closing(stream), period_mm=2.0)
         assert (stream.closed, stream.sent) == (True, 0)

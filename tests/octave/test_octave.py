@@ -108,6 +108,20 @@ disp(jsonencode(f.client));
     assert (closed["expired"], closed["newest"]) == (0, 9)
 
 
+def test_text_is_utf_8_both_ways(port: int, tmp_path: Path) -> None:
+    script = """
+f.watch('rig1');
+f.set_scene('rig1', '{"name": "grün 漢 😀"}');
+while ~isfield(f.newest, 'scene') || isempty(f.newest.scene.scene.name)
+  f.read(0.05);
+end
+disp(jsonencode(f.newest.scene.scene.name));
+f.http('PUT', '/v1/rigs/rig1/scene', '{"name": "weiß"}');
+disp(jsonencode(f.http('GET', '/v1/rigs/rig1/scene').name));
+"""
+    assert results(tmp_path, port, script) == ["grün 漢 😀", "weiß"]
+
+
 def test_extremes_as_asked(port: int, tmp_path: Path) -> None:
     script = """
 f.watch('rig1', {'force'}, 50);

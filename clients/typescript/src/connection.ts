@@ -6,6 +6,7 @@ import type { Asked, Told, Welcome } from "./messages.js";
 const PING_MS = 500;
 const SILENCE_MS = 3_000;
 const WELCOME_MS = 5_000;
+const ANSWER_MS = 10_000;
 const CLOCK_READINGS = 16;
 const PROTOCOL_MINOR = 1;
 
@@ -18,6 +19,9 @@ export class RefusedError extends Error {
     super(message);
   }
 }
+
+/** A request was sent and not answered: it may have been done, or may still be. Read the state before it is sent again. */
+export class OutcomeUnknownError extends Error {}
 
 /** The connection is gone, and with it what was armed over it. */
 export class ClosedError extends Error {}
@@ -35,6 +39,8 @@ export interface ConnectOptions {
   token?: string;
   /** In place of the global `WebSocket`: Node before 22 has it with `--experimental-websocket`. */
   WebSocket?: typeof WebSocket;
+  /** For how long a request waits for its answer, ms; 10000. */
+  timeoutMs?: number;
 }
 
 type Request = Extract<Asked, { id?: number | null }>;
@@ -63,6 +69,7 @@ export class Connection {
     socket: WebSocket,
     /** What the service said of itself and of us. */
     readonly welcome: Welcome,
+    readonly timeoutMs: number,
   ) {
     this.#socket = socket;
     this.closed = new Promise((resolve) => (this.#end = resolve));
@@ -113,16 +120,22 @@ export class Connection {
     this.#socket.send(message instanceof ArrayBuffer ? message : JSON.stringify(message));
   }
 
-  /** Send a request and wait for its answer; `RefusedError` if it is refused. */
+  /**
+   * Send a request and wait for its answer.
+   * @throws RefusedError if it is refused, OutcomeUnknownError without an answer in time
+   */
   async ask<Op extends Told["op"]>(request: Request, _answer: Op): Promise<Answer<Op>> {
     const id = this.#ids++;
-    const answered = new Promise<Told>((resolve, reject) =>
-      this.#waiting.set(id, { resolve, reject }),
-    );
+    let due: ReturnType<typeof setTimeout> | undefined;
+    const answered = new Promise<Told>((resolve, reject) => {
+      this.#waiting.set(id, { resolve, reject });
+      due = setTimeout(() => reject(unanswered(request.op, this.timeoutMs)), this.timeoutMs);
+    });
     try {
       this.send({ ...request, id });
       return (await answered) as Answer<Op>;
     } finally {
+      clearTimeout(due);
       this.#waiting.delete(id);
     }
   }
@@ -206,7 +219,7 @@ export async function open(url: string, options: ConnectOptions = {}): Promise<C
   const socket = new Socket(new URL("/v1/live", url));
   socket.binaryType = "arraybuffer";
   try {
-    return await welcomed(socket, options.token ?? null);
+    return await welcomed(socket, options.token ?? null, options.timeoutMs ?? ANSWER_MS);
   } catch (error) {
     socket.onopen = socket.onmessage = socket.onclose = null;
     socket.close();
@@ -221,7 +234,11 @@ function besides(url: string): string {
   return origin === undefined ? tls : `${tls}, or its [api] origins does not have "${origin}"`;
 }
 
-async function welcomed(socket: WebSocket, token: string | null): Promise<Connection> {
+async function welcomed(
+  socket: WebSocket,
+  token: string | null,
+  timeoutMs: number,
+): Promise<Connection> {
   let due: ReturnType<typeof setTimeout> | undefined;
   const connection = new Promise<Connection>((resolve, reject) => {
     const fail = (reason: string) => reject(new ClosedError(reason));
@@ -241,7 +258,7 @@ async function welcomed(socket: WebSocket, token: string | null): Promise<Connec
       socket.onerror = null; // a close follows each error
       // At once, not after the promise: `rigs` may have come in the same bytes.
       const [major, minor] = (told.protocol ?? "1.0").split(".").map(Number);
-      if (major === 1 && minor! >= PROTOCOL_MINOR) resolve(new Connection(socket, told));
+      if (major === 1 && minor! >= PROTOCOL_MINOR) resolve(new Connection(socket, told, timeoutMs));
       else fail(`the service speaks ${told.protocol ?? "1.0"}, this client 1.1: update it`);
     };
   });
@@ -254,6 +271,12 @@ async function welcomed(socket: WebSocket, token: string | null): Promise<Connec
 
 function read(data: string | ArrayBuffer): Told | ReturnType<typeof decode> {
   return typeof data === "string" ? (JSON.parse(data) as Told) : decode(data);
+}
+
+function unanswered(op: string, timeoutMs: number): OutcomeUnknownError {
+  return new OutcomeUnknownError(
+    `${op} was sent and not answered within ${timeoutMs} ms: read what it was to change before it is sent again`,
+  );
 }
 
 function ownUs(): number {

@@ -1,6 +1,6 @@
 /** frictus for browsers and Node: rigs over the WebSocket /v1/live. */
 
-export { ClosedError, Connection, RefusedError } from "./connection.js";
+export { ClosedError, Connection, OutcomeUnknownError, RefusedError } from "./connection.js";
 export type { ConnectOptions, Events } from "./connection.js";
 export { decode, encodeUpdate, FrameError, STREAMS } from "./frames.js";
 export type { FingerBatch, FingerState, SampleFrame, StreamName, UpdateOptions } from "./frames.js";

@@ -3,7 +3,7 @@ import { test } from "node:test";
 import { setFlagsFromString } from "node:v8";
 import { runInNewContext } from "node:vm";
 
-import { ClosedError, connect } from "../src/index.js";
+import { ClosedError, connect, OutcomeUnknownError } from "../src/index.js";
 
 const WELCOME = { op: "welcome", protocol: "1.1", client: "x", utc_us: 1 };
 const RIGS = { op: "rigs", rigs: ["rig1"], link: true };
@@ -62,6 +62,16 @@ test("a listener that throws keeps no other from hearing, the end neither", asyn
   await assert.rejects(never, ClosedError);
   await assert.rejects(client.next("status"), ClosedError);
   assert.deepEqual(thrown, [fault, fault, fault]);
+});
+
+test("a request that is not answered does not wait for ever", async () => {
+  const client = await connect("ws://127.0.0.1", { WebSocket: AllAtOnce as never, timeoutMs: 20 });
+  await assert.rejects(client.rig("rig1").arm(), (error: Error) => {
+    assert.ok(error instanceof OutcomeUnknownError);
+    assert.match(error.message, /^arm was sent and not answered within 20 ms/);
+    return true;
+  });
+  client.close();
 });
 
 test("what was waited for is not kept", async () => {

@@ -2,15 +2,17 @@
 
 import errno
 import logging
+from pathlib import PurePath
 from typing import Final
 
 import anyio
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import Response
+from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
 from starlette.routing import Match
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from frictus import errors
 from frictus.errors import (
@@ -37,10 +39,12 @@ from frictus_service.api.problems import (
     InvalidError,
     MethodNotAllowedError,
     ModelNotFoundError,
+    NoAccessError,
     NoLinkError,
     NoRegistryError,
     NotStoredError,
     PathNotFoundError,
+    RangeError,
     ReadOnlyError,
     RigCalibratingError,
     RigNotFoundError,
@@ -90,7 +94,12 @@ _FOREIGN: Final[dict[type[Exception], type[ApiError]]] = {
     service.RegistryError: InvalidError,  # what is left: names, provenance
 }
 _NOT_STORED: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
+_CLOSED: Final = frozenset({errno.EACCES, errno.EPERM})
 _METHODS: Final = ("DELETE", "GET", "HEAD", "OPTIONS", "PATCH", "POST", "PUT")
+_RANGE: Final = (
+    "the file has no such part: Range takes bytes=FIRST-LAST, counted from 0, with FIRST not "
+    "above LAST and within the file; leave the header out for all of it"
+)
 _BY_STATUS: Final = {404: PathNotFoundError, 405: MethodNotAllowedError}
 
 
@@ -113,6 +122,13 @@ def problem_of(error: Exception) -> ApiError:
             f"the server cannot write it ({error.strerror}): have its disk freed, or its file "
             "system writable, and ask again"
         )
+    if isinstance(error, OSError) and error.errno in _CLOSED:
+        name = PurePath(str(error.filename or "")).name
+        return NoAccessError(
+            f"the server may not read or write {name or 'a file of its own'} "
+            f"({error.strerror}): have the account that it runs under given the right to, and "
+            "ask again; its log has the whole path"
+        )
     return InternalError("an unexpected fault; the server's log has it with this path and time")
 
 
@@ -123,7 +139,7 @@ def install(app: FastAPI) -> None:
         if isinstance(error, HTTPException) and error.status_code == 405:
             error.headers = {"Allow": ", ".join(_allowed(request))}
         problem = problem_of(error)
-        if isinstance(problem, InternalError):
+        if isinstance(problem, (InternalError, NoAccessError)):
             _LOG.error("%s %s failed", request.method, request.url.path, exc_info=error)
         return problem.response(request.url.path)
 
@@ -153,6 +169,43 @@ class Departures:
             await self._app(scope, receive, send)
         except* anyio.BrokenResourceError:
             _LOG.info("%s: its client left", scope["path"])
+
+
+class Ranges:
+    """ASGI middleware: a `Range` that a file does not have is answered with a problem.
+
+    Starlette answers with bare text, 400 where the header cannot be read.
+
+    Parameters
+    ----------
+    app : ASGIApp
+        What is behind it.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve a request."""
+        if scope["type"] != "http" or "range" not in Headers(scope=scope):
+            await self._app(scope, receive, send)
+            return
+        refused = False
+
+        async def sent(message: Message) -> None:
+            nonlocal refused
+            if message["type"] == "http.response.start" and message["status"] in (400, 416):
+                given = Headers(raw=message["headers"])
+                refused = given.get("content-type", "").startswith("text/plain")
+                if refused:
+                    whole = given.get("content-range")
+                    headers = {} if whole is None else {"Content-Range": whole}
+                    problem = RangeError(_RANGE, headers=headers)
+                    await problem.response(scope["path"])(scope, receive, send)
+            if not refused:
+                await send(message)
+
+        await self._app(scope, receive, sent)
 
 
 def _allowed(request: Request) -> list[str]:

@@ -254,6 +254,12 @@ class WrongHostError(ApiError):
     status, code, title = 421, "wrong_host", "The Host header is not this server"
 
 
+class RangeError(ApiError):
+    """A part of a file is asked for that it does not have."""
+
+    status, code, title = 416, "bad_range", "No such part of the file"
+
+
 class InvalidError(ApiError):
     """The request can be read, but a value is missing, of the wrong type or out of range."""
 
@@ -288,6 +294,12 @@ class DamagedFileError(ApiError):
     """A file in the library folder is not a texture."""
 
     status, code, title = 500, "damaged_texture", "A file of the library is damaged"
+
+
+class NoAccessError(ApiError):
+    """The service may not use its own files."""
+
+    status, code, title = 500, "no_access", "The service may not use its files"
 
 
 class UnreadableRigError(ApiError):

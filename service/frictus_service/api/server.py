@@ -225,6 +225,7 @@ def build_app(
         app.include_router(part.router)
     app.mount(pages.PAGE, pages.DashboardFiles(), name="dashboard")
     error_handlers.install(app)
+    app.add_middleware(error_handlers.Ranges)
     app.add_middleware(error_handlers.Departures)
     app.add_middleware(
         OriginCheck, loopback_only=config.api.loopback, allowed=config.api.origins

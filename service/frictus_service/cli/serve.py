@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 from frictus_service.cli.options import AsJson, ConfigFile, write_line
 
 if TYPE_CHECKING:
-    from frictus_service.config import ApiConfig
+    from frictus_service.config import ApiConfig, Config
 
 
 def serve(config: ConfigFile = None, as_json: AsJson = False) -> None:
     """Run router, rig, recorder, tracker and API on this machine until Ctrl-C."""
     from frictus_service.config_file import load
 
-    settings = load(config, runs_rig=True)
+    settings = with_port(load(config, runs_rig=True))
     from frictus_service.daemon.processes import serve as daemon  # seconds: after the file
     from frictus_service.daemon.processes.supervisor import ALL
 
@@ -26,6 +26,16 @@ def serve(config: ConfigFile = None, as_json: AsJson = False) -> None:
     wanted = {"api": settings.api.enabled, "tracker": settings.tracker.enabled}
     parts = tuple(part for part in ALL if wanted.get(part, True))
     daemon.serve(settings, parts, say=say)
+
+
+def with_port(settings: "Config") -> "Config":
+    """Return settings whose API has a port of its own, also after a restart: 0 is any free."""
+    if settings.api.port:
+        return settings
+    from frictus_service.processes import free_port
+
+    api = settings.api.model_copy(update={"port": free_port()})
+    return settings.model_copy(update={"api": api})
 
 
 def where_to_look(api: "ApiConfig") -> str:
@@ -62,7 +72,7 @@ def api(config: ConfigFile = None, as_json: AsJson = False) -> None:
     """Run the REST API alone until Ctrl-C; the router runs elsewhere."""
     from frictus_service.config_file import load
 
-    settings = load(config)
+    settings = with_port(load(config))
     from frictus_service.daemon.processes import serve as daemon  # seconds: after the file
 
     say = said(as_json)

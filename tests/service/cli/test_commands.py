@@ -306,6 +306,23 @@ def test_services_start_their_parts(
     assert "ready\n" in run(name, "-c", config).stderr
 
 
+@pytest.mark.parametrize("name", ["serve", "api"])
+def test_any_free_port_is_chosen_once_and_told(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, name: str
+) -> None:
+    file = tmp_path / "frictus.toml"
+    file.write_text("[api]\nport = 0\n")
+    ports = []
+
+    def serve(settings: Config, *_: object, **_given: object) -> None:
+        ports.append(settings.api.port)
+
+    monkeypatch.setattr("frictus_service.daemon.processes.serve.serve", serve)
+    told = run(name, "-c", file).stderr
+    assert ports[0] > 0
+    assert f"http://127.0.0.1:{ports[0]}/ " in told
+
+
 def test_parts_that_are_not_wanted_are_not_started(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

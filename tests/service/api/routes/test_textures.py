@@ -277,6 +277,18 @@ def test_a_refused_recording_is_named_as_its_texture(api: TestClient) -> None:
     assert "texture name 'nul'" in answer.json()["detail"]
 
 
+def test_a_folder_that_may_not_be_written_is_said(
+    api: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def closed(path: Path, content: bytes) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied", str(path))
+
+    monkeypatch.setattr(library_module, "replace_file", closed)
+    answer = api.put("/v1/textures/sine", json=SINE, headers=NEW)
+    assert (answer.status_code, answer.json()["code"]) == (500, "no_access")
+    assert "sine.json (Permission denied)" in answer.json()["detail"]
+
+
 def test_a_disk_that_takes_nothing_is_said(
     api: TestClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
