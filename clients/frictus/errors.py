@@ -3,6 +3,9 @@
 import reprlib
 
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from frictus.names import NAME, NAME_ACCEPTED
 
 
 class FrictusError(Exception):
@@ -90,6 +93,17 @@ _SHORT.maxlevel = 2
 """What a sender wrote may be megabytes: it is shortened before it is written out."""
 
 
+def complaint(detail: ErrorDetails) -> str:
+    """Say what one value got wrong, without the value.
+
+    Parameters
+    ----------
+    detail : ErrorDetails
+        One of pydantic's complaints.
+    """
+    return NAME_ACCEPTED if detail.get("ctx", {}).get("pattern") == NAME else detail["msg"]
+
+
 def explain(error: ValidationError) -> str:
     """Say in one line what a message, texture or model got wrong, and where.
 
@@ -101,9 +115,7 @@ def explain(error: ValidationError) -> str:
     complaints = []
     for detail in error.errors(include_url=False)[:3]:
         where = ".".join(str(part) for part in detail["loc"])
-        message = detail["msg"]
-        if detail.get("ctx", {}).get("pattern", "").startswith("^[A-Za-z0-9._-]"):
-            message = "ASCII letters, digits, '.', '_' and '-' are accepted"
+        message = complaint(detail)
         if detail["type"] != "missing":  # its input is all that surrounds it
             message += f" (got {_SHORT.repr(detail['input'])})"
         complaints.append(f"{where or 'document'}: {message}")

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from frictus.errors import FrictusError
+from frictus.names import MAX_NAME
 
 RESERVED: Final = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
 """Devices on Windows, whatever extension follows."""
@@ -38,8 +39,6 @@ def of_a_file(name: str) -> str:
 
 
 ROOT: Final = "frictus/@v1"
-MAX_NAME: Final = 64
-"""Characters of the name of a site, a rig or a client."""
 
 
 class InvalidNameError(FrictusError, ValueError):

@@ -15,6 +15,7 @@ from pydantic_core import PydanticCustomError
 
 from frictus.keys import RigKeys
 from frictus.messages import AdaptationPolicy
+from frictus.names import NAME, Name
 from frictus.session import DEFAULT_ROUTER
 from frictus.tls import SCHEME, Tls
 from frictus_hardware import (
@@ -26,7 +27,6 @@ from frictus_service.errors import ConfigurationError
 Scope = Literal["read", "render", "calibrate", "admin"]
 LOCAL: Final = "local"
 """Who asks the API where nobody needs a token."""
-Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9._-]+$")]
 Origin = Annotated[
     str, Field(max_length=300, pattern=r"^https?://([a-z0-9.-]+|\[[0-9a-f:]+\])(:[0-9]{1,5})?$")
 ]
@@ -142,7 +142,7 @@ class Limits(_Section):
 class Token(_Section):
     """A bearer token of the REST API; give its SHA-256 rather than the token itself."""
 
-    name: Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[A-Za-z0-9._-]+$")]
+    name: Annotated[str, Field(min_length=1, max_length=40, pattern=NAME)]
     """By which rigs name whoever has it; what is added to it for pages fits behind."""
     scopes: Annotated[tuple[Scope, ...], Field(min_length=1)]
     sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")] | None = None

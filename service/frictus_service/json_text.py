@@ -6,10 +6,12 @@ two values, but takes ten times as long; so the items of a list, which make a bo
 the fast parser in slices.
 """
 
+import codecs
 import hashlib
 import json
 from collections.abc import Callable
 from json import decoder, scanner
+from pathlib import Path
 from typing import Any, Final
 
 from pydantic import BaseModel
@@ -30,6 +32,16 @@ def etag_of_scene(scene: BaseModel) -> str:
     the time of `etag_of`, in which a rig's loop waits for the interpreter.
     """
     return hashlib.sha256(scene.model_dump_json(by_alias=True).encode()).hexdigest()[:16]
+
+
+def without_mark(text: bytes) -> bytes:
+    """Return a text in UTF-8 without the mark that editors on Windows put before it."""
+    return text.removeprefix(codecs.BOM_UTF8)
+
+
+def read_file(path: Path) -> bytes:
+    """Return the JSON text of a file that people may have edited."""
+    return without_mark(path.read_bytes())
 
 
 SLICE_CHARACTERS: Final = 16_384

@@ -17,6 +17,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from frictus.keys import RESERVED
 from frictus.textures import Texture
+from frictus_service import json_text
 from frictus_service.durable import replace_file, sync_folder
 from frictus_service.errors import ServiceError
 
@@ -106,7 +107,7 @@ class TextureLibrary:
         check_name(name)
         for folder, shipped in ((self._shipped, True), (self._folder, False)):
             try:
-                content = (folder / f"{name}.json").read_bytes()
+                content = json_text.read_file(folder / f"{name}.json")
             except FileNotFoundError:
                 continue
             return _entry(name, content, folder / f"{name}.json", shipped)

@@ -1,14 +1,16 @@
 """What is said of a document that is not valid."""
 
+from typing import Annotated
+
 import pytest
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
 from frictus.errors import explain
-from frictus.messages.base import ClientName
+from frictus.names import Name
 
 
 class Asked(BaseModel):
-    participant: ClientName
+    participant: Name
     site: str
 
 
@@ -19,3 +21,12 @@ def test_letters_that_are_accepted_are_named_and_what_is_missing_is_not_shown() 
         "participant: ASCII letters, digits, '.', '_' and '-' are accepted (got 'P 01'); "
         "site: Field required"
     )
+
+
+def test_what_is_taken_for_a_name_s_pattern_is_not_another_that_begins_like_it() -> None:
+    class Longer(BaseModel):
+        text: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]+/[0-9]$")]
+
+    with pytest.raises(ValidationError) as caught:
+        Longer.model_validate({"text": "P01"})
+    assert "+/[0-9]$" in explain(caught.value)

@@ -5,7 +5,6 @@ from typing import Annotated, Final, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from frictus.errors import FrameError, explain
-from frictus.keys import MAX_NAME
 from frictus.textures import PositionMm
 
 RefusalCode = Literal[
@@ -53,9 +52,6 @@ DurationMs = Annotated[FiniteFloat, Field(ge=-1e12, le=1e12)]
 LengthS = Annotated[FiniteFloat, Field(ge=0.0, le=1e9)]
 FrequencyHz = Annotated[FiniteFloat, Field(ge=0.0, le=1e9)]
 Decibel = Annotated[FiniteFloat, Field(ge=-1e6, le=1e6)]
-ClientName = Annotated[
-    str, Field(min_length=1, max_length=MAX_NAME, pattern=r"^[A-Za-z0-9._-]+$")
-]
 
 
 class Message(BaseModel):

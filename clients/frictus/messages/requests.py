@@ -4,11 +4,10 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field, FiniteFloat
 
-from frictus.keys import MAX_NAME, of_a_file
+from frictus.keys import of_a_file
 from frictus.messages.base import (
     MAX_REASON,
     AdaptationPolicy,
-    ClientName,
     Count,
     Message,
     RefusalCode,
@@ -17,6 +16,7 @@ from frictus.messages.base import (
 )
 from frictus.messages.states import Applied, Excitation
 from frictus.model import Compensation, Model
+from frictus.names import MAX_NAME, NAME, Name
 from frictus.textures import PositionMm, RmsFriction, Scene
 
 
@@ -32,7 +32,7 @@ class ArmRequest(Request):
     """Take the rig and let it drive the screen while the lease is renewed."""
 
     lease_ms: Annotated[int, Field(ge=100, le=10_000)] = 500
-    share_with: Annotated[tuple[ClientName, ...], Field(max_length=16)] = ()
+    share_with: Annotated[tuple[Name, ...], Field(max_length=16)] = ()
     """Others who may set scenes, stream and excite until the lease ends: clients, or people by
     what stands before the last dot of their clients' names."""
     keep_model: bool = False
@@ -96,7 +96,7 @@ class RecordRequest(Request):
 
     name: Annotated[
         str,
-        Field(min_length=1, max_length=100, pattern=r"^[A-Za-z0-9._-]+$"),
+        Field(min_length=1, max_length=100, pattern=NAME),
         AfterValidator(of_a_file),
     ]
     """Of the file, too: it ends without a dot and is no device of Windows, such as ``nul``."""

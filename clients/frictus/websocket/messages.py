@@ -8,7 +8,8 @@ from typing import Annotated, Final, Literal
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, SecretStr
 
 from frictus.keys import Topic, Topics
-from frictus.messages import Applied, ClientName, Count, Message, UtcNs
+from frictus.messages import Applied, Count, Message, UtcNs
+from frictus.names import Name
 from frictus.textures import PositionMm, RmsFriction, Scene
 from frictus.watched_rig import StreamName
 
@@ -20,7 +21,6 @@ MAX_TOKEN: Final = 1_000
 MAX_RATE_HZ: Final = 60.0
 MAX_PER_COLUMN: Final = 1 << 23
 """Held until a column is complete; 10 minutes in 16 columns take 7,500,000 at 200 kHz."""
-RigName = Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]{1,64}$")]
 RequestId = Annotated[int, Field(ge=0, lt=2**53)]
 """Chosen by the page; the answer, or the refusal, has it."""
 
@@ -43,7 +43,7 @@ class Watch(_Asked):
     """What to send; takes the place of what was watched."""
 
     op: Literal["watch"]
-    rig: RigName | None
+    rig: Name | None
     """Name of the rig; None: nothing."""
     streams: Annotated[tuple[StreamName, ...], Field(max_length=6)] = ()
     rate_hz: Annotated[FiniteFloat, Field(ge=1.0, le=MAX_RATE_HZ)] = MAX_RATE_HZ
@@ -73,8 +73,8 @@ class PageArmRequest(_Asked):
     """Take a rig and let it drive its screen while the page is there."""
 
     op: Literal["arm"]
-    rig: RigName
-    share_with: Annotated[tuple[ClientName, ...], Field(max_length=16)] = ()
+    rig: Name
+    share_with: Annotated[tuple[Name, ...], Field(max_length=16)] = ()
     """Clients and people who may change what is rendered meanwhile."""
     lease_ms: Annotated[int, Field(ge=500, le=10_000)] = 3_000
     """A page that sends nothing for so long loses the rig."""
@@ -87,7 +87,7 @@ class PageDisarmRequest(_Asked):
     """Give it back."""
 
     op: Literal["disarm"]
-    rig: RigName
+    rig: Name
     id: RequestId | None = None
 
 
@@ -95,7 +95,7 @@ class SetScene(_Asked):
     """Replace what the screen feels like, with a cross-fade."""
 
     op: Literal["set_scene"]
-    rig: RigName
+    rig: Name
     scene: Scene
     if_match: Annotated[str, Field(max_length=200)] | None = None
     """Etag that the present scene must have."""
@@ -106,7 +106,7 @@ class OpenStream(_Asked):
     """Announce a streamed texture; the rig is armed by this page, or shared with it."""
 
     op: Literal["open_stream"]
-    rig: RigName
+    rig: Name
     peak_n: RmsFriction
     """Largest |friction| that will be sent: it fixes bias and gain."""
     id: RequestId | None = None

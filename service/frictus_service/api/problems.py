@@ -11,6 +11,7 @@ from fastapi.responses import Response
 from pydantic import BaseModel, Field
 from pydantic_core import ErrorDetails
 
+from frictus.errors import complaint
 from frictus.messages import RefusalCode
 
 MEDIA_TYPE: Final = "application/problem+json"
@@ -380,7 +381,8 @@ OF_BODIES: Final = (SlowBodyError, TooLargeError)
 def places(errors: list[ErrorDetails] | Any, prefix: tuple[str, ...] = ()) -> list[Place]:
     """Return pydantic's errors, without the values that were sent; at most 100."""
     return [
-        Place(where=[*prefix, *error["loc"]], what=error["msg"]) for error in list(errors)[:100]
+        Place(where=[*prefix, *error["loc"]], what=complaint(error))
+        for error in list(errors)[:100]
     ]
 
 

@@ -25,6 +25,7 @@ from frictus_service.api.problems import (
     places,
 )
 from frictus_service.api.services import services
+from frictus_service.json_text import without_mark
 from frictus_service.registry.database import Once
 
 T = TypeVar("T")
@@ -135,6 +136,7 @@ def parse_json(
     InvalidError
         With the place of every fault.
     """
+    body = without_mark(body)
     for what, most in MOST.items():
         count = sum(body.count(byte) for byte in what)
         if count > most:

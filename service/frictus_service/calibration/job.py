@@ -5,8 +5,8 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
 from frictus.model import Model
+from frictus.names import Name
 
-Pseudonym = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9._-]+$")]
 Phase = Literal["break", "approach", "record", "analyse", "done"]
 
 
@@ -82,9 +82,9 @@ class QuickProtocol(_Strict):
 class CalibrationSpec(_Strict):
     """One calibration."""
 
-    rig: Pseudonym
+    rig: Name
     """Name of a rig: letters, digits, dots, ``_`` and ``-``."""
-    participant: Pseudonym
+    participant: Name
     protocol: Annotated[PaperProtocol | QuickProtocol, Field(discriminator="kind")] = (
         QuickProtocol()
     )

@@ -304,8 +304,9 @@ def read_model(file: Path) -> "Model":
 
     from frictus.errors import ArgumentError, explain
     from frictus.model import Model
+    from frictus_service import json_text
 
-    text = file.read_bytes()
+    text = json_text.read_file(file)
     schema = _schema_of(text)
     try:
         if schema == "discovery/1":

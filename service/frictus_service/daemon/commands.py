@@ -17,7 +17,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from frictus.errors import FrameError, RefusedError
-from frictus.keys import CALLS, MAX_NAME, RigKeys, Topics
+from frictus.keys import CALLS, RigKeys, Topics
 from frictus.messages import (
     MESSAGES,
     ArmRequest,
@@ -28,6 +28,7 @@ from frictus.messages import (
     Reply,
     Request,
 )
+from frictus.names import MAX_NAME
 from frictus.stream import ticket_of
 from frictus_service.command_validation import CommandValidator
 from frictus_service.config import Limits

@@ -17,6 +17,7 @@ from frictus.keys import RigKeys
 from frictus.model import Model
 from frictus.session import open_session
 from frictus_hardware.physics.screen import Screen
+from frictus_service import json_text
 from frictus_service.config import Config
 from frictus_service.daemon.block_loop.lead import RetryingBackend
 from frictus_service.daemon.block_loop.loop import BlockLoop
@@ -126,7 +127,7 @@ def read_model(path: Path | None) -> Model:
     if path is None:
         return placeholder_model()
     try:
-        model = Model.model_validate_json(path.read_bytes())
+        model = Model.model_validate_json(json_text.read_file(path))
         inverse_of_model(model, Screen())
     except (OSError, ValueError, FrameError, TextureError) as error:
         raise ConfigurationError(f"model_file {path}: {error}") from error

@@ -153,7 +153,7 @@ def load_map(path: Path) -> ColumnMap:
     if path.stat().st_size > MAX_BYTES:
         raise StudyError(f"{path} is larger than a column map can be")
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
         parsed = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise StudyError(f"{path} is no TOML ({error}); JSON is called .json") from error

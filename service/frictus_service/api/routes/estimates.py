@@ -7,6 +7,7 @@ from pydantic import Field
 
 from frictus.errors import LinkError
 from frictus.messages import EstimateState
+from frictus.names import Name
 from frictus.rig import Rig
 from frictus_service.api import problems
 from frictus_service.api.access import needs
@@ -33,12 +34,7 @@ class EstimatePublication(Publication):
     """How an estimate is published."""
 
     participant: Annotated[
-        str | None,
-        Field(
-            max_length=64,
-            pattern=r"^[A-Za-z0-9._-]+$",
-            description="Pseudonym; null: of whom the model in force is",
-        ),
+        Name | None, Field(description="Pseudonym; null: of whom the model in force is")
     ] = None
 
 

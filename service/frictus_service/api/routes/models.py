@@ -5,6 +5,7 @@ from typing import Annotated, Any, Final, Literal
 from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 
+from frictus import names
 from frictus.model import Model
 from frictus_service.api import problems
 from frictus_service.api.access import needs
@@ -93,7 +94,7 @@ class NewVersion(BaseModel):
             json_schema_extra={**_OF_NAMES},
         ),
     ]
-    rig: Annotated[str | None, Field(None, pattern=r"^[A-Za-z0-9._-]{1,64}$")]
+    rig: Annotated[names.Name | None, Field(None)]
     """On which it was measured."""
     comment: Text = ""
     model: Model

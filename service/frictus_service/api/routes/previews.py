@@ -7,6 +7,7 @@ from pydantic import BaseModel, Field, FiniteFloat, TypeAdapter
 
 from frictus.errors import TextureError
 from frictus.messages import Applied
+from frictus.names import Name
 from frictus.textures import Texture
 from frictus_hardware.physics.screen import Screen
 from frictus_service.api import problems
@@ -24,7 +25,7 @@ class Asked(BaseModel):
 
     speed_mm_s: Annotated[FiniteFloat, Field(gt=0.0, le=1_000.0)] = 50.0
     """Of the finger; says which frequencies a spatial texture has for it."""
-    rig: Annotated[str | None, Field(pattern=r"^[A-Za-z0-9._-]{1,64}$")] = None
+    rig: Name | None = None
     """Whose model and screen say what is feasible."""
 
 

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from frictus.errors import RefusedError
 from frictus.messages import RecordingState
+from frictus.names import NAME
 from frictus_hardware.arrays import FloatArray
 from frictus_service.api import problems
 from frictus_service.api.access import needs
@@ -56,9 +57,8 @@ _EXPORTS: Final[dict[ExportFormat, tuple[str, str]]] = {
     "replay": ("replay", ".npz"),
 }
 """What the command calls them, and their suffixes."""
-_NAME: Final = r"^[A-Za-z0-9._-]+$"
 RecordingName = Annotated[
-    str, PathParameter(min_length=1, max_length=100, pattern=_NAME, description="As listed")
+    str, PathParameter(min_length=1, max_length=100, pattern=NAME, description="As listed")
 ]
 router = APIRouter(prefix="/v1", tags=["recordings"])
 
@@ -68,7 +68,7 @@ class RecordingAsked(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    name: Annotated[str, Field(min_length=1, max_length=100, pattern=_NAME)]
+    name: Annotated[str, Field(min_length=1, max_length=100, pattern=NAME)]
     participant: Annotated[str, Field(max_length=64)] | None = None
     notes: Annotated[str, Field(max_length=10_000)] = ""
 

@@ -8,6 +8,7 @@ from pydantic import BaseModel, Field, TypeAdapter
 
 from frictus.messages import AdaptationPolicy, Applied, RigStatus, SafetyState, TimeState
 from frictus.model import Compensation, Model
+from frictus.names import Name
 from frictus.textures import Scene
 from frictus_service.api import problems
 from frictus_service.api.access import acts_as, needs
@@ -27,7 +28,7 @@ from frictus_service.api.requests import (
 )
 from frictus_service.api.services import Given
 
-RigName = Annotated[str, Path(pattern=r"^[A-Za-z0-9._-]{1,64}$", description="Name of the rig")]
+RigName = Annotated[Name, Path(description="Name of the rig")]
 
 _SCENE: Final[TypeAdapter[Scene]] = TypeAdapter(Scene)
 _RIG: Final[tuple[type[problems.ApiError], ...]] = (

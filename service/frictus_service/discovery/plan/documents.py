@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError,
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.simulator import Simulator
+from frictus_service import json_text
 from frictus_service.discovery.document import Response
 from frictus_service.discovery.problem.base_models import ResponseName
 from frictus_service.discovery.problem.candidates import Candidate
@@ -91,7 +92,7 @@ def read_design(path: Path) -> FactorialDesign:
         If there is no such file, or it is no `design/1`.
     """
     try:
-        return FactorialDesign.model_validate_json(path.read_bytes())
+        return FactorialDesign.model_validate_json(json_text.read_file(path))
     except FileNotFoundError as error:
         raise DesignError(
             f"no design {str(path)!r}; accepted: a study file, or a design/1 file (.json)"

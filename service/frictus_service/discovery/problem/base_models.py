@@ -13,6 +13,7 @@ from frictus_hardware.physics.effects import extended
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import Mobility, TransferFunction
 from frictus_hardware.physics.simulator import Simulator
+from frictus_service import json_text
 from frictus_service.errors import BaseModelError
 
 ResponseName = Literal["friction", "mobility"]
@@ -151,7 +152,7 @@ def _friction(cutoff_0_hz: float, slope: float) -> Model:
 
 def _read(path: Path) -> Model:
     try:
-        return Model.model_validate_json(path.read_bytes())
+        return Model.model_validate_json(json_text.read_file(path))
     except FileNotFoundError as error:
         raise BaseModelError(
             f"no base model {str(path)!r}; accepted: paper, constant-cutoff, or a model/1 file"
