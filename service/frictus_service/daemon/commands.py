@@ -52,8 +52,7 @@ OWNERS_CALLS: Final = (
 )
 RENDERING_CALLS: Final = (*OWNERS_CALLS, "adaptation", "adapt")
 UNNAMED_BYTES: Final = 64_000
-"""A call whose attachment names nobody is at most so long: only reading it would tell who sent
-it, and whether that client may."""
+"""Of a call whose attachment names nobody: to tell who sent it, all of it has to be read."""
 OVERRUN: Final = Reply(
     ok=False, code="unavailable", message="newer calls of the same sender took its place"
 )

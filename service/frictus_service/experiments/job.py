@@ -127,6 +127,8 @@ class ExperimentList(_Strict):
     """All experiments of this machine, newest first, and the protocols that are ready."""
 
     experiments: list[ExperimentJob]
+    more: bool
+    """Whether there are older ones, which are not listed."""
     ready: list[ReadyProtocol]
 
 

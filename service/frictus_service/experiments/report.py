@@ -75,6 +75,8 @@ class ExperimentReport(_Strict):
 
     trials: list[dict[str, Any]]
     """Answered ones, the newest first, as the table of events has them."""
+    left_out: int
+    """Older ones, which are not listed."""
     conditions: list[ConditionReport]
 
 
@@ -111,8 +113,10 @@ def report(protocol: Protocol, rows: list[dict[str, Any]], most: int) -> Experim
     ArgumentError
         If a row lacks what a trial has.
     """
+    answered = event_rows(rows)
     return ExperimentReport(
-        trials=event_rows(rows)[: -most - 1 : -1],
+        trials=answered[: -most - 1 : -1],
+        left_out=max(0, len(answered) - most),
         conditions=[_condition(found, rows) for found in results(protocol, rows)],
     )
 

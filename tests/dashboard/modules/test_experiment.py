@@ -137,6 +137,30 @@ def test_after_a_reconnection_an_experiment_is_followed_anew(page: Page) -> None
     page.unroute_all()
 
 
+def test_what_is_not_listed_is_told(page: Page) -> None:
+    trials = {"trials": [], "left_out": 37, "conditions": []}
+    listed = {"experiments": [job("done")] * 2, "more": True, "ready": []}
+    page.route("**/report", lambda route: route.fulfill(json=trials))
+    page.route("**/v1/experiments?*", lambda route: route.fulfill(json=listed))
+    told = page.evaluate(
+        """async () => {
+          const { Results } = await import("/experiment/results.js");
+          const { View } = await import("/experiment/view.js");
+          const results = new Results();
+          await results.read("1-2");
+          const link = Object.assign(new EventTarget(), { state: "open", welcome: null });
+          const place = document.createElement("section");
+          const view = new View(place, { link, state: { status: null }, can: () => false });
+          view.open("rig1", []);
+          while (!place.textContent.includes("P01")) await new Promise((go) => setTimeout(go, 10));
+          return [results.root.textContent, place.textContent];
+        }"""
+    )
+    assert "; 37 older ones stand in the table of events" in told[0]
+    assert "The newest 2 are listed; there are older ones." in told[1]
+    page.unroute_all()
+
+
 def test_an_experiment_is_started_once(page: Page) -> None:
     asked: list[Route] = []
     page.route("**/v1/experiments", lambda route: asked.append(route))  # no answer yet

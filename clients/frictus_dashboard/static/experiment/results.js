@@ -2,7 +2,7 @@
 
 import { request } from "../connection/api.js";
 import { save } from "../connection/download.js";
-import { element } from "../elements/element.js";
+import { element, say } from "../elements/element.js";
 import { button } from "../elements/fields.js";
 import { figure } from "../elements/figures.js";
 import { Outcome } from "../elements/outcome.js";
@@ -36,7 +36,9 @@ export class Results {
     this.#show(found);
   }
 
-  #show({ trials, conditions }) {
+  #show({ trials, left_out: leftOut, conditions }) {
+    const older = leftOut === 0 ? "" : `; ${leftOut} older ones stand in the table of events`;
+    say(this.trials.caption, `The newest trials first${older}`);
     this.root.hidden = trials.length === 0;
     fill(this.trials, trials.map(row));
     const names = conditions.map(({ condition }) => condition).join();

@@ -86,10 +86,11 @@ export class View {
     const query = `/experiments?rig=${encodeURIComponent(rig)}`;
     const found = await this.outcome.of(request("GET", query), "Not listed");
     if (found === null || rig !== this.rig || !this.shown) return;
-    const { experiments, ready } = found;
+    const { experiments, more, ready } = found;
     this.setup.offer(ready);
     fill(this.earlier, experiments.map((job) => this.#row(job)));
-    if (experiments.length > 0) this.outcome.clear();
+    if (more) this.outcome.plain(`The newest ${experiments.length} are listed; there are older ones.`);
+    else if (experiments.length > 0) this.outcome.clear();
     else this.outcome.plain("None was started yet.");
     const under = experiments.find(active);
     if (this.wanted === null && under !== undefined) {

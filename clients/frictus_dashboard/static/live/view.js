@@ -294,7 +294,7 @@ export class Live {
     if (finger === null) return "Where the finger is, is not known.";
     if (!finger.in_contact) return "No finger touches the screen.";
     const place = `${finger.x_mm.toFixed(0)}, ${finger.y_mm.toFixed(0)} mm`;
-    return `The finger touches at ${place} (told once a second).`;
+    return `The finger touches at ${place}; these words follow it once a second.`;
   }
 }
 

@@ -83,6 +83,7 @@ export class Editor {
     this.outcome = new Outcome();
     this.undo = new Undo((texture) => this.#restore(texture));
     this.unsaved = element("p", { "data-unapplied": "" }, "Not saved yet.");
+    this.faults = element("p", { class: "outcome", role: "status", "data-outcome": "bad" });
     const head = [labelled("Name in the library", this.name), labelled("Kind", this.kind)];
     const save = element("button", { type: "submit" }, "Save to the library");
     this.form = element(
@@ -91,6 +92,7 @@ export class Editor {
       element("div", { class: "fields" }, ...head),
       this.fields,
       this.spectrum,
+      this.faults,
       this.unsaved,
       element(
         "p",
@@ -144,6 +146,7 @@ export class Editor {
     this.name.value = called;
     this.kind.value = texture.kind;
     this.outcome.clear();
+    say(this.faults, "");
     this.into.hidden = false;
     this.#fill(texture);
     /** As the library has it; null: it does not. */
@@ -177,10 +180,11 @@ export class Editor {
     clearTimeout(this.pause);
     this.#mark();
     this.pause = setTimeout(() => {
-      const faulty = [...this.form.elements].some(
+      const faulty = [...this.form.elements].find(
         (control) => control !== this.name && !control.validity.valid,
       );
-      if (faulty) return;
+      say(this.faults, faulty === undefined ? "" : passedOver(faulty));
+      if (faulty !== undefined) return;
       this.undo.note(this.#read());
       this.tell.drafted(this.#read());
     }, PAUSE_MS);
@@ -190,6 +194,7 @@ export class Editor {
     clearTimeout(this.pause);
     this.kind.value = texture.kind;
     this.#fill(texture);
+    say(this.faults, "");
     this.#mark();
     this.tell.drafted(texture);
   }
@@ -217,6 +222,12 @@ export class Editor {
     }
     this.tell.saved(called);
   }
+}
+
+/** What is told while a field cannot be read. @param {HTMLInputElement} control */
+function passedOver(control) {
+  const named = control.ariaLabel ?? control.labels[0].textContent;
+  return `${named}: ${control.validationMessage} The preview is of the draft before.`;
 }
 
 /** Save; whoever has read of a conflict may replace what stands there by then. */

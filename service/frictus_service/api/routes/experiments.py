@@ -86,9 +86,10 @@ def list_experiments(
     """List the experiments of this machine, newest first, and the protocols that are ready."""
     experiments = given.experiments
     found = (job for job in experiments.store.newest() if rig in (None, job.rig))
-    shown = (experiments.with_screen(job) for job in islice(found, limit))
+    shown = [experiments.with_screen(job) for job in islice(found, limit)]
     return ExperimentList(
         experiments=[job if unveiled else job.veiled() for job in shown],
+        more=next(found, None) is not None,
         ready=ready_list(),
     )
 

@@ -116,6 +116,7 @@ def test_from_the_first_question_to_the_table(
 
     said = api.get(f"{job}/report", params={"most": 4}).json()
     assert [row["trial"] for row in said["trials"]] == [6, 5, 4, 3]
+    assert (said["left_out"], api.get(f"{job}/report").json()["left_out"]) == (2, 0)
     (condition,) = said["conditions"]
     protocol = api.app.state.services.experiments.store.protocol(done["id"])  # type: ignore[attr-defined]
     (found,) = results(protocol, rows)
@@ -135,6 +136,7 @@ def test_from_the_first_question_to_the_table(
     assert table.headers["content-type"].startswith("text/tab-separated-values")
     assert len(table.text.splitlines()) == TRIALS + 1
     listed = api.get("/v1/experiments", params={"rig": rig.name}).json()
+    assert not listed["more"]
     assert [each["id"] for each in listed["experiments"]] == [done["id"]]
     assert {each["name"] for each in listed["ready"]} == set(ready_protocols())
 
