@@ -5,6 +5,7 @@ Brain Imaging Data Structure 1.10, "Task events": tab-separated, first columns `
 """
 
 import json
+from itertools import chain, count
 from pathlib import Path
 from typing import Any, Final
 
@@ -126,7 +127,10 @@ def events_table(rows: list[dict[str, Any]]) -> str:
 
 
 def write_events(rows: list[dict[str, Any]], folder: str | Path) -> tuple[Path, Path]:
-    """Write ``sub-P_task-NAME_events.tsv`` and its JSON sidecar; what stands there is replaced.
+    """Write ``sub-P_task-NAME_events.tsv`` and its JSON sidecar.
+
+    A table that begins this one is replaced: fewer trials of the same log. One of another log
+    is kept, and this one is called ``sub-P_task-NAME_run-2_events.tsv``, or by the next number.
 
     Parameters
     ----------
@@ -155,12 +159,22 @@ def write_events(rows: list[dict[str, Any]], folder: str | Path) -> tuple[Path, 
     content = events_table(rows)
     path = Path(folder)
     path.mkdir(parents=True, exist_ok=True)
-    table = path / f"sub-{labels[0]}_task-{labels[1]}_events.tsv"
+    table = _own_table(path, f"sub-{labels[0]}_task-{labels[1]}", content)
     table.write_text(content, encoding="utf-8", newline="\n")
     sidecar = table.with_suffix(".json")
     described = {**COLUMNS, "StimulusPresentation": {"SoftwareName": "frictus"}}
     sidecar.write_text(json.dumps(described, indent=2) + "\n", encoding="utf-8")
     return table, sidecar
+
+
+def _own_table(folder: Path, stem: str, content: str) -> Path:
+    """Return the first file that is not there, or that these trials begin with."""
+    tables = chain([f"{stem}_events.tsv"], (f"{stem}_run-{n}_events.tsv" for n in count(2)))
+    return next(
+        table
+        for table in map(folder.joinpath, tables)
+        if not table.exists() or content.encode().startswith(table.read_bytes())
+    )
 
 
 def _cell(value: Any) -> str:

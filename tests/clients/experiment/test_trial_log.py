@@ -114,3 +114,38 @@ def test_the_way_of_a_trial_is_that_of_all_its_intervals() -> None:
     assert untouched["path_mm"] is None
     assert untouched["unit"] == "dB"  # of its levels: conditions may differ
     assert set(untouched) == set(COLUMNS)
+
+
+def test_a_second_session_leaves_the_table_of_the_first(tmp_path: Path) -> None:
+    def trial(answer: str) -> dict[str, Any]:
+        unused = "response_s recording trial condition level level_rendered correct"
+        interval = {
+            "finger": None,
+            "utc_ns": 0,
+            "duration_s": 1.0,
+            "first_sample": 0,
+            "last_sample": 1,
+            "run": 1,
+            "applied": {"gain": 1.0},
+        }
+        return {
+            **dict.fromkeys(unused.split()),
+            "response": answer,
+            "unit": "N",
+            "status": "answered",
+            "phase": "main",
+            "catch": False,
+            "order": [],
+            "flags": [],
+            "intervals": [interval],
+        }
+
+    first = [HEADER, trial("1")]
+    tables = [
+        write_events(rows, tmp_path)[0]
+        for rows in (first, [HEADER, trial("2")], [*first, trial("1")], [HEADER, trial("3")])
+    ]
+    names = ["sub-p1_task-ab" + run for run in ("", "_run-2", "", "_run-3")]
+    assert [table.name for table in tables] == [f"{name}_events.tsv" for name in names]
+    assert len(tables[0].read_text().splitlines()) == 3
+    assert len(list(tmp_path.glob("*.json"))) == 3

@@ -152,7 +152,8 @@ def test_what_is_not_listed_is_told(page: Page) -> None:
           const place = document.createElement("section");
           const view = new View(place, { link, state: { status: null }, can: () => false });
           view.open("rig1", []);
-          while (!place.textContent.includes("P01")) await new Promise((go) => setTimeout(go, 10));
+          const listed = () => place.textContent.includes("P01");
+          while (!listed()) await new Promise((go) => setTimeout(go, 10));
           return [results.root.textContent, place.textContent];
         }"""
     )

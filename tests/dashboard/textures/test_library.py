@@ -92,15 +92,15 @@ def save(page: Page) -> None:
 
 def test_a_draft_that_cannot_be_read_says_that_it_is_not_previewed(page: Page) -> None:
     editor, preview = part(page, "Editor"), part(page, "Preview")
-    new(page, "beta", "never-saved", {"Alpha": "4"})
-    expect(preview).to_contain_text("α 4,")
-    editor.get_by_label("Alpha").fill("2000")
+    new(page, "beta", "never-saved", {"Strength": "0.04"})
+    expect(preview).to_contain_text("0.04 N rms")
+    editor.get_by_label("Strength").fill("2000")
     told = editor.get_by_role("status").first
-    expect(told).to_contain_text("Alpha: ")
-    expect(told).to_contain_text("1000. The preview is of the draft before.")
-    expect(preview).to_contain_text("α 4,")
-    editor.get_by_label("Alpha").fill("5")
-    expect(preview).to_contain_text("α 5,")
+    expect(told).to_contain_text("Strength, N rms: ")
+    expect(told).to_contain_text("10. The preview is of the draft before.")
+    expect(preview).to_contain_text("0.04 N rms")
+    editor.get_by_label("Strength").fill("0.06")
+    expect(preview).to_contain_text("0.06 N rms")
     expect(editor.get_by_text("of the draft before")).to_have_count(0)
     editor.get_by_role("button", name="Close").click()
 
