@@ -1,6 +1,7 @@
 """The end of a page, and what may come between: no fault of one part keeps the others up."""
 
 import asyncio
+import threading
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,11 +11,11 @@ from fastapi import WebSocket, WebSocketDisconnect
 from starlette.types import Message
 from starlette.websockets import WebSocketState
 
-from frictus.errors import LinkError, RefusedError
+from frictus.errors import LeaseLostError, LinkError, RefusedError
 from frictus.messages import Applied
 from frictus.stream import StreamFrame
 from frictus.textures import Scene
-from frictus.websocket.messages import OpenStream, PageArmRequest, SetScene
+from frictus.websocket.messages import OpenStream, PageArmRequest, PageDisarmRequest, SetScene
 from frictus_service.api.dashboard import control
 from frictus_service.api.dashboard.control import Arming, Pointing
 from frictus_service.api.dashboard.conversation import Conversation
@@ -109,6 +110,38 @@ def test_a_rig_that_is_given_back_is_closed_whatever_it_says() -> None:
 
     asyncio.run(scene())
     assert done == ["disarm", "close"]
+
+
+def test_who_disarms_what_is_just_being_given_back_is_answered(monkeypatch: Any) -> None:
+    monkeypatch.setattr(control, "LOOK_S", 0.0)
+    begun, ends = threading.Event(), threading.Event()
+
+    def disarm() -> None:
+        begun.set()
+        assert ends.wait(10.0)
+
+    lease = SimpleNamespace(loss=LeaseLostError("stopped"), disarm=disarm)
+    rig = SimpleNamespace(arm=lambda **how: lease, close=lambda: None)
+
+    async def scene() -> None:
+        told: list[str] = []
+
+        async def tell(message: str) -> None:
+            told.append(message)
+
+        arming = Arming(Hub(Link(rig)), "page", tell)  # type: ignore[arg-type]
+        await arming.arm(PageArmRequest(op="arm", rig="rig1"))
+        watch = asyncio.create_task(arming.run())
+        await asyncio.to_thread(begun.wait, 10.0)
+        asked = asyncio.create_task(arming.disarm(PageDisarmRequest(op="disarm", rig="rig1")))
+        await asyncio.sleep(0)  # it waits for its turn
+        ends.set()
+        with pytest.raises(RefusedViewerError, match="does not hold"):
+            await asked
+        assert "stopped" in told[-1]
+        watch.cancel()
+
+    asyncio.run(scene())
 
 
 def test_a_page_that_is_not_heard_is_not_there_though_the_loop_stands_still(

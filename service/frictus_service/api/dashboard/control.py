@@ -124,10 +124,9 @@ class Arming:
         RefusedViewerError
             If it does not hold this rig.
         """
-        if self._arming is None or self._asked is None or asked.rig != self._asked.rig:
+        if not await self._give_back("", asked=asked):
             message = f"this page does not hold rig {asked.rig!r}"
             raise RefusedViewerError("disarm", "not_owner", message, None)
-        await self._give_back("", asked.id)
 
     async def run(self) -> None:
         """Watch the lease and the page, for ever."""
@@ -162,22 +161,28 @@ class Arming:
         return arming.result()
 
     async def _give_back(
-        self, reason: str, request: int | None = None, loss: LeaseLostError | None = None
-    ) -> None:
+        self,
+        reason: str,
+        *,
+        asked: PageDisarmRequest | None = None,
+        loss: LeaseLostError | None = None,
+    ) -> bool:
+        """Return whether the rig was held, which a request may find ended meanwhile."""
         async with self._changing:
-            held, asked = self._held(), self._asked
-            if held is None or asked is None:
-                return
+            held, armed = self._held(), self._asked
+            if held is None or armed is None or (asked and asked.rig != armed.rig):
+                return False
             await self._end(held)
             self._arming = None
             disarmed = Disarmed(
-                rig=asked.rig,
+                rig=armed.rig,
                 reason=reason,
                 by=None if loss is None else loss.by,
                 utc_ns=None if loss is None else loss.utc_ns,
-                id=request,
+                id=None if asked is None else asked.id,
             )
             await self._tell(disarmed.model_dump_json())
+            return True
 
     async def _end(self, held: _ArmedRig) -> None:
         # Renewals end in any case, and with them the output.
