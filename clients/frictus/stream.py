@@ -284,6 +284,12 @@ class TextureStream:
         """Whether the stream was closed from this side."""
         return self._publisher is None
 
+    @property
+    def ended(self) -> Exception | None:
+        """What `send` raises as nothing plays what would be sent; None while it is played."""
+        self._failure = self._failure or stream_end(self._status.newest(), self._opened)
+        return self._failure
+
     def fail(self, error: Exception) -> None:
         """Have every `send` raise an error from now on: nothing plays what would be sent.
 
@@ -332,9 +338,8 @@ class TextureStream:
         publisher = self._publisher  # another thread may close the stream meanwhile
         if publisher is None:
             raise LinkError("this stream is closed; open another")
-        self._failure = self._failure or stream_end(self._status.newest(), self._opened)
-        if self._failure is not None:
-            raise self._failure
+        if (ended := self.ended) is not None:
+            raise ended
         with self._sending:  # two updates of one number would be one to the rig
             frame = update_frame(
                 self._ticket,

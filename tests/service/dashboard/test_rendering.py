@@ -231,6 +231,20 @@ def test_a_stream_ends_with_the_lease_and_says_why(port: int, router: str) -> No
         assert "stopped by 'bystander'" in page.wait("stream_closed")["reason"]
 
 
+def test_a_stream_that_ended_with_its_lease_is_in_no_other_s_way(port: int) -> None:
+    with holding(port) as page:
+        first = stream_of(page)
+        page.say("disarm", rig="rig1")
+        page.wait("disarmed")
+        page.say("arm", rig="rig1", lease_ms=10_000)
+        page.wait("armed")
+        page.say("open_stream", rig="rig1", peak_n=PEAK_N)
+        closed = page.wait("stream_closed")
+        assert (closed["ticket"], closed["id"]) == (first, None)
+        assert closed["reason"]
+        assert page.wait("stream_opened")["ticket"] == first + 1
+
+
 def test_a_stream_on_a_shared_rig_ends_with_its_page(port: int) -> None:
     with holding(port, share_with=["guest"]) as page:
         with page_at(port, who="guest") as guest:

@@ -140,7 +140,7 @@ class Arming:
                 await self._give_back(loss.reason, loss=loss)
             elif self._silence_s() > most_s:
                 # It may be frozen: it keeps no screen driven.
-                await self._give_back(f"the page said nothing for {most_s:g} s")
+                await self._give_back(f"nothing was heard of the page for {most_s:g} s")
 
     async def close(self) -> None:
         """Give back what is held, or about to be."""

@@ -190,6 +190,7 @@ class Rendering:
             case SetScene():
                 return await self._in_thread(self._set_scene, asked)
             case OpenStream():
+                await self._end_unplayed()
                 if self._opened is not None:
                     raise RefusedError("conflict", "a stream is open: close it first")
                 self._tickets += 1
@@ -222,6 +223,11 @@ class Rendering:
             rig.close()
             raise
         return _Opened(asked.rig, self._tickets, rig, stream)
+
+    async def _end_unplayed(self) -> None:
+        """End the open stream if nothing plays it any more, which else its next update finds."""
+        if self._opened is not None and (ended := self._opened.stream.ended) is not None:
+            await self._tell((await self._end(str(ended))).model_dump_json())
 
     async def _end(self, reason: str, request: int | None = None) -> StreamClosed:
         """End the open stream, whatever the rig says to it."""
