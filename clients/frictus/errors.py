@@ -101,7 +101,9 @@ def complaint(detail: ErrorDetails) -> str:
     detail : ErrorDetails
         One of pydantic's complaints.
     """
-    return NAME_ACCEPTED if detail.get("ctx", {}).get("pattern") == NAME else detail["msg"]
+    if detail.get("ctx", {}).get("pattern") == NAME:
+        return NAME_ACCEPTED
+    return detail["msg"].removeprefix("Value error, ")
 
 
 def explain(error: ValidationError) -> str:

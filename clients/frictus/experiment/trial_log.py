@@ -50,7 +50,10 @@ def read_log(path: Path) -> tuple[list[dict[str, Any]], int]:
         except (ValueError, RecursionError):
             row = None
         if not isinstance(row, dict):
-            raise ArgumentError(f"{path}, line {number}: not a JSON object of a log")
+            raise ArgumentError(
+                f"{path}, line {number}: not a JSON object of a log; without it and what "
+                "follows, the experiment goes on from there"
+            )
         rows.append(row)
     if rows and rows[0].get("format") != FORMAT:
         raise ArgumentError(f"{path}: its first line is no header of {FORMAT}")

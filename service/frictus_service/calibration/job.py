@@ -1,12 +1,18 @@
 """What a calibration is asked to do, how it tells its progress, and what comes of it."""
 
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 from frictus.model import Model
 from frictus.names import Name
 
+ToneHz = Annotated[FiniteFloat, Field(ge=0.01, le=5_000.0)]
+SpeedMmS = Annotated[FiniteFloat, Field(ge=1.0, le=1_000.0)]
+ForceN = Annotated[FiniteFloat, Field(gt=0.0, le=10.0)]
+_LEVELS: Final = Field(min_length=1, max_length=100)
+MOST_TRIALS: Final = 5_000
+"""A day of them; the paper's are 375."""
 Phase = Literal["break", "approach", "record", "analyse", "done"]
 
 
@@ -21,10 +27,10 @@ class PaperProtocol(_Strict):
     """
 
     kind: Literal["paper"] = "paper"
-    tones_hz: tuple[FiniteFloat, ...] | None = None
+    tones_hz: Annotated[tuple[ToneHz, ...], _LEVELS] | None = None
     """None: 15, spaced evenly in the logarithm from 30 Hz to 2 kHz."""
-    speeds_mm_s: tuple[FiniteFloat, ...] = (20.0, 40.0, 60.0, 80.0, 100.0)
-    forces_n: tuple[FiniteFloat, ...] = (0.2, 0.3, 0.4, 0.5, 0.6)
+    speeds_mm_s: Annotated[tuple[SpeedMmS, ...], _LEVELS] = (20.0, 40.0, 60.0, 80.0, 100.0)
+    forces_n: Annotated[tuple[ForceN, ...], _LEVELS] = (0.2, 0.3, 0.4, 0.5, 0.6)
     approach_s: Annotated[FiniteFloat, Field(ge=0.0, le=60.0)] = 7.0
     record_s: Annotated[FiniteFloat, Field(ge=0.5, le=120.0)] = 10.0
     trials_per_block: Annotated[int, Field(ge=1)] = 15
@@ -32,6 +38,17 @@ class PaperProtocol(_Strict):
     break_s: Annotated[FiniteFloat, Field(ge=0.0, le=3600.0)] = 10.0
     max_repeats: Annotated[int, Field(ge=0, le=100)] = 5
     """How often a rejected trial is asked for again; it is then left out, and listed."""
+
+    @model_validator(mode="after")
+    def _within_a_day(self) -> Self:
+        tones = 15 if self.tones_hz is None else len(self.tones_hz)
+        trials = tones * len(self.speeds_mm_s) * len(self.forces_n)
+        if trials > MOST_TRIALS:
+            raise ValueError(
+                f"{trials} trials, every tone at every speed and force: ask for "
+                f"fewer, at most {MOST_TRIALS}"
+            )
+        return self
 
 
 FOR_DISCOVERY: Final = PaperProtocol(
@@ -53,7 +70,7 @@ class QuickProtocol(_Strict):
     """
 
     kind: Literal["quick"] = "quick"
-    speeds_mm_s: Annotated[tuple[FiniteFloat, ...], Field(min_length=1)] = (
+    speeds_mm_s: Annotated[tuple[SpeedMmS, ...], _LEVELS] = (
         20.0,
         25.0,
         30.0,
@@ -61,13 +78,7 @@ class QuickProtocol(_Strict):
         95.0,
         100.0,
     )
-    forces_n: Annotated[tuple[FiniteFloat, ...], Field(min_length=1)] = (
-        0.2,
-        0.3,
-        0.4,
-        0.5,
-        0.6,
-    )
+    forces_n: Annotated[tuple[ForceN, ...], _LEVELS] = (0.2, 0.3, 0.4, 0.5, 0.6)
     approach_s: Annotated[FiniteFloat, Field(ge=0.0, le=60.0)] = 2.0
     record_s: Annotated[FiniteFloat, Field(ge=0.5, le=120.0)] = 2.5
     precision: Annotated[FiniteFloat, Field(gt=0.0, le=1.0)] = 0.05

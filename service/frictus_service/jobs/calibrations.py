@@ -1,11 +1,18 @@
 """The calibrations of one site: one on a rig at a time, kept by the registry."""
 
 from collections.abc import Callable
+from contextlib import suppress
+from itertools import chain
 from typing import TYPE_CHECKING, Any, Final
 
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Progress
 from frictus_service.config import Config
-from frictus_service.errors import CalibrationStateError
+from frictus_service.errors import (
+    CalibrationStateError,
+    RegistryUnavailableError,
+    RigBusyError,
+)
+from frictus_service.job_folder import ACTIVE
 from frictus_service.jobs.engine import JobEngine
 from frictus_service.jobs.process import ParentLink, RigAccount, Work
 from frictus_service.registry.documents import Calibration, Published
@@ -85,6 +92,24 @@ class CalibrationEngine(JobEngine[Calibration]):
         if is_new:
             self._launch(calibration)
         return calibration
+
+    def require_free(self, rig: str) -> None:
+        """Raise if a calibration is under way on a rig of this site, as far as is known.
+
+        Raises
+        ------
+        RigBusyError
+        """
+        if not self._registry.database.exists:
+            return
+        with suppress(RegistryUnavailableError):
+            found = [self.store.find(rig=rig, state=state).calibrations for state in ACTIVE]
+            for other in chain(*found):
+                if other.site == self._config.site:
+                    raise RigBusyError(
+                        f"calibration {other.id} ({other.participant}) is under way on rig "
+                        f"{rig!r}: wait for its end, or cancel it"
+                    )
 
     def cancel(self, job: str) -> Calibration:
         """Cancel a calibration of this site, as any job."""

@@ -88,7 +88,7 @@ class ExperimentEngine(JobEngine[ExperimentJob]):
         """
         self.recover()
         with self._starting:
-            self._require_free(spec.rig)
+            self.require_free(spec.rig)
             job = self.store.create(spec, by)
         self._launch(job)
         return job
@@ -114,7 +114,7 @@ class ExperimentEngine(JobEngine[ExperimentJob]):
             return self.pause(job, False)
         with self._starting:
             if found.state in self.resumable:
-                self._require_free(found.rig)
+                self.require_free(found.rig)
             return super().resume(job)
 
     def pause(self, experiment: str, wanted: bool = True) -> ExperimentJob:
@@ -189,7 +189,13 @@ class ExperimentEngine(JobEngine[ExperimentJob]):
         screen = self._screens.get(job.id) if job.state == "running" else None
         return job.model_copy(update={"screen": screen})
 
-    def _require_free(self, rig: str) -> None:
+    def require_free(self, rig: str) -> None:
+        """Raise if an experiment is under way on a rig.
+
+        Raises
+        ------
+        RigInExperimentError
+        """
         if (other := self.store.active_on(rig)) is not None:
             raise RigInExperimentError(
                 f"experiment {other.id} ({other.protocol}, {other.participant}) is under way "

@@ -272,8 +272,9 @@ def declared_segment(
         )
         missing = ", ".join(name for name, value in wanted if value is None)
         raise ExportError(
-            "nobody was guided in this recording, so that it is one trial; say of it "
-            f"{missing} (--tone 0 where nothing was played, --texture where a texture was)"
+            "nobody was guided in this recording, so that it is one trial: give "
+            f"`frictus export` {missing} (--tone 0 where nothing was played, --texture where a "
+            "texture was)"
         )
     place = outline.place(begin_ns, end_ns)
     return TrialSegment(

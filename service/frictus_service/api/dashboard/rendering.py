@@ -225,7 +225,7 @@ class Rendering:
         return _Opened(asked.rig, self._tickets, rig, stream)
 
     async def _end_unplayed(self) -> None:
-        """End the open stream if nothing plays it any more, which else its next update finds."""
+        """End the open stream if nothing plays it: else its next update would find that."""
         if self._opened is not None and (ended := self._opened.stream.ended) is not None:
             await self._tell((await self._end(str(ended))).model_dump_json())
 

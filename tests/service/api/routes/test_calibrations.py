@@ -155,6 +155,9 @@ def test_one_at_a_time_then_cancelled(api: TestClient, rig: Any, allow: Any) -> 
     job = first.headers["location"]
     second = start(api, rig.name, "P02")
     assert (second.status_code, second.json()["code"]) == (409, "rig_busy")
+    experiment = {"rig": rig.name, "participant": "P01", "protocol": "detection"}
+    third = api.post("/v1/experiments", json=experiment)
+    assert (third.status_code, third.json()["code"]) == (409, "rig_busy")
     again = start(api, rig.name, headers=key)  # the same request: the same calibration
     assert (again.status_code, again.headers["location"]) == (202, job)
     assert again.json()["id"] == first.json()["id"]
@@ -278,6 +281,11 @@ def test_what_cannot_be_started(api: TestClient, rig: Any) -> None:
         {"unknown": 1},
         {"protocol": {"kind": "slow"}},
         {"protocol": {"kind": "quick", "precision": 2.0}},
+        {"protocol": {"kind": "quick", "speeds_mm_s": [0.0]}},
+        {"protocol": {"kind": "paper", "speeds_mm_s": []}},
+        {"protocol": {"kind": "paper", "tones_hz": [1e9]}},
+        {"protocol": {"kind": "paper", "forces_n": [-0.3]}},
+        {"protocol": {"kind": "paper", "speeds_mm_s": [50.0] * 30, "forces_n": [0.3] * 30}},
         {"participant": "Jane Doe"},
         {"rig": ""},
         {"rig": "a/b"},

@@ -100,6 +100,9 @@ def test_from_the_first_question_to_the_table(
 ) -> None:
     job = begun(api, rig)
     ready = screen(api, job, "ready")
+    spec = {"rig": rig.name, "participant": "P01", "seed": 1}
+    refused = api.post("/v1/calibrations", json=spec)
+    assert (refused.status_code, refused.json()["code"]) == (409, "rig_busy")
     assert (ready["trial"], ready["step"], ready["answered"]) == (1, 0, 0)
     asked = [answer(api, job, "12"[k % 2]) for k in range(TRIALS)]
     assert [shown["answered"] for shown in asked] == list(range(TRIALS))
