@@ -195,12 +195,21 @@ classdef frictus < handle
       end
     end
 
-    function answer = http(self, method, path, body)
-      % HTTP  Ask REST; body is JSON text. (webwrite sends no text as it is.)
+    function answer = http(self, method, path, body, header, within_s)
+      % HTTP  Ask REST; body is JSON text. (webwrite sends no text as it is.) PUT and DELETE
+      % replace what stands there; header 'If-None-Match: *' makes a new texture. Answers that
+      % are no JSON are returned as text or bytes. Waits for within_s (10) of silence.
       if nargin < 4
         body = '';
       end
-      answer = frictus_http(self.host, self.port, self.token, method, path, body);
+      if nargin < 5
+        header = '';
+      end
+      if nargin < 6
+        within_s = 10;
+      end
+      answer = frictus_http(self.host, self.port, self.token, method, path, body, header, ...
+        within_s);
     end
 
     function close(self)

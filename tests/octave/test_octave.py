@@ -122,6 +122,30 @@ disp(jsonencode(f.http('GET', '/v1/rigs/rig1/scene').name));
     assert results(tmp_path, port, script) == ["grün 漢 😀", "weiß"]
 
 
+def test_textures_are_made_and_what_is_no_json_is_returned(port: int, tmp_path: Path) -> None:
+    script = """
+texture = '{"kind": "beta", "alpha": 3, "beta": 3, "rms_n": 0.01, "seed": 0}';
+made = f.http('PUT', '/v1/textures/of-octave', texture, 'If-None-Match: *');
+disp(jsonencode(made.name));
+try
+  f.http('PUT', '/v1/textures/of-octave', texture, 'If-None-Match: *');
+catch cause
+  disp(jsonencode(cause.identifier));
+end
+disp(jsonencode(isempty(f.http('DELETE', '/v1/textures/of-octave'))));
+disp(jsonencode(numel(strfind(f.http('GET', '/metrics'), 'frictus_router_linked 1.0'))));
+try
+  f.http('GET', '/v1/rigs/grün');
+catch cause
+  disp(jsonencode({cause.identifier, cause.message}));
+end
+"""
+    made, again, removed, linked, (code, told) = results(tmp_path, port, script)
+    assert (made, again, removed, linked) == ("of-octave", "frictus:conflict", True, 1)
+    assert code == "frictus:bad_http"
+    assert told.endswith(": HTTP/1.1 400 Bad Request")
+
+
 def test_extremes_as_asked(port: int, tmp_path: Path) -> None:
     script = """
 f.watch('rig1', {'force'}, 50);
