@@ -63,6 +63,8 @@ export class Connection {
   #ids = 0;
   #end!: (reason: string) => void;
   #ended: string | null = null;
+  /** The newest refusal: the reason of a close is its code alone. */
+  #refused: Answer<"refused"> | null = null;
 
   /** @internal */
   constructor(
@@ -84,7 +86,9 @@ export class Connection {
     setTimeout(() => this.#ended ?? hearEarly(), 0);
     socket.onclose = (event) => {
       hearEarly(); // or what came with the end would be lost, and with it why it ended
-      this.#lose(event.reason || "the connection is lost");
+      const { code, message } = this.#refused ?? {};
+      const told = code === event.reason && message ? `${code}: ${message}` : event.reason;
+      this.#lose(told || "the connection is lost");
     };
     this.#timer = setInterval(() => this.#ping(), PING_MS);
   }
@@ -161,6 +165,7 @@ export class Connection {
     if (told.op === "pong") this.#readClock(told.utc_us);
     const waiting = "id" in told && told.id !== null ? this.#waiting.get(told.id) : undefined;
     if (told.op === "refused") {
+      this.#refused = told;
       waiting?.reject(new RefusedError(told.code, told.message));
     } else if (told.op !== "pong") {
       waiting?.resolve(told);

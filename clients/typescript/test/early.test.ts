@@ -74,6 +74,26 @@ test("a request that is not answered does not wait for ever", async () => {
   client.close();
 });
 
+/** Refuses what it is asked, and closes, as a service does where a request is out of range. */
+class Refusing extends AllAtOnce {
+  override send(text: string): void {
+    super.send(text);
+    if (JSON.parse(text).op !== "arm") return;
+    const refused = { op: "refused", what: "arm", code: "malformed", message: "lease_ms: 500 to 10000", id: null };
+    queueMicrotask(() => {
+      this.onmessage?.({ data: JSON.stringify(refused) });
+      this.onclose?.({ reason: "malformed" });
+    });
+  }
+}
+
+test("why the service closed is told in its words", async () => {
+  const client = await connect("ws://127.0.0.1", { WebSocket: Refusing as never });
+  const told = "malformed: lease_ms: 500 to 10000";
+  await assert.rejects(client.rig("rig1").arm({ leaseMs: 1 }), { message: told });
+  assert.equal(await client.closed, told);
+});
+
 test("what was waited for is not kept", async () => {
   const client = await connect("ws://127.0.0.1", { WebSocket: AllAtOnce as never });
   const kept = await client.next("rigs").then((told) => new WeakRef(told));
