@@ -280,7 +280,7 @@ static inline int frictus_ask(frictus *f, const char *request, const char *op,
                               frictus_event *event)
 {
     double due_ms = frictus_now_us() / 1e3 + FRICTUS_ANSWER_MS, id = (double)++f->requests;
-    char text[4096];
+    char text[4096], why[200] = "";
     int size = snprintf(text, sizeof text, "%s,\"id\":%.0f}", request, id);
     if (size < 0 || (size_t)size >= sizeof text)
         return frictus_fail(f, "the request is too long", "");
@@ -289,17 +289,19 @@ static inline int frictus_ask(frictus *f, const char *request, const char *op,
     while (frictus_now_us() / 1e3 < due_ms) {
         int got = frictus_poll(f, 100, event);
         f->quiet = 0; /* while it arms a rig it sends no pongs */
-        if (got < 0)
-            return -1;
-        if (!got || event->kind != FRICTUS_TEXT || frictus_number(event->text, "id", -1.0) != id)
+        int answers, refused;
+        if (got < 0) /* what is out of range is refused without its id, and closes */
+            return why[0] ? frictus_fail(f, "refused: ", why) : -1;
+        if (!got || event->kind != FRICTUS_TEXT)
             continue;
-        if (frictus_is(event->text, "op", op))
+        answers = frictus_number(event->text, "id", -1.0) == id;
+        refused = frictus_is(event->text, "op", "refused");
+        if (answers && frictus_is(event->text, "op", op))
             return 0;
-        if (frictus_is(event->text, "op", "refused")) {
-            char why[200];
+        if (refused && (answers || frictus_number(event->text, "id", -1.0) < 0.0))
             frictus_text(event->text, "message", why, sizeof why);
+        if (refused && answers)
             return frictus_fail(f, "refused: ", why);
-        }
     }
     return frictus_fail(f, "the service has not answered: ", op);
 }

@@ -179,6 +179,14 @@ def faultless(done: subprocess.CompletedProcess[str]) -> None:
         ([SHAKEN, told(op="refused", message='"quoted" \\')], "refused: "),
         ([SHAKEN, frame(1, b"{")], "refused"),
         ([GREETED, frame(8, b"\x03\xf0missing_scope")], "missing_scope"),
+        (
+            [
+                GREETED,
+                told(op="refused", message="lease_ms", id=None),
+                frame(8, b"\x03\xebmal"),
+            ],
+            "refused: lease_ms",
+        ),
         ([GREETED, frame(1, b"{}", flags=0xC0)], "no service sends"),
         ([GREETED, frame(1, b"{}", flags=0)], "one frame each"),
         ([GREETED, b"\x82\x7f" + b"\xff" * 8], "larger"),
