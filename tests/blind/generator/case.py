@@ -32,6 +32,7 @@ class Design:
     Attributes
     ----------
     n_tones, n_speeds, n_forces : int
+        No tones: noise drives, in a trial of each speed and force.
     tones_hz : tuple of float
         Lowest and highest tone.
     near_hz : float

@@ -36,6 +36,8 @@ def draw_tones(design: Design, rng: np.random.Generator) -> tuple[float, ...]:
     No second or third harmonic lies within 60 Hz of the lines that a sampled, squared carrier
     puts at 6 kHz less a tone.
     """
+    if not design.n_tones:
+        return ()
     low, high = design.tones_hz
     edges = np.geomspace(low, min(high, HIGHEST_HZ), design.n_tones)
     if high > HIGHEST_HZ:
@@ -106,6 +108,8 @@ def _together(
     design: Design, tones_hz: tuple[float, ...], rng: np.random.Generator
 ) -> list[tuple[float, ...]]:
     """Return the tones of as many trials as there are tones, each tone equally often."""
+    if not tones_hz:
+        return [()]
     count = len(tones_hz)
     start = int(rng.integers(count))
     return [

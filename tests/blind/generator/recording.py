@@ -26,6 +26,7 @@ from tests.blind.generator.trial import (
     finely,
     friction,
     moment_of,
+    noise_drive,
     reports,
 )
 
@@ -47,7 +48,6 @@ TEXTURE_N: Final = 0.04
 SKIN_NOISE_M_S: Final = 1e-4
 LEAD_S: Final = LEAD_SAMPLES / RATE_HZ
 LEAST_TURN_S: Final = 0.12
-HIGHEST_HZ: Final = 2400.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +147,7 @@ def _driven(
     )
     world = person.world.with_gain(lambda m: gain).with_cutoff(lambda m, hz: hz * cutoff)
     n = stroke.size * BLOCK
-    fraction = _noise_drive(n, rng)
+    fraction = noise_drive(n, rng)
     carrier = np.cos(2.0 * np.pi * CARRIER_HZ / RATE_HZ * np.arange(n))
     planned = Planned(0, 60.0, 0.4, ())
     sensors = Sensors()
@@ -170,15 +170,6 @@ def _driven(
         voltage_v=(PEAK_V * np.sqrt(fraction) * carrier)[LEAD_SAMPLES:],
         accel_x=accel_x,
     )
-
-
-def _noise_drive(samples: int, rng: np.random.Generator) -> FloatArray:
-    """Return noise up to 2.4 kHz; what lies higher the squared carrier would fold down."""
-    frequency = np.fft.rfftfreq(samples, 1.0 / RATE_HZ)
-    white = np.fft.rfft(rng.standard_normal(samples))
-    noise = np.fft.irfft(white * (frequency < HIGHEST_HZ), samples)
-    kept: FloatArray = np.clip(0.5 + 0.16 * noise / noise.std(), 0.02, 0.98)
-    return kept
 
 
 def _leaking(fraction: FloatArray, person: Person) -> FloatArray:

@@ -28,6 +28,7 @@ REPORT_HZ = 60.0
 REPORT_MM = 0.1
 FADE_MM_S = 2.0
 Y_MM = 20.0
+NOISE_HZ = 2400.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,13 +124,24 @@ def moment_of(motion: Motion, minutes: float) -> Moment:
 
 
 def _message(tones_hz: tuple[float, ...], samples: int, rng: np.random.Generator) -> FloatArray:
-    """Return the drive fraction that is asked for, from 0 to 1."""
+    """Return the drive fraction that is asked for, from 0 to 1; noise where no tone is."""
+    if not tones_hz:
+        return noise_drive(samples, rng)
     phases = rng.uniform(0.0, 2.0 * np.pi, len(tones_hz))
     time_s = np.arange(samples) / RATE_HZ
     fraction = np.full(samples, 0.5)
     for tone, phase in zip(tones_hz, phases, strict=True):
         fraction += 0.5 / len(tones_hz) * np.cos(2.0 * np.pi * tone * time_s + phase)
     kept: FloatArray = np.clip(fraction, 0.0, 1.0)
+    return kept
+
+
+def noise_drive(samples: int, rng: np.random.Generator) -> FloatArray:
+    """Return noise up to 2.4 kHz; what lies higher the squared carrier would fold down."""
+    frequency = np.fft.rfftfreq(samples, 1.0 / RATE_HZ)
+    white = np.fft.rfft(rng.standard_normal(samples))
+    noise = np.fft.irfft(white * (frequency < NOISE_HZ), samples)
+    kept: FloatArray = np.clip(0.5 + 0.16 * noise / noise.std(), 0.02, 0.98)
     return kept
 
 

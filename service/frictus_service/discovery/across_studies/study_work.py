@@ -30,7 +30,8 @@ from frictus_service.discovery.across_studies.study_statistics import (
 from frictus_service.discovery.discover import PosedStudy, criticise, facts_of, pose
 from frictus_service.discovery.document import DOCUMENT, REPORT, Discovery
 from frictus_service.discovery.evidence.trial_evidence import study_evidence
-from frictus_service.discovery.inference.linearisation import as_designed, linearise
+from frictus_service.discovery.inference.linearisation import linearise
+from frictus_service.discovery.inference.units_anew import as_designed
 from frictus_service.discovery.problem.base_models import DEVIATING
 from frictus_service.discovery.problem.problem import DiscoveryProblem
 from frictus_service.discovery.report import page

@@ -25,11 +25,8 @@ from frictus_service.discovery.inference.linear_model import (
     project_out,
     similarity,
 )
-from frictus_service.discovery.inference.linearisation import (
-    Linearised,
-    as_designed,
-    if_alike,
-)
+from frictus_service.discovery.inference.linearisation import Linearised
+from frictus_service.discovery.inference.units_anew import as_designed, if_alike
 from frictus_service.discovery.problem.candidates import Place, places_of
 from frictus_service.discovery.problem.problem import DiscoveryProblem
 

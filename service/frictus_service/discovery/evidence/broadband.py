@@ -89,7 +89,7 @@ def broadband(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> Broad
     window = 2 * round(WINDOW_S * rate_hz / 2.0)
     bands = Bands.of(window, rate_hz, study.mount)
     instrument = Instrument.of(trial, replace(study, mount=None), bands.frequency_hz)
-    channels = Channels.of(trial, study)
+    channels = Channels.of(trial, study, course.sweeps)
     every = [
         spectra_of(channels, segment, rate_hz, window, bands, instrument)
         for segment in course.segments

@@ -128,6 +128,7 @@ EVIDENCE: Final = Reader(
         "frictus_service.discovery.evidence.broadband",
         "frictus_service.discovery.evidence.trial_evidence",
         "frictus_service.discovery.evidence.spectra",
+        "frictus_service.discovery.evidence.sweep_speed",
         "frictus_service.discovery.evidence.window_spectra",
         "frictus_service.identification.observation.through_mount",
         "frictus_service.identification.observation.touch_path",

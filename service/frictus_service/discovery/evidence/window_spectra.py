@@ -7,6 +7,7 @@ mean frequency of what it has parts of: by how much that turns in a sample (Auge
 0.3 and 0.7 %, and known to 0.002 %.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
@@ -16,8 +17,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from frictus_hardware.arrays import ComplexArray, FloatArray
 from frictus_service.discovery.evidence.bands import Bands
+from frictus_service.discovery.evidence.sweep_speed import with_likeliest_speed
 from frictus_service.identification.observation.response import Instrument, drive_fraction
-from frictus_service.identification.observation.sweeps import SweepThird
+from frictus_service.identification.observation.sweeps import Sweep, SweepThird
 from frictus_service.identification.observation.through_mount import ThroughMount
 from frictus_service.identification.observation.touch_path import path_of
 from frictus_service.study.trial import StudyInfo, Trial
@@ -166,7 +168,7 @@ class Channels:
     speed_mm_s: FloatArray
 
     @classmethod
-    def of(cls, trial: Trial, study: StudyInfo) -> "Channels":
+    def of(cls, trial: Trial, study: StudyInfo, sweeps: Sequence[Sweep]) -> "Channels":
         """Return the channels of a trial.
 
         Parameters
@@ -175,6 +177,8 @@ class Channels:
             As it was recorded.
         study : StudyInfo
             What holds for all trials: peak voltage and mount.
+        sweeps : sequence of Sweep
+            Of the finger in the trial.
         """
 
         def through(samples: FloatArray) -> FloatArray:
@@ -185,17 +189,15 @@ class Channels:
             skin = trial.accel_m_s2[:, :2]
         if trial.voltage_v is not None:
             drive = drive_fraction(trial.voltage_v, study.screen_peak_v)[:, np.newaxis]
+        reports, rate_hz = (trial.position_mm, trial.position_t_s), trial.info.sample_rate_hz
         return cls(
             trial.force_n[:, :2],
             drive,
             None if drive is None else through(drive),
             None if skin is None else through(skin.reshape(skin.shape[0], -1)),
-            path_of(
-                trial.position_mm,
-                trial.position_t_s,
-                trial.force_n.shape[0],
-                trial.info.sample_rate_hz,
-            )[2],
+            with_likeliest_speed(
+                path_of(*reports, trial.force_n.shape[0], rate_hz), *reports, rate_hz, sweeps
+            ),
         )
 
 

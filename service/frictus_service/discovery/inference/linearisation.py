@@ -1,15 +1,14 @@
 """The model about which everything is linear: fitted to each unit, with what it left there."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effects import KNOWN
-from frictus_service.discovery.evidence.evidence_rows import as_asked
-from frictus_service.discovery.evidence.residuals import Compared, Layout, accuracy_of, reduce
+from frictus_service.discovery.evidence.residuals import Compared, accuracy_of, reduce
 from frictus_service.discovery.inference.covariance import Whiten, Whitening, whiten
 from frictus_service.discovery.inference.linear_model import (
     Unit,
@@ -21,7 +20,6 @@ from frictus_service.discovery.problem.base_models import NUISANCE
 from frictus_service.discovery.problem.candidates import Pattern
 from frictus_service.discovery.problem.problem import (
     DiscoveryProblem,
-    UnwhitenedUnit,
     as_accurate,
 )
 
@@ -31,6 +29,8 @@ SETTLED: Final = 1e-3
 ASTRAY: Final = 0.01
 """By which what is left may grow in a step: people are drawn towards each other, too."""
 LEAST_STEP: Final = 0.1
+LESS_LIKELY: Final = 1.0
+"""Nats by which the last round may be less likely than the best."""
 MOST_CHANGE: Final = 0.7
 """Of the logarithm of an own parameter in one round."""
 
@@ -103,9 +103,11 @@ def linearise(
         for place, effect in enumerate(start.chosen):
             if effect in chosen:
                 at[:, list(chosen).index(effect)] = start.coefficients[:, place]
+    best = _Round(own, at, -np.inf)
     for _ in range(ROUNDS):
         before = at
-        units, whitenings = _about(problem, own, there, at, len(chosen), there, (), whiten)
+        units, whitenings = units_about(problem, own, there, at, len(chosen), there, (), whiten)
+        best = max(best, _Round.of(problem, own, there, at, whitenings), key=_likelihood)
         coefficients = _settled(problem, joint(units, range(len(chosen))), chosen)
         random_coefficients = np.array(
             [whitening.random_coefficients[places] for whitening in whitenings]
@@ -125,11 +127,55 @@ def linearise(
             break
     wanted = range(len(problem.candidates)) if wanted is None else wanted
     patterns = problem.patterns if patterns is None else patterns
-    units, whitenings = _about(problem, own, there, at, len(chosen), wanted, patterns, whiten)
+    units, whitenings = units_about(
+        problem, own, there, at, len(chosen), wanted, patterns, whiten
+    )
+    last = _Round.of(problem, own, there, at, whitenings)
+    if last.likelihood < best.likelihood - LESS_LIKELY:
+        own, at = best.own, best.at
+        units, whitenings = units_about(
+            problem, own, there, at, len(chosen), wanted, patterns, whiten
+        )
     return Linearised(units, own, tuple(chosen), at[:, : len(chosen)], whitenings)
 
 
-def _about(
+@dataclass(frozen=True, slots=True)
+class _Round:
+    """Parameters of all units, and how likely they make the readings, in nats.
+
+    Steps and scatter follow from each other: where a cutoff comes near to none, a unit may go
+    farther with every round, its readings count for less, and all scatter more.
+    """
+
+    own: FloatArray
+    at: FloatArray
+    likelihood: float
+
+    @classmethod
+    def of(
+        cls,
+        problem: DiscoveryProblem,
+        own: FloatArray,
+        there: Sequence[int],
+        at: FloatArray,
+        whitenings: Sequence[Whitening],
+    ) -> "_Round":
+        rests = [
+            _whitened_rest(problem, place, whitening, own[place], there, at[place])
+            for place, whitening in enumerate(whitenings)
+        ]
+        likelihood = sum(
+            whitening.log_determinant - 0.5 * float(rest @ rest)
+            for whitening, rest in zip(whitenings, rests, strict=True)
+        )
+        return cls(own, at, likelihood)
+
+
+def _likelihood(each: _Round) -> float:
+    return each.likelihood
+
+
+def units_about(
     problem: DiscoveryProblem,
     own: FloatArray,
     there: Sequence[int],
@@ -238,87 +284,6 @@ def _whitened_rest(
 def _beyond(basis: FloatArray, readings: FloatArray) -> float:
     """Return the sum of squares outside an orthonormal basis."""
     return float(np.sum(np.square(readings - basis @ (basis.T @ readings))))
-
-
-def as_designed(problem: DiscoveryProblem, model: Linearised) -> tuple[Unit, ...]:
-    """Return the units as the design alone makes them.
-
-    Fingers move as they were asked to, and are the same in every condition. What speeds
-    that wander within a trial tell besides rests on the form of a law being exact.
-
-    Parameters
-    ----------
-    problem : DiscoveryProblem
-        Data, base model and candidates.
-    model : Linearised
-
-    Returns
-    -------
-    tuple of Unit
-        Without patterns.
-    """
-    asked = replace(problem, subjects=tuple(as_asked(subject) for subject in problem.subjects))
-    return _again(asked, model, (), deviating=False).units
-
-
-def if_alike(problem: DiscoveryProblem, model: Linearised) -> Linearised:
-    """Return a model whose units are as they were if people did not differ in its causes.
-
-    Parameters
-    ----------
-    problem : DiscoveryProblem
-        Data, base model and candidates.
-    model : Linearised
-        A fitted model with the units about it.
-    """
-    return _again(problem, model, problem.patterns, deviating=True)
-
-
-def weighted_as(
-    problem: DiscoveryProblem, model: Linearised, ruler: Linearised, wanted: Sequence[int]
-) -> tuple[Unit, ...]:
-    """Return the units about a model, weighted as those about another.
-
-    Parameters
-    ----------
-    problem : DiscoveryProblem
-        Data, base model and candidates.
-    model : Linearised
-        A fitted model.
-    ruler : Linearised
-        The same for all models that are compared.
-    wanted : sequence of int
-        Candidates whose signatures the units have.
-    """
-
-    def whitened(_: Sequence[Layout], raws: Sequence[UnwhitenedUnit]) -> list[Whitening]:
-        return list(ruler.whitenings)
-
-    chosen, at = model.chosen, model.coefficients
-    return _about(problem, model.own, chosen, at, len(chosen), wanted, (), whitened)[0]
-
-
-def _again(
-    problem: DiscoveryProblem,
-    model: Linearised,
-    patterns: Sequence[Pattern],
-    *,
-    deviating: bool,
-) -> Linearised:
-    """Return the model with its units taken anew, weighted as they were."""
-
-    def whitened(_: Sequence[Layout], raws: Sequence[UnwhitenedUnit]) -> list[Whitening]:
-        return [
-            Whitening.of(raw, each.weight, each.deviation * deviating)
-            for raw, each in zip(raws, model.whitenings, strict=True)
-        ]
-
-    wanted = range(len(problem.candidates))
-    chosen, at = model.chosen, model.coefficients
-    units, whitenings = _about(
-        problem, model.own, chosen, at, len(chosen), wanted, patterns, whitened
-    )
-    return replace(model, units=units, whitenings=whitenings)
 
 
 def misfit(problem: DiscoveryProblem, model: Linearised, ruler: Linearised) -> float:

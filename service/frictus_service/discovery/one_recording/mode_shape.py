@@ -14,7 +14,8 @@ import numpy as np
 from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.effects.skin import SECOND_MODE_QUALITY
 from frictus_service.discovery.inference.linear_model import Unit
-from frictus_service.discovery.inference.linearisation import Linearised, weighted_as
+from frictus_service.discovery.inference.linearisation import Linearised
+from frictus_service.discovery.inference.units_anew import weighted_as
 from frictus_service.discovery.problem.candidates import Candidate
 from frictus_service.discovery.problem.problem import DiscoveryProblem
 

@@ -29,8 +29,8 @@ from frictus_service.discovery.inference.linear_model import (
 from frictus_service.discovery.inference.linearisation import (
     Linearised,
     linearise,
-    weighted_as,
 )
+from frictus_service.discovery.inference.units_anew import weighted_as
 from frictus_service.discovery.one_recording.mode_shape import (
     MOST_STEP,
     STEPS,

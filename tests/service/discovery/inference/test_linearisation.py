@@ -8,11 +8,14 @@ from tests.service.discovery.made import MOUNT, PAPER, USUAL, Design, made
 
 from frictus_service.discovery.evidence.evidence_rows import subjects_of
 from frictus_service.discovery.evidence.observation_table import rows_of, units_of, used
+from frictus_service.discovery.evidence.residuals import Layout
 from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
+from frictus_service.discovery.inference.covariance import Whitening, whiten
 from frictus_service.discovery.inference.linear_model import project_out, similarity
-from frictus_service.discovery.inference.linearisation import as_designed, linearise
+from frictus_service.discovery.inference.linearisation import linearise
+from frictus_service.discovery.inference.units_anew import as_designed
 from frictus_service.discovery.problem.candidates import candidates_of
-from frictus_service.discovery.problem.problem import DiscoveryProblem
+from frictus_service.discovery.problem.problem import DiscoveryProblem, UnwhitenedUnit
 
 CANDIDATES = tuple(candidates_of("friction"))
 NAMES = [candidate.effect for candidate in CANDIDATES]
@@ -79,3 +82,23 @@ def test_a_large_effect_leads_no_fit_astray(rng: np.random.Generator) -> None:
     np.testing.assert_allclose(slope, 9.6, atol=5.0)
     np.testing.assert_allclose(slope.mean(), 9.6, atol=1.0)
     assert np.all(np.abs(found.own[:, :2]) < 0.7)
+
+
+def test_rounds_that_lead_astray_are_not_followed(rng: np.random.Generator) -> None:
+    """As where a cutoff comes near to none: a person goes on, and all scatter more for it."""
+    here = problem(made(rng))
+    settled = linearise(here, ())
+    rounds: list[int] = []
+
+    def drifting(layouts: Sequence[Layout], raws: Sequence[UnwhitenedUnit]) -> list[Whitening]:
+        first, *others = whiten(layouts, raws)
+        rounds.append(len(rounds))
+        if len(rounds) < 3:
+            return [first, *others]
+        free = np.full(raws[0].random_effects.shape[1], 100.0)  # so that no step looks too far
+        farther = Whitening.of(raws[0], 0.5 * first.weight, first.deviation, free)
+        on = first.random_coefficients + 0.2 * len(rounds)
+        return [replace(farther, random_coefficients=on), *others]
+
+    drifted = linearise(here, (), whiten=drifting)
+    np.testing.assert_allclose(drifted.own, settled.own, atol=0.05)
