@@ -34,6 +34,7 @@ REPEATS: Final = {
     "cannot_tell": 5,
     "paper": 4,
     "mount_moved": 3,
+    "noise": 10,
 }
 """Of each name of a kind."""
 

@@ -137,6 +137,16 @@ def _other_form(which: str, rng: np.random.Generator) -> Case:
     return Case("other_form", (Hidden(name, values | {first: sign * values[first]}, form),))
 
 
+STEEPER: Final = "speed_dependent_cutoff"
+"""What is hidden in studies driven by noise; a slope of the cutoff needs no tone below it."""
+
+
+def _noise(which: str) -> Case:
+    slope = {"slope_hz_per_mm_s": 7.0}
+    hidden = (Hidden(STEEPER, slope),) if which else ()
+    return Case("noise", hidden, Design(n_tones=0))
+
+
 Draw = Callable[[str, np.random.Generator], Case]
 
 KINDS: Final[Mapping[str, tuple[tuple[str, ...], Draw]]] = {
@@ -155,6 +165,7 @@ KINDS: Final[Mapping[str, tuple[tuple[str, ...], Draw]]] = {
     "cannot_tell": (CANNOT_TELL, _cannot_tell),
     "paper": (("",), lambda which, rng: Case("paper")),
     "mount_moved": (("moved", "other"), _moved_mount),
+    "noise": (("", STEEPER), lambda which, rng: _noise(which)),
 }
 """By name: what may be asked for, and how a case is drawn."""
 

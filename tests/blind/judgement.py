@@ -93,6 +93,7 @@ def rates(lines: Iterable[Line]) -> list[Rate]:
         ),
         *_paper(of("paper")),
         *_mount(of("mount_moved")),
+        *_noise(of("noise")),
         _coverage([*of("single"), *of("pair")]),
         *_gains(of("single"), of("pair")),
     ]
@@ -191,6 +192,16 @@ def _mount(lines: Sequence[Line]) -> list[Rate]:
         _count("mount at 1636 Hz: mount_resonance_shift named", moved, _all_found, least=1.0),
         _count("another mount: a cause confirmed", other, _is_sure_and_wrong, most=0.0),
         _count("another mount: flagged", other, lambda x: x["score"]["flagged"], least=1.0),
+    ]
+
+
+def _noise(lines: Sequence[Line]) -> list[Rate]:
+    nothing = [line for line in lines if not line["task"]["which"]]
+    steeper = [line for line in lines if line["task"]["which"]]
+    return [
+        _count("noise, null: a cause named", nothing, _accuses, most=0.05, chance=True),
+        _count("noise: speed_dependent_cutoff found", steeper, _all_found, least=0.80),
+        _count("noise: exactly the truth", steeper, _is_exact),
     ]
 
 
