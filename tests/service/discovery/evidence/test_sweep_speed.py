@@ -4,8 +4,10 @@ import numpy as np
 
 from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.evidence.sweep_speed import with_likeliest_speed
+from frictus_service.discovery.evidence.window_spectra import Channels
 from frictus_service.identification.observation.sweeps import Sweep
 from frictus_service.identification.observation.touch_path import path_of
+from frictus_service.study.trial import StudyInfo, Trial, TrialInfo
 
 RATE_HZ = 2_000.0
 SWEEP_S = 0.9
@@ -66,3 +68,16 @@ def test_strays_gaps_and_what_is_too_short_leave_the_path_as_it_is(
     assert not found[500:700].any()
     known = path[2] > 0.0
     assert np.abs(found[known] - speed[known]).max() < 1.5
+
+
+def test_bands_are_at_the_likeliest_speed(rng: np.random.Generator) -> None:
+    speed, place_mm, at_s = wandering(rng)
+    info = TrialInfo("a", "P01", 1, 0, SPEED_MM_S, 0.4, (), 0.0, RATE_HZ, "2026-01-01T00:00Z")
+    force = np.zeros((speed.size, 3))
+    trial = Trial(info, None, force, None, None, place_mm, at_s, 0.0, 0.0)
+    sweep = Sweep(1, 0.05, SWEEP_S - 0.05)
+    seen = Channels.of(trial, StudyInfo("rig", 7_000.0, 75.0), [sweep]).speed_mm_s
+    path = path_of(place_mm, at_s, speed.size, RATE_HZ)
+    likeliest = with_likeliest_speed(path, place_mm, at_s, RATE_HZ, [sweep])
+    np.testing.assert_array_equal(seen, likeliest)
+    assert np.abs(seen - path[2]).max() > 0.01
