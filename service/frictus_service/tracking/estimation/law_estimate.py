@@ -30,8 +30,8 @@ from frictus_service.tracking.estimation.speed_spread import SpeedSpread
 from frictus_service.tracking.estimation.strokes import Strokes
 
 RESPONSE_WITHIN: Final = 1e-3
-"""Relative error of a response that no average makes smaller: a band's mean frequency stands
-for its lines, and a window is not infinitely long."""
+"""Relative error of a response that no average makes smaller: a band's mean speed stands for
+those within it, and a window is not infinitely long."""
 GAIN_WITHIN: Final = 4e-4
 """Likewise of a gain. Friction is projected on the motion that touch reports tell, which
 resolve no tremor: 0.02 mm across the stroke at 10 Hz are 1.3 mm/s, which turn friction away at
