@@ -254,6 +254,11 @@ def read_tape(path: Path) -> Tape:
     ConfigError
         If it cannot be read, is torn, of another version, or holds what cannot be played.
     """
+    if path.is_dir():
+        raise ConfigError(
+            f"backend.file {path}: a folder; accepted: a file of {SCHEMA}; `frictus export "
+            "RECORDING --to replay` makes one"
+        )
     try:
         with path.open("rb") as file:
             _refuse_spoilt(file)

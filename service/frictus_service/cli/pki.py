@@ -44,11 +44,14 @@ def issue(
         str, typer.Argument(metavar="ROLE", help="router, rig, controller or observer.")
     ],
     name: Annotated[
-        str, typer.Argument(metavar="NAME", help="Whose it is; of a rig SITE/RIG.")
+        str,
+        typer.Argument(
+            metavar="NAME", help="Whose it is; of a rig SITE/RIG as configured, as lab/rig1."
+        ),
     ],
     host: Annotated[
         list[str] | None,
-        typer.Option("--host", help="Address or name at which a router is reached; repeat."),
+        typer.Option("--host", help="Address or name of a router, which needs it; repeat."),
     ] = None,
     folder: Folder = Path("pki"),
     out: Annotated[
@@ -60,7 +63,10 @@ def issue(
     ] = 365,
     as_json: AsJson = False,
 ) -> None:
-    """Make a certificate and its key, signed by the authority in the folder."""
+    """Make a certificate and its key, signed by the authority in the folder.
+
+    Such as: issue router hall --host 192.168.1.10; issue rig lab/rig1; issue controller alice.
+    """
     from frictus_service.security import authority
     from frictus_service.security.files import read_authority, write
     from frictus_service.security.members import Member

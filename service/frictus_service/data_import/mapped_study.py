@@ -85,7 +85,7 @@ class MappedStudy:
                 else "unit and sign of position and normal force"
             )
             raise StudyError(
-                f"{path}: no stroke is found in {recording.seconds:.1f} s; accepted: sections "
+                f"{path}: no stroke is found in {recording.seconds:.3g} s; accepted: sections "
                 "of one direction that last 0.1 s and 3 mm at least, the finger pressing; look "
                 f"at {look_at}"
             )

@@ -143,7 +143,7 @@ def averaged(position_mm: FloatArray, time_s: FloatArray) -> tuple[FloatArray, F
     """
     span_s = float(time_s[-1] - time_s[0]) if time_s.size > 1 else 0.0
     factor = int((time_s.size - 1) / span_s / POSITION_RATE_HZ) if span_s > 0.0 else 1
-    if factor < 2:
+    if not 2 <= factor <= time_s.size:  # slow enough, or too short for one mean
         return position_mm, time_s
     whole = time_s.size // factor * factor
     cut = position_mm[:whole].reshape(-1, factor, 2).mean(axis=1)

@@ -71,6 +71,8 @@ def read_impacts(path: Path, rate_hz: float | None = None) -> ImpactRecording:
 
 
 def _variables(path: Path) -> dict[str, Any]:
+    if path.is_dir():
+        raise ImpactRecordingError(f"{path} is a folder; {ACCEPTED}")
     if path.suffix not in (".mat", ".npy"):
         raise ImpactRecordingError(
             f"{path} is a {path.suffix or 'file without ending'}; {ACCEPTED}"

@@ -121,10 +121,14 @@ def issue(
     SecurityError
         If the authority has expired.
     """
-    if bool(hosts) != (member.role == "router"):
+    if member.role == "router" and not hosts:
         raise MemberNameError(
-            f"{member.common_name}: a router needs the hosts under which it is reached, "
-            "every address and name of it (--host); the other roles take none"
+            f"router {member.name!r}: no hosts; accepted: every address and name under which it "
+            "is reached, each with --host, such as --host 192.168.1.10"
+        )
+    if member.role != "router" and hosts:
+        raise MemberNameError(
+            f"{member.role} {member.name!r}: only a router has hosts; leave --host out"
         )
     key = ec.generate_private_key(ec.SECP256R1())
     ends = authority.certificate.not_valid_after_utc

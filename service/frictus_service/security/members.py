@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Final, Literal, Self, get_args
 
-from frictus.keys import InvalidNameError, RigKeys
+from frictus.keys import MAX_NAME, InvalidNameError, RigKeys
 from frictus.tls import Tls
 from frictus_service.config import Config
 from frictus_service.errors import ConfigurationError, MemberNameError
@@ -40,8 +40,15 @@ class Member:
         try:
             _ = self.rig_keys if self.role == "rig" else RigKeys("site", self.name)
         except InvalidNameError as error:
-            shape = "SITE/RIG" if self.role == "rig" else "one word"
-            raise MemberNameError(f"{self.role} {self.name!r}: {shape}: {error}") from error
+            shape = (
+                "SITE/RIG, as `site` and `rig` in the rig's configuration, such as lab/rig1, each"
+                if self.role == "rig"
+                else "one name"
+            )
+            raise MemberNameError(
+                f"{self.role} {self.name!r}: accepted: {shape} of 1 to {MAX_NAME} letters, "
+                "digits, '-', '_' and '.'"
+            ) from error
         if len(self.common_name) > LONGEST:
             raise MemberNameError(
                 f"{self.common_name!r} has {len(self.common_name)} characters: a certificate "

@@ -152,6 +152,12 @@ def test_spoilt_bytes_are_refused_or_harmless(tmp_path: Path, rng: np.random.Gen
         assert_same(tape, sine_tape(SPANS))
 
 
+def test_a_folder_is_refused_as_one(tmp_path: Path) -> None:
+    said = refused(tmp_path)
+    assert "a folder; accepted: a file of replay/1" in said
+    assert "frictus export" in said
+
+
 def test_other_files_are_refused(tmp_path: Path) -> None:
     assert "No such file" in refused(tmp_path / "none.npz")
     text = tmp_path / "text.npz"

@@ -4,8 +4,11 @@ import socket
 
 import pytest
 
+from frictus_service.cli.options import Exit, code_of
 from frictus_service.cli.serve import where_to_look
-from frictus_service.config import ApiConfig, Token
+from frictus_service.config import ApiConfig, Config, RouterConfig, Token
+from frictus_service.daemon.processes.supervisor import Supervisor
+from frictus_service.errors import StartError
 
 TOKENS = (Token(name="ann", scopes=("read",), value="a-token-of-a-test"),)
 
@@ -24,3 +27,18 @@ def test_the_page_is_said_at_an_address_that_can_be_opened(host: str, named: str
     said = where_to_look(ApiConfig(host=host, port=8420, tokens=TOKENS))
     assert f"http://{named}:8420/ " in said
     assert f"http://{named}:8420/docs" in said
+
+
+def test_a_router_that_cannot_listen_is_a_part_that_did_not_start() -> None:
+    """As the API is, whose port is in use: both end with 1."""
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+        config = Config(router=RouterConfig(endpoint=endpoint))
+        with (
+            pytest.raises(StartError, match="router: cannot listen") as refused,
+            Supervisor(config, ()),
+        ):
+            pass
+    assert code_of(refused.value) == Exit.UNEXPECTED

@@ -84,3 +84,22 @@ def test_a_finger_does_not_stand_still_where_its_velocity_is_missing() -> None:
 @pytest.mark.filterwarnings("ignore:overflow")
 def test_a_velocity_too_large_for_a_number_gives_no_stroke() -> None:
     assert not find_strokes(slide("velocity_x", "m/s", np.full(50_000, 1e307)))
+
+
+def test_an_excerpt_of_two_rows_still_says_where_the_finger_was() -> None:
+    """It was averaged over more reports than there are, which left none."""
+    rows = [np.full(2, 0.2), np.full(2, 0.4), np.array([10.0, 10.1])]
+    columns = Columns(
+        "text",
+        tuple(
+            Column(name, values, rate_hz=RATE_HZ)
+            for name, values in zip(("Fx", "Fz", "x"), rows, strict=True)
+        ),
+    )
+    channels = {
+        "force_x": {"column": "Fx", "unit": "N"},
+        "force_z": {"column": "Fz", "unit": "N"},
+        "position_x": {"column": "x", "unit": "mm"},
+    }
+    found = apply_map(columns, parse_map({"rate_hz": RATE_HZ, "channels": channels}, "test"))
+    np.testing.assert_array_equal(found.position_mm[:, 0], [10.0, 10.1])

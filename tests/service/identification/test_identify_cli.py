@@ -73,7 +73,7 @@ def test_no_valid_trial_is_a_sentence_and_a_code(study: Path, tmp_path: Path) ->
     assert code == 2
     assert not told
     assert "frictus: none of 20 trials" in progress
-    assert not (tmp_path / "o" / "report.html").exists()
+    assert not (tmp_path / "o").exists()
 
 
 def turn(study: Path, name: str) -> None:

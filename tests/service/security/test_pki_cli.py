@@ -55,8 +55,10 @@ def test_what_has_expired_is_told_by_the_exit_code(tmp_path: Path) -> None:
         (("create",), "exists"),
         (("issue", "observer", "bob"), "exists"),
         (("issue", "admin", "eve"), "router, rig, controller, observer accepted"),
-        (("issue", "rig", "rig1"), "SITE/RIG"),
-        (("issue", "router", "hall"), "--host"),
+        (("issue", "rig", "rig1"), "rig 'rig1': accepted: SITE/RIG, as `site` and `rig` in"),
+        (("issue", "controller", "a/b"), "controller 'a/b': accepted: one name"),
+        (("issue", "router", "hall"), "router 'hall': no hosts"),
+        (("issue", "rig", "lab/rig1", "--host", "x"), "only a router has hosts"),
     ],
 )
 def test_a_refusal_is_one_sentence(words: tuple[str, ...], told: str, tmp_path: Path) -> None:

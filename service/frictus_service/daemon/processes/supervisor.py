@@ -149,8 +149,10 @@ class Supervisor:
 
         Raises
         ------
+        StartError
+            If nothing can listen at the router's endpoint.
         LinkError
-            If nothing can listen at the router's endpoint, or none answers there.
+            If the router runs elsewhere, and none answers there.
         """
         endpoint = self._config.router.endpoint
         with contextlib.ExitStack() as undo:
@@ -181,7 +183,10 @@ class Supervisor:
     def _opened(self) -> zenoh.Session:
         config = self._config
         if self._host_router:
-            return open_secured_router(config)
+            try:
+                return open_secured_router(config)
+            except LinkError as error:  # no link that is missing: it is a part of this service
+                raise StartError(f"router: {error}") from error
         api_alone = set(self._parts) == {"api"}
         tls = config.tls("client") if api_alone else tls_of_rig(config)
         return open_session(config.router.endpoint, tls=tls)

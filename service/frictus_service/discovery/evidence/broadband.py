@@ -33,6 +33,7 @@ from frictus_service.identification.observation.response import (
     ResponseRows,
 )
 from frictus_service.identification.observation.sweeps import SweepThird
+from frictus_service.identification.observation.validity import LEAST_DRIVE
 from frictus_service.study.trial import StudyInfo, Trial
 
 CHANCE: Final = 1e-3
@@ -104,7 +105,8 @@ def broadband(trial: Trial, study: StudyInfo, course: FingerTrajectory) -> Broad
             kept &= _coherence([each], bands) > np.maximum(
                 _by_chance([each], bands), LEAST_OF_FORCE
             )
-    notes = _notes(spectra, coherence, np.any(used, axis=0), len(every))
+    drives = spectra[0].message is None or _amplitude(spectra, window) >= LEAST_DRIVE
+    notes = _notes(spectra, coherence, np.any(used, axis=0), len(every), drives=drives)
     if not used.any():
         return Broadband(NO_ROWS, NO_HARMONICS, notes)
     rows = [
@@ -258,11 +260,28 @@ def _nothing(segments: Sequence[SweepThird], long_enough: bool) -> tuple[str, ..
     )
 
 
+def _amplitude(spectra: Sequence[WindowSpectra], window: int) -> float:
+    """Return the amplitude of a tone that has the power of the message."""
+    windows = sum(each.force.shape[0] for each in spectra)
+    power = sum(float(each.message_power.sum()) for each in spectra)
+    return float(np.sqrt(4.0 * power / windows / window))
+
+
 def _notes(
-    spectra: Sequence[WindowSpectra], coherence: FloatArray, used: BoolArray, segments: int
+    spectra: Sequence[WindowSpectra],
+    coherence: FloatArray,
+    used: BoolArray,
+    segments: int,
+    *,
+    drives: bool,
 ) -> tuple[str, ...]:
     between = "force and skin" if spectra[0].message is None else "drive and friction"
     from_where = f"{len(spectra)} of {segments} thirds of sweeps"
+    if not used.any() and not drives:
+        return (
+            "broadband: the drive is off or steady, as in a blank trial: it tells of the "
+            "background alone",
+        )
     if not used.any():
         return (f"broadband: {between} are not coherent in {from_where}; nothing is used",)
     return (

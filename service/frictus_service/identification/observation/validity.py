@@ -190,7 +190,7 @@ def judge(
     return (
         *_samples(trial),
         *_speed(trial, motion, sweeps, means.speed_mm_s),
-        *_force(trial, means.force_n),
+        *_force(trial, sweeps, means.force_n),
         *_drive(trial, study),
     )
 
@@ -257,8 +257,8 @@ def _speed(
     off = np.abs(motion.speed_mm_s - mean_mm_s) > TOLERANCE * mean_mm_s
     inside = (motion.time_s >= 0.0) & (motion.time_s <= _duration_s(trial))
     judged = off & inside & ~_reversing(motion)
-    lasting = np.minimum(np.gradient(motion.time_s), GAP_S)
-    yield from _excess("speed", "mean", float(lasting[judged].sum()), _duration_s(trial))
+    lasting_s = np.minimum(np.gradient(motion.time_s), GAP_S)[judged]
+    yield from _excess("speed", "mean", motion.time_s[judged], lasting_s, sweeps, trial)
 
 
 def _reversing(motion: TouchMotion) -> BoolArray:
@@ -274,14 +274,14 @@ def _reversing(motion: TouchMotion) -> BoolArray:
     return close
 
 
-def _force(trial: Trial, mean_n: float) -> Iterator[str]:
+def _force(trial: Trial, sweeps: list[Sweep], mean_n: float) -> Iterator[str]:
     target = trial.info.force_n
     if not np.isnan(mean_n):
         yield from _mean("normal force over the sweeps", mean_n, target, "N", MEAN_TOLERANCE)
-    off = np.count_nonzero(np.abs(trial.force_n[:, 2] - target) > TOLERANCE * target)
-    yield from _excess(
-        "normal force", "target", off / trial.info.sample_rate_hz, _duration_s(trial)
-    )
+    off = np.flatnonzero(np.abs(trial.force_n[:, 2] - target) > TOLERANCE * target)
+    step_s = 1.0 / trial.info.sample_rate_hz
+    lasting_s = np.full(off.size, step_s)
+    yield from _excess("normal force", "target", step_s * off, lasting_s, sweeps, trial)
 
 
 def _mean(what: str, mean: float, target: float, unit: str, tolerance: float) -> Iterator[str]:
@@ -292,12 +292,30 @@ def _mean(what: str, mean: float, target: float, unit: str, tolerance: float) ->
         )
 
 
-def _excess(what: str, of: str, off_s: float, duration_s: float) -> Iterator[str]:
-    if off_s > MOST_OFF * duration_s:
-        yield (
-            f"the {what} is more than {TOLERANCE:.0%} from its {of} for {off_s:.2g} s of "
-            f"{duration_s:.3g} s; accepted: {MOST_OFF * duration_s:.2g} s"
-        )
+def _excess(
+    what: str,
+    of: str,
+    off_at_s: FloatArray,
+    lasting_s: FloatArray,
+    sweeps: list[Sweep],
+    trial: Trial,
+) -> Iterator[str]:
+    off_s, duration_s = float(lasting_s.sum()), _duration_s(trial)
+    if off_s <= MOST_OFF * duration_s:
+        return
+    told = (
+        f"the {what} is more than {TOLERANCE:.0%} from its {of} for {off_s:.2g} s of "
+        f"{duration_s:.3g} s; accepted: {MOST_OFF * duration_s:.2g} s"
+    )
+    if sweeps:
+        begin_s, end_s = sweeps[0].begin_s, sweeps[-1].end_s
+        within_s = float(lasting_s[(off_at_s >= begin_s) & (off_at_s <= end_s)].sum())
+        if within_s <= MOST_OFF * (end_s - begin_s):
+            told += (
+                f"; between the first stroke and the last, {within_s:.2g} s: cut off "
+                f"what is before {begin_s:.2f} s and after {end_s:.2f} s"
+            )
+    yield told
 
 
 def _duration_s(trial: Trial) -> float:

@@ -195,7 +195,8 @@ class _Contents:
         if self.kept is not None:
             observed = [reading.observed for reading in readings]
             hashes = {each.info.id: each.sha256 for each in observed if each.sha256}
-            self.kept.keep_contents(self.state, hashes)
+            if hashes:  # else the folder would be made for nothing
+                self.kept.keep_contents(self.state, hashes)
 
 
 def _each(

@@ -114,6 +114,8 @@ def test_files(tmp_path: Path) -> None:
         read_impacts(tmp_path / "b.mat")
     with pytest.raises(ImpactRecordingError, match=r"accepted: \.mat"):
         read_impacts(tmp_path / "a.wav")
+    with pytest.raises(ImpactRecordingError, match=r"is a folder; accepted: \.mat"):
+        read_impacts(tmp_path)
     with pytest.raises(FileNotFoundError):
         read_impacts(tmp_path / "none.npy")
 

@@ -1,5 +1,6 @@
 """Trials that may not be used are said to be so, with figures; the others are left in peace."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -92,6 +93,22 @@ def test_a_finger_that_stops(pause_s: float, valid: bool, good: Trial) -> None:
     )
     said = reasons(replace(good, position_mm=position))
     assert ("speed is more than 25% from its mean" in said) is not valid
+    assert "cut off" not in said  # it stops amid the strokes
+
+
+@pytest.mark.parametrize("lifts", [True, False])
+def test_rest_after_the_strokes_is_to_be_cut_off(lifts: bool, good: Trial) -> None:
+    moving_t_s = np.minimum(good.position_t_s, 2.5)
+    position = np.column_stack(
+        [np.interp(moving_t_s, good.position_t_s, axis) for axis in good.position_mm.T]
+    )
+    force = good.force_n.copy()
+    if lifts:
+        force[round(2.5 * RATE_HZ) :] *= 0.01
+    seen = observe(replace(good, position_mm=position, force_n=force), STUDY)
+    asked_for = [reason for reason in seen.reasons if "cut off what is before" in reason]
+    assert len(asked_for) == len(seen.reasons) == 1 + lifts, seen.reasons
+    assert all(re.search(r"after 2\.[345]\d s$", reason) for reason in asked_for), asked_for
 
 
 def test_reversals_are_not_held_against_the_speed(rng: np.random.Generator) -> None:
