@@ -123,8 +123,8 @@ def issue(
     """
     if member.role == "router" and not hosts:
         raise MemberNameError(
-            f"router {member.name!r}: no hosts; accepted: every address and name under which it "
-            "is reached, each with --host, such as --host 192.168.1.10"
+            f"router {member.name!r}: no hosts; accepted: every address and name under which "
+            "it is reached, each with --host, such as --host 192.168.1.10"
         )
     if member.role != "router" and hosts:
         raise MemberNameError(

@@ -41,7 +41,7 @@ class Member:
             _ = self.rig_keys if self.role == "rig" else RigKeys("site", self.name)
         except InvalidNameError as error:
             shape = (
-                "SITE/RIG, as `site` and `rig` in the rig's configuration, such as lab/rig1, each"
+                "SITE/RIG, as `site` and `rig` in its configuration, such as lab/rig1, each"
                 if self.role == "rig"
                 else "one name"
             )

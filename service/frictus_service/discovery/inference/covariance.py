@@ -53,6 +53,8 @@ class Whitening:
         By which they are divided there.
     deviation : ndarray, shape (n_kinds,)
         Of the conditions, from which both follow.
+    difference : ndarray, shape (n_random,)
+        Of the random effects between units, from which both follow, too.
     random_coefficients : ndarray, shape (n_random,)
         Predicted coefficients of the random effects of this unit.
     """
@@ -61,6 +63,7 @@ class Whitening:
     basis: FloatArray
     shrink: FloatArray
     deviation: FloatArray
+    difference: FloatArray
     random_coefficients: FloatArray
 
     @classmethod
@@ -82,15 +85,14 @@ class Whitening:
         difference : ndarray, shape (n_random,), or None
             Standard deviation of each random effect between units.
         """
-        columns = raw.deviating * np.resize(deviation, raw.deviating.shape[1])
-        if difference is not None:
-            columns = np.hstack([columns, raw.random_effects * difference])
+        alike = np.zeros(raw.random_effects.shape[1])
+        difference = alike if difference is None else difference
+        deviating = raw.deviating * np.resize(deviation, raw.deviating.shape[1])
+        columns = np.hstack([deviating, raw.random_effects * difference])
         left, values = left_singular(_times(columns, weight))
         kept = values > 1e-6
         shrink = np.sqrt(1.0 + np.square(values[kept]))
-        return cls(
-            weight, left[:, kept], shrink, deviation, np.zeros(raw.random_effects.shape[1])
-        )
+        return cls(weight, left[:, kept], shrink, deviation, difference, alike)
 
     @property
     def log_determinant(self) -> float:

@@ -5,11 +5,12 @@ from typing import Final
 
 import numpy as np
 
-from frictus_hardware.arrays import BoolArray, FloatArray
+from frictus_hardware.arrays import BoolArray, FloatArray, IntArray
 from frictus_service.discovery.decision.decision import NAMING
 from frictus_service.discovery.evidence.observation_table import LEAST_UNITS
 from frictus_service.discovery.inference.linear_model import (
     ProjectedUnits,
+    beside,
     project_out,
     similarity,
 )
@@ -17,7 +18,7 @@ from frictus_service.discovery.inference.significance import signs, standard_err
 from frictus_service.discovery.plan.assumptions import Assumptions
 from frictus_service.discovery.plan.documents import Setup
 from frictus_service.discovery.plan.programme import Programme
-from frictus_service.discovery.plan.rows import expected, units_of_people
+from frictus_service.discovery.plan.rows import ExpectedUnits, expected, units_of_people
 from frictus_service.discovery.report.assembly import POWER
 
 DRAWS: Final = 15
@@ -71,14 +72,18 @@ def ability_of(
         return None
     rng = np.random.default_rng(seed)
     # What fingers do beyond what they are asked for counts as evidence, but does not separate
-    # effects, nor show one that the design does not ask for.
-    wandering = project_out(expected(programme, setup, assumptions, rng))
-    asked = expected(programme.few(), setup, assumptions, None)
+    # effects, nor show one that the design does not ask for. How people differ takes evidence,
+    # and makes no two effects alike.
+    wandering = expected(programme, setup, assumptions, rng)
+    alike = replace(assumptions, difference=np.zeros_like(assumptions.difference))
+    asked = expected(programme.few(), setup, alike, None).units
     shown = _shown(programme, setup, assumptions)
-    left = _of_all(wandering, n_units, shown)
+    like = np.resize(np.arange(len(wandering.units)), n_units)
+    left = _of_all(project_out(wandering.units), like, shown)
     spread = np.array([assumptions.spread[each] for each in setup.candidates])
-    critical = _critical(left, spread, rng)
-    typical = _with_estimates(left, spread, _typical(n_units))
+    deviation = np.hypot(_scatter_of_estimates(wandering)[like], spread)
+    critical = _critical(left, deviation, rng)
+    typical = _with_estimates(left, deviation * _typical(n_units))
     size = typical.detectable(critical, POWER)
     return Ability(
         n_units,
@@ -92,12 +97,16 @@ def ability_of(
 def _shown(programme: Programme, setup: Setup, assumptions: Assumptions) -> BoolArray:
     """Return which effects own gain and cutoff do not take for themselves.
 
-    If conditions did not deviate: what is left between those is next to nothing of an effect
-    then, and not next to nothing of the little that deviations leave of it.
+    If neither conditions deviated nor people differed: what is left between conditions is next
+    to nothing of an effect then, and not next to nothing of the little that these leave of it.
     """
     one = replace(programme, people=programme.people[:1])
-    exact = replace(assumptions, deviation=np.zeros_like(assumptions.deviation))
-    information = project_out(expected(one, setup, exact, None)).information
+    exact = replace(
+        assumptions,
+        deviation=np.zeros_like(assumptions.deviation),
+        difference=np.zeros_like(assumptions.difference),
+    )
+    information = project_out(expected(one, setup, exact, None).units).information
     shown: BoolArray = information.sum(axis=0) > 0.0
     return shown
 
@@ -109,20 +118,33 @@ def unit_count(programme: Programme) -> int:
     return len(units_of_people(programme))
 
 
-def _of_all(left: ProjectedUnits, n_units: int, shown: BoolArray) -> ProjectedUnits:
+def _of_all(left: ProjectedUnits, like: IntArray, shown: BoolArray) -> ProjectedUnits:
     """Return the same of all units; those that are not looked at are like the others."""
-    like = np.resize(np.arange(left.information.shape[0]), n_units)
     information = np.where(shown, left.information[like], 0.0)
     return replace(left, along=np.zeros_like(information), information=information)
 
 
-def _with_estimates(
-    left: ProjectedUnits, spread: FloatArray, deviates: FloatArray
-) -> ProjectedUnits:
-    """Return units whose estimates deviate by noise and by differences between people."""
-    with np.errstate(divide="ignore"):
-        noise = np.where(left.information > 0.0, 1.0 / left.information, 0.0)
-    estimates = deviates * np.sqrt(noise + np.square(spread))
+def _scatter_of_estimates(found: ExpectedUnits) -> FloatArray:
+    """Return by how much noise makes the units' coefficients differ, (n_units, n_effects).
+
+    Less than information says: that counts to what measuring is accurate, too, which is the
+    same in all units.
+    """
+    scatter = []
+    for unit, whitening, accuracy in zip(
+        found.units, found.whitenings, found.accuracies, strict=True
+    ):
+        left, _ = beside(unit)
+        information = np.einsum("ij,ij->j", left, left)
+        shared = whitening((left.T / whitening.weight).T)
+        shared = (shared.T * whitening.weight * accuracy / 2.0).T
+        differing = information - np.einsum("ij,ij->j", shared, shared)
+        size = np.maximum(information, np.finfo(float).tiny)
+        scatter.append(np.sqrt(np.maximum(differing, 0.0)) / size)
+    return np.array(scatter)
+
+
+def _with_estimates(left: ProjectedUnits, estimates: FloatArray) -> ProjectedUnits:
     return replace(left, along=estimates * left.information)
 
 
@@ -133,10 +155,10 @@ def _typical(n_units: int) -> FloatArray:
     return deviates
 
 
-def _critical(left: ProjectedUnits, spread: FloatArray, rng: np.random.Generator) -> float:
+def _critical(left: ProjectedUnits, deviation: FloatArray, rng: np.random.Generator) -> float:
     flips = signs(left.information.shape[0], rng)
     drawn = [
-        _with_estimates(left, spread, rng.standard_normal(left.information.shape))
+        _with_estimates(left, deviation * rng.standard_normal(deviation.shape))
         for _ in range(DRAWS)
     ]
     return float(np.median([each.critical(flips, NAMING) for each in drawn]))

@@ -13,7 +13,7 @@ from frictus_hardware.physics.simulator import Probe
 from frictus_service.discovery.evidence.background import LEAST_LOW_S, lines_of
 from frictus_service.discovery.evidence.evidence_rows import EvidenceRows, subjects_of
 from frictus_service.discovery.evidence.observation_table import LEAST_UNITS, blocks_of, dealt
-from frictus_service.discovery.evidence.residuals import Compared, Layout
+from frictus_service.discovery.evidence.residuals import Compared, Layout, accuracy_of
 from frictus_service.discovery.inference.covariance import Whitening
 from frictus_service.discovery.inference.linear_model import Unit
 from frictus_service.discovery.inference.linearisation import linearise
@@ -56,12 +56,21 @@ def units_of_people(programme: Programme) -> list[tuple[PlannedTrial, ...]]:
     return units
 
 
+@dataclass(frozen=True, slots=True)
+class ExpectedUnits:
+    """Units, how each was whitened, and how accurate its readings are at best, (n,)."""
+
+    units: tuple[Unit, ...]
+    whitenings: tuple[Whitening, ...]
+    accuracies: tuple[FloatArray, ...]
+
+
 def expected(
     programme: Programme,
     setup: Setup,
     assumptions: Assumptions,
     rng: np.random.Generator | None,
-) -> tuple[Unit, ...]:
+) -> ExpectedUnits:
     """Return the units of those who stand in a programme; all readings are zero.
 
     Parameters
@@ -89,6 +98,7 @@ def expected(
                 raw,
                 1.0 / assumptions.scatters(layout, rows.tones_hz, strength(own)),
                 assumptions.deviation,
+                assumptions.difference,
             )
             for layout, raw, own in zip(layouts, raws, trials, strict=True)
         ]
@@ -108,7 +118,9 @@ def expected(
         replace(each, measured=problem.predicted(each, own, (), np.zeros(0)))
         for each in subjects
     ]
-    return linearise(replace(problem, subjects=tuple(met)), (), whiten=known).units
+    model = linearise(replace(problem, subjects=tuple(met)), (), whiten=known)
+    accuracies = tuple(accuracy_of(each.layout) for each in subjects)
+    return ExpectedUnits(model.units, model.whitenings, accuracies)
 
 
 FULL_VPP: Final = 150.0

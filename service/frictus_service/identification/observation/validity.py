@@ -257,7 +257,7 @@ def _speed(
     off = np.abs(motion.speed_mm_s - mean_mm_s) > TOLERANCE * mean_mm_s
     inside = (motion.time_s >= 0.0) & (motion.time_s <= _duration_s(trial))
     judged = off & inside & ~_reversing(motion)
-    lasting_s = np.minimum(np.gradient(motion.time_s), GAP_S)[judged]
+    lasting_s: FloatArray = np.minimum(np.gradient(motion.time_s), GAP_S)[judged]
     yield from _excess("speed", "mean", motion.time_s[judged], lasting_s, sweeps, trial)
 
 
@@ -280,8 +280,9 @@ def _force(trial: Trial, sweeps: list[Sweep], mean_n: float) -> Iterator[str]:
         yield from _mean("normal force over the sweeps", mean_n, target, "N", MEAN_TOLERANCE)
     off = np.flatnonzero(np.abs(trial.force_n[:, 2] - target) > TOLERANCE * target)
     step_s = 1.0 / trial.info.sample_rate_hz
+    off_at_s = off.astype(np.float64) * step_s
     lasting_s = np.full(off.size, step_s)
-    yield from _excess("normal force", "target", step_s * off, lasting_s, sweeps, trial)
+    yield from _excess("normal force", "target", off_at_s, lasting_s, sweeps, trial)
 
 
 def _mean(what: str, mean: float, target: float, unit: str, tolerance: float) -> Iterator[str]:

@@ -11,7 +11,7 @@ from frictus_hardware.arrays import FloatArray
 from frictus_service.discovery.evidence.observation_table import used
 from frictus_service.discovery.evidence.trial_evidence import TrialEvidence
 from frictus_service.discovery.inference.linear_model import ProjectedUnits
-from frictus_service.discovery.plan.assumptions import _spread
+from frictus_service.discovery.plan.assumptions import excess_variance
 from frictus_service.discovery.plan.documents import Setup
 from frictus_service.discovery.plan.run import of_study
 from frictus_service.discovery.problem.candidates import candidates_of
@@ -29,7 +29,7 @@ def spread_of(estimates: FloatArray, information: FloatArray) -> float:
         none > 0.0,
         none > 0.0,
     )
-    return next(iter(_spread(left, SETUP.candidates[:1]).values()))
+    return float(np.sqrt(np.maximum(excess_variance(left), 0.0))[0])
 
 
 def test_who_says_little_makes_nobody_alike(rng: np.random.Generator) -> None:

@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.physics.linear import Mount
 from frictus_service.discovery.catalogue.causes import cause_of
+from frictus_service.discovery.inference.significance import PRIOR_DEGREES
 from frictus_service.discovery.plan.ability import Ability, ability_of
 from frictus_service.discovery.plan.assumptions import assumed
 from frictus_service.discovery.plan.documents import (
@@ -34,6 +35,8 @@ pytestmark = pytest.mark.long
 
 SPEED_EFFECTS = {"speed_dependent_cutoff", "speed_dependent_gain"}
 FORCE_EFFECTS = {"force_dependent_cutoff", "force_dependent_gain"}
+OF_CONTACT = {*SPEED_EFFECTS, "force_dependent_gain", "gain_drift"}
+"""Of which contacts and people scatter more than measuring is accurate to."""
 
 
 def design(**changes: Any) -> FactorialDesign:
@@ -127,12 +130,14 @@ def test_a_design_of_one_tone_shows_no_effect_of_the_skin_and_says_so(seed: int)
 def test_sizes_fall_with_the_root_of_the_participants(seed: int) -> None:
     once = programme_of(design(participants=8), np.random.default_rng(seed))
     few, many = shown_by(once, seed), shown_by(replace(once, participants=32), seed)
-    setup = setup_of()
-    spread = assumed("friction", setup.candidates).spread
-    alike = [k for k, each in enumerate(setup.candidates) if spread[each] == 0.0]
-    assert len(alike) > 5
-    ratio = few.standard_error[alike] / many.standard_error[alike]
-    np.testing.assert_allclose(ratio, 2.0, rtol=0.02)  # the same three stand for all
+    ratio = few.standard_error / many.standard_error
+    effects = [each.effect for each in setup_of().candidates]
+    people = [k for k, each in enumerate(effects) if each in OF_CONTACT]
+    np.testing.assert_allclose(ratio[people], 2.0, rtol=0.02)  # the same three stand for all
+    # Of the others people agree within what measuring is accurate to. The variance that this
+    # alone would give counts as four people do: it has less weight among many.
+    most = np.sqrt(4.0 * (PRIOR_DEGREES + 31.0) / (PRIOR_DEGREES + 7.0))
+    assert np.all((ratio > 2.0 * 0.98) & (ratio < most * 1.02))
     assert np.all(many.detectable < few.detectable)
     # By chance the largest |t| of a few people is larger, too.
     assert many.critical < few.critical
