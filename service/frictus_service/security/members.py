@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from typing import Final, Literal, Self, get_args
 
-from frictus.keys import MAX_NAME, InvalidNameError, RigKeys
+from frictus.keys import InvalidNameError, RigKeys
+from frictus.names import MAX_NAME
 from frictus.tls import Tls
 from frictus_service.config import Config
 from frictus_service.errors import ConfigurationError, MemberNameError
