@@ -69,6 +69,8 @@ class Quality:
     ----------
     missing_share : float
         Of the samples, in the column that lacks most.
+    missing_column : int
+        That column.
     clipped : tuple of Clipped
         Ends at which samples stand; empty where none do.
     constant : tuple of int
@@ -76,6 +78,7 @@ class Quality:
     """
 
     missing_share: float
+    missing_column: int
     clipped: tuple[Clipped, ...]
     constant: tuple[int, ...]
 
@@ -91,10 +94,10 @@ def inspect(samples: FloatArray) -> Quality:
     count = samples.shape[0]
     found: list[Clipped] = []
     constant: list[int] = []
-    most = 0.0
+    missing_of = np.zeros(samples.shape[1])
     for column in range(samples.shape[1]):
         missing, ends = _ends(samples[:, column])
-        most = max(most, missing / count)
+        missing_of[column] = missing / count
         if missing == count:
             continue
         levels = np.ptp(ends[:, 0])
@@ -105,7 +108,8 @@ def inspect(samples: FloatArray) -> Quality:
             rests = not levels >= LEAST_LEVELS * abs(value - following)
             if not rests and there > max(CLIPPED_SHARE * count, CLIPPED_RATIO * after):
                 found.append(Clipped(column, float(value), float(there / count)))
-    return Quality(most, tuple(found), tuple(constant))
+    most = int(np.argmax(missing_of))
+    return Quality(float(missing_of[most]), most, tuple(found), tuple(constant))
 
 
 @njit(cache=True, nogil=True)
@@ -223,8 +227,8 @@ def _samples(trial: Trial) -> Iterator[str]:
         needed = name in ("voltage_v", "force_n")
         if needed and quality.missing_share > MOST_OFF:
             yield (
-                f"{quality.missing_share:.0%} of the samples of {name} are missing; accepted: "
-                f"{MOST_OFF:.0%}"
+                f"{quality.missing_share:.0%} of the samples of {name} are missing in column "
+                f"{quality.missing_column}; accepted: {MOST_OFF:.0%}"
             )
         if name != "voltage_v":
             if 0 in quality.constant:
