@@ -35,21 +35,26 @@ def verdict_sentence(found: Discovery) -> str:
         return found.one_recording.statement
     if found.verdict is None:
         return "Nothing could be tested, so nothing is said of the base model."
+    seen = found.evidence
+    blocks = seen is not None and seen.held_out == "blocks"
     if found.verdict == "clean":
-        blocks = found.evidence is not None and found.evidence.held_out == "blocks"
         units = "blocks" if blocks else "people"
         return (
             "The base model explains these data: nothing that it gets wrong is reproducible in "
             f"the mean over {units}. Whether it is wrong of some of them alone is not tested."
         )
+    wrong = "The base model is wrong"
+    if seen is not None and blocks:
+        people = seen.participants
+        wrong += f" of these {people} people" if people > 1 else " of this person"
     if found.verdict == "characterised":
         more = f" More is left{_where(found)}." if found.unexplained else ""
         return (
-            "The base model is wrong, no known cause explains it, and this describes it: "
+            f"{wrong}, no known cause explains it, and this describes it: "
             f"{_forms(found)}.{more}"
         )
     if found.verdict == "unexplained":
-        return f"The base model is wrong, and no known cause explains it{_where(found)}."
+        return f"{wrong}, and no known cause explains it{_where(found)}."
     named = ", ".join(_named(cause) for cause in found.causes)
     unsure = "; ".join(
         f"either {title(a)} or {title(b)}"
@@ -57,10 +62,10 @@ def verdict_sentence(found: Discovery) -> str:
     )
     what = "; ".join(part for part in (named, unsure, _forms(found)) if part)
     if found.verdict == "explained":
-        return f"The base model is wrong, and the data say why: {what}. Nothing else is left."
+        return f"{wrong}, and the data say why: {what}. Nothing else is left."
     why = "the data say partly why" if found.causes else "the data leave open why"
     more = f" More is left{_where(found)}." if found.unexplained else ""
-    return f"The base model is wrong, and {why}: {what}.{more}"
+    return f"{wrong}, and {why}: {what}.{more}"
 
 
 def _forms(found: Discovery) -> str:

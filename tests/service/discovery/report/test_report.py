@@ -154,6 +154,16 @@ def test_the_verdict_is_a_sentence(rng: np.random.Generator, verdict: str, said:
     assert said in verdict_sentence(found)
 
 
+def test_of_few_people_nothing_is_said_of_others(rng: np.random.Generator) -> None:
+    found = discovery(rng, verdict="explained")
+    assert found.evidence is not None
+    assert verdict_sentence(found).startswith("The base model is wrong, ")
+    for people, whose in ((4, "these 4 people"), (1, "this person")):
+        few = found.evidence.model_copy(update={"participants": people, "held_out": "blocks"})
+        sentence = verdict_sentence(found.model_copy(update={"evidence": few}))
+        assert sentence.startswith(f"The base model is wrong of {whose}, ")
+
+
 def test_a_family_and_a_pair_are_not_told_as_certain(rng: np.random.Generator) -> None:
     named = cause(rng, verdict="family")
     found = discovery(rng, causes=(named,), cannot_tell=(pair(),))
