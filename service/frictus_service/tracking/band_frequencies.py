@@ -8,8 +8,8 @@ half of its curvature times the variance. With the real part of the mean alone, 
 a line are off by 0.1 to 1 %, always to the same side; a finger that keeps to one speed is then
 taken for another, since nothing but these bands tells its cutoff from its delay.
 
-How the drive turns from one sample to the next tells both: its cumulants (Kay, Fundamentals of
-Statistical Signal Processing, and for windows Auger and Flandrin 1995, reassignment).
+How the drive turns from one sample to the next tells both, as the first two cumulants of these
+weights (the mean alone: Auger and Flandrin 1995, reassignment).
 """
 
 from typing import Final
