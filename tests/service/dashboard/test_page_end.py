@@ -76,12 +76,16 @@ async def ignore(_: str) -> None:
     pass
 
 
+def forget(rig: str, reason: str) -> None:
+    pass
+
+
 def test_a_refused_arming_ends_no_watch_over_the_lease(monkeypatch: Any) -> None:
     monkeypatch.setattr(control, "LOOK_S", 0.0)  # it looks in every turn of the loop
 
     async def scene() -> None:
         rig = Refusing()
-        arming = Arming(Hub(Link(rig)), "page", ignore)  # type: ignore[arg-type]
+        arming = Arming(Hub(Link(rig)), "page", ignore, forget)  # type: ignore[arg-type]
         watch = asyncio.create_task(arming.run())
         with pytest.raises(RefusedViewerError, match="another holds it"):
             await arming.arm(PageArmRequest(op="arm", rig="rig1"))
@@ -104,7 +108,7 @@ def test_a_rig_that_is_given_back_is_closed_whatever_it_says() -> None:
     rig = SimpleNamespace(arm=lambda **how: lease, close=lambda: done.append("close"))
 
     async def scene() -> None:
-        arming = Arming(Hub(Link(rig)), "page", ignore)  # type: ignore[arg-type]
+        arming = Arming(Hub(Link(rig)), "page", ignore, forget)  # type: ignore[arg-type]
         await arming.arm(PageArmRequest(op="arm", rig="rig1"))
         await arming.close()
 
@@ -129,7 +133,7 @@ def test_who_disarms_what_is_just_being_given_back_is_answered(monkeypatch: Any)
         async def tell(message: str) -> None:
             told.append(message)
 
-        arming = Arming(Hub(Link(rig)), "page", tell)  # type: ignore[arg-type]
+        arming = Arming(Hub(Link(rig)), "page", tell, forget)  # type: ignore[arg-type]
         await arming.arm(PageArmRequest(op="arm", rig="rig1"))
         watch = asyncio.create_task(arming.run())
         await asyncio.to_thread(begun.wait, 10.0)
@@ -155,7 +159,7 @@ def test_a_page_that_is_not_heard_is_not_there_though_the_loop_stands_still(
 
     async def scene() -> None:
         nonlocal now_s
-        arming = Arming(Hub(Link(rig)), "page", ignore)  # type: ignore[arg-type]
+        arming = Arming(Hub(Link(rig)), "page", ignore, forget)  # type: ignore[arg-type]
         await arming.arm(PageArmRequest(op="arm", rig="rig1", lease_ms=500))
         there = asked["still_there"]
         now_s += 0.4

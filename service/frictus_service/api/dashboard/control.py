@@ -52,12 +52,21 @@ class Arming:
         The page, as rigs know it.
     tell : callable
         Sends a message to the page.
+    given_back : callable
+        Told which rig is no longer held, and why, before the page is.
     """
 
-    def __init__(self, hub: Hub, client: str, tell: Callable[[str], Awaitable[None]]) -> None:
+    def __init__(
+        self,
+        hub: Hub,
+        client: str,
+        tell: Callable[[str], Awaitable[None]],
+        given_back: Callable[[str, str], None],
+    ) -> None:
         self._hub = hub
         self._client = client
         self._tell = tell
+        self._given_back = given_back
         self._asked: PageArmRequest | None = None
         # A task of its own: what a worker thread has armed is known even if nobody waits.
         self._arming: asyncio.Task[_ArmedRig] | None = None
@@ -174,6 +183,7 @@ class Arming:
                 return False
             await self._end(held)
             self._arming = None
+            self._given_back(armed.rig, reason)
             disarmed = Disarmed(
                 rig=armed.rig,
                 reason=reason,

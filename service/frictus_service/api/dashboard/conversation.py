@@ -124,8 +124,8 @@ class Conversation:
             )
             await self._send(welcome.model_dump_json())
             pointing = Pointing(hub, page.client)
-            arming = Arming(hub, page.client, self._send)
             rendering = Rendering(hub, page.client, self._send)
+            arming = Arming(hub, page.client, self._send, rendering.given_back)
             tasks = [
                 asyncio.create_task(part)
                 for part in (

@@ -142,6 +142,23 @@ class Rendering:
         self._newest = frame
         self._given.set()
 
+    def given_back(self, rig: str, reason: str) -> None:
+        """Take note that the page holds a rig no longer: nothing plays its stream there.
+
+        The rig's status says so, too, but may come after the page's next call.
+
+        Parameters
+        ----------
+        rig : str
+            Its name.
+        reason : str
+            For the page; empty where it asked for it.
+        """
+        opened = self._opened
+        if opened is not None and opened.name == rig and opened.stream.ended is None:
+            why = reason or "the page gave the rig back"
+            opened.stream.fail(LeaseLostError(f"the stream has ended: {why}"))
+
     def progress(self) -> StreamProgress | None:
         """Return what became of the updates; None where that has been told."""
         now = None if self._opened is None else self._opened.progress()
