@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from operator import attrgetter
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -103,11 +104,14 @@ def linearise(
         for place, effect in enumerate(start.chosen):
             if effect in chosen:
                 at[:, list(chosen).index(effect)] = start.coefficients[:, place]
-    best = _Round(own, at, -np.inf)
+    rounds: list[_Round] = []
     for _ in range(ROUNDS):
         before = at
         units, whitenings = units_about(problem, own, there, at, len(chosen), there, (), whiten)
-        best = max(best, _Round.of(problem, own, there, at, whitenings), key=_likelihood)
+        rests = [
+            unit.readings - unit.effects @ row for unit, row in zip(units, at, strict=True)
+        ]
+        rounds.append(_Round(own, at, _likelihood(whitenings, rests)))
         coefficients = _settled(problem, joint(units, range(len(chosen))), chosen)
         random_coefficients = np.array(
             [whitening.random_coefficients[places] for whitening in whitenings]
@@ -130,8 +134,12 @@ def linearise(
     units, whitenings = units_about(
         problem, own, there, at, len(chosen), wanted, patterns, whiten
     )
-    last = _Round.of(problem, own, there, at, whitenings)
-    if last.likelihood < best.likelihood - LESS_LIKELY:
+    rests = [
+        _whitened_rest(problem, place, whitening, own[place], there, at[place])
+        for place, whitening in enumerate(whitenings)
+    ]
+    best = max(rounds, key=attrgetter("likelihood"))
+    if _likelihood(whitenings, rests) < best.likelihood - LESS_LIKELY:
         own, at = best.own, best.at
         units, whitenings = units_about(
             problem, own, there, at, len(chosen), wanted, patterns, whiten
@@ -139,8 +147,7 @@ def linearise(
     return Linearised(units, own, tuple(chosen), at[:, : len(chosen)], whitenings)
 
 
-@dataclass(frozen=True, slots=True)
-class _Round:
+class _Round(NamedTuple):
     """Parameters of all units, and how likely they make the readings, in nats.
 
     Steps and scatter follow from each other: where a cutoff comes near to none, a unit may go
@@ -151,28 +158,13 @@ class _Round:
     at: FloatArray
     likelihood: float
 
-    @classmethod
-    def of(
-        cls,
-        problem: DiscoveryProblem,
-        own: FloatArray,
-        there: Sequence[int],
-        at: FloatArray,
-        whitenings: Sequence[Whitening],
-    ) -> "_Round":
-        rests = [
-            _whitened_rest(problem, place, whitening, own[place], there, at[place])
-            for place, whitening in enumerate(whitenings)
-        ]
-        likelihood = sum(
-            whitening.log_determinant - 0.5 * float(rest @ rest)
-            for whitening, rest in zip(whitenings, rests, strict=True)
-        )
-        return cls(own, at, likelihood)
 
-
-def _likelihood(each: _Round) -> float:
-    return each.likelihood
+def _likelihood(whitenings: Sequence[Whitening], rests: Sequence[FloatArray]) -> float:
+    """Return how likely what is left of all units is, whitened, in nats."""
+    return sum(
+        whitening.log_determinant - 0.5 * float(rest @ rest)
+        for whitening, rest in zip(whitenings, rests, strict=True)
+    )
 
 
 def units_about(
