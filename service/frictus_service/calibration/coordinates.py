@@ -26,6 +26,7 @@ MODEL_PARAMETERS: Final = ("gain_n", "cutoff_0_hz", "slope_hz_per_mm_s", "skew_s
 
 
 Speeds = TypeVar("Speeds", FloatArray, ComplexArray)
+"""Real where a finger's speed is meant, complex where a mean over complex weights is."""
 
 
 def cutoff_hz(coordinates: FloatArray, speed_mm_s: Speeds) -> Speeds:
@@ -35,8 +36,7 @@ def cutoff_hz(coordinates: FloatArray, speed_mm_s: Speeds) -> Speeds:
     ----------
     coordinates : ndarray, shape (4,)
     speed_mm_s : ndarray, shape (n,)
-        Without sign. A little outside 20 to 100 mm/s the line goes on. A mean over weights that
-        are complex may be complex.
+        Without sign. A little outside 20 to 100 mm/s the line goes on.
     """
     low, high = np.exp(coordinates[:2])
     share = (speed_mm_s - LOW_MM_S) / (HIGH_MM_S - LOW_MM_S)
@@ -75,7 +75,7 @@ def response(
     at : ndarray, shape (4,)
         In these coordinates.
     speed_mm_s, frequency_hz : ndarray
-        Without sign; of shapes that broadcast. Complex ones as in `cutoff_hz`.
+        Without sign; of shapes that broadcast; real or complex as `Speeds`.
     """
     cutoff = cutoff_hz(at, speed_mm_s)
     first_order = np.exp(at[2]) * cutoff / (cutoff + 1j * frequency_hz)

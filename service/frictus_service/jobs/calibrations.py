@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from itertools import chain
 from typing import TYPE_CHECKING, Any, Final
 
 from frictus_service.calibration.job import CalibrationResult, CalibrationSpec, Progress
@@ -12,7 +11,6 @@ from frictus_service.errors import (
     RegistryUnavailableError,
     RigBusyError,
 )
-from frictus_service.job_folder import ACTIVE
 from frictus_service.jobs.engine import JobEngine
 from frictus_service.jobs.process import ParentLink, RigAccount, Work
 from frictus_service.registry.documents import Calibration, Published
@@ -103,13 +101,11 @@ class CalibrationEngine(JobEngine[Calibration]):
         if not self._registry.database.exists:
             return
         with suppress(RegistryUnavailableError):
-            found = [self.store.find(rig=rig, state=state).calibrations for state in ACTIVE]
-            for other in chain(*found):
-                if other.site == self._config.site:
-                    raise RigBusyError(
-                        f"calibration {other.id} ({other.participant}) is under way on rig "
-                        f"{rig!r}: wait for its end, or cancel it"
-                    )
+            if (other := self.store.active_on(self._config.site, rig)) is not None:
+                raise RigBusyError(
+                    f"calibration {other.id} ({other.participant}) is under way on rig "
+                    f"{rig!r}: wait for its end, or cancel it"
+                )
 
     def cancel(self, job: str) -> Calibration:
         """Cancel a calibration of this site, as any job."""

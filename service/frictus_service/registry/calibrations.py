@@ -162,6 +162,14 @@ class Calibrations:
             calibrations=[_calibration(row) for row in rows[:limit]], next=more
         )
 
+    def active_on(self, site: str, rig: str) -> Calibration | None:
+        """Return the calibration that is queued or runs on a rig; None where there is none."""
+        of_rig = (calibrations.c.site == site) & (calibrations.c.rig == rig)
+        query = _ALL.where(of_rig, calibrations.c.state.in_(ACTIVE))
+        with self._database.read() as connection:
+            row = connection.execute(query).one_or_none()
+        return None if row is None else _calibration(row)
+
     def change(
         self,
         calibration: str,
