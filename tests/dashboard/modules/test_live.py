@@ -79,11 +79,14 @@ def test_events_name_what_and_who_the_newest_first(page: Page) -> None:
             {"utc_ns": 6, "adaptations": 0, "model_etag": "a"},
             {"utc_ns": 7, "losses": [{"name": "underruns", "grown": 2}]},
             {"utc_ns": 9, "state": "disarmed", "owner": None, "last_end": end},
+            {"utc_ns": 11} | _call(11, stop="ben.page-123456"),
+            {"utc_ns": 11},
             {"utc_ns": 12, "state": "tripped", "fault": fault},
         ],
     )
     assert got == [
         "Tripped: sensor fault, no force||",
+        "Stopped|ben|, nobody held it",
         "Stopped|you|, held by tester",
         "Losses, underruns: 2||",
         "Model put back, or set anew||",

@@ -109,6 +109,20 @@ def test_who_ended_the_lease_is_named_with_when(page: Page) -> None:
     assert re.fullmatch(r"held by you until [\d:]+: not renewed in time", got["then"])
 
 
+@pytest.mark.parametrize("ended", ["never", "before", "after"])
+def test_who_stopped_a_rig_that_nobody_held_is_named(page: Page, ended: str) -> None:
+    """A calibration disarms the rig between its trials: a stop is meant there too."""
+    stop = {"client": "ann.page-ffffff", "utc_ns": FAULT["utc_ns"]}
+    ended_ns = FAULT["utc_ns"] + (10**9 if ended == "after" else -(10**9))
+    end = {"owner": "tester", "by": "tester", "reason": "disarmed", "utc_ns": ended_ns}
+    free = {"owner": None, "state": "disarmed", "last_end": None if ended == "never" else end}
+    got = page.evaluate(STRIP, {"status": {**free, "last_calls": {"stop": stop}}})
+    who = "disarmed by tester" if ended == "after" else "stopped by you"
+    assert re.fullmatch(rf"{who} at \d\d:\d\d:\d\d", got["then"])
+    held = page.evaluate(STRIP, {"status": {"last_calls": {"stop": stop}}, "heldNs": 0})
+    assert held["then"].startswith("since")
+
+
 DAY_NS = 86_400_000_000_000
 
 

@@ -5,7 +5,7 @@ import { POLICIES, policyOf } from "../rig/adaptation.js";
 import { remark } from "../rig/compensation.js";
 import { isJob, nameOf } from "../rig/holder.js";
 import { LOSSES } from "../rig/loop_losses.js";
-import { faultName } from "../strip/strip_state.js";
+import { faultName, stopOfNobody } from "../strip/strip_state.js";
 
 /** More are forgotten, the oldest first. */
 export const MOST = 300;
@@ -100,6 +100,10 @@ export class EventLog {
       note("Reset", by("reset"));
     } else if (before.state !== "disarmed" && after.state === "disarmed" && !again) {
       note("Disarmed");
+    }
+    const stop = stopOfNobody(after);
+    if (stop !== null && stop.utc_ns > before.utc_ns) {
+      note("Stopped", nameOf(stop.client, client), "", ", nobody held it", stop.utc_ns);
     }
     if (fault !== null && fault.utc_ns !== before.fault?.utc_ns) {
       note(`Tripped: ${faultName(fault.kind)}, ${fault.reason}`, "", "bad", "", fault.utc_ns);

@@ -67,7 +67,7 @@ function titleOf(heard) {
   return hasEnded(heard) ? "Ended" : "Unknown";
 }
 
-/** The holder by name, and since when, or who ended the lease before. */
+/** The holder by name, and since when, or who ended the lease before, or stopped the rig later. */
 function whoOf({ status, client, heldNs }) {
   const { owner, share_with: shared, last_end: end, fault, utc_ns: nowNs } = status;
   if (owner !== null) {
@@ -76,8 +76,19 @@ function whoOf({ status, client, heldNs }) {
     const since = heldNs === null ? "" : `since ${clock(heldNs, nowNs)}`;
     return { who: `Held by ${nameOf(owner, client)}${others}`, then: since, known: owner };
   }
+  const stop = stopOfNobody(status);
+  if (stop !== null) {
+    const then = `stopped by ${nameOf(stop.client, client)} at ${clock(stop.utc_ns, nowNs)}`;
+    return { who: "Nobody", then, known: "" };
+  }
   if (end === null) return { who: "Held by nobody", then: "", known: "" };
   return { who: "Nobody", then: endOf(end, nowNs, client, fault !== null), known: "" };
+}
+
+/** The last stop, if nobody had held the rig since the last lease, as between a job's trials. */
+export function stopOfNobody({ owner, last_end: end, last_calls: { stop } = {} }) {
+  const ended = end !== null && end.utc_ns >= stop?.utc_ns;
+  return stop === undefined || owner !== null || ended ? null : stop;
 }
 
 /**
