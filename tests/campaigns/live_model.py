@@ -21,6 +21,7 @@ from tests.campaigns.lines import Line, asked, go_on
 from frictus.aligned import AlignedSamples
 from frictus.recordings import texture_of
 from frictus.textures import Component, Spectrum, Texture
+from frictus_hardware.arrays import FloatArray
 from frictus_hardware.simulated.config import draw_participant
 from frictus_laboratory.live_model.closed_loop import PIECE_SAMPLES, ClosedLoop, Moment
 from frictus_laboratory.live_model.discovered import discovered
@@ -38,10 +39,11 @@ from frictus_laboratory.live_model.disturbances import (
     gain_step,
     scaled,
 )
-from frictus_laboratory.live_model.laws import model_of
+from frictus_laboratory.live_model.laws import model_of, values_of
 from frictus_laboratory.live_model.motion import Motion, rendered_rows
 from frictus_laboratory.live_model.session_plan import SessionPlan, motion_of
 from frictus_service import tracking
+from frictus_service.calibration import coordinates
 from frictus_service.library import SHIPPED
 from frictus_service.synthesis.compensability import placeholder_model
 from frictus_service.tracking.windows import SPEEDS_MM_S
@@ -62,6 +64,8 @@ NULLS: Final = ("exact", "scatter", "scatter_observe")
 """A finger that is constant, or scatters within its person, followed or just observed."""
 LIFTS: Final = 0.2
 """How often the finger leaves the screen between two strokes, where contacts differ."""
+_OF_CONTACT: Final = np.array([False, False, True, False])
+"""What of the law a contact draws anew; cutoffs are the person's, about which strokes lie."""
 STEP_S: Final = 30.0
 """When a finger changes."""
 DRIFT_PER_MINUTE: Final = 0.02
@@ -104,6 +108,7 @@ def names(times: int) -> list[str]:
         ("unknown", UNKNOWN),
         ("known", [f"{texture}/{factor}" for texture in LEARNED for factor in FACTORS]),
         ("steady", [f"{texture}/{speed}" for texture, speed in STEADY]),
+        ("scatter", [f"{texture}/{factor}" for texture in LEARNED for factor in FACTORS]),
     ]
     found = []
     for kind, which in kinds:
@@ -131,8 +136,8 @@ def plan_of(name: str, seed: int) -> SessionPlan:
     plan = SessionPlan(
         person, texture("paper"), 60.0, int(rng.integers(2**31)), model_of(person), "adapt"
     )
-    if kind in ("learn", "known"):
-        return replace(
+    if kind in ("learn", "known", "scatter"):
+        plan = replace(
             plan,
             person=scaled(person, 1.0, float(which[1])),
             texture=texture(which[0]),
@@ -140,6 +145,7 @@ def plan_of(name: str, seed: int) -> SessionPlan:
             first=placeholder_model(),
             known_motion=kind == "known",
         )
+        return replace(plan, **_within_person(seed)) if kind == "scatter" else plan
     if kind == "steady":
         return replace(plan, texture=texture(which[0]), steady_mm_s=float(which[1]))
     any_texture = texture(TEXTURES[int(rng.integers(len(TEXTURES)))])
@@ -151,8 +157,7 @@ def plan_of(name: str, seed: int) -> SessionPlan:
         return replace(
             plan,
             policy="observe" if which[0] == "scatter_observe" else "adapt",
-            disturbance=WithinPerson(seed),
-            lift_probability=LIFTS,
+            **_within_person(seed),
         )
     if kind == "turns":
         return replace(
@@ -182,6 +187,11 @@ def plan_of(name: str, seed: int) -> SessionPlan:
     if kind == "moisture":
         return replace(plan, disturbance=gain_step(0.8, STEP_S, 1.0))
     return replace(plan, disturbance=NewFinger(draw_participant(rng), STEP_S))
+
+
+def _within_person(seed: int) -> dict[str, Any]:
+    """Return what of a plan makes contacts and strokes of a person differ."""
+    return {"disturbance": WithinPerson(seed), "lift_probability": LIFTS}
 
 
 def _unknown(which: str, rng: np.random.Generator) -> Disturbance:
@@ -227,7 +237,7 @@ def run(name: str, seed: int, seconds: float | None = None) -> Line:
     plan = plan if seconds is None else replace(plan, seconds=seconds)
     motion = motion_of(plan)
     line = _summary(name, plan, motion)
-    if name.startswith(("learn/", "known/", "steady/")):
+    if name.startswith(("learn/", "known/", "scatter/", "steady/")):
         line["observe"] = _summary(name, replace(plan, policy="observe"), motion)
         line["speed_error_mm_s"] = _speed_error(motion, plan.seconds)
     return line | {"code": code(), "failures": []}
@@ -257,7 +267,15 @@ def _summary(name: str, plan: SessionPlan, motion: Motion) -> Line:
     kept: list[AlignedSamples] = []
     hidden = name.startswith(("cause/", "unknown/"))
     loop = ClosedLoop(plan, motion, kept.append if hidden else lambda part: None)
-    moments = list(loop)
+    moments, felt = [], loop.true
+    for moment in loop:
+        moments.append(moment)
+        if moment.updated:
+            felt = loop.true
+    estimate = loop.tracker.estimate
+    person = coordinates.from_law(*values_of(plan.person.law), 0.0)
+    scatters = isinstance(plan.disturbance, WithinPerson)
+    contact = np.where(_OF_CONTACT, felt, person) if scatters else felt
     ranked = discovered(kept, plan.first, loop.screen.peak_v) if hidden else None
     first = ranked.models[0].causes if ranked and ranked.beyond_threshold else ()
     return {
@@ -267,7 +285,8 @@ def _summary(name: str, plan: SessionPlan, motion: Motion) -> Line:
         "newest_db": _brief(moments[-1].newest_db),
         "in_force_db": _brief(moments[-1].in_force_db),
         "first_db": _brief(moments[-1].first_db),
-        "z": _standardised(loop),
+        "z": _standardised(estimate.mean, estimate.covariance, contact),
+        "z_person": _standardised(*estimate.person, person) if scatters else [],
         "newest_within_s": _within(moments, 0.0, WITHIN_DB, lambda each: each.newest_db),
         "in_force_within_s": _within(moments, 0.0, WITHIN_DB, lambda each: each.in_force_db),
         "excess_db": _excess(moments),
@@ -276,7 +295,7 @@ def _summary(name: str, plan: SessionPlan, motion: Motion) -> Line:
         "new_fingers": loop.new_fingers,
         "held": dict(loop.held.most_common(6)),
         "refused": dict(loop.tracker.state(0).refused),
-        "windows": loop.tracker.estimate.windows,
+        "windows": estimate.windows,
         "arithmetic_s": round(loop.arithmetic_s, 4),
         "followed": _followed(name, moments),
     }
@@ -294,13 +313,9 @@ def _speed_error(motion: Motion, seconds: float) -> list[float]:
     return [_brief(float(np.mean(error))), _brief(float(np.std(error)))]
 
 
-def _standardised(loop: ClosedLoop) -> list[float]:
-    """Return how far each coordinate is off at the end, in standard deviations."""
-    estimate = loop.tracker.estimate
-    if not estimate.updates:
-        return []
-    off = 1.96 * (estimate.mean - loop.true) / estimate.half_width
-    return [_brief(float(each)) for each in off]
+def _standardised(mean: FloatArray, covariance: FloatArray, true: FloatArray) -> list[float]:
+    """Return how far each coordinate is off, in standard deviations."""
+    return [_brief(float(each)) for each in (mean - true) / np.sqrt(np.diag(covariance))]
 
 
 def _brief(value: float) -> float:
