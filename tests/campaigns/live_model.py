@@ -267,12 +267,12 @@ def _summary(name: str, plan: SessionPlan, motion: Motion) -> Line:
     kept: list[AlignedSamples] = []
     hidden = name.startswith(("cause/", "unknown/"))
     loop = ClosedLoop(plan, motion, kept.append if hidden else lambda part: None)
-    moments, felt = [], loop.true
+    moments, true = [], [loop.true]
     for moment in loop:
         moments.append(moment)
-        if moment.updated:
-            felt = loop.true
+        true.append(loop.true)
     estimate = loop.tracker.estimate
+    felt = true[1 + round(60.0 * estimate.last_minutes * RATE_HZ) // PIECE_SAMPLES]
     person = coordinates.from_law(*values_of(plan.person.law), 0.0)
     scatters = isinstance(plan.disturbance, WithinPerson)
     contact = np.where(_OF_CONTACT, felt, person) if scatters else felt

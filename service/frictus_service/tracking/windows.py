@@ -259,9 +259,10 @@ class WindowCutter:
         friction = np.sum(data["force"][:2] * along, axis=0)
         drive, passed = data[DRIVE]
         within = np.clip(data["render"][2], LOW_MM_S, HIGH_MM_S)
+        slowest, mean, fastest = within.min(), within.mean(), within.max()
         sensed = (drive, passed, friction, data["force"][0], *shifted(passed))
         channels = tapered(np.stack(sensed))
-        channels = np.vstack([channels, channels[1] * (within - within.mean())])
+        channels = np.vstack([channels, channels[1] * (within - mean)])
         spectra = np.fft.rfft(channels, axis=-1)[:, self._line]
         driven, mounted, felt, _, earlier, later, faster = spectra
         driven_power = np.square(np.abs(driven * self._hold)).sum()
@@ -275,7 +276,6 @@ class WindowCutter:
         # A law is nearly linear in the speed over a window, and what counts of the speed is its
         # mean over the drive's energy.
         above = self._sum(mounted.conj() * faster) * each
-        slowest, mean, fastest = within.min(), within.mean(), within.max()
         most = (fastest - slowest) / 2.0
         at_mm_s = np.clip(mean + above.real, slowest, fastest)
         passing, per_hz = (

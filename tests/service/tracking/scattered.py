@@ -14,6 +14,7 @@ from frictus_hardware.arrays import FloatArray
 from frictus_hardware.physics.schedule import SlidingConditions
 from frictus_hardware.simulated.config import WithinPersonScatter
 from frictus_service.calibration import coordinates
+from frictus_service.calibration.coordinates import Prior
 from frictus_service.tracking.estimation.batch import Batch
 from frictus_service.tracking.estimation.law_estimate import LawEstimate
 from frictus_service.tracking.evidence.watch import ModelWatch
@@ -134,7 +135,9 @@ def watched(
 ) -> Session:
     """Return a session in which PAPER's law is in force."""
     noise = np.full(BANDS.centre_hz.size, NOISE_N**2)
-    estimate = LawEstimate(known(PAPER + off, np.zeros((4, 4))), noise, 1e-3, 1, 10)
+    estimate = LawEstimate(
+        Prior.weak(), known(PAPER + off, np.zeros((4, 4))), noise, 1e-3, 1, 10
+    )
     watch, first, last_s = ModelWatch.begin(MOUNT), None, 0.0
     path = explored(rng, off, asymmetry, lifts)
     for number in range(batches):

@@ -52,7 +52,7 @@ FREE = Circumstances()
 
 def estimate(off: FloatArray, sd: float = 0.01) -> LawEstimate:
     covariance = np.diag([sd**2, sd**2, sd**2, 1e-12])
-    return LawEstimate(known(IN_FORCE + off, covariance), np.ones(3), 0.02, 5, 50)
+    return LawEstimate(PRIOR, known(IN_FORCE + off, covariance), np.ones(3), 0.02, 5, 50)
 
 
 TWICE = np.array([np.log(2.0), np.log(2.0), 0.0, 0.0])

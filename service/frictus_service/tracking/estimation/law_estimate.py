@@ -1,10 +1,15 @@
-"""The law of the finger on the screen now: iterated extended Kalman filters over windows.
+"""The law of the finger on the screen now: Kalman filters over windows, made linear at one law.
 
 What may vary between updates is in `finger_filters`. Each update takes the windows of
 half a second as `calibration.score_information` scores trials: the gain of a window wanders
 about that of its contact.
 
-Bell and Cathey 1993, The iterated Kalman filter update as a Gauss-Newton method.
+All updates are linear about one law. Were each about its own, a direction along which little is
+known, as that of a line's cutoff and delay, would turn from one to the next and so be taken to
+be known (Huang, Mourikis, Roumeliotis 2010, Observability-based rules for designing consistent
+EKF SLAM estimators). Once the estimate is off that law, what was felt is seen anew about the
+estimate, which is a step of Gauss-Newton over all of it (Bell 1994, The iterated Kalman
+smoother as a Gauss-Newton method).
 """
 
 from dataclasses import dataclass, field, replace
@@ -20,7 +25,6 @@ from frictus_service.calibration.posterior import wandered
 from frictus_service.calibration.score_information import (
     Data,
     GainScatter,
-    response,
     scores,
     spread_of,
 )
@@ -43,12 +47,33 @@ CUTOFF_PER_WINDOW: Final = 0.01
 FORGETTING: Final = 0.05
 """Share of an update in the noise, once it is known."""
 LEAST_NOISE_N2: Final = 1e-12
-OFF_ALIKE: Final = 60
-"""Updates in a row, half a minute of one tone, whose responses are off alike by what is not
-linear in ln cutoff: no average of so many makes that smaller."""
+NEAR: Final = 0.03
+"""Of ln cutoff, within which a law is nearly linear: responses are then off by 1e-4."""
+MOST_FELT: Final = 120
+"""Batches, a minute of sliding, that can be seen anew."""
 _STEPS: Final = 12
 _FURTHEST: Final = np.array([0.5, 0.5, 0.5, 50e-6])
 """Longest step of Gauss-Newton."""
+_GAIN: Final = np.array([False, False, True, False])
+
+
+@dataclass(frozen=True, slots=True)
+class Felt:
+    """A batch as it came.
+
+    Attributes
+    ----------
+    seconds : float
+        Since the one before.
+    new_contact : bool
+        Whether the finger left the screen meanwhile.
+    batch : Batch
+        What was felt.
+    """
+
+    seconds: float
+    new_contact: bool
+    batch: Batch
 
 
 @dataclass(frozen=True)
@@ -57,6 +82,8 @@ class LawEstimate:
 
     Attributes
     ----------
+    prior : Prior
+        Of a new person.
     filters : FingerFilters
         Of the person's law, and of how far off it this contact is.
     noise_n2 : ndarray, shape (n_bands,)
@@ -71,10 +98,14 @@ class LawEstimate:
     speeds : SpeedSpread
         Of the windows.
     tangent_at : ndarray, shape (4,), or None
-        The law after the first update: where it is taken to be linear in the cutoff of a finger
-        that keeps to one speed.
+        About which law updates are linear; None before the first.
+    felt : tuple of Felt
+        What it is made of, up to `MOST_FELT`.
+    seconds, new_contact : float, bool
+        Since the last update.
     """
 
+    prior: Prior
     filters: FingerFilters
     noise_n2: FloatArray
     gain_scatter: float
@@ -84,6 +115,9 @@ class LawEstimate:
     last_minutes: float = 0.0
     speeds: SpeedSpread = field(default_factory=SpeedSpread)
     tangent_at: FloatArray | None = None
+    felt: tuple[Felt, ...] = ()
+    seconds: float = 0.0
+    new_contact: bool = False
 
     @classmethod
     def begin(cls, prior: Prior, n_bands: int) -> Self:
@@ -97,7 +131,7 @@ class LawEstimate:
             Of the windows.
         """
         nothing = np.full(n_bands, np.nan)
-        return cls(FingerFilters.begin(prior), nothing, 0.02, 0, 0)
+        return cls(prior, FingerFilters.begin(prior), nothing, 0.02, 0, 0)
 
     @property
     def mean(self) -> FloatArray:
@@ -160,7 +194,12 @@ def advanced(estimate: LawEstimate, seconds: float, new_contact: bool) -> LawEst
     new_contact : bool
         Whether the finger left the screen meanwhile.
     """
-    return replace(estimate, filters=estimate.filters.advanced(seconds, new_contact))
+    return replace(
+        estimate,
+        filters=estimate.filters.advanced(seconds, new_contact),
+        seconds=seconds,
+        new_contact=new_contact,
+    )
 
 
 def updated(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, float]:
@@ -180,6 +219,35 @@ def updated(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, float]:
         Squared distance from what was expected, in standard deviations
         (`FingerFilters.seen`); above `calibration.posterior.STRANGE`: hardly the same finger.
     """
+    found, strange = _seen(estimate, batch)
+    mean, _ = found.filters.of(PERSON)
+    if _is_near(found, mean):
+        return found, strange
+    if len(found.felt) == MOST_FELT:
+        return replace(found, tangent_at=mean), strange
+    return _seen_anew(found, mean), strange
+
+
+def _is_near(estimate: LawEstimate, at: FloatArray) -> bool:
+    """Return whether updates are linear about a law, at the speeds that were felt."""
+    assert estimate.tangent_at is not None
+    speeds = estimate.speeds
+    span = np.sqrt(speeds.variance) * np.array([-1.0, 1.0])
+    around = np.clip(speeds.mean_mm_s + span, coordinates.LOW_MM_S, coordinates.HIGH_MM_S)
+    now, linear = (coordinates.cutoff_hz(each, around) for each in (at, estimate.tangent_at))
+    return bool(np.abs(np.log(now / linear)).max() <= NEAR)
+
+
+def _seen_anew(estimate: LawEstimate, tangent_at: FloatArray) -> LawEstimate:
+    """Return what is known of all that was felt, linear about another law."""
+    begun = LawEstimate.begin(estimate.prior, estimate.noise_n2.size)
+    found = replace(begun, speeds=estimate.speeds, tangent_at=tangent_at)
+    for each in estimate.felt:
+        found, _ = _seen(advanced(found, each.seconds, each.new_contact), each.batch)
+    return found
+
+
+def _seen(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, float]:
     noise = estimate.noise_n2
     if not estimate.updates:
         noise = np.maximum(_scatter(batch), LEAST_NOISE_N2)
@@ -194,30 +262,32 @@ def updated(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, float]:
     for _ in range(2):  # scatter from the fit, weights from the scatter
         at = _settle(data, at, estimate.gain_scatter, weights, mean, information)
         scatter, weights = spread_of(data, at)
-    total = _scores(data, at, estimate.gain_scatter, weights)[1].sum(axis=0) + information
-    data = _as_far_as_linear(data, at, coordinates.inverse(total))
-    filters, strange = estimate.filters, 0.0
-    of_parts = _scores(data, at, estimate.gain_scatter, weights)
     tangent_at = at if estimate.tangent_at is None else estimate.tangent_at
-    if estimate.speeds.steady:
-        of_parts = _along_one_cutoff(*of_parts, at, tangent_at, estimate.speeds.mean_mm_s)
+    # A law is linear in its gain, which no direction of the others turns with.
+    linear = np.where(_GAIN, at, tangent_at)
+    filters, strange = estimate.filters, 0.0
+    of_parts = _scores(data, linear, estimate.gain_scatter, weights)
     for begins, score, own in zip(strokes.begins, *of_parts, strict=True):
         filters = filters.of_another_stroke() if begins else filters
-        filters, away = filters.seen(score, own, at)
+        filters, away = filters.seen(score, own, linear)
         strange = max(strange, away)
     share = max(1.0 / (estimate.updates + 1), FORGETTING)
     left = batch.unexplained(batch.law_response(at)).mean(axis=0)
     segment = (1.0 - share) * estimate.gain_scatter**2 + share * scatter.segment**2
-    found = LawEstimate(
-        filters,
-        np.maximum((1.0 - share) * noise + share * left, LEAST_NOISE_N2),
-        float(np.clip(np.sqrt(segment), 1e-3, 1.0)),
-        estimate.updates + 1,
-        estimate.windows + batch.speed_mm_s.size,
-        float(batch.conditions.direction[-1]),
-        float(batch.conditions.minutes[-1]),
-        estimate.speeds,
-        tangent_at,
+    felt = Felt(estimate.seconds, estimate.new_contact, batch)
+    found = replace(
+        estimate,
+        filters=filters,
+        noise_n2=np.maximum((1.0 - share) * noise + share * left, LEAST_NOISE_N2),
+        gain_scatter=float(np.clip(np.sqrt(segment), 1e-3, 1.0)),
+        updates=estimate.updates + 1,
+        windows=estimate.windows + batch.speed_mm_s.size,
+        last_direction=float(batch.conditions.direction[-1]),
+        last_minutes=float(batch.conditions.minutes[-1]),
+        tangent_at=tangent_at,
+        felt=(*estimate.felt, felt)[:MOST_FELT],
+        seconds=0.0,
+        new_contact=False,
     )
     return found, strange
 
@@ -242,31 +312,6 @@ def _settle(
     return at
 
 
-def _as_far_as_linear(data: Data, at: FloatArray, covariance: FloatArray) -> Data:
-    """Return responses that are known no better than a law is linear in what is left unknown.
-
-    A tone alone does not tell gain from cutoff. Where it is taken to be linear in both, a later
-    one, with which the law moves along what both leave open, would find it wrong, and be too
-    certain: the square of a normal error has a mean square of three times its variance squared.
-
-    Parameters
-    ----------
-    data : Data
-        With the variance of their noise.
-    at : ndarray, shape (4,)
-        Where the law is taken to be linear.
-    covariance : ndarray, shape (4, 4)
-        Of what is known with these data.
-    """
-    gradient = coordinates.cutoff_gradient(at, data.speed_mm_s)
-    variance = np.einsum("ni,ij,nj->n", gradient, covariance, gradient)
-    cutoff = coordinates.cutoff_hz(at, data.speed_mm_s)
-    share = 1j * data.tone_hz / (cutoff + 1j * data.tone_hz)
-    law = response(data, at)
-    bent = 0.5 * np.abs(share * (1.0 - share) * law) * variance
-    return replace(data, variance=data.variance + 3.0 * OFF_ALIKE * np.square(bent))
-
-
 def _scores(
     data: Data, at: FloatArray, gain_scatter: float, weights: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
@@ -279,37 +324,6 @@ def _scores(
     _, score, own = wandered(score, own, CUTOFF_PER_WINDOW)
     begins = np.flatnonzero(np.diff(data.trial_of_segment, prepend=-1))
     return np.add.reduceat(score, begins), np.add.reduceat(own, begins)
-
-
-def _along_one_cutoff(
-    score: FloatArray,
-    information: FloatArray,
-    at: FloatArray,
-    tangent_at: FloatArray,
-    speed_mm_s: float,
-) -> tuple[FloatArray, FloatArray]:
-    """Return score and information of the cutoff at one speed, always along one direction.
-
-    How much the cutoffs at both ends count at a speed depends a little on the law. Taken where
-    the law is now, what is known along a direction that turns is little by little taken to be
-    known of the slope, too (Huang, Mourikis, Roumeliotis 2010: first-estimates Jacobians).
-
-    Parameters
-    ----------
-    score, information : ndarray, shape (n_parts, 4), (n_parts, 4, 4)
-        Taken at `at`.
-    at, tangent_at : ndarray, shape (4,)
-        Where the law is now, and where it is taken to be linear.
-    speed_mm_s : float
-        Of all windows.
-    """
-    now, fixed = (
-        coordinates.cutoff_gradient(each, np.array([speed_mm_s]))[0, :2]
-        for each in (at, tangent_at)
-    )
-    turned = np.eye(coordinates.SIZE)
-    turned[:2, :2] = np.outer(fixed, now) / (now @ now)
-    return score @ turned.T, turned @ information @ turned.T
 
 
 def _scatter(batch: Batch) -> FloatArray:

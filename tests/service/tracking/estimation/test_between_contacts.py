@@ -19,12 +19,12 @@ SCATTER = float(CONTACTS[-1])
 
 def after(gains: FloatArray) -> LawEstimate:
     """Return the estimate after contacts of these ln gains about PAPER's."""
-    estimate = LawEstimate(FingerFilters.begin(PRIOR), np.ones(3), 0.02, 1, 100)
+    estimate = LawEstimate(PRIOR, FingerFilters.begin(PRIOR), np.ones(3), 0.02, 1, 100)
     for gain in gains:
         known = advanced(estimate, 1.0, new_contact=True)
         law = PAPER + np.array([0.0, 0.0, gain, 0.0])
         filters, _ = known.filters.of_another_stroke().seen(np.zeros(4), MEASURED, law)
-        estimate = LawEstimate(filters, np.ones(3), 0.02, 2, 100)
+        estimate = LawEstimate(PRIOR, filters, np.ones(3), 0.02, 2, 100)
     return estimate
 
 
