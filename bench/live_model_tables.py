@@ -134,19 +134,20 @@ def coverage(lines: list[Line]) -> str:
         "known/grating/": "known, grating alone",
         "steady/": "predicted, at one speed for 60 s",
         "steady/grating/": "predicted, at one speed, grating alone",
+        "scatter/": "predicted, strokes differ",
+        "scatter/grating/": "predicted, strokes differ, grating alone",
     }
     for start, motion in kinds.items():
         found = Sessions(lines, start)
         if not len(found):
             continue
-        both = (
-            np.array(found.of(lambda line: line["observe"]["z"])),
-            np.array(found.of(lambda line: line["z"])),
-        )
-        for number, name in enumerate(verdicts.COORDINATES):
+        told = [(name, "z", number) for number, name in enumerate(verdicts.COORDINATES)]
+        if start.startswith("scatter/"):
+            told.append(("gain of the person", "z_person", verdicts.COORDINATES.index("gain")))
+        for name, of, number in told:
             row = [f"{name}, motion {motion}"]
-            for z in both:
-                at = z[:, number]
+            for sessions in (found.of(lambda line: line["observe"]), found.lines):
+                at = np.array([each[of][number] for each in sessions])
                 hits = int(np.sum(np.abs(at) < 1.96))
                 row += [share(hits, at.size), f"{at.mean():+.2f} and {at.std():.2f}"]
             rows.append(row)

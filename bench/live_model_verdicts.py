@@ -70,6 +70,7 @@ def coverage(lines: list[Line]) -> str:
         "steady/paper": "at one speed, over paper",
         "steady/vinyl": "at one speed, over vinyl",
         "steady/grating": "at one speed, over a grating",
+        "scatter": "predicted and strokes differ",
     }
     for kind, motion in kinds.items():
         found = _of(lines, f"{kind}/")
@@ -89,7 +90,7 @@ def coverage(lines: list[Line]) -> str:
         (f"outside of 92 to 98 % are, {'; '.join(parts)}." if parts else "all are within.")
         + _steady(lines),
         " Where more hold: even the filters that allow for least allow for strokes that differ "
-        "by 0.4 % and for windows that differ by 1 %, and the people of this table do neither. "
+        "by 0.4 % and for windows that differ by 1 %, and only people whose strokes differ do. "
         "Responses are taken to be known within 0.1 % (`RESPONSE_WITHIN`), whatever the "
         "average. The gain's become too wide by the filters that wander and still count "
         "(`UNSTEADY`). What the rig renders by is a predicted speed"
