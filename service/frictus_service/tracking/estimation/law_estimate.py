@@ -51,6 +51,8 @@ NEAR: Final = 0.03
 """Of ln cutoff, within which a law is nearly linear: responses are then off by 1e-4."""
 MOST_FELT: Final = 120
 """Batches, a minute of sliding, that can be seen anew."""
+SHARE_ANEW: Final = 0.25
+"""So many batches must have come since, for each that is seen anew: that bounds the cost."""
 _STEPS: Final = 12
 _FURTHEST: Final = np.array([0.5, 0.5, 0.5, 50e-6])
 """Longest step of Gauss-Newton."""
@@ -101,6 +103,8 @@ class LawEstimate:
         About which law updates are linear; None before the first.
     felt : tuple of Felt
         What it is made of, up to `MOST_FELT`.
+    seen_anew : int
+        Batches that it was made of when they were seen anew.
     seconds, new_contact : float, bool
         Since the last update.
     """
@@ -116,6 +120,7 @@ class LawEstimate:
     speeds: SpeedSpread = field(default_factory=SpeedSpread)
     tangent_at: FloatArray | None = None
     felt: tuple[Felt, ...] = ()
+    seen_anew: int = 0
     seconds: float = 0.0
     new_contact: bool = False
 
@@ -225,6 +230,8 @@ def updated(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, float]:
         return found, strange
     if len(found.felt) == MOST_FELT:
         return replace(found, tangent_at=mean), strange
+    if found.updates - found.seen_anew < SHARE_ANEW * found.updates:
+        return found, strange
     return _seen_anew(found, mean), strange
 
 
@@ -244,7 +251,7 @@ def _seen_anew(estimate: LawEstimate, tangent_at: FloatArray) -> LawEstimate:
     found = replace(begun, speeds=estimate.speeds, tangent_at=tangent_at)
     for each in estimate.felt:
         found, _ = _seen(advanced(found, each.seconds, each.new_contact), each.batch)
-    return found
+    return replace(found, seen_anew=found.updates)
 
 
 def _seen(estimate: LawEstimate, batch: Batch) -> tuple[LawEstimate, float]:
