@@ -37,6 +37,7 @@ export class View {
       element("div", { class: "columns" }, this.listing.root, this.chosen),
       this.comparison.root,
     );
+    this.details.hidden = this.comparison.root.hidden = true; // until a version is chosen
   }
 
   open(rig, rest) {
