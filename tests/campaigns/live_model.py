@@ -285,7 +285,9 @@ def _summary(name: str, plan: SessionPlan, motion: Motion) -> Line:
         "newest_db": _brief(moments[-1].newest_db),
         "in_force_db": _brief(moments[-1].in_force_db),
         "first_db": _brief(moments[-1].first_db),
-        "z": _standardised(estimate.mean, estimate.covariance, contact),
+        "z": _standardised(estimate.mean, estimate.covariance, contact)
+        if estimate.updates
+        else [],
         "z_person": _standardised(*estimate.person, person) if scatters else [],
         "newest_within_s": _within(moments, 0.0, WITHIN_DB, lambda each: each.newest_db),
         "in_force_within_s": _within(moments, 0.0, WITHIN_DB, lambda each: each.in_force_db),

@@ -102,8 +102,8 @@ export class EventLog {
       note("Disarmed");
     }
     const stop = stopOfNobody(after);
-    if (stop !== null && stop.utc_ns > before.utc_ns) {
-      note("Stopped", nameOf(stop.client, client), "", ", nobody held it", stop.utc_ns);
+    if (stop !== null && by("stop") !== "") {
+      note("Stopped", by("stop"), "", ", nobody held it", stop.utc_ns);
     }
     if (fault !== null && fault.utc_ns !== before.fault?.utc_ns) {
       note(`Tripped: ${faultName(fault.kind)}, ${fault.reason}`, "", "bad", "", fault.utc_ns);
