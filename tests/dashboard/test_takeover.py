@@ -90,6 +90,7 @@ def test_keys_take_it_over_and_the_spectrum_is_of_that_hand(page: Page, lab: Lab
     lab.status(lambda status: status.state == "armed")
     expect_error(page, above=False)
     page.locator("#surface").focus()
+    lab.finger(lambda finger: finger.x_mm < 30.0)  # way enough for one spectrum at least
     page.keyboard.down("ArrowRight")
     expect(page.locator("#takeover")).to_have_text(TAKEN)
     # At the right end it rests: nothing is averaged with what the strokes felt.
