@@ -1,8 +1,8 @@
 """What a viewer gets of a running rig over Foxglove's WebSocket, live.
 
 `uv run python bench/foxglove.py --seconds 30` runs the service with a simulated rig and
-`frictus foxglove`, subscribes to every sample of force, acceleration, voltage and render and to
-the finger, and prints the table of `docs/bridges.md`.
+`frictus foxglove`, subscribes to force, acceleration, voltage, render and the finger, and prints
+a table of `docs/bridges.md`; `--samples-per-column 1` makes every sample a message.
 """
 
 import argparse
@@ -66,10 +66,13 @@ def main() -> None:
     """Measure, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=30.0)
-    seconds = parser.parse_args().seconds
+    parser.add_argument("--samples-per-column", type=int, default=50)
+    given = parser.parse_args()
+    seconds = given.seconds
     config = config_of()
     command = [sys.executable, "-c", COMMAND, "foxglove", "--json", "--port", "0"]
     command += ["--rig", config.rig, "--router", config.router.endpoint]
+    command += ["--samples-per-column", str(given.samples_per_column)]
     with (
         serving(config),
         subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as bridge,

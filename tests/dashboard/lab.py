@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page
 
 import frictus
 from frictus.keys import Topics
@@ -148,7 +148,7 @@ WIDTHS: Final = (390, 1024, 1440)
 
 
 def expect_no_violations(page: Page, widths: Sequence[int] = ()) -> None:
-    """Fail if the page keeps anybody out, light or dark.
+    """Fail if the page keeps anybody out, light or dark, or scrolls sideways at a width.
 
     Parameters
     ----------
@@ -166,5 +166,7 @@ def expect_no_violations(page: Page, widths: Sequence[int] = ()) -> None:
             page.evaluate("scrollTo(0, 0)")  # what has scrolled below the strip is no fault
             found = Axe().run(page, options=RULES)
             assert found.violations_count == 0, f"{width}: {found.generate_report()}"
+            wide = page.evaluate("document.documentElement.scrollWidth")
+            assert width is None or wide <= width, f"{wide} px at {width}"
     if widths and before is not None:
         page.set_viewport_size(before)

@@ -129,6 +129,36 @@ def sample_messages(data: NDArray[np.float32]) -> list[bytes]:
     return [content[at : at + width] for at in range(0, len(content), width)]
 
 
+def column_extremes(
+    data: NDArray[np.float32], samples_per_column: int
+) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    """Return the least and the greatest value of each column of samples, in turn.
+
+    Parameters
+    ----------
+    data : ndarray of float32, shape (n_channels, n_samples)
+        Of a block; the last column may be shorter.
+    samples_per_column : int
+        At least 2.
+
+    Returns
+    -------
+    extremes : ndarray of float32, shape (n_channels, n)
+        Minimum, maximum, minimum, …
+    at : ndarray of int64, shape (n,)
+        The sample at which each is to be drawn: a column's first, and its middle one. Rises.
+    """
+    starts = np.arange(0, data.shape[1], samples_per_column)
+    middles = (starts + np.append(starts[1:], data.shape[1])) // 2
+    at = np.stack((starts, middles), axis=1).ravel()
+    folded = np.stack(
+        (np.minimum.reduceat(data, starts, axis=1), np.maximum.reduceat(data, starts, axis=1)),
+        axis=2,
+    ).reshape(len(data), -1)
+    once = np.diff(at, prepend=-1) > 0  # a last column of one sample is both
+    return folded[:, once], at[once]
+
+
 def is_plausible(first_sample: int, n_samples: int, utc_ns: int, rate_hz: float) -> bool:
     """Return whether counts and times can be computed with, as a rig's can."""
     counts = rate_hz >= 1.0 and 0 <= first_sample < 2**62 - n_samples

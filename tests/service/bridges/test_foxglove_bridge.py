@@ -97,6 +97,26 @@ def test_samples_that_were_lost_are_told_of_and_stamps_rise(
         assert bridge.report().lost == 2
 
 
+def test_of_columns_the_extremes_are_told_where_they_are_drawn(
+    hand: Any, client: frictus.Client
+) -> None:
+    with (
+        FoxgloveBridge(client, client.rig("hand", "lab"), samples_per_column=33) as bridge,
+        viewing(bridge.port) as viewer,
+    ):
+        looking(bridge, viewer, "stream/force")
+        hand.say(Topics.TIME, hand.fit(1, 0, 0))
+        hand.force(1, 0)  # 0, 1, … 99: columns of 33, 33, 33 and 1
+        sent_until(bridge, "stream/force", 7)
+        while len(viewer.came["stream/force"]) < 7:
+            viewer.receive()
+        came = viewer.came["stream/force"]
+        rows = np.array([np.frombuffer(one.data, "<f4") for one in came])
+        assert rows[:, 0].tolist() == [0.0, 32.0, 33.0, 65.0, 66.0, 98.0, 99.0]
+        steps = np.diff([one.log_ns for one in came]) / 50_000.0  # samples of 20 kHz
+        assert np.allclose(steps, [16.0, 17.0, 16.0, 17.0, 16.0, 17.0], atol=0.1)
+
+
 def test_what_holds_is_told_to_whoever_comes_later(hand: Any, client: frictus.Client) -> None:
     with FoxgloveBridge(client, client.rig("hand", "lab")) as bridge:
         for _ in range(2):

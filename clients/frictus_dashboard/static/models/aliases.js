@@ -5,7 +5,7 @@ import { element } from "../elements/element.js";
 import { labelled } from "../elements/fields.js";
 import { moment } from "../elements/figures.js";
 import { Outcome } from "../elements/outcome.js";
-import { fill, table, words } from "../elements/table.js";
+import { fill, scrolling, table, words } from "../elements/table.js";
 import { pathOf, referenceOf } from "./reference.js";
 
 const PAGE = 100;
@@ -38,7 +38,7 @@ export class Aliases {
     this.form.addEventListener("submit", (event) => (event.preventDefault(), this.#move()));
     this.outcome = new Outcome();
     const title = element("h3", {}, "Versions and aliases");
-    this.root = element("div", {}, title, this.table, this.form, this.outcome.root);
+    this.root = element("div", {}, title, scrolling(this.table), this.form, this.outcome.root);
   }
 
   /** @param {object} version the published one that is shown */

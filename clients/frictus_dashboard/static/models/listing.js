@@ -5,7 +5,7 @@ import { element } from "../elements/element.js";
 import { button, labelled } from "../elements/fields.js";
 import { moment } from "../elements/figures.js";
 import { Outcome } from "../elements/outcome.js";
-import { fill, table, words } from "../elements/table.js";
+import { fill, scrolling, table, words } from "../elements/table.js";
 import { referenceOf } from "./reference.js";
 
 const PAGE = 50;
@@ -32,7 +32,7 @@ export class Listing {
     form.addEventListener("submit", (event) => (event.preventDefault(), this.load()));
     this.newest.input.addEventListener("change", () => this.load());
     const title = element("h2", {}, "Published models");
-    const body = [form, this.table, this.more, this.outcome.root];
+    const body = [form, scrolling(this.table), this.more, this.outcome.root];
     this.root = element("section", {}, title, ...body);
   }
 

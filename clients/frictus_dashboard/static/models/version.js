@@ -5,7 +5,7 @@ import { button } from "../elements/fields.js";
 import { figure, interval, moment } from "../elements/figures.js";
 import { save } from "../connection/download.js";
 import { Outcome } from "../elements/outcome.js";
-import { facts, table, words } from "../elements/table.js";
+import { facts, scrolling, table, words } from "../elements/table.js";
 import { pathOf, referenceOf } from "./reference.js";
 
 const FILES = ["model.json", "model.mat"];
@@ -70,7 +70,7 @@ function effects(found) {
     const told = Object.entries(parameters).map(([name, value]) => `${name} ${figure(value)}`);
     return [id.replaceAll("_", " "), words(told.join(", "))];
   });
-  return [table("What it adds to the base law", ["Effect", "Parameters"], rows)];
+  return [scrolling(table("What it adds to the base law", ["Effect", "Parameters"], rows))];
 }
 
 /** What provenance holds is of any kind. */

@@ -37,6 +37,16 @@ def foxglove(
             help="Of force, accel, voltage, truth, aux and render, with commas.",
         ),
     ] = "force,accel,voltage,render",
+    samples_per_column: Annotated[
+        int,
+        typer.Option(
+            "--samples-per-column",
+            min=1,
+            max=100_000,
+            help="Of so many samples the least and the greatest; 1: every sample, which few "
+            "viewers follow.",
+        ),
+    ] = 50,
     host: Annotated[
         str, typer.Option("--host", help="Interface; whoever reaches it may look.")
     ] = "127.0.0.1",
@@ -76,7 +86,9 @@ def foxglove(
     target = TargetRig.of(config, router, site, rig)
     with (
         frictus.connect(target.router, tls=target.tls, reads_only=True) as client,
-        FoxgloveBridge(client, target.choose(client), names, host, port) as bridge,
+        FoxgloveBridge(
+            client, target.choose(client), names, samples_per_column, host, port
+        ) as bridge,
     ):
         _begin(host, bridge.port, as_json)
         run_bridge(bridge, _line, seconds, as_json)
