@@ -18,6 +18,9 @@ MAX_BYTES: Final = 1 << 20
 SUFFIX: Final = ".map.toml"
 SCHEMA: Final = "column_map/1"
 
+_TEXTS: Final = ("column", "unit", "participant", "rig", "started_utc")
+"""Entries that are texts, though they may look like numbers: the unit 1, the participant 07."""
+
 Positive = Annotated[float, Field(gt=1e-6, lt=1e9, allow_inf_nan=False)]
 
 
@@ -248,7 +251,7 @@ def changed(column_map: ColumnMap, assignments: list[str]) -> ColumnMap:
         if not channel and not value and plain["channels"].pop(key, None):
             continue
         held = plain["channels"].setdefault(channel[0], {"unit": ""}) if channel else plain
-        held[key] = _plain(value)
+        held[key] = value if key in _TEXTS and not value.startswith('"') else _plain(value)
     return parse_map(plain, "--set")
 
 

@@ -15,6 +15,7 @@ from typing import Final, Self
 import numpy as np
 
 from frictus_hardware.physics.linear import TransferFunction
+from frictus_service.data_import.channels import DRIVES
 from frictus_service.data_import.column_map import ColumnMap, load_map, map_beside, map_text
 from frictus_service.data_import.drive_tones import find_tones
 from frictus_service.data_import.formats.read import read_columns
@@ -43,6 +44,10 @@ BY_STEADINESS: Final = (
 BY_FILE_TIME: Final = (
     "no start time was given: a recording is taken to end when its file was last written, so "
     "that what depends on the time between files is not to be trusted (set started_utc)"
+)
+WITHOUT_DRIVE: Final = (
+    "no drive is in the map: all trials are blank (where something drove the screen, set "
+    "drive_voltage.column, drive_envelope.column or drive_fraction.column)"
 )
 
 
@@ -207,6 +212,8 @@ def _check_usable(recording: MappedRecording) -> None:
 def _info(path: Path, file_format: str, column_map: ColumnMap, notes: list[str]) -> StudyInfo:
     if column_map.speed_mm_s is None or column_map.force_n is None:
         notes = [*notes, BY_STEADINESS]
+    if not column_map.channels.keys() & set(DRIVES):
+        notes = [*notes, WITHOUT_DRIVE]
     return StudyInfo(
         rig=column_map.rig,
         carrier_hz=column_map.carrier_hz,

@@ -13,6 +13,7 @@ import numpy as np
 from frictus_hardware.arrays import FloatArray
 from frictus_service.data_import.channels import (
     BY_NAME,
+    DRIVES,
     STANDARD_GRAVITY_M_S2,
     UNITS,
     Channel,
@@ -350,6 +351,9 @@ def _channel_of(name: str, unit: str) -> Channel | None:
         dimension == "counts" and channel.dimension == "force"
     ):
         return channel
+    if channel.name in DRIVES:  # what drives is called alike, whatever is known of it
+        drive = {"voltage": "drive_voltage", "ratio": "drive_fraction"}.get(dimension)
+        return BY_NAME[drive] if drive else None
     axis = name.strip().lower()[-1:]
     stem = {"force": "force_", "length": "position_", "acceleration": "accel_"}.get(dimension)
     if dimension == "speed" and axis == "x":

@@ -56,7 +56,7 @@ def on_grid(time_s: FloatArray, values: FloatArray, said_hz: float | None = None
         raise FieldError(
             "time",
             "does not rise from row to row, or is rounded to coarser steps than the samples; "
-            "leave it away and give rate_hz",
+            "leave it away (time=) and give rate_hz",
         )
     # The median of rounded steps is rounded too.
     even = np.abs(steps - step_s) < 0.5 * step_s
@@ -69,6 +69,13 @@ def on_grid(time_s: FloatArray, values: FloatArray, said_hz: float | None = None
     rises = np.diff(place) >= 1.0
     if not np.all(np.isfinite(place)) or not np.all(rises):
         at = int(np.argmin(rises)) + 1
+        if time_s[at] == time_s[at - 1]:
+            raise FieldError(
+                "time",
+                f"is {time_s[at]:.9g} s in row {at} and in the next: it is rounded to coarser "
+                f"steps than the samples; where none is missing leave it away (time=) and give "
+                f"rate_hz, which is {rate_hz:.6g} by the rows before",
+            )
         raise FieldError(
             "time",
             f"is not regular at row {at}: {time_s[at - 1]:.9g} s, then {time_s[at]:.9g} s at "

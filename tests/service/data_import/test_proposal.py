@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from frictus_service.data_import.channels import DRIVES
 from frictus_service.data_import.formats.columns import Column, Columns
 from frictus_service.data_import.proposal import Proposal, propose
 
@@ -62,3 +63,23 @@ def test_two_sample_rates_are_asked_for() -> None:
         ({"fs_kHz": 20.0}, False),
     ):
         assert ("rate_hz" in asked(propose(Columns("MATLAB v5", columns, numbers)))) is is_open
+
+
+def test_a_drive_is_known_by_its_unit_whatever_it_is_called() -> None:
+    """A drive that is passed over in silence makes a study of blank trials."""
+    carrier = np.cos(2.0 * np.pi * 2_000.0 * TIME_S)
+    for column, channel in (
+        (Column("cmd [V]", 75.0 * carrier), "drive_voltage"),
+        (Column("command", 75.0 * carrier, "V"), "drive_voltage"),
+        (Column("drive (%)", 50.0 + 50.0 * carrier), "drive_fraction"),
+        (Column("amplitude [%]", 50.0 + 50.0 * carrier), "drive_fraction"),
+    ):
+        assert channel in proposed(column).column_map.channels, column.name
+    assert not proposed(Column("command [N]", carrier)).column_map.channels.keys() & set(DRIVES)
+
+
+def test_an_acceleration_as_matlab_can_name_it() -> None:
+    """Names of variables have neither brackets nor strokes."""
+    for name in ("acc_x_ms2", "ax_m_s2", "accel_x_mps2"):
+        found = proposed(Column(name, FORCE_N)).column_map.channels["accel_x"]
+        assert (found.column, found.unit) == (name, "m/s2")

@@ -9,7 +9,7 @@ from tests.service.data_import.made import Swipes
 from typer.testing import CliRunner
 
 from frictus_service.cli.app import app
-from frictus_service.data_import.column_map import load_map
+from frictus_service.data_import.column_map import changed, load_map, map_beside
 from frictus_service.data_import.sampling import on_grid
 from frictus_service.errors import StudyError
 
@@ -95,6 +95,34 @@ def test_a_channel_is_left_away(mapped: Path, tmp_path: Path) -> None:
     result = CliRunner().invoke(app, [*words, "rate_hz=20000"])
     assert result.exit_code == 0, result.stderr
     assert out.exists()
+
+
+def test_an_entry_of_text_may_look_like_a_number(mapped: Path) -> None:
+    """The unit 1, a column of a table without names, and most pseudonyms."""
+    said = ["participant=07", "force_x.column=2", "drive_fraction.unit=1", "rig=3"]
+    said += ["drive_voltage=", 'drive_fraction.column="U [V]"', "session=2"]
+    found = changed(load_map(map_beside(mapped)), said)
+    assert (found.participant, found.rig, found.session) == ("07", "3", 2)
+    assert found.channels["force_x"].column == "2"
+    assert (found.channels["drive_fraction"].column, found.channels["drive_fraction"].unit) == (
+        "U [V]",
+        "1",
+    )
+
+
+def test_a_clock_that_is_rounded_from_some_row_on_is_named_with_the_way_out() -> None:
+    """Six digits, as NumPy and spreadsheets are often told to write, end at 10 s."""
+    time_s = np.array([float(f"{value:.6g}") for value in np.arange(220_000) / 20_000.0])
+    sentence = "rounded to coarser.*leave it away .time=. and give rate_hz, which is 20000 by"
+    with pytest.raises(StudyError, match=sentence):
+        on_grid(time_s, np.zeros(time_s.size))
+
+
+def test_a_recording_without_a_drive_is_told_to_be_blank(mapped: Path, tmp_path: Path) -> None:
+    words = ["study", "import", str(mapped), str(tmp_path / "study.h5")]
+    result = CliRunner().invoke(app, [*words, "--set", "drive_voltage="])
+    assert result.exit_code == 0, result.stderr
+    assert "no drive is in the map: all trials are blank" in result.stdout
 
 
 @pytest.mark.parametrize(
