@@ -180,7 +180,7 @@ class FakeRig:
         )
 
     @contextlib.contextmanager
-    def stroking(self) -> Iterator[None]:
+    def stroking(self, ahead_samples: int = 400) -> Iterator[None]:
         """Say meanwhile where a finger is that strokes, at samples of the time it says."""
         ended = threading.Event()
 
@@ -188,8 +188,8 @@ class FakeRig:
             sequence = 0
             while not ended.wait(0.002):
                 sequence += 1
-                ahead = 100 + (time.time_ns() - 10**18) // 50_000 + 400  # the lead of 20 ms
-                place = {"sample": ahead, "x_mm": 1.0 + sequence % 50}
+                sample = 100 + (time.time_ns() - 10**18) // 50_000 + ahead_samples
+                place = {"sample": sample, "x_mm": 1.0 + sequence % 50}
                 self.say(Topics.FINGER, self.finger(sequence).model_copy(update=place))
 
         thread = threading.Thread(target=stroke)

@@ -22,6 +22,9 @@ FADE_STEP_S: Final = 0.025
 """A step of a fade; the rig cross-fades from one to the next."""
 DRAIN_S: Final = 0.1
 WHOLE: Final = 1.0 - 1e-9
+SENSED_S: Final = 0.1
+"""Longest wait for what was sensed at the end of an interval, beyond the lead."""
+POLL_S: Final = 0.005
 CAPACITY: Final = 4096
 """Finger states and blocks held while a call waits: 20 s."""
 
@@ -106,11 +109,13 @@ class Presenter:
         self._forces: list[Block | Gap] = []
         mask = presentation.mask
         self._between = Scene() if mask is None else Scene(regions=[Region(texture=mask)])
+        self._ended_s: float | None = None  # since when the gap after an interval lasts
 
     def gap(self) -> None:
         """Have the finger feel what is felt between intervals, for the time of a gap."""
         self._rig.set_scene(self._between)
-        self._wait(time.monotonic() + self._how.gap_s)
+        begun_s = time.monotonic() if self._ended_s is None else self._ended_s
+        self._wait(begun_s + self._how.gap_s)
 
     def require_lease(self) -> None:
         """Raise `LeaseLostError` if the rig no longer obeys."""
@@ -119,6 +124,7 @@ class Presenter:
 
     def smooth(self) -> None:
         """Have the finger feel a smooth screen from now on."""
+        self._ended_s = None
         self._rig.set_scene(Scene())
 
     def interval(self, shows: Interval, scene: Scene) -> PresentedInterval:
@@ -166,6 +172,7 @@ class Presenter:
                 self._rig.set_scene(scaled(scene, gain))
             self._wait(due_s)
         last = self._rig.set_scene(self._between)
+        self._ended_s = time.monotonic()
         return self._presented(shows, first or whole, whole, last, begun_ns)
 
     def close(self) -> None:
@@ -187,6 +194,18 @@ class Presenter:
             if left_s <= DRAIN_S:
                 return
 
+    def _await_sensed(self, end: int, lead_s: float) -> None:
+        """Wait until the end of an interval is sensed: it plays a lead after it was asked for."""
+        due_s = time.monotonic() + lead_s + SENSED_S
+        self._collect()
+        while time.monotonic() < due_s:
+            blocks = [item for item in self._forces[-1:] if isinstance(item, Block)]
+            newest = [state.sample for state in self._states[-1:]]
+            newest += [block.first_sample for block in blocks]
+            if len(newest) == 2 and min(newest) >= end:
+                return
+            self._wait(time.monotonic() + POLL_S)
+
     def _collect(self) -> None:
         states = self._fingers.drain()
         self._states += [state for state in states if isinstance(state, FingerState)]
@@ -201,13 +220,13 @@ class Presenter:
         begun_ns: int,
     ) -> PresentedInterval:
         """Return the interval between two scenes, by the samples at which they played."""
-        self._collect()
         fit, lead_s = self._rig.time(), 1e-3 * self._rig.status().lead_ms
         lead = lead_s * 1e9 / fit.ns_per_sample
         begin, end = (
             fit.sample + round((utc_ns - fit.utc_ns) / fit.ns_per_sample + lead)
             for utc_ns in (first.utc_ns or begun_ns, last.utc_ns or time.time_ns())
         )
+        self._await_sensed(end, lead_s)
         states = [state for state in self._states if begin <= state.sample < end]
         forces = [
             item

@@ -163,6 +163,37 @@ def test_what_was_not_felt_counts_for_nothing_and_comes_again(
     assert [row["trial_type"] for row in event_rows(read_log(log)[0])] == ["not felt", "main"]
 
 
+def test_an_interval_is_sensed_to_its_end_a_lead_after_it_was_asked_for(
+    fake: Any, client: Client, tmp_path: Path
+) -> None:
+    """What is asked for plays a lead later: what was sensed by then is all before it."""
+    fake.say_everything_once()
+    fake.say(Topics.STATUS, fake.status(state="armed", owner="tester", lead_ms=200.0))
+    with experiment(client, tmp_path / "log.jsonl") as made, fake.stroking(ahead_samples=0):
+        trial = made.next()
+        assert trial is not None
+        shown = made.present(trial)
+    assert shown is not None
+    for interval in shown:
+        assert interval.finger is not None
+        expected = (interval.last_sample - interval.first_sample) / 20_000.0 / 0.002
+        assert interval.finger.states > 0.5 * expected
+
+
+def test_waiting_for_what_was_sensed_lengthens_no_gap(
+    fake: Any, client: Client, tmp_path: Path
+) -> None:
+    held_by(fake, "tester")
+    spaced = QUICK.model_copy(update={"gap_s": 0.5})
+    with experiment(client, tmp_path / "log.jsonl", presentation=spaced) as made:
+        trial = made.next()
+        assert trial is not None
+        shown = made.present(trial)
+    assert shown is not None
+    gap_s = (shown[1].first_sample - shown[0].last_sample) / 20_000.0
+    assert gap_s == pytest.approx(0.5, abs=0.1)
+
+
 def test_an_experiment_without_a_finger_ends(fake: Any, client: Client, tmp_path: Path) -> None:
     held_by(fake, "tester")
     log = tmp_path / "log.jsonl"
