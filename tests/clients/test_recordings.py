@@ -236,6 +236,13 @@ def test_a_texture_document_is_read_as_it_stands(tmp_path: Path) -> None:
             load_texture(path)
 
 
+def test_a_texture_document_with_a_word_that_none_has_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    path.write_text('{"kind": "profile", "friction_n": [0, 0.1], "period_mm": 2, "angle": 90}')
+    with pytest.raises(TextureError, match="angle: Extra inputs"):
+        load_texture(path)
+
+
 @given(st.integers(2, 300), st.floats(0.1, 5.0))
 def test_a_profile_has_no_mean_and_keeps_its_shape(count: int, scale_n: float) -> None:
     friction = scale_n * np.cos(np.arange(count))

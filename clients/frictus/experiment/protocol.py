@@ -199,7 +199,8 @@ def parse_protocol(toml: bytes, source: str) -> Protocol:
     if _LONG_KEY.search(toml):  # it would be read for minutes
         raise ArgumentError(f"{source}: a key of more than 20 parts; no protocol has one")
     try:
-        return Protocol.model_validate(tomllib.loads(toml.decode("utf-8-sig")))
+        # Textures pass over what they do not know; here that would be another stimulus.
+        return Protocol.model_validate(tomllib.loads(toml.decode("utf-8-sig")), extra="forbid")
     except ValidationError as error:
         raise ArgumentError(f"{source}: {explain(error)}") from error
     except (ValueError, RecursionError) as error:  # integers of 4300 digits: no TOMLDecodeError

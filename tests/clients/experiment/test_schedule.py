@@ -391,6 +391,15 @@ def test_files_that_are_no_protocol(tmp_path: Path) -> None:
             load_protocol(file)
 
 
+def test_a_stimulus_with_a_word_that_no_texture_has_is_refused(tmp_path: Path) -> None:
+    """Passed over, `phase` in place of `phase_rad` would present another stimulus."""
+    ready = ready_protocols()["detection"].read_bytes()
+    file = tmp_path / "p.toml"
+    file.write_bytes(ready.replace(b"cycles_per_mm = 0.5", b"cycles_per_mm = 0.5, phase = 1.0"))
+    with pytest.raises(ArgumentError, match=r"texture\.spectrum\.components\.0\.phase: Extra"):
+        load_protocol(file)
+
+
 @pytest.mark.parametrize(
     ("task", "good", "bad"),
     [

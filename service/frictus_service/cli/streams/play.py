@@ -264,7 +264,7 @@ def _checked_scene(document: object) -> "frictus.Scene":
     from frictus.errors import TextureError, explain
 
     try:
-        return frictus.Scene.model_validate(document)
+        return frictus.Scene.model_validate(document, extra="forbid")
     except ValidationError as error:
         raise TextureError(f"not a scene: {explain(error)}") from error
 
