@@ -27,6 +27,7 @@ from frictus.messages import MESSAGES, Reply
 from frictus.session import DENIED, UNKNOWN, if_secured
 
 ROUTER_GONE: Final = "the link to the router is gone; it is being tried again"
+CLOSED: Final = "the client was closed; connect again"
 ENDS: Final = ("stop", "disarm")
 """Calls that reach all who answer under the name of the rig: Zenoh gives a call to one of them,
 and that one need not be the rig that drives the screen."""
@@ -107,7 +108,7 @@ class Caller:
 
     def _ask(self, name: str, payload: bytes, timeout_s: float) -> Reply:
         if not self.session.info.transports():
-            raise LinkError(f"{name} was not sent: {ROUTER_GONE}")
+            raise LinkError(f"{name} was not sent: {link_loss(self.session)}")
         in_time, unreadable = True, ""
         try:
             answers = self.session.get(
@@ -170,6 +171,17 @@ class Caller:
         )
 
 
+def link_loss(session: zenoh.Session) -> str:
+    """Return why a session has no link.
+
+    Parameters
+    ----------
+    session : zenoh.Session
+        Open, or closed by this program.
+    """
+    return CLOSED if session.is_closed() else ROUTER_GONE
+
+
 def no_recorder(keys: RigKeys) -> str:
     """Return what to tell somebody to whom no recorder answers.
 
@@ -202,7 +214,7 @@ def present_rigs(session: zenoh.Session, site: str = "*", wait_s: float = 2.0) -
         If the router is gone, or has not answered in time.
     """
     if not session.info.transports():
-        raise LinkError(ROUTER_GONE)
+        raise LinkError(link_loss(session))
     looks: list[set[RigKeys]] = []
     found: set[RigKeys] = set()
     silences = 0

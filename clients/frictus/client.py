@@ -5,12 +5,12 @@ import os
 import secrets
 import socket
 from types import TracebackType
-from typing import NamedTuple, Self, cast
+from typing import Final, NamedTuple, Self, cast
 
 import zenoh
 
 from frictus.calls import await_present, present_rigs
-from frictus.errors import FrameError
+from frictus.errors import ArgumentError, FrameError
 from frictus.keys import RigKeys, any_rig_alive, rig_of
 from frictus.mailbox import Arrival
 from frictus.readings import Held
@@ -18,6 +18,9 @@ from frictus.reception import Declared, Feed, OnSample
 from frictus.rig import Rig
 from frictus.session import DEFAULT_ROUTER, LEASE_MS, PATIENT_LEASE_MS, open_session
 from frictus.tls import Tls
+
+MAX_TIMEOUT_S: Final = 60.0
+"""A request may be taken for so long after it was sent."""
 
 
 class RigName(NamedTuple):
@@ -192,7 +195,7 @@ def connect(
     name : str or None
         Name of this client among all; made from host and process if None.
     timeout_s : float
-        Longest wait for the router, for each reply and for each first value.
+        Longest wait for the router, for each reply and for each first value; up to 60.
     tls : Tls or None
         Our certificate, where `router` is a ``tls/`` endpoint.
     reads_only : bool
@@ -202,7 +205,7 @@ def connect(
     Raises
     ------
     ArgumentError
-        If `router` is no endpoint.
+        If `router` is no endpoint, or `timeout_s` is not above 0 and up to 60 s.
     LinkError
         If no router answers there.
     CertificateError
@@ -210,6 +213,8 @@ def connect(
     InvalidNameError
         If the name cannot stand in a key.
     """
+    if not 0.0 < timeout_s <= MAX_TIMEOUT_S:
+        raise ArgumentError(f"timeout_s {timeout_s}: above 0 and up to {MAX_TIMEOUT_S:g} s")
     name = _own_name() if name is None else name
     RigKeys("any", "any").client_alive(name)  # refuses a bad name before anything is opened
     lease_ms = PATIENT_LEASE_MS if reads_only else LEASE_MS

@@ -230,7 +230,7 @@ def spoken_name(client: str | None) -> str:
 
 
 def _checked(name: str, what: str) -> str:
-    if not name or len(name) > MAX_NAME or not name.isascii():
+    if not isinstance(name, str) or not name or len(name) > MAX_NAME or not name.isascii():
         raise InvalidNameError(
             f"{what} name {name!r}: 1 to {MAX_NAME} ASCII characters are accepted"
         )

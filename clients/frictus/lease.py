@@ -13,7 +13,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from frictus.calls import Caller
-from frictus.errors import LeaseLostError, LinkError, NoRigError, RefusedError
+from frictus.errors import ArgumentError, LeaseLostError, LinkError, NoRigError, RefusedError
 from frictus.keys import Topics, spoken_name
 from frictus.messages import LeaseRenewal, Reply, RigStatus
 from frictus.reception import Latest
@@ -23,6 +23,24 @@ log = logging.getLogger("frictus")
 
 RENEWALS_PER_LEASE: Final = 4
 CONFIRM_S: Final = 3.0  # a rig tells its status at least every second
+
+
+def names_shared_with(names: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of others who may change what is rendered.
+
+    Parameters
+    ----------
+    names : sequence of str
+        As they were given to `arm`.
+
+    Raises
+    ------
+    ArgumentError
+        If it is one name alone: its letters would be taken for names.
+    """
+    if isinstance(names, str):
+        raise ArgumentError(f"share_with {names!r}: a list of names is accepted, [{names!r}]")
+    return tuple(names)
 
 
 class Lease:
@@ -83,10 +101,11 @@ class Lease:
             reply = caller.call(
                 "arm",
                 lease_ms=lease_ms,
-                share_with=tuple(share_with),
+                share_with=names_shared_with(share_with),
                 keep_model=keep_model,
             )
             self._declared = undo.pop_all()
+        self._lease_ms = int(lease_ms)  # which may have come as a text or a float
         self._armed_at_s = time.monotonic()
         self._armed_utc_ns = reply.utc_ns
         expect_state(status, reply, CONFIRM_S)
@@ -307,7 +326,7 @@ class Leases:
         self._followers: list[LeaseDependent] = []
 
     def hold(self, lease: Lease) -> Lease:
-        """Keep a new lease until it is finished, and return it.
+        """Keep a new lease until it is finished, and return it; lost ones are let go of.
 
         Parameters
         ----------
@@ -315,7 +334,8 @@ class Leases:
             Made with `fail_followers` for its loss.
         """
         with self._changing:
-            self._leases = [other for other in self._leases if not other.finished] + [lease]
+            held = [other for other in self._leases if not (other.finished or other.lost)]
+            self._leases = [*held, lease]
         return lease
 
     def follow(self, follower: F) -> F:

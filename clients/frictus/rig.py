@@ -5,9 +5,10 @@ import time
 from collections.abc import Callable, Sequence
 
 import zenoh
+from pydantic import ValidationError
 
 from frictus.calls import Caller
-from frictus.errors import ArgumentError, LinkError
+from frictus.errors import ArgumentError, LinkError, explain
 from frictus.keys import RigKeys, Topics
 from frictus.lease import Lease
 from frictus.messages import (
@@ -380,8 +381,8 @@ class Rig(WatchedRig):
                 in_contact=in_contact,
                 normal_force_n=normal_force_n,
             )
-        except ValueError as error:
-            raise ArgumentError(str(error)) from error
+        except ValidationError as error:
+            raise ArgumentError(f"point: {explain(error)}") from error
         try:
             if self._pointer is None:
                 key = self.keys.of(Topics.POINTER)

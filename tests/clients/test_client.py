@@ -22,7 +22,7 @@ from frictus.errors import (
     RefusedError,
     SilenceError,
 )
-from frictus.keys import RigKeys
+from frictus.keys import InvalidNameError, RigKeys
 from frictus.messages import (
     Applied,
     LeaseEnd,
@@ -261,6 +261,31 @@ def test_a_lease_taken_away_is_seen_and_not_renewed(client: Client, fake: Any) -
     assert fake.calls.empty()  # what is lost needs no disarm
 
 
+@pytest.mark.parametrize("lease_ms", ["100", 100.0])
+def test_a_lease_that_is_accepted_is_renewed(client: Client, fake: Any, lease_ms: Any) -> None:
+    with client.rig("sim").arm(lease_ms=lease_ms):
+        for _ in range(3):
+            assert b'"ttl_ms":100}' in fake.next_put(Topics.LEASE)
+
+
+def test_a_lost_lease_says_nothing_of_the_next(client: Client, fake: Any) -> None:
+    rig = client.rig("sim")
+    fake.say(Topics.STATUS, fake.status(state="armed", owner="tester"))
+    first = rig.arm(lease_ms=100)  # by a program that uses no `with`
+    fake.asked("arm")
+    fake.next_put(Topics.LEASE)
+    fake.next_put(Topics.LEASE)
+    fake.say(Topics.STATUS, fake.status(state="stopping"))
+    assert first.wait_lost(WAIT_S)
+    with pytest.raises(LeaseLostError):
+        next(rig.fingers())
+    fake.say(Topics.STATUS, fake.status(state="armed", owner="tester"))
+    with rig.arm(lease_ms=10_000), rig.fingers(timeout_s=WAIT_S) as fingers:
+        fake.say(Topics.FINGER, fake.finger(1))
+        assert next(fingers).sequence == 1
+    first.disarm()
+
+
 def test_a_lost_lease_ends_what_follows_it_and_says_who_when_why(
     client: Client, fake: Any
 ) -> None:
@@ -372,6 +397,8 @@ def test_the_pointer_moves_a_virtual_finger(client: Client, fake: Any) -> None:
     assert b'"x_mm":1.0' in fake.next_put(Topics.POINTER)
     with pytest.raises(ArgumentError, match="x_mm"):
         rig.point(float("nan"), 0.0)
+    with pytest.raises(ArgumentError, match=r"^point: normal_force_n: [^\n]*$"):
+        rig.point(1.0, 2.0, normal_force_n=6.0)
 
 
 def test_silence_is_an_error_where_a_timeout_is_given(client: Client, fake: Any) -> None:
@@ -413,3 +440,23 @@ def test_a_closed_client_says_so(router: str) -> None:
     client.close()
     with pytest.raises(RuntimeError, match="connect again"):
         client.rigs()
+
+
+def test_a_rig_of_a_closed_client_says_so(router: str, fake: Any) -> None:
+    """Nothing is tried again there."""
+    with frictus.connect(router) as client:
+        rig = client.rig("sim")
+    for call in (rig.stop, lambda: rig.set_scene(Scene()), lambda: rig.present):
+        with pytest.raises(LinkError, match="the client was closed; connect again"):
+            call()
+
+
+@pytest.mark.parametrize("timeout_s", [0.0, -1.0, float("nan"), 61.0])
+def test_a_wait_that_no_request_can_have_is_refused(router: str, timeout_s: float) -> None:
+    with pytest.raises(ArgumentError, match=r"timeout_s .*: above 0 and up to 60 s"):
+        frictus.connect(router, timeout_s=timeout_s)
+
+
+def test_a_rig_is_named_by_a_text(client: Client, fake: Any) -> None:
+    with pytest.raises(InvalidNameError, match="rig name RigName"):
+        client.rig(client.rigs()[0])  # type: ignore[arg-type]

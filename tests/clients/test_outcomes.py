@@ -81,6 +81,8 @@ def test_several_people_speak_through_one_client(client: Client, fake: Any) -> N
         ann.arm(share_with=["not a name"])
     with pytest.raises(ArgumentError, match="share_with"):
         ann.arm(share_with=["ben"] * 17)
+    with pytest.raises(ArgumentError, match="share_with 'ben': a list of names"):
+        ann.arm(share_with="ben")
 
 
 @pytest.mark.parametrize("ending", ["stopped", "replaced"])

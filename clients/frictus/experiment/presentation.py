@@ -195,7 +195,7 @@ class Presenter:
                 return
 
     def _await_sensed(self, end: int, lead_s: float) -> None:
-        """Wait until the end of an interval is sensed: it plays a lead after it was asked for."""
+        """Wait until the end of an interval is sensed, a lead after it was asked for."""
         due_s = time.monotonic() + lead_s + SENSED_S
         self._collect()
         while time.monotonic() < due_s:

@@ -16,6 +16,7 @@ from frictus.errors import (
     explain,
 )
 from frictus.keys import Topic, Topics
+from frictus.lease import names_shared_with
 from frictus.messages import Message, ModelState, RigStatus, SafetyState, SceneState
 from frictus.textures import Beta, Map, Profile, Region, Scene, Slope, Spectrum, Texture
 from frictus.watched_rig import BLOCK_QUEUE, BLOCKS, STATE_RING, StreamName
@@ -227,7 +228,7 @@ class AsyncRig:
         lease = AsyncLease()
         asked = self._asked(
             PageArmRequest,
-            share_with=tuple(share_with),
+            share_with=names_shared_with(share_with),
             lease_ms=lease_ms,
             keep_model=keep_model,
         )

@@ -120,7 +120,12 @@ def test_a_rig_is_taken_changed_streamed_to_and_given_back(port: int) -> None:
 def test_what_is_out_of_range_never_costs_the_lease(port: int) -> None:
     async def work(client: websocket.AsyncClient) -> None:
         rig = await client.rig("rig1")
-        for wrong in ({"lease_ms": 100}, {"share_with": ["no name!"]}, {"lease_ms": 1e9}):
+        for wrong in (
+            {"lease_ms": 100},
+            {"share_with": ["no name!"]},
+            {"share_with": "bob"},
+            {"lease_ms": 1e9},
+        ):
             with pytest.raises(frictus.ArgumentError):
                 async with rig.arm(**wrong):
                     pass
