@@ -225,6 +225,30 @@ static inline double frictus_utc_us(const frictus *f)
     return frictus_now_us() + best;
 }
 
+/* Note that nothing plays the stream any more: whoever goes on sending is to know. */
+static inline void frictus_note_end(frictus *f)
+{
+    const char *why = "it was closed";
+    char rig[65];
+    if (!f->ticket)
+        return;
+    if (frictus_is(f->message, "op", "stream_closed")) {
+        if (frictus_number(f->message, "ticket", 0.0) != f->ticket)
+            return;
+    } else if (frictus_is(f->message, "op", "disarmed")) {
+        frictus_text(f->message, "rig", rig, sizeof rig);
+        if (strcmp(rig, f->streaming))
+            return;
+        why = "the rig was given back";
+    } else {
+        return;
+    }
+    f->ticket = 0;
+    frictus_text(f->message, "reason", f->ended, sizeof f->ended);
+    if (!f->ended[0])
+        snprintf(f->ended, sizeof f->ended, "%s", why);
+}
+
 /* Wait for the next message, at most timeout_ms. 1: an event, 0: none came, -1: it has ended.
  * Also keeps the lease: call it at least every second while a rig is armed. */
 static inline int frictus_poll(frictus *f, int timeout_ms, frictus_event *event)
@@ -255,6 +279,7 @@ static inline int frictus_poll(frictus *f, int timeout_ms, frictus_event *event)
             event->kind = FRICTUS_TEXT;
             event->text = f->message;
             frictus_read_clock(f);
+            frictus_note_end(f);
             if (!frictus_is(f->message, "op", "pong"))
                 return 1;
             passed_over = 1;
@@ -397,12 +422,15 @@ static inline int frictus_open_stream(frictus *f, const char *rig, double peak_n
     if (!(ticket >= 1.0 && ticket <= 4294967295.0))
         return frictus_fail(f, "the service gave no ticket", "");
     f->ticket = (uint32_t)ticket;
+    snprintf(f->streaming, sizeof f->streaming, "%.64s", rig);
+    f->ended[0] = 0;
     f->updates = 0;
     return 0;
 }
 
 /* Send one period of friction, N; the rig cross-fades to it. The period is in mm over position,
- * or, where `over_time`, in s. count: 2 to 4096. */
+ * or, where `over_time`, in s. count: 2 to 4096. -1 once the stream has ended, as when somebody
+ * stops the rig: `error` says who, and nothing is felt of what is sent. */
 static inline int frictus_update(frictus *f, const float *friction_n, size_t count, double period,
                                  int over_time, double angle_deg, unsigned ttl_ms)
 {
@@ -410,6 +438,8 @@ static inline int frictus_update(frictus *f, const float *friction_n, size_t cou
     double least = over_time ? 1e-4 : 1e-3, most = over_time ? 10.0 : 1000.0;
     uint64_t field;
     size_t at;
+    if (!f->ticket && f->ended[0])
+        return frictus_fail(f, "the stream has ended: ", f->ended);
     if (!f->ticket)
         return frictus_fail(f, "open a texture stream first", "");
     if (count < 2 || count > 4096)
@@ -446,6 +476,7 @@ static inline int frictus_update(frictus *f, const float *friction_n, size_t cou
 static inline int frictus_close_stream(frictus *f, frictus_event *event)
 {
     f->ticket = 0;
+    f->ended[0] = 0;
     return frictus_ask(f, "{\"op\":\"close_stream\"", "stream_closed", event);
 }
 

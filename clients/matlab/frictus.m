@@ -34,6 +34,8 @@ classdef frictus < handle
     requests = 0;
     offsets = [];                  % of the service's clock to ours, us
     ticket = 0;
+    streaming = '';                % rig of the open stream
+    ended = '';                    % why it has ended
     pinged
     heard
   end
@@ -115,18 +117,24 @@ classdef frictus < handle
       opened = self.ask(struct('op', 'open_stream', 'rig', rig, 'peak_n', peak_n), ...
         'stream_opened');
       self.ticket = opened.ticket;
+      self.streaming = rig;
+      self.ended = '';
       self.updates = 0;
       applied = opened.applied;
     end
 
     function send(self, friction_n, period_mm, ttl_ms, angle_deg)
       % SEND  Send one period of friction, N, 2 to 4096 samples over period_mm; ttl_ms (500) is
-      % for how long the rig may still take it, angle_deg (0) the direction of its phase.
+      % for how long the rig may still take it, angle_deg (0) the direction of its phase. Once
+      % `read` has heard that the stream has ended, as when somebody stops the rig, it is an error.
       if nargin < 4
         ttl_ms = 500;
       end
       if nargin < 5
         angle_deg = 0;
+      end
+      if ~isempty(self.ended)
+        error('frictus:no_stream', 'the stream has ended: %s', self.ended);
       end
       if self.ticket == 0
         error('frictus:no_stream', 'open a texture stream first');
@@ -147,6 +155,7 @@ classdef frictus < handle
       % CLOSE_STREAM  End the texture stream; returns how many updates were sent, superseded
       % by newer ones, and expired.
       self.ticket = 0;
+      self.ended = '';
       closed = self.ask(struct('op', 'close_stream'), 'stream_closed');
     end
 
@@ -329,7 +338,26 @@ classdef frictus < handle
       end
     end
 
+    function note_end(self, told)
+      % Whoever goes on sending is to know that nothing is felt of it.
+      if self.ticket == 0
+        return
+      elseif strcmp(told.op, 'stream_closed') && isequal(told.ticket, self.ticket)
+        why = 'it was closed';
+      elseif strcmp(told.op, 'disarmed') && strcmp(told.rig, self.streaming)
+        why = 'the rig was given back';
+      else
+        return
+      end
+      if ~isempty(told.reason)
+        why = told.reason;
+      end
+      self.ended = why;
+      self.ticket = 0;
+    end
+
     function tell(self, told)
+      self.note_end(told);
       if isfield(told, 'utc_us')
         self.offsets = [self.offsets(max(1, end - 14):end), told.utc_us - own_us()];
       end

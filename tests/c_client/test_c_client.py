@@ -9,8 +9,10 @@ import socket
 import struct
 import subprocess
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
+from urllib.request import Request, urlopen
 
 import numpy as np
 import pytest
@@ -93,6 +95,24 @@ def test_the_example_plays_and_loses_nothing(example: Path, port: int) -> None:
     assert lost == 0
     assert states > 200
     assert 50 < passed_on <= updates
+
+
+def test_who_streams_to_a_rig_that_was_stopped_is_told(example: Path, port: int) -> None:
+    env = dict(os.environ) | {"FRICTUS_TOKEN": SECRETS["render"]}
+    command = [str(example), "127.0.0.1", str(port), "rig1", "30"]
+    begun_s = time.monotonic()
+    with subprocess.Popen(command, env=env, stderr=subprocess.PIPE, text=True) as playing:
+        time.sleep(2.0)
+        stopped = Request(
+            f"http://127.0.0.1:{port}/v1/rigs/rig1/stop",
+            method="POST",
+            headers={"Authorization": f"Bearer {SECRETS['read']}"},
+        )
+        urlopen(stopped, timeout=10.0).close()
+        _, told = playing.communicate(timeout=25.0)
+    assert playing.returncode == 1
+    assert "the stream has ended: the rig is" in told  # who stopped it, or that it was late
+    assert time.monotonic() - begun_s < 20.0
 
 
 @pytest.mark.parametrize(

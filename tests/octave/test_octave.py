@@ -108,6 +108,28 @@ disp(jsonencode(f.client));
     assert (closed["expired"], closed["newest"]) == (0, 9)
 
 
+def test_what_is_sent_to_a_stream_that_has_ended_is_an_error(port: int, tmp_path: Path) -> None:
+    script = """
+ends = {@() f.disarm('rig1'), @() f.http('POST', '/v1/rigs/rig1/stop')};
+for index = 1:2
+  f.arm('rig1', 10000);
+  f.open_stream('rig1', 0.05);
+  f.send(0.04 * cos(2 * pi * (0:63) / 64), 2.0, 2000);
+  ends{index}();
+  f.read(1.0);
+  try
+    f.send(0.04 * cos(2 * pi * (0:63) / 64), 2.0, 2000);
+  catch cause
+    disp(jsonencode({cause.identifier, cause.message}));
+  end
+end
+"""
+    (code, given_back), (again, stopped) = results(tmp_path, port, script)
+    assert code == again == "frictus:no_stream"
+    assert given_back == "the stream has ended: the rig was given back"
+    assert stopped.startswith("the stream has ended: the rig is ")  # by whom it was stopped
+
+
 def test_text_is_utf_8_both_ways(port: int, tmp_path: Path) -> None:
     script = """
 f.watch('rig1');

@@ -37,7 +37,7 @@ function profile(): Float32Array {
 }
 
 function sendTexture(): void {
-  stream?.send(profile(), { periodMm: Number(ridge.value), ttlMs: TTL_MS });
+  if (stream?.ended === null) stream.send(profile(), { periodMm: Number(ridge.value), ttlMs: TTL_MS });
 }
 
 async function play(): Promise<void> {

@@ -1,6 +1,6 @@
 /** What one does with a rig: watch it, take it, set a scene, stream a texture. */
 
-import { open, ClosedError, type Connection, type ConnectOptions, type Events } from "./connection.js";
+import { open, ClosedError, RefusedError, type Connection, type ConnectOptions, type Events } from "./connection.js";
 import { encodeUpdate, type StreamName, type UpdateOptions } from "./frames.js";
 import type { Applied, RigStatus, Scene, StreamClosed } from "./messages.js";
 
@@ -141,7 +141,7 @@ export class Rig {
   async openStream(peakN: number): Promise<TextureStream> {
     const request = { op: "open_stream", rig: this.name, peak_n: peakN } as const;
     const { ticket, applied } = await this.client.connection.ask(request, "stream_opened");
-    return new TextureStream(this.client, ticket, applied);
+    return new TextureStream(this, ticket, applied);
   }
 
   /** Move the virtual finger of a simulated rig, which is to be watched. */
@@ -184,23 +184,48 @@ export class TextureStream {
   sent = 0;
   /** Updates left out, for the network had not taken those before. */
   heldBack = 0;
+  readonly client: Client;
+  #ended: string | null = null;
 
   /** @internal */
   constructor(
-    readonly client: Client,
+    rig: Rig,
     readonly ticket: number,
     /** What the rig made of the peak. */
     readonly applied: Applied | null,
-  ) {}
+  ) {
+    this.client = rig.client;
+    const unheard = [
+      this.client.on("stream_closed", (told) => {
+        if (told.ticket === ticket) end(told.reason || "it was closed");
+      }),
+      this.client.on("disarmed", (told) => {
+        if (told.rig === rig.name) end(told.reason || "the rig was given back");
+      }),
+    ];
+    const end = (reason: string): void => {
+      this.#ended ??= reason;
+      unheard.forEach((forget) => forget());
+    };
+  }
+
+  /** Why nothing plays what is sent any more; null while it is played. */
+  get ended(): string | null {
+    return this.#ended;
+  }
 
   /**
    * Send one period of friction, N, 2 to 4096 samples; the rig cross-fades to it.
    * @returns whether it was sent: not while the network is behind; a newer one is worth more
    * @throws RangeError if a value is out of range
+   * @throws RefusedError with `no_stream` once it has ended: somebody stopped the rig, say
    */
   send(frictionN: ArrayLike<number>, options: UpdateOptions): boolean {
     const connection = this.client.connection;
     const bytes = encodeUpdate(this.ticket, this.sent, connection.utcUs, frictionN, options);
+    if (this.#ended !== null) {
+      throw new RefusedError("no_stream", `the stream has ended: ${this.#ended}`);
+    }
     if (connection.bufferedBytes > MAX_BUFFERED_BYTES) {
       this.heldBack++;
       return false;

@@ -1,8 +1,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { ClosedError, connect, RefusedError, type SampleFrame, type Scene } from "../src/index.js";
-import { connected, sine, skip, URL } from "./service.js";
+import { ClosedError, connect, type Lease, RefusedError, type SampleFrame, type Scene } from "../src/index.js";
+import { connected, sine, skip, stop, URL } from "./service.js";
 
 const SCENE: Scene = {
   name: "ridges",
@@ -52,6 +52,27 @@ test("a rig is taken, changed, streamed to and given back", { skip }, () =>
     assert.equal(await lease.ended, "");
     await rig.status((status) => status.state === "disarmed");
     assert.throws(() => stream.send(sine(0.04), {}), RangeError);
+  }));
+
+test("what is sent to a stream that has ended is no success", { skip }, () =>
+  connected(async (client) => {
+    const rig = client.rig("rig1");
+    for (const [end, why] of [
+      [(lease: Lease) => lease.disarm(), /given back/],
+      [() => stop(client), /has ended: the rig is /],
+    ] as const) {
+      const lease = await rig.arm({ leaseMs: 10_000 });
+      const stream = await rig.openStream(0.05);
+      assert.equal(stream.ended, null);
+      const disarmed = client.next("disarmed");
+      await end(lease);
+      await disarmed;
+      assert.throws(() => stream.send(sine(0.04), { periodMm: 2 }), (error) => {
+        assert.ok(error instanceof RefusedError);
+        assert.match(error.message, why);
+        return error.code === "no_stream";
+      });
+    }
   }));
 
 test("closing gives the rig back", { skip }, () =>
