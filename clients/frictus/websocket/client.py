@@ -13,7 +13,7 @@ from typing import Final
 from frictus.errors import ArgumentError, LinkError, NoRigError, RefusedError
 from frictus.messages import SafetyState
 from frictus.websocket.messages import MAX_RATE_HZ
-from frictus.websocket.opening import opened
+from frictus.websocket.opening import PATH, opened
 from frictus.websocket.rig import AsyncRig
 from frictus.websocket.session import Session
 
@@ -158,6 +158,7 @@ async def connect(
         raise ArgumentError(f"{url!r}: ws://HOST:PORT or wss://HOST:PORT accepted")
     if not 1.0 <= rate_hz <= MAX_RATE_HZ:
         raise ArgumentError(f"rate_hz {rate_hz}: 1 to {MAX_RATE_HZ:g} accepted")
+    url = url.rstrip("/").removesuffix(PATH)  # as other programs are given it
     session = Session(float(rate_hz))
     async with opened(url, token, tls, session.hear, session.fail) as connection:
         session.connection = connection

@@ -251,7 +251,8 @@ class TrialSession:
         if gaps:
             raise CaptureError(
                 f"the drive of {gaps} blocks came too late to be played: the rig's machine is "
-                "busy; close other programs on it, or raise the rig's lead"
+                "busy; close other programs on it, or raise lead_ms in its "
+                "[backend]"
             )
         started = datetime.fromtimestamp(1e-9 * capture.utc_ns, UTC).isoformat()
         return capture.trial(replace(info, sample_rate_hz=rate_hz, started_utc=started))

@@ -6,7 +6,7 @@ import sys
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import typer
 from typer.core import TyperGroup
@@ -14,6 +14,11 @@ from typer.core import TyperGroup
 if TYPE_CHECKING:
     import frictus
     from frictus_service.config import Config
+
+HOW_TO_RESET: Final = (
+    "It is reset on the dashboard, by `rig.reset()` in Python, or by POST /v1/rigs/RIG/reset."
+)
+"""No command does it: whoever resets is to have looked at what tripped the rig."""
 
 
 class Exit(IntEnum):
@@ -84,13 +89,15 @@ def code_of(error: Exception) -> Exit:
 
 def sentence_of(error: Exception) -> str:
     """Return what to tell the user about an error."""
-    from frictus.errors import FrictusError
+    from frictus.errors import FrictusError, RefusedError
     from frictus_service.errors import ServiceError
 
     if isinstance(error, FileNotFoundError) and error.filename is not None:
         return f"there is no file or folder {error.filename}"
     if isinstance(error, IsADirectoryError) and error.filename is not None:
         return f"{error.filename} is a folder; give a file"
+    if isinstance(error, RefusedError) and error.code == "tripped":
+        return f"{error} {HOW_TO_RESET}"
     if isinstance(error, FrictusError | ServiceError | OSError):
         return str(error)
     return f"unexpected {type(error).__name__}: {error}; --debug shows where"

@@ -43,6 +43,15 @@ def run(port: int, work: Work, who: str = "render") -> None:
     asyncio.run(connected())
 
 
+def test_the_whole_address_will_do_for_rest_too(port: int) -> None:
+    async def connected() -> str:
+        url = f"ws://127.0.0.1:{port}/v1/live"
+        async with websocket.connect(url, SECRETS["read"]) as client:
+            return await (await client.rig("rig1", wait_s=PATIENCE_S)).stop()
+
+    assert asyncio.run(connected()) in ("disarmed", "stopping")
+
+
 def test_two_raw_streams_and_the_finger_without_a_loss(port: int) -> None:
     async def work(client: websocket.AsyncClient) -> None:
         rig = await client.rig("rig1", wait_s=PATIENCE_S)

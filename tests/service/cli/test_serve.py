@@ -4,7 +4,8 @@ import socket
 
 import pytest
 
-from frictus_service.cli.options import Exit, code_of
+from frictus.errors import RefusedError
+from frictus_service.cli.options import Exit, code_of, sentence_of
 from frictus_service.cli.serve import where_to_look
 from frictus_service.config import ApiConfig, Config, RouterConfig, Token
 from frictus_service.daemon.processes.supervisor import Supervisor
@@ -27,6 +28,13 @@ def test_the_page_is_said_at_an_address_that_can_be_opened(host: str, named: str
     said = where_to_look(ApiConfig(host=host, port=8420, tokens=TOKENS))
     assert f"http://{named}:8420/ " in said
     assert f"http://{named}:8420/docs" in said
+
+
+def test_who_meets_a_trip_is_told_how_it_is_reset() -> None:
+    """There is no command for it."""
+    tripped = RefusedError("tripped", "tripped by a deadline fault. Then reset the rig.")
+    assert "by POST /v1/rigs/RIG/reset" in sentence_of(tripped)
+    assert sentence_of(RefusedError("not_owner", "held")) == "held"
 
 
 def test_a_router_that_cannot_listen_is_a_part_that_did_not_start() -> None:

@@ -7,6 +7,7 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
+from frictus.errors import explain
 from frictus_hardware.physics.effects import EFFECTS
 from frictus_hardware.physics.linear import TransferFunction
 from frictus_hardware.physics.simulator import Simulator
@@ -97,7 +98,9 @@ def read_design(path: Path) -> FactorialDesign:
         raise DesignError(
             f"no design {str(path)!r}; accepted: a study file, or a design/1 file (.json)"
         ) from error
-    except (OSError, ValidationError) as error:
+    except ValidationError as error:
+        raise DesignError(f"{path} is no design/1 document: {explain(error)}") from error
+    except OSError as error:
         raise DesignError(f"{path} is no design/1 document: {error}") from error
 
 

@@ -139,6 +139,7 @@ def test_the_command_plans_with_a_design(study: NullStudy, tmp_path: Path) -> No
     [
         ("{", (), "no design/1 document"),
         ('{"participants": 8}', (), "tones_hz"),
+        ('{"second": 2}', (), "tones_hz: Field required; speeds_mm_s: Field required; and 2"),
         (None, (), "no design"),
         ("{}", ("--want", "gain_drift"), "EFFECT=SIZE"),
         ("{}", ("--want", "nothing=1"), "no effect 'nothing'"),
