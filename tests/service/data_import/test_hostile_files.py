@@ -229,3 +229,11 @@ def test_a_sample_rate_that_is_none(rate_hz: float, tmp_path: Path) -> None:
         file.create_dataset("force", data=np.ones(9)).attrs["sample_rate_hz"] = rate_hz
     with pytest.raises(StudyError, match="force: its sample rate is"):
         read_columns(path)
+
+
+def test_text_of_octave_is_named_with_the_way_out(tmp_path: Path) -> None:
+    path = tmp_path / "day1.mat"  # what Octave's `save day1.mat fs` writes
+    text = "# Created by Octave 7.3.0, Sun Nov 29 10:00:00 2026 UTC <lab@desk>\n# name: fs\n"
+    path.write_text(text + "# type: scalar\n20000\n\n\n", encoding="ascii")
+    with pytest.raises(StudyError, match="Octave's own text.*save it again with -v7"):
+        read_columns(path)

@@ -188,6 +188,7 @@ MAX_BYTES: Final = 8 * MAX_VALUES
 MAX_STRUCTS_DEEP: Final = 8
 MAX_ELEMENTS: Final = 100_000
 HEADER: Final = 128
+OCTAVE_TEXT: Final = b"# Created by Octave"
 MATRIX, COMPRESSED = 14, 15
 FLAGS_BYTES: Final = 16
 """Of the element that a matrix begins with; its class is the low byte of the flags."""
@@ -237,6 +238,11 @@ def _check_bounds(path: Path) -> None:
     with path.open("rb") as stream:
         header = stream.read(HEADER)
         order = {b"IM": "<", b"MI": ">"}.get(header[126:128])
+        if header.startswith(OCTAVE_TEXT):
+            raise StudyError(
+                "it is Octave's own text, which `save` writes unless told otherwise; save it "
+                "again with -v7"
+            )
         if order is None:
             raise StudyError("its header is damaged; accepted: MATLAB level 5 or 7.3")
         total = 0
