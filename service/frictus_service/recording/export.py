@@ -97,7 +97,9 @@ def export_study(
                     study.add(found)
                     written.append(found.info.id)
             if not written:
-                reasons = "; ".join(f"{one.trial}: {one.reason}" for one in excluded)
+                reasons = "; ".join(
+                    f"{one.trial}, {one.field}: {one.reason}" for one in excluded
+                )
                 raise ExportError(f"{path} holds no trial that can be used. {reasons}")
         return Exported(tuple(written), tuple(excluded), reader.ending)
 

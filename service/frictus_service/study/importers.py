@@ -158,6 +158,10 @@ def open_study(path: Path | str) -> Study:
     for importer in importers():
         if importer.recognises(path):
             return importer.open(path)
+    if path.suffix == ".mcap":
+        raise StudyError(
+            f"{path} is a recording, and no study yet: frictus export {path} --to h5 makes one"
+        )
     return StudyReader(path)
 
 

@@ -219,6 +219,11 @@ def test_what_cannot_be_played_is_a_usage_error(rig: Any, config: Path, tmp_path
     bad.write_text('{"kind": "spectrum", "components": [{"amplitude_n": 1e999, "hz": 1}]}')
     column = tmp_path / "column.csv"
     column.write_text("1\n2\n")
+    long = tmp_path / "long.csv"
+    long.write_text("1\n2\n" * 200)
+    scene = tmp_path / "scene.json"
+    slope = {"kind": "slope", "peak_hz": 100, "low_order": 2, "high_order": 2, "rms_n": 0.1}
+    scene.write_text(json.dumps({"regions": [{"texture": slope, "x": [0, 10]}]}))
     effect = tmp_path / "long.ahap"
     effect.write_text(ahap(continuous(0.0, 12.0)))
     for args, said in (
@@ -226,7 +231,10 @@ def test_what_cannot_be_played_is_a_usage_error(rig: Any, config: Path, tmp_path
         (("not-in-the-library",), "not-in-the-library"),
         ((bad,), "amplitude_n"),
         ((column, "--speed", 40), "rate"),
-        ((column, "--speed", -1, "--rate", 100), "speed"),
+        ((column, "--speed", 40), "has one column: give its --rate"),
+        ((long, "--rate", 10, "--speed", 40), "give as --part 25 s of it"),
+        ((column, "--speed", -1, "--rate", 100), "--speed -1.0: must be positive"),
+        ((scene,), "regions.0.x: Extra inputs are not permitted"),
         ((column, "--rate", 100, "--part", "1-2"), "--part 1-2: two times in s, such as 2:7.5"),
         ((effect, "--scale", 0.1), "give a part of it"),
     ):

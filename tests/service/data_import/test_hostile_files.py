@@ -235,5 +235,5 @@ def test_text_of_octave_is_named_with_the_way_out(tmp_path: Path) -> None:
     path = tmp_path / "day1.mat"  # what Octave's `save day1.mat fs` writes
     text = "# Created by Octave 7.3.0, Sun Nov 29 10:00:00 2026 UTC <lab@desk>\n# name: fs\n"
     path.write_text(text + "# type: scalar\n20000\n\n\n", encoding="ascii")
-    with pytest.raises(StudyError, match="Octave's own text.*save it again with -v7"):
+    with pytest.raises(StudyError, match=r"Octave's own text.*save it again with -v7"):
         read_columns(path)

@@ -356,6 +356,14 @@ def test_what_was_driven_is_no_blank_trial(
     assert [trial.info.order for trial in trials_of(tmp_path)] == [0]
 
 
+def test_a_blank_trial_that_was_driven_is_told_with_what_is_wrong(
+    export: Export, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recording_export, "MOST_BLANK_SWING_V", 0.01)
+    with pytest.raises(ExportError, match="t0000, tone_hz: is 0, but the screen was driven"):
+        export(lambda tape: guided(tape, 1, (), 40.0), TrialDeclaration())
+
+
 def test_guided_trials_that_cannot_be_used_are_named(export: Export, tmp_path: Path) -> None:
     def play(tape: Tape) -> None:
         guided(tape, 1, (100.0,), 40.0)

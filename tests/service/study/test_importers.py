@@ -40,6 +40,13 @@ def test_recordings_that_cannot_be_identified_are_refused_with_reasons() -> None
         open_study(FABRICSLIDE)
 
 
+def test_a_recording_in_place_of_a_study_is_told_how_it_becomes_one(tmp_path: Path) -> None:
+    path = tmp_path / "pilot.mcap"
+    path.write_bytes(b"\x89MCAP0\r\n")
+    with pytest.raises(StudyError, match=r"frictus export .*pilot\.mcap --to h5 makes one"):
+        open_study(path)
+
+
 def test_fabricslide_is_known_by_name_and_columns(tmp_path: Path) -> None:
     importer = FabricSlide()
     (tmp_path / NAME).write_text(HEADER + "".join(f"{28 * n},1,2,3\n" for n in range(9)))

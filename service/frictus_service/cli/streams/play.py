@@ -4,7 +4,7 @@ import json
 import threading
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -24,6 +24,12 @@ if TYPE_CHECKING:
     import frictus
 
 PERIOD_S = 0.1
+OPTIONS: Final = {
+    "speed_mm_s": "--speed",
+    "sample_rate_hz": "--rate",
+    "scale_n": "--scale",
+    "part_s": "--part",
+}
 
 
 def watch(
@@ -213,9 +219,12 @@ def scene_of(
     path = Path(texture)
     if path.is_file():
         if (scene := _scene_in(path)) is None:
-            found = frictus.load_texture(
-                path, speed_mm_s, sample_rate_hz, scale_n, part_s=part_s, node=node
-            )
+            try:
+                found = frictus.load_texture(
+                    path, speed_mm_s, sample_rate_hz, scale_n, part_s=part_s, node=node
+                )
+            except TextureError as error:
+                raise TextureError(_by_options(str(error))) from error
             scene = frictus.Scene(name=path.stem[:100], regions=[frictus.Region(texture=found)])
     else:
         try:
@@ -229,6 +238,13 @@ def scene_of(
         return scene
     amplified = [region.model_dump() | {"gain": gain * region.gain} for region in scene.regions]
     return _checked_scene({"name": scene.name, "regions": amplified})
+
+
+def _by_options(complaint: str) -> str:
+    """Return what is wrong with a file, with the options of `play` for arguments of Python."""
+    for argument, option in OPTIONS.items():
+        complaint = complaint.replace(argument, option)
+    return complaint
 
 
 def _pair_of(text: str | None, option: str, accepted: str) -> tuple[float, float] | None:
