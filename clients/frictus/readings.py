@@ -7,7 +7,7 @@ from typing import Any, Protocol, TypeVar
 
 import zenoh
 
-from frictus.calls import require_present
+from frictus.calls import link_loss, require_present
 from frictus.errors import LinkError, OutdatedStateError, SilenceError
 from frictus.keys import RigKeys, Topic, Topics
 from frictus.lease import expect_state
@@ -119,8 +119,11 @@ class Readings:
         OutdatedStateError
             If the rig is there, but has not published what it confirmed.
         LinkError
-            If it is there and has never published the topic.
+            If it is there and has never published the topic; or without a link, over which
+            nothing newer could have come.
         """
+        if not self._session.info.transports():
+            raise LinkError(f"{topic.suffix} is not known: {link_loss(self._session)}")
         try:
             return self.latest(topic, kind).value(self._timeout_s)
         except OutdatedStateError as error:

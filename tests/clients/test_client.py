@@ -1,5 +1,6 @@
 """The client against a fake rig on real Zenoh."""
 
+import contextlib
 import signal
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.clients.conftest import FakeRig
 
 import frictus
 from frictus import Client, Topics
@@ -32,6 +34,7 @@ from frictus.messages import (
     SceneState,
 )
 from frictus.model import FirstOrderSpeedLaw, Model
+from frictus.session import open_router
 from frictus.stream import StreamFrame
 from frictus.textures import Component, Scene, Spectrum
 
@@ -417,6 +420,27 @@ with open_router(sys.argv[1]):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows stops no process halfway")
+def test_what_was_said_before_the_link_went_is_not_told_as_if_it_were_so(
+    free_endpoint: str,
+) -> None:
+    """A rig of which nothing can be heard any more was 'armed' for ever."""
+    with contextlib.ExitStack() as held:
+        router = held.enter_context(open_router(free_endpoint))
+        fake = held.enter_context(FakeRig(free_endpoint, RigKeys("lab", "sim")))
+        rig = held.enter_context(frictus.connect(free_endpoint)).rig("sim")
+        fake.say(Topics.STATUS, fake.status(state="armed", owner="tester"))
+        assert rig.status().state == "armed"
+        router.close()  # type: ignore[no-untyped-call]
+        deadline_s = time.monotonic() + WAIT_S
+        told = ""
+        while not told and time.monotonic() < deadline_s:
+            try:
+                rig.status()
+            except LinkError as error:
+                told = str(error)
+        assert told.startswith("state/status is not known: the link to the router is gone")
+
+
 def test_a_router_that_does_not_answer_is_not_an_empty_site(free_endpoint: str) -> None:
     command = [sys.executable, "-c", ROUTER, free_endpoint]
     pipe = subprocess.PIPE

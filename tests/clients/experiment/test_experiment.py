@@ -174,10 +174,7 @@ def test_an_interval_is_sensed_to_its_end_a_lead_after_it_was_asked_for(
         assert trial is not None
         shown = made.present(trial)
     assert shown is not None
-    for interval in shown:
-        assert interval.finger is not None
-        expected = (interval.last_sample - interval.first_sample) / 20_000.0 / 0.002
-        assert interval.finger.states > 0.5 * expected
+    assert all(interval.felt for interval in shown)
 
 
 def test_waiting_for_what_was_sensed_lengthens_no_gap(
