@@ -177,7 +177,7 @@ def build_app(
         The same for an experiment.
     """
     link = RigConnection(config.router.endpoint, config.site, tls_of_client(config))
-    hub = Hub(link)
+    hub = Hub(link, config.api.page_lease_ms)
     registry = Registry(config.registry.url)
     jobs = (
         CalibrationEngine(config, registry, calibrate),

@@ -29,7 +29,7 @@ PATIENT: Final = Limits(missed_deadlines=1_000, freeze_ms=2_500)
 """No finger is there that a late block could surprise, and the machine may be busy: a browser
 starts beside the rig, and takes every core for a while."""
 LEASE_MS: Final = 10_000
-"""Likewise; whoever ends the demo disarms."""
+"""Likewise, of the terminal and of pages; whoever ends the demo disarms."""
 AS_PLACEHOLDER: Final = SimulatedParticipant()
 """A person whom the placeholder model fits."""
 SHOWN: Final[tuple[PartName, ...]] = ("rig", "api")
@@ -68,7 +68,7 @@ def demo_config(
         backend=SimulatedConfig(seed=seed, finger=finger, participant=participant),
         limits=PATIENT,
         router=RouterConfig(endpoint=free_endpoint()),
-        api=ApiConfig(port=port),
+        api=ApiConfig(port=port, page_lease_ms=LEASE_MS),
     )
 
 

@@ -1,14 +1,17 @@
 """What `frictus serve` says before anything runs."""
 
 import socket
+from pathlib import Path
 
 import pytest
 
 from frictus.errors import RefusedError
+from frictus_hardware.simulated.takeover import TakeoverStrokes
 from frictus_service.cli.options import Exit, code_of, sentence_of
 from frictus_service.cli.serve import where_to_look
 from frictus_service.config import ApiConfig, Config, RouterConfig, Token
 from frictus_service.daemon.processes.supervisor import Supervisor
+from frictus_service.demonstration.stage import LEASE_MS, demo_config
 from frictus_service.errors import StartError
 
 TOKENS = (Token(name="ann", scopes=("read",), value="a-token-of-a-test"),)
@@ -35,6 +38,11 @@ def test_who_meets_a_trip_is_told_how_it_is_reset() -> None:
     tripped = RefusedError("tripped", "tripped by a deadline fault. Then reset the rig.")
     assert "by POST /v1/rigs/RIG/reset" in sentence_of(tripped)
     assert sentence_of(RefusedError("not_owner", "held")) == "held"
+
+
+def test_a_demo_is_as_patient_with_a_page_as_with_its_terminal(tmp_path: Path) -> None:
+    config = demo_config(tmp_path, TakeoverStrokes(), 0, 1)
+    assert config.api.page_lease_ms == LEASE_MS
 
 
 def test_a_router_that_cannot_listen_is_a_part_that_did_not_start() -> None:

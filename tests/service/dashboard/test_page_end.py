@@ -148,6 +148,22 @@ def test_who_disarms_what_is_just_being_given_back_is_answered(monkeypatch: Any)
     asyncio.run(scene())
 
 
+def test_a_rig_that_a_page_holds_waits_for_the_api_as_configured() -> None:
+    asked: dict[str, Any] = {}
+    lease = SimpleNamespace(loss=None, disarm=lambda: None)
+    rig = SimpleNamespace(arm=lambda **how: asked.update(how) or lease, close=lambda: None)
+
+    async def scene(hub: Hub) -> None:
+        arming = Arming(hub, "page", ignore, forget)
+        await arming.arm(PageArmRequest(op="arm", rig="rig1"))
+        await arming.close()
+
+    asyncio.run(scene(Hub(Link(rig))))  # type: ignore[arg-type]
+    assert asked["lease_ms"] == 500
+    asyncio.run(scene(Hub(Link(rig), 10_000)))  # type: ignore[arg-type]
+    assert asked["lease_ms"] == 10_000
+
+
 def test_a_page_that_is_not_heard_is_not_there_though_the_loop_stands_still(
     monkeypatch: Any,
 ) -> None:

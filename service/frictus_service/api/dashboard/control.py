@@ -110,6 +110,7 @@ class Arming:
         rig = self._hub.rig_of(asked.rig, self._client)
         try:
             lease = rig.arm(
+                lease_ms=self._hub.lease_ms,
                 share_with=asked.share_with,
                 keep_model=asked.keep_model,
                 # Asked in the lease's thread: this event loop may be what stands still.

@@ -52,11 +52,15 @@ class Hub:
     ----------
     link : RigConnection
         The API's connection.
+    lease_ms : int
+        How long a rig that a page holds goes on without hearing from this process.
 
     Attributes
     ----------
     site : str
         Site of the rigs.
+    lease_ms : int
+        As given.
     linked : bool
         Whether the router can be reached, as far as is known.
     leases, calls : anyio.CapacityLimiter
@@ -66,9 +70,10 @@ class Hub:
         Threads for texture updates and points.
     """
 
-    def __init__(self, link: RigConnection) -> None:
+    def __init__(self, link: RigConnection, lease_ms: int = 500) -> None:
         self._link = link
         self.site = link.site
+        self.lease_ms = lease_ms
         self.linked = False
         self.leases = anyio.CapacityLimiter(MAX_VIEWERS)
         self.calls = anyio.CapacityLimiter(MAX_VIEWERS)
