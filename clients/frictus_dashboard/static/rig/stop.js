@@ -68,7 +68,10 @@ export function installStop(rigs) {
 
   const TAKES_SPACE = "button, a, input, select, textarea, summary";
   const takesSpace = (target) => target instanceof Element && target.matches(TAKES_SPACE);
-  button.addEventListener("click", stop);
+  button.addEventListener("click", ({ detail }) => {
+    stop();
+    if (detail > 0) button.blur(); // pressed by a hand: Enter, which begins and answers, is no stop
+  });
   document.addEventListener(
     "keydown",
     (event) => {
