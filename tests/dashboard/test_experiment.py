@@ -255,6 +255,17 @@ def test_a_pause_and_a_stop(experimenter: Page, tablet: Page, lab: Lab, tmp_path
     assert [row["response"] for row in answered(log_of(lab, "P03"))] == ["y"]
 
 
+def test_the_page_of_no_rig_says_so(lab: Lab, open_page: OpenPage) -> None:
+    with open_page() as page:
+        page.add_init_script(
+            "Object.defineProperty(Document.prototype, 'fullscreenEnabled', { value: false })"
+        )
+        page.goto(f"{lab.url}/dashboard/#/participant/rig9")
+        expect(asked(page)).to_contain_text("The device is not there")
+        # A phone may have no full screen to offer.
+        expect(page.get_by_role("button", name="Full screen")).to_be_hidden()
+
+
 def test_numbers_and_settings(
     experimenter: Page, tablet: Page, lab: Lab, tmp_path: Path
 ) -> None:

@@ -38,6 +38,11 @@ export class Page {
     return this.live.state;
   }
 
+  /** Whether the rig that the address names is not there, by a service that would see it. */
+  get gone() {
+    return this.live.gone;
+  }
+
   /** Why this page may not change what the shown rig renders, in words; empty where it may. */
   get keptOut() {
     return keptOut(this.live.rig, this.state.status, this.link.welcome?.client ?? "");

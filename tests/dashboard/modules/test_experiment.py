@@ -86,6 +86,12 @@ def test_every_phase_has_words_and_shows_no_level(page: Page, phase: str) -> Non
     assert "no connection" in lost["text"]
 
 
+def test_where_no_rig_is_nothing_is_said_to_begin(page: Page) -> None:
+    shown = [page.evaluate(SHOWN, [None, HERE | {"here": here}]) for here in (True, False)]
+    assert "will begin here by itself" in shown[0]["text"]
+    assert "is not there" in shown[1]["text"]
+
+
 @pytest.mark.parametrize("state", get_args(State))
 def test_every_state_has_words_and_what_may_be_done(page: Page, state: str) -> None:
     told = page.evaluate(

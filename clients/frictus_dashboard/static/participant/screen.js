@@ -21,20 +21,22 @@ const ENDED = {
 };
 const READER = "This page cannot answer: its token lacks the scope render. Please tell the experimenter.";
 const WAITING = ["Please wait", "The experiment will begin here by itself."];
+const ABSENT = ["Please wait", "The device is not there at the moment."];
 const STOPPED = ["Please wait", "The experiment has been interrupted; nothing is lost."];
 
 /**
  * @param {object|null} job the newest experiment of the rig; null: there is none
- * @param {{connected: boolean, may: boolean}} page whether it hears the service, and may answer
+ * @param {{connected: boolean, here: boolean, may: boolean}} page whether it hears the service,
+ *   the rig is present, and it may answer
  * @returns {{kind: string, title: string, text: string, share: number|null,
  *   buttons: {answer: string, label: string, keys: string[]}[],
  *   number: {low: number, high: number}|null}} `kind`: what it is, for its looks
  */
-export function screenOf(job, { connected, may }) {
+export function screenOf(job, { connected, here = true, may }) {
   const nothing = { kind: "wait", title: "", text: "", share: null, buttons: [], number: null };
   const told = ([title, text], kind = "wait") => ({ ...nothing, kind, title, text });
   if (!connected) return told(["Please wait", "There is no connection at the moment."], "lost");
-  if (job === null) return told(WAITING);
+  if (job === null) return told(here ? WAITING : ABSENT);
   if (job.state in ENDED) return told(ENDED[job.state], "end");
   if (job.state !== "running" && job.state !== "queued") return told(STOPPED);
   if (job.screen === null) return told(["Please wait", "The experiment is being prepared."]);

@@ -111,10 +111,13 @@ export class View {
     const { page, job } = this;
     const connected = page.link.state === "open" && !page.link.quiet;
     const mine = job !== null && (active(job) || job.id === this.followed) ? job : null;
-    const screen = screenOf(mine, { connected, may: page.can("render") });
+    // What the address names may be no rig at all.
+    const here = !page.gone;
+    const screen = screenOf(mine, { connected, here, may: page.can("render") });
     const guided = !this.guidance.root.hidden;
     this.asked.hidden = guided;
-    this.full.hidden = document.fullscreenElement !== null || screen.kind === "interval";
+    const offered = document.fullscreenEnabled && document.fullscreenElement === null;
+    this.full.hidden = !offered || screen.kind === "interval";
     this.progress.hidden = screen.share === null || guided;
     if (screen.share !== null) this.progress.value = screen.share;
     this.asked.dataset.kind = screen.kind;
