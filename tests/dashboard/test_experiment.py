@@ -255,6 +255,23 @@ def test_a_pause_and_a_stop(experimenter: Page, tablet: Page, lab: Lab, tmp_path
     assert [row["response"] for row in answered(log_of(lab, "P03"))] == ["y"]
 
 
+def test_practice_is_seen_as_it_is_answered(
+    experimenter: Page, tablet: Page, tmp_path: Path
+) -> None:
+    there = experimenter.get_by_role("link", name="a page of their own")
+    expect(there).to_have_attribute("href", "#/participant/rig1")
+    start(experimenter, brief("yes-no", practice=1), "P08", tmp_path)
+    expect_kind(tablet, "ready")
+    listed = experimenter.get_by_role("table", name="The newest first").locator("tbody tr")
+    expect(listed.first).to_contain_text("Running")
+    press(tablet, "Begin")
+    answer_by_key(tablet, "y")
+    expect_kind(tablet, "question")
+    expect(experimenter.get_by_text("0 of 3 trials answered")).to_be_visible()
+    trials = experimenter.get_by_role("table", name="The newest trials first")
+    expect(trials.locator("tbody tr")).to_have_count(1)
+
+
 def test_the_page_of_no_rig_says_so(lab: Lab, open_page: OpenPage) -> None:
     with open_page() as page:
         page.add_init_script(

@@ -1,5 +1,6 @@
 /** What a new experiment is asked to do: a form, and the request that it makes. */
 
+import { address } from "../address.js";
 import { request } from "../connection/api.js";
 import { element, say } from "../elements/element.js";
 import { apply, choice, labelled, number, optionsOf } from "../elements/fields.js";
@@ -34,6 +35,8 @@ export class Setup {
     this.order.title = "Number of the participant: blocks of conditions are ordered by it";
     this.about = element("p", { class: "quiet" });
     this.begin = element("button", { type: "submit" }, "Arm the rig and start");
+    const opened = { target: "_blank", rel: "noopener" };
+    this.answering = element("a", opened, "a page of their own (new tab)");
     this.holder = element("p", { class: "quiet" });
     this.outcome = new Outcome();
     this.root = this.#form();
@@ -59,6 +62,7 @@ export class Setup {
   show(rig, owner, client) {
     if (rig !== this.rig) this.outcome.clear();
     Object.assign(this, { rig, owner });
+    this.answering.href = address("participant", rig);
     this.#enable();
     say(this.holder, heldAlready(rig, owner, client));
   }
@@ -83,7 +87,9 @@ export class Setup {
         "p",
         {},
         this.begin,
-        " This puts voltage on the screen, until the last trial or a stop; the participant begins.",
+        " This puts voltage on the screen, until the last trial or a stop. The participant begins, on ",
+        this.answering,
+        ".",
       ),
       this.holder,
       this.outcome.root,

@@ -72,11 +72,12 @@ export class View {
   }
 
   #changed(job, before) {
-    const answered = job.screen?.answered ?? null;
-    const same = before?.id === job.id;
-    if (same && before.state === job.state && before.screen?.answered === answered) return;
-    this.#read(job.id);
-    if (!same || before.state !== job.state) this.#list();
+    const told = before?.id === job.id && stateOf(before) === stateOf(job);
+    if (!told) this.#list();
+    // Practice is answered, too, and counts for nothing: its trial alone tells.
+    const { trial = null, answered = null } = job.screen ?? {};
+    const same = before?.screen?.trial === trial && before.screen.answered === answered;
+    if (!told || !same) this.#read(job.id);
   }
 
   /** Read the list; without an address of its own, the one under way is shown. */
