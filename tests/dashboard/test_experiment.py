@@ -244,6 +244,10 @@ def test_a_pause_and_a_stop(experimenter: Page, tablet: Page, lab: Lab, tmp_path
     expect(experimenter.locator("#view-experiment [role=alert]")).to_contain_text("stopped")
     expect(heading(tablet)).to_have_text("Please wait")
 
+    experimenter.set_viewport_size({"width": 1440, "height": 900})
+    whole = "() => { const { scrollWidth, clientWidth } = document.querySelector('.holder');"
+    experimenter.wait_for_function(f"{whole} return scrollWidth <= clientWidth; }}")
+
     experimenter.get_by_role("button", name="Arm the rig and go on").click()
     expect_kind(tablet, "ready")
     tablet.keyboard.press("Enter")  # the button that stopped it has not kept the keys
