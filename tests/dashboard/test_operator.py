@@ -112,6 +112,7 @@ def test_a_trip_is_told_and_reset_by_an_operator(
     expect(fault).to_contain_text("then reset the rig and arm again")
     expect(page.locator("#since")).to_have_text(re.compile(r"^held by you until [\d:]{8}$"))
     expect(page.locator("#arm")).to_be_hidden()
+    expect(page.locator("#first")).to_be_hidden()
     expect_no_violations(page, WIDTHS)
     with read_only(lab) as url, open_page() as reader:
         enter(reader, url)

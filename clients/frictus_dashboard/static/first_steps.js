@@ -27,12 +27,14 @@ const OF = {
  * @param {string|null} heard.rig the one that is shown
  * @param {object|null} heard.scene its newest SceneState
  * @param {boolean} heard.trusted whether the rig is there and speaks
+ * @param {boolean} heard.tripped whether it is tripped: nothing is to be done but what the fault says
  * @param {boolean} heard.stage whether its finger strokes by itself until it is taken over
  * @returns {{kind: "start"|"next"|"stage"|"none"}} `start`: no rig is present; `next`: nothing
  *   plays; `stage`: a demo plays
  */
-export function firstStepOf({ connected, rig, scene, trusted, stage }) {
+export function firstStepOf({ connected, rig, scene, trusted, tripped, stage }) {
   if (connected && rig === null) return { kind: "start" };
+  if (tripped) return { kind: "none" };
   const smooth = scene?.source === "scene" && scene.scene.regions.length === 0;
   if (trusted && smooth) return { kind: "next" };
   return { kind: trusted && stage ? "stage" : "none" };

@@ -69,8 +69,10 @@ function look() {
   at("title").classList.toggle("unseen", alone && live.state.status !== null); // listed above
   say(at("advice"), advice);
   at("advice").hidden = advice === "";
-  const stage = live.state.status?.finger_takeover === true;
-  const heard = { connected, rig: live.rig, scene: live.state.scene, trusted: live.trusted, stage };
+  const { status, scene } = live.state;
+  const stage = status?.finger_takeover === true;
+  const tripped = status?.state === "tripped";
+  const heard = { connected, rig: live.rig, scene, trusted: live.trusted, tripped, stage };
   first.show(alone ? firstStepOf(heard) : { kind: "none" }, live.rig);
   at("rig").hidden = live.state.status === null;
   at("rig").classList.toggle("past", state !== "live");
