@@ -103,6 +103,7 @@ def test_what_is_hidden_next_door_is_found_from_the_stage(open_page: OpenPage) -
                 "Stream a recording of yours",
             ]
         )
+        expect(cards).to_contain_text("sample study laboratory_next_door.h5")
         expect_no_violations(page, WIDTHS)
         cards.get_by_role("link", name="Find what a model gets wrong").click()
         study = page.get_by_label("Study")

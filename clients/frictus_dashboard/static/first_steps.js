@@ -13,7 +13,7 @@ const STEPS = [
 /** What a visitor can do who has seen the stage: view, what, and how. */
 const NEXT = [
   ["calibrate", "Measure this finger", "Press STOP, then start a calibration: this simulated finger follows its guidance by itself, and turns out to feel twice what a new rig assumes (0.39 N)."],
-  ["discovery", "Find what a model gets wrong", "In a sample study in which an effect is hidden: a discovery names it within seconds."],
+  ["discovery", "Find what a model gets wrong", "In the sample study laboratory_next_door.h5 an effect is hidden: choose it, press Start, and a discovery names it within seconds."],
   ["textures", "Stream a recording of yours", "A WAV file becomes a texture that this finger feels."],
 ];
 const OF = {
