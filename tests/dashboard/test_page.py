@@ -587,6 +587,9 @@ def test_network_that_swallows_everything_is_noticed(lab: Lab, open_page: OpenPa
         expect(box).to_contain_text("No word from the service", timeout=TELL_MS)
         cut.clear()
         expect(box).to_contain_text("Live again")
+        page.evaluate("(now => { Date.now = () => now() + 61_000; })(Date.now)")
+        expect(box).to_have_text("Live")  # it is no news for ever
+        expect(box).to_have_attribute("title", re.compile("^interrupted at "))
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL for others")

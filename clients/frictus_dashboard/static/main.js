@@ -15,6 +15,8 @@ import { askForToken, token } from "./connection/token.js";
 import { linksTo, Page, Views } from "./views.js";
 
 const LOOK_MS = 200;
+/** How long it is news that an interruption is over; then it is told under the pointer alone. */
+const NEWS_MS = 60_000;
 const link = new Link(token, () => (route(location.hash).view === ALONE ? ALONE : null));
 const live = new Live(link);
 const views = new Views(new Page(link, live));
@@ -23,15 +25,16 @@ const first = new FirstSteps();
 let routed = route("#/");
 /** Rigs that are present, and whether the service has its router; null: not told yet. */
 let present = { rigs: [], link: null };
-/** When what is shown was interrupted last, ms; null: never. */
+/** When what is shown was interrupted last, and when that was over, ms; null: never, not yet. */
 let interruptedMs = null;
+let resumedMs = null;
 
 function follow() {
   // Anything else is a place on this page.
   if (location.hash === "" || location.hash.startsWith("#/")) routed = route(location.hash);
   const rig = routed.rig ?? live.rig ?? present.rigs[0] ?? null;
   if (rig !== live.rig) {
-    interruptedMs = null;
+    interruptedMs = resumedMs = null;
     live.open(rig);
   }
   views.show(routed.view, rig, routed.rest);
@@ -57,12 +60,18 @@ function showRigs() {
 /** Say how the connection stands; nothing else on the page claims more than this. */
 function look() {
   const { state, text, advice } = standing();
-  if (state === "lost" && at("connection").dataset.state === "live") interruptedMs = Date.now();
+  const before = at("connection").dataset.state;
+  if (state === "lost" && before === "live") {
+    interruptedMs = Date.now();
+    resumedMs = null;
+  }
+  if (state === "live" && interruptedMs !== null) resumedMs ??= Date.now();
   const connected = link.state === "open" && !link.quiet && present.link === true;
   live.trust(state === "live", connected && !present.rigs.includes(live.rig));
   const box = at("connection");
   box.dataset.state = state;
   say(box, text);
+  box.title = interruption();
   const rig = live.rig === null ? "No rig" : `Rig ${live.rig}`;
   const alone = routed.view === "live";
   say(at("title"), alone ? rig : `${VIEWS[routed.view]} · ${rig}`);
@@ -110,6 +119,12 @@ function standing() {
   return standingOfRig();
 }
 
+/** When what is shown was interrupted last, in words; empty: it never was. */
+function interruption() {
+  if (interruptedMs === null) return "";
+  return `interrupted at ${clock(1e6 * interruptedMs, 1e6 * Date.now())}`;
+}
+
 function standingOfRig() {
   const { rig } = live;
   if (!isRigName(rig)) {
@@ -118,9 +133,9 @@ function standingOfRig() {
   }
   const here = present.rigs.includes(rig);
   if (here && live.alive) {
-    if (interruptedMs === null) return { state: "live", text: "Live", advice: "" };
-    const since = clock(1e6 * interruptedMs, 1e6 * Date.now());
-    return { state: "live", text: `Live again; interrupted at ${since}`, advice: "" };
+    const news = interruptedMs !== null && Date.now() - (resumedMs ?? Infinity) <= NEWS_MS;
+    const text = news ? `Live again; ${interruption()}` : "Live";
+    return { state: "live", text, advice: "" };
   }
   if (live.state.status === null) {
     const text = here ? `${rig} is starting` : `${rig} is not present`;
