@@ -92,9 +92,32 @@ def test_events_name_what_and_who_the_newest_first(page: Page) -> None:
         "Model put back, or set anew||",
         "Model adapted to the finger|the tracker|",
         "Policy: Adapt|ben|",
-        "Not compensated: nothing makes up for finger and screen|tester|",
+        "Compensation set to Off|tester|",
         "Armed|tester|",
     ]
+
+
+def test_an_end_is_told_once_though_its_ramp_is_seen(page: Page) -> None:
+    end = {"owner": "ben", "by": None, "reason": "the lease was not renewed", "utc_ns": 3}
+    steps: list[dict[str, Any]] = [
+        {"utc_ns": 1},
+        {"utc_ns": 2, "state": "armed", "owner": "ben"},
+        {"utc_ns": 3, "state": "stopping", "owner": None, "last_end": end},
+        {"utc_ns": 4, "state": "disarmed"},
+    ]
+    got, _ = page.evaluate(LOG, steps)
+    assert got == ["Disarmed: the lease was not renewed||, held by ben", "Armed|ben|"]
+
+
+def test_a_mode_is_told_as_the_switch_calls_it(page: Page) -> None:
+    fixed = {"mode": "fixed", "speed_mm_s": 60}
+    steps = [
+        {"utc_ns": 1},
+        {"utc_ns": 2, "compensation": fixed} | _call(2, compensation="ann.page-ffffff"),
+        {"utc_ns": 3, "compensation": {"mode": "model", "speed_mm_s": None}},
+    ]
+    got, _ = page.evaluate(LOG, steps)
+    assert got == ["Compensation set to Model||", "Compensation set to Fixed 60 mm/s|you|"]
 
 
 def test_a_rig_that_was_started_again_is_told_in_order(page: Page) -> None:
@@ -125,9 +148,9 @@ def test_a_reset_is_an_event(page: Page) -> None:
 def test_a_scene_is_told_by_its_name_with_who_set_it_and_nobody_by_an_older_call(
     page: Page,
 ) -> None:
-    def scene(name: str, source: str = "scene") -> dict[str, Any]:
-        state = {"etag": name, "source": source, "scene": {"name": name}}
-        return {"scene_etag": name, "scene": state}
+    def scene(name: str, source: str = "scene", regions: int = 1) -> dict[str, Any]:
+        told = {"name": name, "regions": [{}] * regions}
+        return {"scene_etag": name, "scene": {"etag": name, "source": source, "scene": told}}
 
     steps = [
         {"utc_ns": 1},
@@ -136,9 +159,11 @@ def test_a_scene_is_told_by_its_name_with_who_set_it_and_nobody_by_an_older_call
         {"utc_ns": 12, **scene("silk")},
         {"utc_ns": 14, "scene_etag": "felt"},
         {"utc_ns": 15, "scene_etag": "vinyl", "late": scene("vinyl")["scene"]},
+        {"utc_ns": 16, **scene("", regions=0)},
     ]
     got, _ = page.evaluate(LOG, steps)
     assert got == [
+        "A smooth screen||",
         "Scene vinyl||",
         "Another scene||",
         "Scene silk||",

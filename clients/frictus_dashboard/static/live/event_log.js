@@ -2,7 +2,7 @@
 
 import { clock } from "../elements/figures.js";
 import { POLICIES, policyOf } from "../rig/adaptation.js";
-import { remark } from "../rig/compensation.js";
+import { titleOf } from "../rig/compensation.js";
 import { isJob, nameOf } from "../rig/holder.js";
 import { LOSSES } from "../rig/loop_losses.js";
 import { faultName, stopOfNobody } from "../strip/strip_state.js";
@@ -98,8 +98,8 @@ export class EventLog {
       note(what ?? `Disarmed: ${end.reason}`, ender, "", held, end.utc_ns);
     } else if (before.state === "tripped" && after.state === "disarmed" && !again) {
       note("Reset", by("reset"));
-    } else if (before.state !== "disarmed" && after.state === "disarmed" && !again) {
-      note("Disarmed");
+    } else if (before.state === "armed" && after.state === "disarmed" && !again) {
+      note("Disarmed"); // what stopped it was told as its ramp began
     }
     const stop = stopOfNobody(after);
     if (stop !== null && by("stop") !== "") {
@@ -114,8 +114,8 @@ export class EventLog {
   }
 
   #takeChoices(before, after, scene, by, note) {
-    const [was, now] = [before, after].map(({ compensation }) => remark(compensation));
-    if (was !== now) note(now === "" ? "Compensation: by the model" : now, by("compensation"));
+    const [was, now] = [before, after].map(({ compensation }) => titleOf(compensation));
+    if (was !== now) note(`Compensation set to ${now}`, by("compensation"));
     if (policyOf(before) !== policyOf(after)) {
       note(`Policy: ${POLICIES[policyOf(after)].title}`, by("adaptation"));
     }
@@ -136,7 +136,7 @@ export class EventLog {
     const entry = this.entries.find(({ etag }) => etag === scene.etag);
     if (entry === undefined) return;
     const sources = { stream: "Texture streamed by a client", excitation: "Excitation played" };
-    entry.what = sources[scene.source] ?? `Scene ${scene.scene.name || "without a name"}`;
+    entry.what = sources[scene.source] ?? sceneIn(scene.scene);
     this.version += 1;
     this.#fold();
   }
@@ -161,6 +161,11 @@ export class EventLog {
     this.version += 1;
     return entry;
   }
+}
+
+/** A scene of no region has no name that says what it is. */
+function sceneIn({ name, regions }) {
+  return regions.length === 0 ? "A smooth screen" : `Scene ${name || "without a name"}`;
 }
 
 /** Who last had one of these calls accepted between two statuses; empty: nobody. */

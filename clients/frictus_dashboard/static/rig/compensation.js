@@ -75,6 +75,11 @@ export async function switchTo(rig, json) {
   }
 }
 
+/** A mode as the switch calls it. */
+export function titleOf({ mode, speed_mm_s }) {
+  return { model: "Model", fixed: `Fixed ${speed_mm_s} mm/s`, none: "Off" }[mode] ?? mode;
+}
+
 /** What a viewer must know of the mode, as the text of a badge; empty for the model's. */
 export function remark(compensation) {
   const { mode, speed_mm_s } = compensation ?? { mode: "model" };
