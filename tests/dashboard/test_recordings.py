@@ -68,13 +68,14 @@ def test_records_by_clicks_lists_and_saves_it(page: Page, lab: Lab) -> None:
     expect(opened).to_contain_text("Complete: ")
     expect(opened.get_by_role("button", name="As a study")).to_be_disabled()
     expect(opened).to_contain_text("Nobody was guided in it")
+    expect(opened.locator("code").first).to_have_text("frictus export --help")
     force = opened.get_by_role("img", name="Normal force over time")
     expect(force).to_have_attribute("aria-label", re.compile(r"[\d.]+ to [\d.]+ N$"))
     speed = opened.get_by_role("img", name="Speed of the finger")
     expect(speed).to_have_attribute("aria-label", re.compile(r"[\d.]+ to [\d.]+ mm/s$"))
     file = lab.config.recordings.resolve() / "by-clicks.mcap"
     asked = f"--router {lab.config.router.endpoint} --site {lab.config.site}"
-    expect(opened.locator("code")).to_have_text(f"frictus replay {file} {asked}")
+    expect(opened.locator("code").last).to_have_text(f"frictus replay {file} {asked}")
     spaced = page.evaluate(
         """async (found) => (await import(new URL("recordings/opened.js", document.baseURI)))
           .replaying("pilot", found)""",

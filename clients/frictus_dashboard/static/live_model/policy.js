@@ -4,7 +4,7 @@ import { POLICIES } from "../rig/adaptation.js";
 import { request } from "../connection/api.js";
 import { element, say } from "../elements/element.js";
 import { Outcome } from "../elements/outcome.js";
-import { coded } from "./coded.js";
+import { coded } from "../elements/coded.js";
 import { times } from "./units.js";
 
 export class Policy {

@@ -4,7 +4,7 @@ import { element, say } from "../elements/element.js";
 import { Errors, Evidence } from "./bars.js";
 import { LiveBode } from "./bode.js";
 import { Changes } from "./changes.js";
-import { coded } from "./coded.js";
+import { coded } from "../elements/coded.js";
 import { Parameters } from "./parameters.js";
 import { Policy } from "./policy.js";
 import { Tables } from "./tables.js";

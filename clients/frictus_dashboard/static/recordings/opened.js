@@ -3,6 +3,7 @@
 import { colour, onSchemeChange } from "../canvas/colours.js";
 import { request, send } from "../connection/api.js";
 import { saveBlob } from "../connection/download.js";
+import { coded } from "../elements/coded.js";
 import { element, say } from "../elements/element.js";
 import { button } from "../elements/fields.js";
 import { Outcome } from "../elements/outcome.js";
@@ -79,7 +80,7 @@ export class Opened {
   #offer(course) {
     this.guided = course === null || course.guided_trials > 0;
     this.#enable();
-    say(this.free, this.guided ? "" : FREE);
+    this.free.replaceChildren(...(this.guided ? [] : coded(FREE)));
   }
 
   #enable() {

@@ -1,6 +1,6 @@
 /** Text with commands between backticks, as elements. */
 
-import { element } from "../elements/element.js";
+import { element } from "./element.js";
 
 /** @param {string} text such as "run `frictus discover`" @returns {Node[]} */
 export function coded(text) {
