@@ -49,6 +49,31 @@ def test_spectrogram_has_a_tone_where_and_as_strong_as_it_is(page: Page) -> None
     assert max(got[:10] + got[15:]) < -100.0  # neither its mean nor its ends are there
 
 
+def test_a_finger_that_only_turns_is_not_said_to_rest(page: Page) -> None:
+    told = page.evaluate(
+        """async () => {
+          const { Felt } = await import("/listening/felt.js");
+          const felt = new Felt();
+          let firstSample = 0;
+          const push = (speed, columns) => {
+            const low = [0, 0, speed, 0, 0.2].map((v) => new Float32Array(columns).fill(v));
+            const frame = { raw: true, run: 1, sampleRateHz: 2e4, firstSample, columns };
+            felt.push({ ...frame, low }, null);
+            firstSample += columns;
+          };
+          push(50, 8192 * 2);
+          for (let i = 0; i < 20; i++) push(i % 2 ? 50 : -50, 4096);
+          const turning = felt.why;
+          push(0, 8192 * 4);
+          return [turning, felt.why];
+        }"""
+    )
+    assert told == [
+        "The finger turns before it has slid for 0.4 s: this is of its last strokes.",
+        "The finger does not slide now: this is of its last strokes.",
+    ]
+
+
 def test_what_nobody_looked_at_is_left_out_at_its_length(page: Page) -> None:
     columns, judged = page.evaluate(
         """async () => {

@@ -79,7 +79,10 @@ export class Felt {
     if (speed === null) {
       this.still += 1;
       const waiting = "Waiting for a finger that slides for 0.4 s in one direction.";
-      const rests = "The finger does not slide now: this is of its last strokes.";
+      const does = moves(samples[VX], samples[VY])
+        ? "turns before it has slid for 0.4 s"
+        : "does not slide now";
+      const rests = `The finger ${does}: this is of its last strokes.`;
       if (this.segments.length === 0) this.why = waiting;
       else this.why = this.still < RESTING ? "" : rests; // between strokes it only turns
       return;
@@ -122,6 +125,11 @@ function steadySpeed(vx, vy) {
     if (along < STEADY_MM_S) return null;
   }
   return norm / vx.length;
+}
+
+/** Whether it slides at all, though not one way. */
+function moves(vx, vy) {
+  return vx.some((x, i) => Math.hypot(x, vy[i]) > STEADY_MM_S);
 }
 
 function sum(values) {
