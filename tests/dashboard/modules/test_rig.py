@@ -74,6 +74,10 @@ def test_a_job_holds_a_rig_from_its_first_trial_on(
             "ben.calibration-0a1b2c3d",
             "ben's calibration holds rig1: wait until it is disarmed, or press STOP.",
         ),
+        (
+            "local.experiment-0a1b2c3d",
+            "An experiment holds rig1: wait until it is disarmed, or press STOP.",
+        ),
     ],
 )
 def test_who_would_begin_is_told_what_to_do_about_the_holder(

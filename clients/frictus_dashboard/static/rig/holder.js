@@ -60,7 +60,7 @@ export function heldAlready(rig, owner, client) {
   if (owner === null) return "";
   const name = nameOf(owner, client);
   if (name === "you") return `You hold ${rig} yourself: press Disarm, then begin.`;
-  return `${name} holds ${rig}: wait until it is disarmed, or press STOP.`;
+  return `${asBegin(name)} holds ${rig}: wait until it is disarmed, or press STOP.`;
 }
 
 /**
@@ -76,8 +76,13 @@ export function keptOut(rig, status, client) {
   if (owner === null || owner === client || mine.some((name) => share_with.includes(name))) {
     return "";
   }
-  const name = nameOf(owner, client);
+  const name = asBegin(nameOf(owner, client));
   return `${name} holds ${rig}: what is felt is theirs to change until they disarm it.`;
+}
+
+/** As a sentence begins; the names that people have stay as they are. */
+function asBegin(name) {
+  return name.replace(/^(an?|the|another) /, (article) => article[0].toUpperCase() + article.slice(1));
 }
 
 /** Whom a client acts for: what stands before the last dot of its name. */
