@@ -55,10 +55,16 @@ def strokes_by_itself(lab: Lab) -> None:
 def test_a_pointer_takes_over_the_finger_and_gives_it_back(page: Page, lab: Lab) -> None:
     strokes_by_itself(lab)
     expect(page.locator("#surface-help")).to_contain_text("The finger is simulated")
+    parts = [page.locator("#press"), page.locator("#spectrum .chart").first]
+    for part in parts:
+        expect(part).to_be_visible()
+    tops = [part.bounding_box()["y"] for part in parts]  # type: ignore[index]
     box = screen(page)
     page.mouse.move(box["x"] + 0.2 * box["width"], box["y"] + 0.2 * box["height"])
     page.mouse.down()
     expect(page.locator("#takeover")).to_have_text(TAKEN)
+    # What one looks at, and the slider under the hand, stay where they are.
+    assert [part.bounding_box()["y"] for part in parts] == tops  # type: ignore[index]
     lab.finger(lambda finger: finger.in_contact and finger.y_mm < 10.0)
     expect_no_violations(page, WIDTHS)
     expect(page.locator("#takeover")).to_have_text(TAKEN)
