@@ -70,6 +70,7 @@ def test_preview_is_what_the_service_says_and_feeling_what_the_rig_applies(
     expect(preview).to_contain_text(f"{least} to {most} N")
     preview.get_by_role("button", name="Feel it").click()
     expect(preview).to_contain_text(f"sandpaper is on rig1: {told_gain(found['applied'])}")
+    expect(preview.locator(".outcome").first).to_contain_text("Arm the rig to feel it")
     applied = lab.rig.scene().applied
     assert applied.model_dump(mode="json") == found["applied"]
     scene = part(page, "Scene: which texture is felt where")

@@ -129,7 +129,9 @@ export class Chosen {
     const asked = replaceScene(rig, scene, "*");
     const settled = this.page.settled(asked, this.outcome, rig, sceneIn(scene));
     const done = await this.outcome.of(settled, `${name} is not on ${rig}`);
-    if (done !== null) this.outcome.good(`${name} is on ${rig}: ${words(done.applied)}`);
+    if (done === null) return;
+    const arm = this.page.state.status?.state === "armed" ? "" : ". Arm the rig to feel it";
+    this.outcome.good(`${name} is on ${rig}: ${words(done.applied)}${arm}`);
   }
 
   #edit() {
