@@ -251,7 +251,7 @@ export class Live {
   #showScene() {
     const { scene, applied, source } = this.state.scene;
     this.surface.setRegions(source === "scene" ? scene.regions : []);
-    const gain = `rendered at ${(100 * applied.gain).toFixed(0)} % of the friction asked for`;
+    const gain = `at ${(100 * applied.gain).toFixed(0)} % of the friction asked for`;
     const smooth = scene.regions.length === 0;
     const words = {
       scene: smooth ? "A smooth screen" : `Scene ${scene.name || "without a name"}, ${gain}`,
