@@ -587,6 +587,11 @@ def test_network_that_swallows_everything_is_noticed(lab: Lab, open_page: OpenPa
         expect(box).to_contain_text("No word from the service", timeout=TELL_MS)
         cut.clear()
         expect(box).to_contain_text("Live again")
+        page.set_viewport_size({"width": 1024, "height": 768})
+        told, stop = box.bounding_box(), page.locator("#stop").bounding_box()
+        assert told is not None
+        assert stop is not None
+        assert told["x"] + told["width"] <= stop["x"]
         page.evaluate("(now => { Date.now = () => now() + 61_000; })(Date.now)")
         expect(box).to_have_text("Live")  # it is no news for ever
         expect(box).to_have_attribute("title", re.compile("^interrupted at "))
