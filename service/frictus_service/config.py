@@ -180,7 +180,8 @@ class ApiConfig(_Section):
     max_requests_per_s: Annotated[float, Field(ge=1.0, le=100_000.0)] = 500.0
     """Of one address, in the long run; twice as many may come at once."""
     page_lease_ms: Annotated[int, Field(ge=100, le=10_000)] = 500
-    """How long a rig that a page holds goes on without hearing from the API."""
+    """How long a rig that a page holds goes on without hearing from the API. With more than 1 s
+    its link to the router lasts longer, too: for simulated rigs alone."""
     origins: Annotated[tuple[Origin, ...], Field(max_length=32)] = ()
     """Of pages elsewhere that may open the WebSocket, such as ``https://lab.example.org``."""
     tokens: tuple[Token, ...] = ()

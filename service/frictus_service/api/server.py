@@ -20,6 +20,7 @@ from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import JSONResponse, Response
 from starlette.routing import Route
 
+from frictus.session import LEASE_MS
 from frictus.websocket.messages import MAX_BYTES
 from frictus_service.api import error_handlers, problems
 from frictus_service.api.dashboard import asyncapi, conversation, pages
@@ -176,7 +177,10 @@ def build_app(
     present : str
         The same for an experiment.
     """
-    link = RigConnection(config.router.endpoint, config.site, tls_of_client(config))
+    # Longer leases are for rigs whose finger nobody could surprise: there, links last, too.
+    patient = config.api.page_lease_ms > LEASE_MS
+    tls = tls_of_client(config)
+    link = RigConnection(config.router.endpoint, config.site, tls, patient)
     hub = Hub(link, config.api.page_lease_ms)
     registry = Registry(config.registry.url)
     jobs = (

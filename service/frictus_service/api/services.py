@@ -111,11 +111,17 @@ class RigConnection:
         Site whose rigs are served.
     tls : Tls or None
         What the API presents to the router.
+    patient : bool
+        Whether the link, and with it what pages hold, outlasts that a busy machine sets the
+        process aside for some seconds; see `frictus.session.PATIENT_LEASE_MS`.
     """
 
-    def __init__(self, router: str, site: str, tls: frictus.Tls | None = None) -> None:
+    def __init__(
+        self, router: str, site: str, tls: frictus.Tls | None = None, patient: bool = False
+    ) -> None:
         self.router = router
         self._tls = tls
+        self._patient = patient
         self.site = site
         self._client: frictus.Client | None = None
         self._connecting = threading.Lock()
@@ -135,7 +141,9 @@ class RigConnection:
             if self._failed is not None and time.monotonic() - self._failed[0] < RETRY_S:
                 raise self._failed[1]
             try:
-                self._client = frictus.connect(self.router, timeout_s=TIMEOUT_S, tls=self._tls)
+                self._client = frictus.connect(
+                    self.router, timeout_s=TIMEOUT_S, tls=self._tls, reads_only=self._patient
+                )
             except LinkError as error:
                 self._failed = (time.monotonic(), error)
                 raise

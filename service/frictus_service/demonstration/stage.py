@@ -101,7 +101,9 @@ def stage(
     """
     with Supervisor(config, say=say) as supervisor:
         supervisor.wait_ready(START_S, SHOWN)
-        with frictus.connect(config.router.endpoint, "demo-terminal") as client:
+        # It arms, too; but no finger is there that a link of 4 s could surprise.
+        endpoint = config.router.endpoint
+        with frictus.connect(endpoint, "demo-terminal", reads_only=True) as client:
             rig = client.rig(config.rig, config.site, wait_s=STARTED_S)
             rig.set_scene(scene)
             lease = rig.arm(LEASE_MS, share_with=(LOCAL,))

@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from frictus_service.api.server import listen, run_api
+import frictus
+from frictus_service.api.server import build_app, listen, run_api
 from frictus_service.config import ApiConfig, Config, RegistryConfig, RouterConfig
 from frictus_service.errors import StartError
 from frictus_service.processes import free_port
@@ -77,6 +78,21 @@ def test_stops_with_a_connection_left_open(router: str, tmp_path: Path) -> None:
         stop.set()
         thread.join(20.0)
     assert not thread.is_alive()
+
+
+@pytest.mark.parametrize(("page_lease_ms", "patient"), [(500, False), (10_000, True)])
+def test_the_link_lasts_as_what_pages_hold(
+    page_lease_ms: int, patient: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else a page's rig goes with the link, however long its lease."""
+    config = configuration("tcp/127.0.0.1:1", tmp_path, 0)
+    app = build_app(
+        config.model_copy(update={"api": ApiConfig(port=0, page_lease_ms=page_lease_ms)})
+    )
+    asked: dict[str, Any] = {}
+    monkeypatch.setattr(frictus, "connect", lambda _router, **how: asked.update(how))
+    app.state.hub._link.client()
+    assert asked["reads_only"] == patient
 
 
 def test_taken_port_is_named(router: str, tmp_path: Path) -> None:
