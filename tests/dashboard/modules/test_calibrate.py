@@ -74,3 +74,27 @@ def test_what_a_calibration_is_good_for_and_what_would_narrow_it(
     assert ("not reached" in known) != reached
     assert good_for in good
     assert more.startswith(narrower)
+
+
+def test_who_follows_guidance_that_ends_is_told_to_wait(page: Page) -> None:
+    """As after a stop, until the session is over or begins again."""
+    told = page.evaluate(
+        """async () => {
+          const { Guidance } = await import("/calibrate/guidance.js");
+          const guidance = new Guidance(document.createElement("div"));
+          const state = {
+            phase: "record", trial: 1, trials: null, participant: "P01", message: "",
+            seconds_left: 2, span_mm: [5, 65], reference_x_mm: 20, x_mm: 20, speed_mm_s: 40,
+            force_n: 0.4, target_speed_mm_s: 40, target_force_n: 0.4, colour: "green",
+          };
+          guidance.setScreen([70, 35]);
+          for (const utc_ns of [1, 2]) guidance.take({ ...state, utc_ns });
+          for (let i = 0; i < 2; i++) await new Promise(requestAnimationFrame);
+          const said = () => guidance.told.map((part) => part.textContent).filter(Boolean);
+          const before = said();
+          guidance.heardMs -= 2_000;
+          guidance.look();
+          return [before[0], said()];
+        }"""
+    )
+    assert told == ["Recording", ["No guidance comes in", "Take your finger away, and wait."]]

@@ -90,7 +90,9 @@ export class Guidance {
     }
     if (silentMs < SILENT_MS || drawn.phase === "analyse" || drawn.phase === "done") return;
     this.root.classList.add("past");
-    for (const part of this.told) say(part, part === this.phase ? "No guidance comes in" : "");
+    for (const part of this.told) say(part, "");
+    say(this.phase, "No guidance comes in");
+    say(this.words[0], "Take your finger away, and wait.");
   }
 
   redraw() {
