@@ -1,8 +1,8 @@
 """What a viewer gets of a running rig over Foxglove's WebSocket, live.
 
 `uv run python bench/foxglove.py --seconds 30` runs the service with a simulated rig and
-`frictus foxglove`, subscribes to force, acceleration, voltage, render and the finger, and prints
-a table of `docs/bridges.md`; `--samples-per-column 1` makes every sample a message.
+`frictus foxglove`, subscribes to force, acceleration, voltage, render and the finger, and
+prints a table of `docs/bridges.md`; `--samples-per-column 1` makes every sample a message.
 """
 
 import argparse

@@ -16,7 +16,7 @@ from pydantic_core import PydanticCustomError
 from frictus.keys import RigKeys
 from frictus.messages import AdaptationPolicy
 from frictus.names import NAME, Name
-from frictus.session import DEFAULT_ROUTER
+from frictus.session import DEFAULT_ROUTER, LEASE_MS
 from frictus.tls import SCHEME, Tls
 from frictus_hardware import (
     BackendConfig,
@@ -180,8 +180,8 @@ class ApiConfig(_Section):
     max_requests_per_s: Annotated[float, Field(ge=1.0, le=100_000.0)] = 500.0
     """Of one address, in the long run; twice as many may come at once."""
     page_lease_ms: Annotated[int, Field(ge=100, le=10_000)] = 500
-    """How long a rig that a page holds goes on without hearing from the API. With more than 1 s
-    its link to the router lasts longer, too: for simulated rigs alone."""
+    """How long a rig that a page holds goes on without hearing from the API. With more than
+    `frictus.session.LEASE_MS`, for simulated rigs alone, its link lasts longer, too."""
     origins: Annotated[tuple[Origin, ...], Field(max_length=32)] = ()
     """Of pages elsewhere that may open the WebSocket, such as ``https://lab.example.org``."""
     tokens: tuple[Token, ...] = ()
@@ -320,6 +320,17 @@ class Config(_Section):
                 ("router", "endpoint") if "router" in self.model_fields_set else ("security",),
                 f"router.endpoint {endpoint!r}: tls/HOST:PORT goes with a [security] section, "
                 "and tcp/HOST:PORT without",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _patient_with_no_finger(self) -> Self:
+        simulated = self.backend.kind == "simulated"
+        if self.api.page_lease_ms > LEASE_MS and not simulated:
+            raise _fault_at(
+                ("api", "page_lease_ms"),
+                f"page_lease_ms {self.api.page_lease_ms}: of a rig that a finger touches "
+                f"at most {LEASE_MS} is accepted, more of a simulated one alone",
             )
         return self
 

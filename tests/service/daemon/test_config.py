@@ -154,6 +154,11 @@ def test_registries_that_cannot_be_shared_are_refused(url: str) -> None:
             4,
             ["backend.sample_rate_hz", "whole number"],
         ),
+        (
+            '[api]\npage_lease_ms = 1001\n[backend]\nkind = "simulated_device"\n',
+            2,
+            ["api.page_lease_ms", "at most 1000", "simulated"],
+        ),
         ('site = "a"\n[api]\nport = 80\nhost = "0.0.0.0"\n', 4, ["api.host", "tokens"]),
         (
             '[[api.tokens]]\nname = "a"\nscopes = ["read"]\nvalue = "0123456789abcdef"\n'
