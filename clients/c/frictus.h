@@ -422,6 +422,7 @@ static inline int frictus_open_stream(frictus *f, const char *rig, double peak_n
     if (!(ticket >= 1.0 && ticket <= 4294967295.0))
         return frictus_fail(f, "the service gave no ticket", "");
     f->ticket = (uint32_t)ticket;
+    f->peak_n = peak_n;
     snprintf(f->streaming, sizeof f->streaming, "%.64s", rig);
     f->ended[0] = 0;
     f->updates = 0;
@@ -446,8 +447,8 @@ static inline int frictus_update(frictus *f, const float *friction_n, size_t cou
         return frictus_fail(f, "2 to 4096 samples are one period", "");
     /* The service would end the connection over these, and with it the lease. NaN fails, too. */
     for (at = 0; at < count; at++)
-        if (!(fabs((double)friction_n[at]) <= 10.0))
-            return frictus_fail(f, "friction: finite and within 10 N", "");
+        if (!(fabs((double)friction_n[at]) <= f->peak_n * (1.0 + 1e-6)))
+            return frictus_fail(f, "friction: finite and within the declared peak", "");
     if (!(period >= least && period <= most))
         return frictus_fail(f, over_time ? "period: 1e-4 to 10 s" : "period: 1e-3 to 1000 mm", "");
     if (!(fabs(angle_deg) <= 360.0) || ttl_ms < 1 || ttl_ms > 60000)

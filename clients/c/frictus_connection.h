@@ -53,6 +53,7 @@ typedef struct frictus {
     char error[256];
     char client[80];          /* the name under which rigs know us */
     uint32_t ticket;          /* of the open texture stream; 0: none */
+    double peak_n;            /* the largest friction that was announced for that stream */
     char streaming[65];       /* the rig of that stream */
     char ended[200];          /* why it has ended; empty while it is played */
     uint64_t updates;         /* sent over it */

@@ -34,6 +34,7 @@ classdef frictus < handle
     requests = 0;
     offsets = [];                  % of the service's clock to ours, us
     ticket = 0;
+    peak_n = 0;                    % the largest friction that was announced for the stream
     streaming = '';                % rig of the open stream
     ended = '';                    % why it has ended
     pinged
@@ -117,6 +118,7 @@ classdef frictus < handle
       opened = self.ask(struct('op', 'open_stream', 'rig', rig, 'peak_n', peak_n), ...
         'stream_opened');
       self.ticket = opened.ticket;
+      self.peak_n = peak_n;
       self.streaming = rig;
       self.ended = '';
       self.updates = 0;
@@ -141,6 +143,9 @@ classdef frictus < handle
       end
       if numel(friction_n) < 2 || numel(friction_n) > 4096 || ~all(isfinite(friction_n(:)))
         error('frictus:bad_request', '2 to 4096 finite samples are one period');
+      end
+      if max(abs(friction_n(:))) > self.peak_n * (1 + 1e-6)
+        error('frictus:bad_request', 'friction: within the declared peak of %g N', self.peak_n);
       end
       utc_ns = uint64(own_us() + max(self.offsets)) * uint64(1000);
       self.socket.send(2, [uint8('FRTX'), bytes_of(uint16([1 0])), ...

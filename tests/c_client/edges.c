@@ -43,6 +43,8 @@ int main(int count, char **arguments)
     printf("update %d %s\n", frictus_update(&rig, ridge, 64, 2.0, 0, 0.0, 200), rig.error);
     ridge[63] = (float)nan_;
     printf("update %d %s\n", frictus_update(&rig, ridge, 64, 2.0, 0, 0.0, 200), rig.error);
+    ridge[63] = -0.06f;
+    printf("update %d %s\n", frictus_update(&rig, ridge, 64, 2.0, 0, 0.0, 200), rig.error);
     ridge[63] = -0.05f;
     printf("good %d\n", frictus_update(&rig, ridge, 64, 2.0, 0, 0.0, 200));
     while ((got = frictus_poll(&rig, 1000, &event)) >= 0)

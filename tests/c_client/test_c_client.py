@@ -310,7 +310,7 @@ def test_edges_in_a_locale_with_a_comma(tmp_path: Path, comma: dict[str, str]) -
     }
     assert "peak -1 -1" in said
     refused = [line for line in said if line.startswith("update ")]
-    assert len(refused) == 8
+    assert len(refused) == 9
     assert all(line.startswith("update -1 ") for line in refused)
     assert said[-2:] == ["good 0", "end the service has fallen silent"]
     frames = frames_of(bytes(sent))

@@ -243,7 +243,7 @@ def test_armed_has_a_colour_of_its_own_kind(page: Page, lab: Lab) -> None:
     lab.status(lambda status: status.state == "disarmed")
 
 
-@pytest.mark.parametrize("width", [390, 1024, 1280, 1440])
+@pytest.mark.parametrize("width", [390, 820, 1024, 1280, 1440])
 def test_the_strip_is_low_on_every_view_and_nothing_overflows(
     width: int, lab: Lab, open_page: OpenPage
 ) -> None:

@@ -92,6 +92,11 @@ f.arm('rig1', 10000);
 applied = f.set_scene('rig1', '{"name": "from Octave"}');
 disp(jsonencode(applied.applied.gain));
 f.open_stream('rig1', 0.05);
+try
+  f.send([0 0.06], 2.0);
+catch cause
+  disp(jsonencode(cause.message));
+end
 for index = 1:10
   f.send(0.04 * cos(2 * pi * (0:63) / 64), 2.0, 2000);
   f.read(0.1);
@@ -101,8 +106,9 @@ disp(jsonencode(f.close_stream()));
 f.disarm('rig1');
 disp(jsonencode(f.client));
 """
-    gain, owner, closed, client = results(tmp_path, port, script)
+    gain, refused, owner, closed, client = results(tmp_path, port, script)
     assert gain == 1.0
+    assert refused == "friction: within the declared peak of 0.05 N"
     assert owner == client
     assert closed["sent"] + closed["superseded"] == 10
     assert (closed["expired"], closed["newest"]) == (0, 9)

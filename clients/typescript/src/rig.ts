@@ -141,7 +141,7 @@ export class Rig {
   async openStream(peakN: number): Promise<TextureStream> {
     const request = { op: "open_stream", rig: this.name, peak_n: peakN } as const;
     const { ticket, applied } = await this.client.connection.ask(request, "stream_opened");
-    return new TextureStream(this, ticket, applied);
+    return new TextureStream(this, ticket, peakN, applied);
   }
 
   /** Move the virtual finger of a simulated rig, which is to be watched. */
@@ -191,6 +191,8 @@ export class TextureStream {
   constructor(
     rig: Rig,
     readonly ticket: number,
+    /** The largest |friction| that was announced, N. */
+    readonly peakN: number,
     /** What the rig made of the peak. */
     readonly applied: Applied | null,
   ) {
@@ -217,11 +219,15 @@ export class TextureStream {
   /**
    * Send one period of friction, N, 2 to 4096 samples; the rig cross-fades to it.
    * @returns whether it was sent: not while the network is behind; a newer one is worth more
-   * @throws RangeError if a value is out of range
+   * @throws RangeError if a value is out of range, or friction above the peak
    * @throws RefusedError with `no_stream` once it has ended: somebody stopped the rig, say
    */
   send(frictionN: ArrayLike<number>, options: UpdateOptions): boolean {
     const connection = this.client.connection;
+    for (let index = 0; index < frictionN.length; index++) {
+      if (Math.abs(frictionN[index]!) <= this.peakN * (1 + 1e-6)) continue; // NaN is not
+      throw new RangeError(`friction ${frictionN[index]}: within the declared peak of ${this.peakN} N`);
+    }
     const bytes = encodeUpdate(this.ticket, this.sent, connection.utcUs, frictionN, options);
     if (this.#ended !== null) {
       throw new RefusedError("no_stream", `the stream has ended: ${this.#ended}`);

@@ -41,6 +41,7 @@ test("a rig is taken, changed, streamed to and given back", { skip }, () =>
     await assert.rejects(rig.setScene({}, "another"), { code: "conflict" });
     const stream = await rig.openStream(0.05);
     assert.ok(stream.applied!.gain > 0);
+    assert.throws(() => stream.send(sine(0.06), { periodMm: 2 }), /peak of 0.05 N/);
     await rig.status((status) => status.owner === client.name && status.stream_open);
     for (let update = 0; update < 20; update++) {
       assert.ok(stream.send(sine(0.04), { periodMm: 2, ttlMs: 2_000 }));
