@@ -38,9 +38,10 @@ export function words(...content) {
   return element("td", { class: "words" }, ...content);
 }
 
-/** A table that may be wider than its place, in one that scrolls. */
-export function scrolling(made) {
-  const place = element("div", { class: "scroll", role: "region", tabindex: "0" }, made);
+/** A table that may be wider than its place, in one that scrolls; `wraps`: its cells break first. */
+export function scrolling(made, wraps = false) {
+  const kind = wraps ? "scroll wraps" : "scroll";
+  const place = element("div", { class: kind, role: "region", tabindex: "0" }, made);
   place.setAttribute("aria-label", made.caption.textContent);
   return place;
 }

@@ -38,7 +38,7 @@ export class Aliases {
     this.form.addEventListener("submit", (event) => (event.preventDefault(), this.#move()));
     this.outcome = new Outcome();
     const title = element("h3", {}, "Versions and aliases");
-    this.root = element("div", {}, title, scrolling(this.table), this.form, this.outcome.root);
+    this.root = element("div", {}, title, scrolling(this.table, true), this.form, this.outcome.root);
   }
 
   /** @param {object} version the published one that is shown */

@@ -32,7 +32,7 @@ export class Listing {
     form.addEventListener("submit", (event) => (event.preventDefault(), this.load()));
     this.newest.input.addEventListener("change", () => this.load());
     const title = element("h2", {}, "Published models");
-    const body = [form, scrolling(this.table), this.more, this.outcome.root];
+    const body = [form, scrolling(this.table, true), this.more, this.outcome.root];
     this.root = element("section", {}, title, ...body);
   }
 

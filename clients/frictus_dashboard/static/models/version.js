@@ -70,7 +70,7 @@ function effects(found) {
     const told = Object.entries(parameters).map(([name, value]) => `${name} ${figure(value)}`);
     return [id.replaceAll("_", " "), words(told.join(", "))];
   });
-  return [scrolling(table("What it adds to the base law", ["Effect", "Parameters"], rows))];
+  return [scrolling(table("What it adds to the base law", ["Effect", "Parameters"], rows), true)];
 }
 
 /** What provenance holds is of any kind. */
