@@ -2,8 +2,8 @@
 
 `uv run python bench/websocket.py --client python --seconds 30` runs the service and
 `bench/websocket_client.py`; `--client c` compiles `bench/websocket_client.c`; `--client node`
-runs `npm run measure` of clients/typescript, for which it needs the registry of npm. It prints
-the table of `docs/websocket.md`.
+runs `npm run measure` of clients/typescript, for which it needs the registry of npm; `--client
+octave` runs `bench/websocket_client.m`. It prints a table of `docs/websocket.md`.
 """
 
 import argparse
@@ -24,7 +24,7 @@ from tests.typescript.package import package, run
 from frictus_laboratory.benchmarks.processes import config_of, serving
 from frictus_service.config import Limits
 
-CLIENTS: Final = {"c": "C", "node": "Node", "python": "Python"}
+CLIENTS: Final = {"c": "C", "node": "Node", "octave": "Octave", "python": "Python"}
 HERE: Final = Path(__file__).parent
 HEADERS: Final = HERE.parent / "clients" / "c"
 HEAD: Final = "| what | of how many | lost | age p50 / p99 / most, ms |\n|---|---|---|---|\n"
@@ -36,6 +36,8 @@ def prepared(client: str) -> tuple[tuple[str, ...], Path]:
         return (sys.executable, "websocket_client.py"), HERE
     if client == "node":
         return ("node", "--experimental-websocket", "build/test/measure.js"), package()
+    if client == "octave":
+        return ("octave-cli", "--no-gui", "--quiet", "--norc", "websocket_client.m"), HERE
     folder = Path(tempfile.mkdtemp(prefix="frictus-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     program, source = folder / "client", HERE / "websocket_client.c"
