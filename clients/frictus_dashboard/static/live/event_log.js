@@ -2,7 +2,7 @@
 
 import { clock } from "../elements/figures.js";
 import { POLICIES, policyOf } from "../rig/adaptation.js";
-import { titleOf } from "../rig/compensation.js";
+import { modeTitle } from "../rig/compensation.js";
 import { isJob, nameOf } from "../rig/holder.js";
 import { LOSSES } from "../rig/loop_losses.js";
 import { faultName, stopOfNobody } from "../strip/strip_state.js";
@@ -114,7 +114,7 @@ export class EventLog {
   }
 
   #takeChoices(before, after, scene, by, note) {
-    const [was, now] = [before, after].map(({ compensation }) => titleOf(compensation));
+    const [was, now] = [before, after].map(({ compensation }) => modeTitle(compensation));
     if (was !== now) note(`Compensation set to ${now}`, by("compensation"));
     if (policyOf(before) !== policyOf(after)) {
       note(`Policy: ${POLICIES[policyOf(after)].title}`, by("adaptation"));

@@ -40,7 +40,7 @@ export class Compensation {
     at("compensation").hidden = !(may && armed && keptOut(rig, status, client) === "");
     for (const button of this.buttons) {
       button.setAttribute("aria-pressed", String(button.value === mode));
-      if (button.value === "fixed") say(button, `Fixed ${this.fixedMmS} mm/s`);
+      if (button.value === "fixed") say(button, modeTitle({ mode: "fixed", speed_mm_s: this.fixedMmS }));
     }
   }
 
@@ -75,8 +75,9 @@ export async function switchTo(rig, json) {
   }
 }
 
-/** A mode as the switch calls it. */
-export function titleOf({ mode, speed_mm_s }) {
+/** A mode as the switch calls it; the model's where a rig tells none. */
+export function modeTitle(compensation) {
+  const { mode, speed_mm_s } = compensation ?? { mode: "model" };
   return { model: "Model", fixed: `Fixed ${speed_mm_s} mm/s`, none: "Off" }[mode] ?? mode;
 }
 
