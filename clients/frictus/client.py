@@ -184,7 +184,7 @@ def connect(
     *,
     timeout_s: float = 3.0,
     tls: Tls | None = None,
-    reads_only: bool = False,
+    patient: bool = False,
 ) -> Client:
     """Connect to the rigs behind a router.
 
@@ -198,9 +198,10 @@ def connect(
         Longest wait for the router, for each reply and for each first value; up to 60.
     tls : Tls or None
         Our certificate, where `router` is a ``tls/`` endpoint.
-    reads_only : bool
-        Whether this client will never arm: its link is then kept while a busy machine sets the
-        process aside for up to 4 s instead of 1 s, and what comes meanwhile is not lost.
+    patient : bool
+        Whether the link is kept while a busy machine sets the process aside for up to 4 s
+        instead of 1 s, and what comes meanwhile is not lost. Not for a client that arms a real
+        screen: that it has died is then known as much later.
 
     Raises
     ------
@@ -217,5 +218,5 @@ def connect(
         raise ArgumentError(f"timeout_s {timeout_s}: above 0 and up to {MAX_TIMEOUT_S:g} s")
     name = _own_name() if name is None else name
     RigKeys("any", "any").client_alive(name)  # refuses a bad name before anything is opened
-    lease_ms = PATIENT_LEASE_MS if reads_only else LEASE_MS
+    lease_ms = PATIENT_LEASE_MS if patient else LEASE_MS
     return Client(open_session(router, timeout_s, tls, lease_ms), name, timeout_s)

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
+from frictus.lenient import Lenient
 from frictus.textures import SpeedMmS
 
 Bound = Annotated[FiniteFloat, Field(ge=0.0, le=100_000.0)]
@@ -142,15 +143,13 @@ def _all_representable(value: object, levels: int) -> bool:
 CompensationMode = Literal["model", "fixed", "none"]
 
 
-class Compensation(BaseModel):
+class Compensation(Lenient):
     """What is inverted between the friction that is asked for and the drive.
 
     `model` inverts the friction model at the finger's predicted speed, `fixed` the same model
     at one speed, however fast the finger moves, and `none` inverts nothing: friction is turned
     into drive by the model's gain alone.
     """
-
-    model_config = ConfigDict(extra="ignore", frozen=True)
 
     mode: CompensationMode
     speed_mm_s: SpeedMmS | None = None

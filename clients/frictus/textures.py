@@ -7,7 +7,9 @@ could apply.
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
+from pydantic import Field, FiniteFloat, model_validator
+
+from frictus.lenient import Lenient
 
 MAX_COMPONENTS = 4096
 MAX_PROFILE_SAMPLES = 65_536
@@ -31,13 +33,7 @@ PERIOD_S = (1e-4, 10.0)
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
 
 
-class _Texture(BaseModel):
-    """Lenient to what newer writers add; refuses NaN and infinity by type."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True)
-
-
-class Component(_Texture):
+class Component(Lenient):
     """One sinusoid, ``amplitude_n cos(2 pi f t + phase_rad)``, over position or time."""
 
     amplitude_n: Amplitude
@@ -52,7 +48,7 @@ class Component(_Texture):
         return self
 
 
-class Spectrum(_Texture):
+class Spectrum(Lenient):
     """A sum of sinusoids, spatial (`cycles_per_mm`) and temporal (`hz`) ones alike."""
 
     kind: Literal["spectrum"] = "spectrum"
@@ -66,7 +62,7 @@ class Spectrum(_Texture):
     friction; a rig that plays it says so among the notes of its scene."""
 
 
-class Profile(_Texture):
+class Profile(Lenient):
     """Friction over one period, sampled evenly; it repeats without end."""
 
     kind: Literal["profile"] = "profile"
@@ -84,7 +80,7 @@ class Profile(_Texture):
         return self
 
 
-class Beta(_Texture):
+class Beta(Lenient):
     """Amplitude ``scale BetaPDF(x; alpha, beta)``, ``x = log10(f/20) / log10(50)``.
 
     Components stand at 1/24-octave steps over 20 to 1000 Hz, with random phases from `seed`,
@@ -102,7 +98,7 @@ class Beta(_Texture):
     angle_deg: AngleDeg = 0.0
 
 
-class Slope(_Texture):
+class Slope(Lenient):
     """White noise through Butterworth high- and low-pass filters that meet at `peak_hz`.
 
     With `speed_mm_s` the frequencies are those felt at that speed and the texture is
@@ -121,7 +117,7 @@ class Slope(_Texture):
     angle_deg: AngleDeg = 0.0
 
 
-class Map(_Texture):
+class Map(Lenient):
     """A grey image laid over its region: friction per grey level.
 
     `image_png` is a base64 PNG of at most 262 144 pixels; its first row is the region's
@@ -137,7 +133,7 @@ class Map(_Texture):
 Texture = Annotated[Spectrum | Profile | Beta | Slope | Map, Field(discriminator="kind")]
 
 
-class Region(_Texture):
+class Region(Lenient):
     """A rectangle of the screen that feels like `texture`; overlapping regions add."""
 
     texture: Texture
@@ -158,8 +154,8 @@ class Region(_Texture):
         return self
 
 
-class Scene(_Texture):
+class Scene(Lenient):
     """What a whole screen feels like. No region at all is a smooth screen."""
 
-    regions: Annotated[list[Region], Field(max_length=MAX_REGIONS, fail_fast=True)] = []
+    regions: list[Region] = Field(default=[], max_length=MAX_REGIONS, fail_fast=True)
     name: Annotated[str, Field(max_length=100)] = ""

@@ -128,7 +128,7 @@ class Followed:
 def follow(endpoint: str, seconds: float) -> Followed:
     """Read a stream of samples for so long."""
     ages_ms, missing = [], 0
-    with frictus.connect(endpoint, name="reader", reads_only=True) as client:
+    with frictus.connect(endpoint, name="reader", patient=True) as client:
         with client.rig("rig1").blocks("force", timeout_s=START_S) as feed:
             began_s = None
             for item in feed:

@@ -30,7 +30,7 @@ from frictus.keys import RigKeys, Topics
 from frictus.session import declare_reader
 
 key = RigKeys("lab", "rig1").of(Topics.FORCE)
-with frictus.connect(sys.argv[1], reads_only=True) as client:
+with frictus.connect(sys.argv[1], patient=True) as client:
     declare = lambda put: declare_reader(client.session, key, Topics.FORCE, put)
     with frictus.BlockFeed(declare, Topics.FORCE, 4_000, timeout_s=20.0) as feed:
         for item in feed:

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,11 @@ from pydantic import ValidationError
 
 from frictus.block import HEADER_BYTES, Block, Flag
 from frictus.errors import FrameError, FrictusError
+from frictus.lenient import Lenient
 from frictus.messages import MESSAGES, Reply, SceneRequest, TimeState
-from frictus.model import MAX_DEPTH, Model
+from frictus.model import MAX_DEPTH, Compensation, Model
 from frictus.stream import StreamFrame
+from frictus.textures import Component, Scene
 
 U16, U32, U64 = (st.integers(0, 2**bits - 1) for bits in (16, 32, 64))
 I64 = st.integers(-(2**63), 2**63 - 1)
@@ -221,6 +224,26 @@ def test_unknown_fields_are_tolerated() -> None:
     assert request.scene.regions[0].texture.kind == "spectrum"
     assert request == SceneRequest.from_json(scene_request(GOOD))
     assert Reply.from_json(b'{"ok": true, "mood": "fine"}').ok
+
+
+@pytest.mark.parametrize(
+    ("kind", "given", "meant"),
+    [
+        (Component, {"amplitude_n": 0.1, "hz": 3.0, "phase": 0.3}, "you mean 'phase_rad'?"),
+        (Scene, {"region": []}, "you mean 'regions'?"),
+        (Compensation, {"mode": "fixed", "speed": 60.0}, "you mean 'speed_mm_s'?"),
+        (
+            SceneRequest,
+            {"colour": "red"},
+            "has no 'colour': it takes client, utc_ns",
+        ),
+    ],
+)
+def test_misspelt_arguments_are_not(
+    kind: type[Lenient], given: dict[str, object], meant: str
+) -> None:
+    with pytest.raises(TypeError, match=re.escape(meant)):
+        kind(**given)
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,10 @@
 
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+from pydantic import ConfigDict, Field, FiniteFloat, ValidationError
 
 from frictus.errors import FrameError, explain
+from frictus.lenient import Lenient
 from frictus.textures import PositionMm
 
 RefusalCode = Literal[
@@ -54,10 +55,10 @@ FrequencyHz = Annotated[FiniteFloat, Field(ge=0.0, le=1e9)]
 Decibel = Annotated[FiniteFloat, Field(ge=-1e6, le=1e6)]
 
 
-class Message(BaseModel):
+class Message(Lenient):
     """What all messages share."""
 
-    model_config = ConfigDict(extra="ignore", frozen=True, ser_json_inf_nan="null")
+    model_config = ConfigDict(ser_json_inf_nan="null")
 
     def to_json(self) -> bytes:
         """Return the message as JSON bytes."""

@@ -63,7 +63,7 @@ class Subscriber:
     """
 
     def __init__(self, endpoint: str, name: str = RIG) -> None:
-        self._client = frictus.connect(endpoint, reads_only=True)
+        self._client = frictus.connect(endpoint, patient=True)
         rig = self._client.rig(name)
         self._feeds = [rig.blocks(stream) for stream in STREAMS]
         self._tallies = [Tally() for _ in self._feeds]

@@ -142,7 +142,7 @@ class RigConnection:
                 raise self._failed[1]
             try:
                 self._client = frictus.connect(
-                    self.router, timeout_s=TIMEOUT_S, tls=self._tls, reads_only=self._patient
+                    self.router, timeout_s=TIMEOUT_S, tls=self._tls, patient=self._patient
                 )
             except LinkError as error:
                 self._failed = (time.monotonic(), error)

@@ -103,7 +103,7 @@ def stage(
         supervisor.wait_ready(START_S, SHOWN)
         # It arms, too; but no finger is there that a link of 4 s could surprise.
         endpoint = config.router.endpoint
-        with frictus.connect(endpoint, "demo-terminal", reads_only=True) as client:
+        with frictus.connect(endpoint, "demo-terminal", patient=True) as client:
             rig = client.rig(config.rig, config.site, wait_s=STARTED_S)
             rig.set_scene(scene)
             lease = rig.arm(LEASE_MS, share_with=(LOCAL,))

@@ -66,7 +66,7 @@ class Recorder:
             config.router.endpoint,
             timeout_s=TIMEOUT_S,
             tls=tls_of_rig(config),
-            reads_only=True,
+            patient=True,
         )
         session, keys = self._client.session, config.keys
         self._publisher = declare_latest_publisher(

@@ -63,7 +63,7 @@ def run_tracker(
         name=NAME,
         timeout_s=TIMEOUT_S,
         tls=tls_of_rig(config),
-        reads_only=True,
+        patient=True,
     ) as client:
         key = config.keys.of(Topics.ESTIMATE)
         publisher = declare_latest_publisher(client.session, key, Topics.ESTIMATE)

@@ -92,7 +92,7 @@ def test_the_link_lasts_as_what_pages_hold(
     asked: dict[str, Any] = {}
     monkeypatch.setattr(frictus, "connect", lambda _router, **how: asked.update(how))
     app.state.hub._link.client()
-    assert asked["reads_only"] == patient
+    assert asked["patient"] == patient
 
 
 def test_taken_port_is_named(router: str, tmp_path: Path) -> None:

@@ -125,7 +125,7 @@ def hand(endpoint: str) -> Iterator[HandRig]:
 
 @pytest.fixture
 def client(endpoint: str) -> Iterator[frictus.Client]:
-    with frictus.connect(endpoint, reads_only=True) as client:
+    with frictus.connect(endpoint, patient=True) as client:
         yield client
 
 

@@ -27,7 +27,7 @@ import time
 import frictus
 from frictus_service.bridges.foxglove import FoxgloveBridge
 
-with frictus.connect(sys.argv[1], reads_only=True) as client:
+with frictus.connect(sys.argv[1], patient=True) as client:
     with FoxgloveBridge(client, client.rig(sys.argv[2], wait_s=60.0)) as bridge:
         print(bridge.port, flush=True)
         while True:
@@ -59,7 +59,7 @@ def port(config: Config) -> Iterator[int]:
 
 
 def test_nothing_is_lost_and_stamps_rise(config: Config, port: int) -> None:
-    with frictus.connect(config.router.endpoint, reads_only=True) as client:
+    with frictus.connect(config.router.endpoint, patient=True) as client:
         rig = client.rig(config.rig, wait_s=60.0)
         with (
             rig.blocks("force", capacity=8_192) as force,

@@ -83,7 +83,7 @@ class Gathered:
 def test_nothing_is_lost_and_time_rises_and_is_right(
     config: Config, bridge: "subprocess.Popen[str]", inlet: Any, tmp_path: Path
 ) -> None:
-    with frictus.connect(config.router.endpoint, reads_only=True) as client:
+    with frictus.connect(config.router.endpoint, patient=True) as client:
         rig = client.rig(config.rig)
         before = rig.status().counters
         with (

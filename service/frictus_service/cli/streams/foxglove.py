@@ -85,7 +85,7 @@ def foxglove(
     set_log_level("CRITICAL")  # else a line for every message to a viewer that has gone
     target = TargetRig.of(config, router, site, rig)
     with (
-        frictus.connect(target.router, tls=target.tls, reads_only=True) as client,
+        frictus.connect(target.router, tls=target.tls, patient=True) as client,
         FoxgloveBridge(
             client, target.choose(client), names, samples_per_column, host, port
         ) as bridge,

@@ -63,7 +63,7 @@ def lsl(
         raise typer.BadParameter("a stream's name has letters, and no apostrophe")
     target = TargetRig.of(config, router, site, rig)
     with (
-        frictus.connect(target.router, tls=target.tls, reads_only=True) as client,
+        frictus.connect(target.router, tls=target.tls, patient=True) as client,
         LslBridge(client, target.choose(client), names, markers) as bridge,
     ):
         run_bridge(bridge, _line, seconds, as_json)

@@ -45,7 +45,7 @@ def watch(
     from frictus_service.cli.streams.felt import Display, Observer
 
     target = TargetRig.of(config, router, site, rig)
-    with frictus.connect(target.router, tls=target.tls, reads_only=True) as client:
+    with frictus.connect(target.router, tls=target.tls, patient=True) as client:
         found = target.choose(client)
         observer = Observer(found)
         with Display(f"rig {found.name} at {found.site}", wants_lines(as_json)) as display:

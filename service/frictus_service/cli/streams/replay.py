@@ -93,5 +93,5 @@ def _watched(played: "Config") -> Iterator[Callable[[], bool]]:
         return fault is not None and fault.kind == "device_lost"
 
     tls = tls_of_rig(played)
-    with frictus.connect(played.router.endpoint, tls=tls, reads_only=True) as client:
+    with frictus.connect(played.router.endpoint, tls=tls, patient=True) as client:
         yield is_over

@@ -1,0 +1,30 @@
+"""What is read leniently and made strictly: the base of messages and textures."""
+
+from difflib import get_close_matches
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
+from pydantic._internal._model_construction import ModelMetaclass  # it has no public name
+
+
+class _Spelled(ModelMetaclass):
+    """Refuses a misspelt argument; what is read (`model_validate`) does not pass here."""
+
+    def __call__(self, *args: Any, **given: Any) -> Any:
+        fields = self.model_fields  # type: ignore[attr-defined]  # of each model
+        if unknown := given.keys() - fields.keys():
+            named = min(unknown)
+            close = get_close_matches(named, fields, n=1)
+            meant = f"did you mean {close[0]!r}? " if close else ""
+            taken = ", ".join(fields)
+            raise TypeError(f"{self.__name__} has no {named!r}: {meant}it takes {taken}")
+        return super().__call__(*args, **given)
+
+
+class Lenient(BaseModel, metaclass=_Spelled):
+    """Passes over what newer writers add to it, but no argument of a program.
+
+    A misspelt `phase` would be another texture without a word.
+    """
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
