@@ -9,6 +9,7 @@ from typing import Final, Literal
 import numpy as np
 
 from frictus_hardware.arrays import ComplexArray, FloatArray
+from frictus_hardware.errors import EffectParameterError
 from frictus_hardware.physics.disturbances import AddHum, AddStickSlip, Hum, StickSlip
 from frictus_hardware.physics.friction import FrictionLaw
 from frictus_hardware.physics.linear import Mobility, Mount, TransferFunction
@@ -55,7 +56,7 @@ class Simulator:
     paths : tuple of ParallelPath
         Along which the drive reaches the finger besides; none by default.
     delay_s, skin_delay_s : float
-        By which drive and skin channel are late, and nobody said so.
+        By which drive and skin channel are late, and nobody said so; below 0: early.
     stick_slip : tuple of StickSlip
         Oscillations of the friction; none by default.
     hum : tuple of Hum
@@ -106,7 +107,18 @@ class Simulator:
             Of the phases of what is locked to nothing.
         first_sample : int
             Device index of the first sample that the twin will see.
+
+        Raises
+        ------
+        EffectParameterError
+            If a channel is early: what is played step by step cannot foretell.
         """
+        early_s = min(self.delay_s, self.skin_delay_s)
+        if early_s < 0.0:
+            raise EffectParameterError(
+                f"a channel that is early by {-early_s:g} s cannot be played: no twin knows "
+                "what comes; accepted: delays of 0 s and more. Write skew_s into the study."
+            )
         starts = np.random.default_rng(seed).random(len(self.hum) + len(self.stick_slip))
         hum_starts, slip_starts = np.split(starts, [len(self.hum)])
         stages: list[Stage] = [

@@ -1,6 +1,7 @@
 """Every effect: what the twin does in time is what is predicted of it in frequency."""
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from tests.hardware.physics.sliding import (
     tones,
 )
 
+from frictus_hardware.errors import EffectParameterError
 from frictus_hardware.physics.effects import EFFECTS, KNOWN, extended
 from frictus_hardware.physics.screen import Screen
 from frictus_hardware.physics.simulator import Simulator, predict
@@ -48,6 +50,11 @@ FRICTION = [id_ for id_, effect in EFFECTS.items() if effect.response != "mobili
 MOBILITY = [id_ for id_, effect in EFFECTS.items() if effect.response != "friction"]
 
 
+def negative(id_: str) -> bool:
+    """Whether an effect can be played with a negative size."""
+    return EFFECTS[id_].parameters[0].low < 0.0 and id_ != "channel_delay"
+
+
 def dosed(id_: str, size: float) -> tuple[str, dict[str, float]]:
     """An effect as a model lists it."""
     return id_, {EFFECTS[id_].parameters[0].name: size}
@@ -79,7 +86,7 @@ def test_every_effect_has_its_size_here() -> None:
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("id_", [id_ for id_ in FRICTION if id_ != "stick_slip"])
 def test_friction_is_as_predicted(id_: str, sign: float, rng: np.random.Generator) -> None:
-    if sign < 0.0 and EFFECTS[id_].parameters[0].low == 0.0:
+    if sign < 0.0 and not negative(id_):
         sign = 2.0
     simulator = extended(Simulator(), [dosed(id_, sign * REALISTIC[id_])])
     slide = drawn(rng)
@@ -134,7 +141,7 @@ def test_at_full_modulation_harmonics_are_the_shares_they_are_named_after() -> N
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("id_", MOBILITY)
 def test_mobility_is_as_predicted(id_: str, sign: float, rng: np.random.Generator) -> None:
-    sign = abs(sign) if EFFECTS[id_].parameters[0].low == 0.0 else sign
+    sign = sign if negative(id_) else abs(sign)
     base = Simulator(response="mobility")
     simulator = extended(base, [dosed(id_, sign * REALISTIC[id_])])
     slide = drawn(rng)
@@ -158,6 +165,15 @@ def test_a_delay_is_the_drives_for_friction_and_the_skins_for_mobility() -> None
     felt = extended(Simulator(response="mobility"), [late])
     assert (driven.delay_s, driven.skin_delay_s) == (1e-4, 0.0)
     assert (felt.delay_s, felt.skin_delay_s) == (0.0, 1e-4)
+
+
+@pytest.mark.parametrize("response", ["friction", "mobility"])
+def test_an_early_channel_cannot_be_played(
+    response: Literal["friction", "mobility"], rng: np.random.Generator
+) -> None:
+    early = extended(Simulator(response=response), [dosed("channel_delay", -1e-4)])
+    with pytest.raises(EffectParameterError, match=r"early by 0.0001 s cannot be played"):
+        drawn(rng).twin(early)
 
 
 @pytest.mark.parametrize("samples", [1, 7])

@@ -81,11 +81,12 @@ EFFECTS = (
     EffectDefinition(
         id="channel_delay",
         equation=(
-            "A channel is late, and nobody said so: the drive, or for mobility the skin's."
+            "A channel is late, and nobody said so: the force's behind the drive's, or for "
+            "mobility the skin's behind the force's. Below 0: the other one of the two is."
         ),
         response="both",
         scope="instrument",
-        parameters=(Parameter("delay_s", "s", 0.0, 0.002, 2e-7),),
+        parameters=(Parameter("delay_s", "s", -0.002, 0.002, 2e-7),),
         apply=_delay,
     ),
     EffectDefinition(

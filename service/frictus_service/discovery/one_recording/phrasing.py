@@ -27,6 +27,7 @@ def _interval(estimate: ParameterEstimate, times: float = 1.0, unit: str = "") -
 _PHRASES: Final[dict[str, Callable[[Parameters], str]]] = {
     "channel_delay": lambda p: (
         f"a delay of {_interval(p['delay_s'], 1e3, ' ms')} between the channels"
+        + (" (what should follow comes first)" if p["delay_s"].value < 0.0 else "")
     ),
     "second_mode": lambda p: (
         f"a second mode of the skin near {p['frequency_hz'].value:.3g} Hz, of "

@@ -111,6 +111,26 @@ def test_nothing_hidden_leaves_the_base_model_first(
     assert "no cause explains more" in found.statement
 
 
+@pytest.mark.parametrize(
+    ("source", "response"), [("texture", "mobility"), ("drive", "friction")]
+)
+def test_a_channel_that_is_early_is_no_roll_off(
+    source: Source, response: ResponseName, tmp_path: Path, seed: int
+) -> None:
+    """As of a converter that takes one channel after the other, or a slow amplifier."""
+    path = tmp_path / "early.h5"
+    hidden = Hidden("channel_delay", {"delay_s": -1e-4})
+    make_recording(path, Recording(source, 2.0, hidden), seed)
+    found, _ = ranked(path, response)
+    assert found is not None
+    assert found.models[0].causes == ("channel_delay",)
+    delay = found.models[0].parameters["channel_delay"]["delay_s"]
+    assert delay.value == pytest.approx(-1e-4, rel=0.1)
+    assert delay.ci95 is not None
+    assert delay.ci95[1] < 0.0
+    assert "(what should follow comes first)" in found.statement
+
+
 def test_a_recording_too_short_for_folds_says_what_it_needs(tmp_path: Path, seed: int) -> None:
     path = tmp_path / "short.h5"
     make_recording(path, Recording("texture", 0.8), seed)
