@@ -210,14 +210,15 @@ class Ranges:
 
 def _allowed(request: Request) -> list[str]:
     """Return the methods of a path; Starlette names those of its first route only."""
-    return [
+    allowed = {
         method
         for method in _METHODS
         if any(
             route.matches({**request.scope, "method": method})[0] is Match.FULL
             for route in request.app.router.routes
         )
-    ]
+    }
+    return sorted(allowed | ({"HEAD"} if "GET" in allowed else set()))
 
 
 def _http_detail(error: HTTPException) -> str:

@@ -26,6 +26,7 @@ from frictus_service.api import error_handlers, problems
 from frictus_service.api.dashboard import asyncapi, conversation, pages
 from frictus_service.api.dashboard.hub import Hub
 from frictus_service.api.exports import remove_left_exports
+from frictus_service.api.heads import Heads
 from frictus_service.api.limits import (
     HEAD_BYTES,
     OriginCheck,
@@ -229,6 +230,7 @@ def build_app(
         app.include_router(part.router)
     app.mount(pages.PAGE, pages.DashboardFiles(), name="dashboard")
     error_handlers.install(app)
+    app.add_middleware(Heads)
     app.add_middleware(error_handlers.Ranges)
     app.add_middleware(error_handlers.Departures)
     app.add_middleware(

@@ -116,8 +116,8 @@ def test_versions_are_listed_behind_a_number(api: TestClient, after: str) -> Non
 @pytest.mark.parametrize(
     ("path", "methods"),
     [
-        ("/v1/models", "GET, POST"),
-        ("/v1/textures/x", "DELETE, GET, PUT"),
+        ("/v1/models", "GET, HEAD, POST"),
+        ("/v1/textures/x", "DELETE, GET, HEAD, PUT"),
         ("/docs", "GET, HEAD"),
     ],
 )
