@@ -9,8 +9,10 @@ from typing import Final, Protocol
 
 LOOP_PRIORITY: Final = 20
 PUBLISHER_PRIORITY: Final = 10
-"""Real time too: a publisher that is set aside while it holds the interpreter's lock holds up
-the loop, whatever the loop's own priority is."""
+CALLS_PRIORITY: Final = 5
+"""Of every other thread of a rig, Zenoh's among them, whose callbacks read commands. Real time
+too: a thread that is set aside while it holds the interpreter's lock holds up the loop, at
+whatever priority."""
 
 NUMERICAL: Final = r"(frictus_service|numpy|scipy|statsmodels)\b"
 

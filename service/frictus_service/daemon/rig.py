@@ -36,6 +36,7 @@ from frictus_service.daemon.safety import FormerRun, Safety
 from frictus_service.daemon.scene_controller import SceneController
 from frictus_service.errors import ConfigurationError, StartError
 from frictus_service.processes import (
+    CALLS_PRIORITY,
     LOOP_PRIORITY,
     PUBLISHER_PRIORITY,
     Heartbeat,
@@ -94,12 +95,14 @@ def run_rig(
     heartbeat.value = 0
     on_step("rendering everything once")
     loop = config.clock_scale * warm_up(config.sample_rate_hz, config.block_samples)
+    real_time = budget_for(loop)
+    raise_priority(CALLS_PRIORITY, real_time)  # threads begin with that of who starts them
     with open_session(config.router.endpoint, tls=tls_of_rig(config)) as session:
         if former is None:  # a rig that is started again shall be back soon
             say_if_present(session, config.keys, say)
         on_step(f"opening the device ({config.backend.kind})")
         with _opened(config) as backend:
-            rig = _Parts(config, backend, model, heartbeat, former, budget_for(loop), say)
+            rig = _Parts(config, backend, model, heartbeat, former, real_time, say)
             with rig.commands, rig.running(session, say):
                 rig.commands.declare(session, config.keys)
                 with contextlib.closing(_Token(session, config.keys.alive)):

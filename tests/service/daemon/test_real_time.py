@@ -3,9 +3,13 @@
 import os
 import threading
 from pathlib import Path
+from typing import Any
 
 import pytest
+import zenoh
 
+import frictus_service.daemon.rig as rig_process
+from frictus.session import open_session
 from frictus_hardware import SimulatedConfig
 from frictus_laboratory.benchmarks.occupancy import _Beats
 from frictus_service.config import Config, RouterConfig
@@ -17,7 +21,12 @@ from frictus_service.daemon.preparation import (
     warm_up,
 )
 from frictus_service.daemon.rig import run_rig
-from frictus_service.processes import free_endpoint
+from frictus_service.processes import (
+    CALLS_PRIORITY,
+    LOOP_PRIORITY,
+    PUBLISHER_PRIORITY,
+    free_endpoint,
+)
 from frictus_service.security.router import open_secured_router
 
 UPTIME_S = 1_000.0
@@ -110,3 +119,32 @@ def test_a_rig_that_wants_more_than_the_machine_runs_at_normal_priority() -> Non
         stop.set()
         rig.join()
     assert said[0].startswith("loop priority: normal: real-time threads would take")
+
+
+def test_every_thread_that_takes_the_interpreters_lock_is_real_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # Threads begin with the priority of who starts them, Zenoh's too, which call back.
+    raised: dict[int, int] = {}
+    before_session: list[int] = []
+
+    def note(priority: int, _budget: RealTimeBudget) -> str:
+        raised[threading.get_ident()] = priority
+        return "noted"
+
+    def open_noted(*given: Any, **options: Any) -> zenoh.Session:
+        before_session.append(raised.get(threading.get_ident(), 0))
+        return open_session(*given, **options)
+
+    monkeypatch.setattr(rig_process, "raise_priority", note)
+    monkeypatch.setattr(rig_process, "open_session", open_noted)
+    config = Config(backend=SimulatedConfig(), router=RouterConfig(endpoint=free_endpoint()))
+    ready, stop = threading.Event(), threading.Event()
+    with open_secured_router(config):
+        rig = threading.Thread(target=run_rig, args=(config, _Beats(), ready, stop))
+        rig.start()
+        assert ready.wait(60.0)
+        stop.set()
+        rig.join()
+    assert before_session == [CALLS_PRIORITY]
+    assert sorted(raised.values()) == [CALLS_PRIORITY, PUBLISHER_PRIORITY, LOOP_PRIORITY]
