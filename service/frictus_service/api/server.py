@@ -55,6 +55,7 @@ from frictus_service.config import Config
 from frictus_service.errors import RegistryUnavailableError, StartError
 from frictus_service.jobs.calibrations import CALIBRATE, CalibrationEngine
 from frictus_service.jobs.discoveries import DISCOVER, DiscoveryEngine
+from frictus_service.jobs.engine import RigUse
 from frictus_service.jobs.experiments import PRESENT, ExperimentEngine
 from frictus_service.library import TextureLibrary
 from frictus_service.processes import ReadySignal, StopSignal, existing_objects_frozen
@@ -184,10 +185,11 @@ def build_app(
     link = RigConnection(config.router.endpoint, config.site, tls, patient)
     hub = Hub(link, config.api.page_lease_ms)
     registry = Registry(config.registry.url)
+    use = RigUse()
     jobs = (
-        CalibrationEngine(config, registry, calibrate),
+        CalibrationEngine(config, registry, use, calibrate),
         DiscoveryEngine(config, discover),
-        ExperimentEngine(config, present),
+        ExperimentEngine(config, use, present),
     )
     library = TextureLibrary(config.textures)
     given = Services(config, link, library, registry, *jobs, ConnectedPages(), OwnProcesses())

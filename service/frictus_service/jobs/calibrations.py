@@ -11,7 +11,7 @@ from frictus_service.errors import (
     RegistryUnavailableError,
     RigBusyError,
 )
-from frictus_service.jobs.engine import JobEngine
+from frictus_service.jobs.engine import JobEngine, RigUse
 from frictus_service.jobs.process import ParentLink, RigAccount, Work
 from frictus_service.registry.documents import Calibration, Published
 
@@ -46,6 +46,8 @@ class CalibrationEngine(JobEngine[Calibration]):
         Its site, router and folder of studies are used.
     registry : Registry
         Where the calibrations are kept.
+    use : RigUse
+        Of the rigs, with the other kinds of jobs.
     run : str
         ``module:function`` that carries out one calibration.
     """
@@ -54,8 +56,11 @@ class CalibrationEngine(JobEngine[Calibration]):
     cancellable = ("queued", "running", "interrupted")
     resumable = ("interrupted", "failed")
 
-    def __init__(self, config: Config, registry: "Registry", run: str = CALIBRATE) -> None:
-        self._config, self._registry, self._run = config, registry, run
+    def __init__(
+        self, config: Config, registry: "Registry", use: RigUse, run: str = CALIBRATE
+    ) -> None:
+        self._config, self._registry, self._use, self._run = config, registry, use, run
+        use.checks.append(self.require_free)
         self.store = registry.calibrations
         super().__init__(self.store, self._interrupt_left, AT_ONCE)
 
@@ -76,7 +81,7 @@ class CalibrationEngine(JobEngine[Calibration]):
 
         Raises
         ------
-        RigBusyError, KeyReusedError, RegistryUnavailableError
+        RigBusyError, RigInExperimentError, KeyReusedError, RegistryUnavailableError
         """
         self.recover()
         protocol = spec.protocol
@@ -86,9 +91,13 @@ class CalibrationEngine(JobEngine[Calibration]):
 
             earlier = earlier_people(self._registry, spec.participant)
             spec = spec.model_copy(update={"prior": earlier})
-        calibration, is_new = self.store.create(spec, site=self._config.site, by=by, once=once)
-        if is_new:
-            self._launch(calibration)
+        with self._use.beginning, self._lock:
+            if once is None or self.store.made_by(once) is None:
+                self._use.require_free(spec.rig)
+            site = self._config.site
+            calibration, is_new = self.store.create(spec, site=site, by=by, once=once)
+            if is_new:
+                self._launch(calibration)
         return calibration
 
     def require_free(self, rig: str) -> None:
@@ -113,9 +122,13 @@ class CalibrationEngine(JobEngine[Calibration]):
         return super().cancel(job)
 
     def resume(self, job: str) -> Calibration:
-        """Go on with a calibration of this site, as any job."""
+        """Go on with a calibration of this site, as any job, once its rig is free."""
         self._require_ours(job)
-        return super().resume(job)
+        with self._use.beginning:
+            found = self.get(job)
+            if found.state in self.resumable:
+                self._use.require_free(found.rig)
+            return super().resume(job)
 
     def _require_ours(self, job: str) -> None:
         # Sites may share a registry: its rig, and what is finished, are elsewhere.

@@ -64,8 +64,9 @@ class DiscoveryEngine(JobEngine[DiscoveryJob]):
         UnknownStudyError
         """
         self.recover()
-        job = self.store.create(spec, by)
-        self._launch(job)
+        with self._lock:
+            job = self.store.create(spec, by)
+            self._launch(job)
         return job
 
     def _work(self, job: DiscoveryJob) -> DiscoveryWork:

@@ -69,6 +69,32 @@ class _Running:
     cancelled: bool = False
 
 
+class RigUse:
+    """One job on a rig at a time, of whatever kind.
+
+    Attributes
+    ----------
+    beginning : Lock
+        Held from the question whether a rig is free until the job that asked is kept.
+    checks : list of callable
+        One of each kind of job: raises where one is under way on a rig.
+    """
+
+    def __init__(self) -> None:
+        self.beginning = threading.Lock()
+        self.checks: list[Callable[[str], None]] = []
+
+    def require_free(self, rig: str) -> None:
+        """Raise if a job is under way on a rig.
+
+        Raises
+        ------
+        RigBusyError, RigInExperimentError
+        """
+        for check in self.checks:
+            check(rig)
+
+
 class JobEngine(ABC, Generic[Job]):
     """Runs jobs, each in a process of its own. All methods may be called from any thread.
 
@@ -102,7 +128,8 @@ class JobEngine(ABC, Generic[Job]):
     ) -> None:
         self._store = store
         self._interrupt = interrupt
-        self._lock = threading.Lock()
+        # Held while a job is kept and launched: one that is cancelled between would run.
+        self._lock = threading.RLock()
         self._jobs: dict[str, _Running] = {}
         self._turns = ThreadPoolExecutor(at_once, thread_name_prefix=self.kind)
         self._recovered = False
@@ -165,9 +192,9 @@ class JobEngine(ABC, Generic[Job]):
                     running = None
                 elif running.process is not None:
                     running.process.stop()
-        if running is not None:
-            return self._store.get(job)
-        return self._store.change(job, "cancelled", of=self.cancellable)
+            if running is None:
+                return self._store.change(job, "cancelled", of=self.cancellable)
+        return self._store.get(job)
 
     def resume(self, job: str) -> Job:
         """Go on with a job that has ended early; what it has finished is kept.
@@ -177,8 +204,9 @@ class JobEngine(ABC, Generic[Job]):
         UnknownJobError, UnknownCalibrationError, JobStateError, CalibrationStateError
         """
         self.recover()
-        found = self._store.change(job, "queued", of=self.resumable)
-        self._launch(found)
+        with self._lock:
+            found = self._store.change(job, "queued", of=self.resumable)
+            self._launch(found)
         return found
 
     def stop(self) -> None:

@@ -1,6 +1,5 @@
 """The experiments of this machine: one on a rig at a time, answered by pages."""
 
-import threading
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -21,7 +20,7 @@ from frictus_service.experiments.job import (
     ParticipantScreen,
     Pause,
 )
-from frictus_service.jobs.engine import JobEngine
+from frictus_service.jobs.engine import JobEngine, RigUse
 from frictus_service.jobs.process import ParentLink, RigAccount, Work
 
 PRESENT: Final = "frictus_service.experiments.run:run_experiment"
@@ -52,6 +51,8 @@ class ExperimentEngine(JobEngine[ExperimentJob]):
     ----------
     config : Config
         Its site, router and folder of studies are used.
+    use : RigUse
+        Of the rigs, with the other kinds of jobs.
     run : str
         ``module:function`` that carries out one experiment.
     """
@@ -59,12 +60,13 @@ class ExperimentEngine(JobEngine[ExperimentJob]):
     kind = "experiment"
     resumable = ("interrupted", "failed", "cancelled")
 
-    def __init__(self, config: Config, run: str = PRESENT) -> None:
+    def __init__(self, config: Config, use: RigUse, run: str = PRESENT) -> None:
         self.store = ExperimentStore(config.studies)
         self._config, self._run = config, run
         self._screens: dict[str, ParticipantScreen] = {}
         self._shown = 0
-        self._starting = threading.Lock()
+        self._use = use
+        use.checks.append(self.require_free)
         super().__init__(self.store, self.store.interrupt, AT_ONCE)
 
     @property
@@ -84,13 +86,13 @@ class ExperimentEngine(JobEngine[ExperimentJob]):
 
         Raises
         ------
-        ArgumentError, RigInExperimentError
+        ArgumentError, RigInExperimentError, RigBusyError
         """
         self.recover()
-        with self._starting:
-            self.require_free(spec.rig)
+        with self._use.beginning, self._lock:
+            self._use.require_free(spec.rig)
             job = self.store.create(spec, by)
-        self._launch(job)
+            self._launch(job)
         return job
 
     def get(self, job: str) -> ExperimentJob:
@@ -107,14 +109,14 @@ class ExperimentEngine(JobEngine[ExperimentJob]):
 
         Raises
         ------
-        UnknownExperimentError, JobStateError, RigInExperimentError
+        UnknownExperimentError, JobStateError, RigInExperimentError, RigBusyError
         """
         found = self.get(job)
         if found.state == "running":
             return self.pause(job, False)
-        with self._starting:
+        with self._use.beginning:
             if found.state in self.resumable:
-                self.require_free(found.rig)
+                self._use.require_free(found.rig)
             return super().resume(job)
 
     def pause(self, experiment: str, wanted: bool = True) -> ExperimentJob:

@@ -22,13 +22,15 @@ from frictus_service.errors import (
     CalibrationStateError,
     JobStateError,
     RegistryUnavailableError,
+    RigBusyError,
+    RigInExperimentError,
     UnknownCalibrationError,
     UnknownJobError,
 )
 from frictus_service.experiments.job import ExperimentSpec
 from frictus_service.job_folder import ACTIVE
 from frictus_service.jobs import calibrations, discoveries, engine, experiments, process
-from frictus_service.jobs.engine import JobEngine
+from frictus_service.jobs.engine import JobEngine, RigUse
 from frictus_service.processes import free_endpoint
 from frictus_service.registry.store import Registry
 
@@ -55,7 +57,9 @@ class Calibrating:
         self._folder = config.studies
 
     def engine(self, config: Config) -> JobEngine[Any]:
-        return calibrations.CalibrationEngine(config, self._registry, WORK + "calibrate")
+        return calibrations.CalibrationEngine(
+            config, self._registry, RigUse(), WORK + "calibrate"
+        )
 
     def queue(self, engine: Any, number: int, launch: bool = True) -> str:
         spec = CalibrationSpec(rig=f"rig{number}", participant="P01", seed=7)
@@ -74,7 +78,7 @@ class Discovering:
     """Discoveries, kept in folders."""
 
     def __init__(self, config: Config) -> None:
-        config.studies.mkdir()
+        config.studies.mkdir(exist_ok=True)
         (config.studies / STUDY).touch()
 
     def engine(self, config: Config) -> JobEngine[Any]:
@@ -96,7 +100,7 @@ class Experimenting(Discovering):
     """Experiments, kept in folders."""
 
     def engine(self, config: Config) -> JobEngine[Any]:
-        return experiments.ExperimentEngine(config, WORK + "present")
+        return experiments.ExperimentEngine(config, RigUse(), WORK + "present")
 
     def queue(self, engine: Any, number: int, launch: bool = True) -> str:
         begin = engine.start if launch else engine.store.create
@@ -357,3 +361,88 @@ def test_one_whose_start_cannot_be_kept_does_not_stand_there_as_queued(
 
     monkeypatch.setattr(service.engine.store, "change", change)
     assert service.end_of(service.begin()) == "interrupted"
+
+
+def test_nobody_cancels_one_between_its_queue_and_its_launch(
+    service: Service, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    # It would be cancelled in the store, launched all the same, and end with a traceback.
+    if not service.engine.resumable:
+        pytest.skip("none is resumed")
+    job = service.begin()
+    service.wait_for_start(job)
+    service.process_of(job)._process.kill()
+    assert service.end_of(job) == "interrupted"
+    keep, cancelling = service.engine.store.change, threading.Thread()
+
+    def change(job: str, to: Any, **given: Any) -> Any:
+        nonlocal cancelling
+        found = keep(job, to, **given)
+        if to == "queued":
+            cancelling = threading.Thread(target=service.engine.cancel, args=(job,))
+            cancelling.start()
+            cancelling.join(0.2)  # as far as it comes
+        return found
+
+    monkeypatch.setattr(service.engine.store, "change", change)
+    service.engine.resume(job)
+    cancelling.join()
+    assert service.end_of(job) == "cancelled"
+    service.engine.close()
+    assert "Traceback" not in caplog.text
+
+
+@pytest.fixture
+def both(service: Service, tmp_path: Path) -> Iterator[tuple[Service, Service]]:
+    """Calibrations, and experiments on the same rigs."""
+    if not isinstance(service.kind, Calibrating):
+        pytest.skip("once")
+    use = service.engine._use
+    other = Service(service.config, Experimenting(service.config))
+    other.engine = experiments.ExperimentEngine(service.config, use, WORK + "present")
+    yield service, other
+    other.engine.close()
+
+
+def test_a_rig_has_one_job_at_a_time_of_whatever_kind(both: tuple[Service, Service]) -> None:
+    calibrating, experimenting = both
+    for first, second, busy in (
+        (calibrating, experimenting, RigBusyError),
+        (experimenting, calibrating, RigInExperimentError),
+    ):
+        left = second.begin()
+        second.wait_for_start(left)
+        second.process_of(left)._process.kill()
+        assert second.end_of(left) == "interrupted"
+        job = first.begin()
+        with pytest.raises(busy, match="under way"):
+            second.begin()
+        with pytest.raises(busy, match="under way"):
+            second.engine.resume(left)
+        first.allow(job)
+        assert first.end_of(job) == "done"
+
+
+def test_two_that_ask_for_one_rig_at_once_are_asked_in_turn(
+    both: tuple[Service, Service], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calibrating, experimenting = both
+    create, refused = experimenting.engine.store.create, list[Exception]()
+
+    def begin() -> None:
+        try:
+            calibrating.begin()
+        except RigInExperimentError as error:
+            refused.append(error)
+
+    asking = threading.Thread(target=begin)
+
+    def create_meanwhile(*given: Any) -> Any:
+        asking.start()
+        asking.join(0.2)  # as far as it comes
+        return create(*given)
+
+    monkeypatch.setattr(experimenting.engine.store, "create", create_meanwhile)
+    experimenting.begin()
+    asking.join()
+    assert len(refused) == 1
