@@ -1,5 +1,6 @@
 """The paths of the studies: which there are on this machine, and one more."""
 
+import re
 from datetime import UTC, datetime
 from pathlib import Path as FilePath
 from typing import Annotated, Any, Final
@@ -22,13 +23,26 @@ _BODY: Final[dict[str, Any]] = {
         "content": {kind: {"schema": {"type": "string", "format": "binary"}} for kind in HDF5},
     }
 }
+_NAME: Final = r"^[A-Za-z0-9_][A-Za-z0-9_.\-]{0,95}\.h5$"
+
+
+def _in_words(name: str) -> str:
+    """Return a name as it is; refuse others in words, not by the pattern."""
+    if not re.fullmatch(_NAME, name):
+        raise ValueError(
+            "a letter, digit or '_', up to 95 letters, digits, '_', '-' and '.', then .h5 are "
+            "accepted, such as visit1.h5"
+        )
+    return of_a_file(name)
+
+
 Name = Annotated[
     str,
     Path(
         description="Letters, digits, '_', '-' and '.'; ends with .h5",
-        pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.\-]{0,95}\.h5$",
+        json_schema_extra={"pattern": _NAME},
     ),
-    AfterValidator(of_a_file),
+    AfterValidator(_in_words),
 ]
 router = APIRouter(prefix="/v1/studies", tags=["discoveries"])
 

@@ -80,6 +80,7 @@ def test_what_is_no_study_is_refused_in_words_and_not_kept(
 def test_names_that_no_study_may_have(api: TestClient, name: str, tmp_path: Path) -> None:
     answer = api.put(f"/v1/studies/{name}", content=b"x", headers=TYPE)
     assert answer.status_code in (404, 405, 422)
+    assert "pattern" not in answer.text
     assert not (tmp_path / "studies").exists()
 
 
